@@ -1,0 +1,1 @@
+"""skmpm: implicit material point method on scikit-fem with Contact Dynamics."""

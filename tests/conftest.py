@@ -1,0 +1,17 @@
+"""Strict arithmetic in every test; hypothesis draws the same examples in CI each time."""
+
+import os
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+settings.register_profile("ci", derandomize=True, deadline=None)
+settings.register_profile("local", deadline=None)
+settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+
+@pytest.fixture(autouse=True)
+def strict_arithmetic():
+    with np.errstate(all="raise", under="ignore"):
+        yield
