@@ -1,0 +1,7 @@
+"""Material points: a quadrature rule with positive weights whose outermost points lie on the rim."""
+
+from skmpm.points.cloud import Points, check
+from skmpm.points.mesh import from_mesh
+from skmpm.points.shapes import box, disc
+
+__all__ = ["Points", "box", "check", "disc", "from_mesh"]

@@ -1,0 +1,94 @@
+"""Points: a cloud of material points with its outline, and what can be wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Material points of one body and, if it has one, its outline.
+
+    `outline` holds closed loops of indices of the points on the rim, in order: outer loops counter-clockwise,
+    holes clockwise; the last point of a loop is joined to its first. Only types are converted: see `check`.
+    """
+
+    x: Floats  # (2, n) [m]
+    volume: Floats  # (n,) [m2 per metre of thickness]
+    outline: tuple[Integers, ...] = ()  # one (m,) per loop
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "x", np.asarray(self.x, dtype=np.float64))
+        object.__setattr__(self, "volume", np.asarray(self.volume, dtype=np.float64))
+        object.__setattr__(self, "outline", tuple(np.asarray(loop, dtype=np.int64) for loop in self.outline))
+
+    @property
+    def n(self) -> int:
+        """Number of material points."""
+        return int(self.volume.size)
+
+
+def check(points: Points) -> str | None:
+    """Say what is wrong with `points`, with the value and the remedy; None if nothing is."""
+    x, volume = points.x, points.volume
+    if x.ndim != 2 or x.shape[0] != 2 or x.shape[1] == 0:
+        return f"x has the shape {x.shape}; give (2, n) with n > 0, components first"
+    if volume.shape != x.shape[1:]:
+        return f"volume has the shape {volume.shape}, x {x.shape}; give one volume per point"
+    if not np.isfinite(x).all():
+        return f"the position of point {np.argmin(np.isfinite(x).all(axis=0))} is not finite"
+    if not (np.isfinite(volume) & (volume > 0)).all():
+        worst = np.argmin(np.where(np.isfinite(volume), volume, -np.inf))
+        return f"the volume of point {worst} is {volume[worst]:g}; volumes must be finite and > 0"
+    for k, loop in enumerate(points.outline):
+        if message := _check_loop(x, loop):
+            return f"outline loop {k} {message}"
+    return _check_orientation(x, points.outline)
+
+
+def _check_loop(x: Floats, loop: Integers) -> str | None:
+    if loop.ndim != 1 or loop.size < 3:
+        return f"has the shape {loop.shape}; a loop is a list of at least 3 indices of points"
+    if loop.min() < 0 or loop.max() >= x.shape[1]:
+        return (
+            f"has indices from {loop.min()} to {loop.max()}; there are {x.shape[1]} points, numbered from 0"
+        )
+    if np.unique(loop).size < loop.size:
+        return "visits a point twice; it is closed implicitly, do not repeat its first point"
+    length = np.linalg.norm(x[:, np.roll(loop, -1)] - x[:, loop], axis=0)
+    if length.min() == 0:
+        return f"has two consecutive points at the same place (point {loop[length.argmin()]}); merge them"
+    return None
+
+
+def _check_orientation(x: Floats, outline: Sequence[Integers]) -> str | None:
+    """Loops inside an even number of others bound material from outside and must turn counter-clockwise."""
+    for k, loop in enumerate(outline):
+        depth = sum(_encloses(x[:, other], x[:, loop[0]]) for other in (*outline[:k], *outline[k + 1 :]))
+        area, kind = signed_area(x[:, loop]), ("an outer loop", "a hole")[depth % 2]
+        if area * (-1) ** depth <= 0:
+            way = ("counter-clockwise", "clockwise")[depth % 2]
+            return f"outline loop {k} is {kind} with signed area {area:g}; list its points {way}"
+    return None
+
+
+def signed_area(x: Floats) -> float:
+    """Return the area inside the closed loop x (2, m), positive if it turns counter-clockwise [m2]."""
+    y = x - x[:, :1]
+    z = np.roll(y, -1, axis=1)
+    return float(np.sum(y[0] * z[1] - y[1] * z[0]) / 2)
+
+
+def _encloses(x: Floats, p: Floats) -> bool:
+    """Whether the loop x (2, m) goes around p (2,): parity of the edges crossed by the ray to the right."""
+    (a, b), (c, d) = x - p[:, None], np.roll(x, -1, axis=1) - p[:, None]
+    crosses = (b > 0) != (d > 0)
+    side = (a * d - b * c) * np.sign(d - b)
+    return bool(np.count_nonzero(crosses & (side > 0)) % 2)

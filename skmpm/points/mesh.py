@@ -1,0 +1,172 @@
+"""Points of a finite element mesh: scikit-fem's rule inside, in the outer cells one that includes the rim."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skmpm.points.cloud import Floats, Integers, Points, signed_area
+
+if TYPE_CHECKING:
+    import meshio
+
+# Weights at the corners, edge midpoints and centre of a reference cell by its number of corners: the degree 3
+# rule of the triangle (Zienkiewicz & Taylor, The Finite Element Method, vol. 1; its area is 1/2), Simpson's.
+RIM_RULES = {3: (1 / 40, 1 / 15, 9 / 40), 4: (1 / 36, 4 / 36, 16 / 36)}
+CORNERS = {"triangle": 3, "quad": 4}
+NOT_AREAS = ("vertex", "line", "line3")
+
+
+def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
+    """Return the points of a mesh of triangles and quadrilaterals.
+
+    Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
+    rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of rim
+    corners and midpoints are the outline, the largest first. The volumes add up to the area of the mesh.
+
+    Parameters
+    ----------
+    mesh : a meshio.Mesh in the plane; blocks of lines and vertices and unused nodes are ignored
+    order : polynomial degree of the rule of the inner cells
+
+    Raises
+    ------
+    ValueError
+        If there are no or other cells, nodes out of the plane or at the same place, degenerate or overlapping
+        cells, or parts joined by one node only.
+    """
+    nodes, blocks = _read(mesh)
+    ends, edges, edge, on_rim = _edges(blocks)
+    centres = [nodes[:, b].mean(axis=1) for b in blocks]
+    sites = np.concatenate((nodes, nodes[:, edges].mean(axis=1), *centres), axis=1)
+    middle = nodes.shape[1] + edge
+
+    weight = np.zeros(sites.shape[1])
+    inner = []
+    side, cell = 0, nodes.shape[1] + edges.shape[1]
+    for b in blocks:
+        sides, cells = slice(side, side + b.size), np.arange(cell, cell + b.shape[1])
+        rim = on_rim[sides].reshape(b.shape).any(axis=0)
+        site = np.concatenate((b, middle[sides].reshape(b.shape), cells[None]))[:, rim]
+        weight += np.bincount(site.ravel(), _rim_weights(nodes[:, b[:, rim]]).ravel(), weight.size)
+        inner.append(_inner_rule(nodes[:, b[:, ~rim]], order))
+        side, cell = side + b.size, cell + b.shape[1]
+
+    used = weight > 0
+    number = np.cumsum(used) - 1
+    loops = _loops(ends[:, on_rim], middle[on_rim], nodes)
+    loops.sort(key=lambda loop: -abs(signed_area(sites[:, loop])))
+    x = np.concatenate((sites[:, used], *(x for x, _ in inner)), axis=1)
+    volume = np.concatenate((weight[used], *(v for _, v in inner)))
+    return Points(x, volume, tuple(number[loop] for loop in loops))
+
+
+def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
+    """Nodes in use (2, n) and, per type, the nodes of each cell (corners, cells), counter-clockwise."""
+    if others := sorted({block.type for block in mesh.cells} - {*CORNERS, *NOT_AREAS}):
+        raise ValueError(f"the mesh has cells of type {others}; give cells of type 'triangle' and 'quad'")
+    data = [
+        [block.data for block in mesh.cells if block.type == kind and len(block.data)] for kind in CORNERS
+    ]
+    cells = [np.concatenate(blocks).astype(np.int64).T for blocks in data if blocks]
+    if not cells:
+        raise ValueError("the mesh has no cells of type 'triangle' or 'quad'")
+    used, number = np.unique(np.concatenate([c.ravel() for c in cells]), return_inverse=True)
+    nodes = _planar(np.asarray(mesh.points, dtype=np.float64)[used].T)
+    counts = np.cumsum([0, *(c.size for c in cells)])
+    cells = [number[i:j].reshape(c.shape) for i, j, c in zip(counts[:-1], counts[1:], cells, strict=True)]
+    for c in cells:
+        clockwise = _corner_jacobians(nodes[:, c]).sum(axis=0) < 0
+        c[:, clockwise] = c[::-1, clockwise]
+        jacobian = _corner_jacobians(nodes[:, c]).min(axis=0)
+        if (flat := jacobian <= 1e-12 * np.abs(jacobian).max()).any():
+            where = nodes[:, c[:, flat.argmax()]].mean(axis=1)
+            raise ValueError(
+                f"the cell at {where} has no area, is folded or is not convex; repair the mesh there"
+            )
+    return nodes, cells
+
+
+def _planar(nodes: Floats) -> Floats:
+    """Coordinates (2, n) of nodes that lie in a plane of constant z, each at a place of its own."""
+    tiny = 1e-9 * np.ptp(nodes[:2], axis=1).max()
+    if not np.isfinite(nodes).all() or np.abs(nodes[2:] - nodes[2:, :1]).max(initial=0.0) > tiny:
+        raise ValueError("the nodes of the mesh are not in a plane z = constant; give a finite, plane mesh")
+    if pairs := cKDTree(nodes[:2].T).query_pairs(tiny):
+        where = nodes[:2, min(pairs)[0]]
+        raise ValueError(
+            f"the mesh has {len(pairs)} pairs of nodes at the same place, one at {where}; merge them"
+        )
+    return nodes[:2]
+
+
+def _corner_jacobians(corners: Floats) -> Floats:
+    """Jacobian of the (bi)linear map of a cell at its corners, from their positions (2, corners, cells)."""
+    a, b = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    jacobian: Floats = a[0] * b[1] - a[1] * b[0]
+    return jacobian
+
+
+def _edges(blocks: list[Integers]) -> tuple[Integers, Integers, Integers, NDArray[np.bool_]]:
+    """Return ends of all sides (2, s), the edges (2, e), the edge of each side, and if it is on the rim."""
+    ends = np.concatenate([[b.ravel(), np.roll(b, -1, axis=0).ravel()] for b in blocks], axis=1)
+    edges, edge, count = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True, return_counts=True)
+    if np.unique(ends, axis=1).shape[1] < ends.shape[1]:
+        raise ValueError(
+            "cells of the mesh overlap: an edge has two cells on the same side; remove one of them"
+        )
+    return ends, edges, edge, count[edge] == 1
+
+
+def _rim_weights(corners: Floats) -> Floats:
+    """Weights (2 corners + 1, cells) of the rule at corners, edge midpoints and centre."""
+    at_corner, at_edge, at_centre = RIM_RULES[corners.shape[1]]
+    J = _corner_jacobians(corners)
+    rows = (
+        at_corner * J,
+        at_edge * (J + np.roll(J, -1, axis=0)) / 2,
+        at_centre * J.mean(axis=0, keepdims=True),
+    )
+    return np.concatenate(rows)
+
+
+def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
+    """Positions (2, m) and volumes (m,) of scikit-fem's rule in cells with corners (2, corners, cells)."""
+    from skfem.quadrature import get_quadrature
+    from skfem.refdom import RefQuad, RefTri
+
+    triangles = corners.shape[1] == 3
+    (xi, eta), W = get_quadrature(RefTri if triangles else RefQuad, order)
+    if (
+        W.min() <= 0
+    ):  # some rules of the triangle have negative weights; material points have no negative mass
+        return _inner_rule(corners, order + 1)
+    one = 1 - xi
+    N = np.array(
+        (one - eta, xi, eta) if triangles else (one * (1 - eta), xi * (1 - eta), xi * eta, one * eta)
+    )
+    x: Floats = np.einsum("ikc,kq->icq", corners, N).reshape(2, -1)
+    return x, (np.einsum("kc,kq->cq", _corner_jacobians(corners), N) * W).ravel()
+
+
+def _loops(ends: Integers, middle: Integers, nodes: Floats) -> list[Integers]:
+    """Join rim sides (2, m) to loops of corners and edge midpoints in order, the material on the left."""
+    starts, count = np.unique(ends[0], return_counts=True)
+    if count.max() > 1:
+        where = nodes[:, starts[count.argmax()]]
+        raise ValueError(
+            f"parts of the mesh are joined by the one node at {where}; separate them or add cells"
+        )
+    following = dict(zip(ends[0].tolist(), zip(ends[1].tolist(), middle.tolist(), strict=True), strict=True))
+    loops = []
+    while following:
+        corner, loop = next(iter(following)), list[int]()
+        while corner in following:
+            loop.append(corner)
+            corner, midpoint = following.pop(corner)
+            loop.append(midpoint)
+        loops.append(np.array(loop))
+    return loops

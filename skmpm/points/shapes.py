@@ -1,0 +1,99 @@
+"""Discs and boxes: rules with exact moments and points on the rim."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skmpm.points.cloud import Floats, Points
+
+
+def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
+    """Return the points of a disc: rings of equal thickness, the outermost points on the rim.
+
+    Each ring has its exact area, shared equally, at its root mean square radius; the outermost one carries a
+    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the rim;
+    area, centroid and second moments are exact. The rim points are equally spaced, at least 8, and are the outline.
+
+    Parameters
+    ----------
+    centre : (2,) [m]
+    radius : [m]
+    spacing : distance between neighbouring points, roughly [m]
+
+    Raises
+    ------
+    ValueError
+        If radius or spacing is not positive, or the centre is not a finite point.
+    """
+    c, R = _point("centre", centre), _positive("radius", radius)
+    h = _positive("spacing", spacing)
+    edges = R * np.linspace(0.0, 1.0, max(1, round(R / h)) + 1)
+    area = np.pi * np.diff(edges**2)
+    radii = np.sqrt((edges[1:] ** 2 + edges[:-1] ** 2) / 2)
+    inner, rim, share = _radau_ring(edges[-2], R)
+    radii = np.append(radii[:-1], (inner, rim))
+    area = np.append(area[:-1], area[-1] * np.array((1 - share, share)))
+    counts = np.maximum(np.rint(2 * np.pi * radii / h).astype(np.int64), 4)
+    counts[-1] = max(8, counts[-1])
+
+    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    shift = np.arange(counts.size)[::-1] % 2 / 2  # neighbouring rings staggered, a rim point at angle 0
+    angle = 2 * np.pi * (place + np.repeat(shift, counts)) / np.repeat(counts, counts)
+    x = c[:, None] + np.repeat(radii, counts) * np.array((np.cos(angle), np.sin(angle)))
+    return Points(x, np.repeat(area / counts, counts), (np.arange(place.size - counts[-1], place.size),))
+
+
+def _radau_ring(r0: float, R: float) -> tuple[float, float, float]:
+    """Inner and outer radius of the Radau rule of the ring [r0, R], and the share of the area at R."""
+    m1 = 2 / 3 * (R**2 + R * r0 + r0**2) / (R + r0)
+    m2 = (R**2 + r0**2) / 2
+    r2 = (m2 - m1 * R) / (m1 - R)
+    return r2, R, (m1 - r2) / (R - r2)
+
+
+def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
+    """Return the points of a rectangle: a tensor rule that includes edges and corners.
+
+    In each direction the first and the last interval carry a two-point Radau rule that includes the end, the
+    others a midpoint: area and first moments are exact. The rim points are the outline.
+
+    Parameters
+    ----------
+    corner : (2,) lower left corner [m]
+    size : (2,) width and height [m]
+    spacing : length of the intervals, roughly [m]
+
+    Raises
+    ------
+    ValueError
+        If a size or the spacing is not positive, or the corner is not a finite point.
+    """
+    c, L, h = _point("corner", corner), _point("size", size), _positive("spacing", spacing)
+    (x, u), (y, v) = (_radau_interval(_positive("size", length), h) for length in L.tolist())
+    index = np.arange(x.size * y.size).reshape(x.size, y.size)
+    rim = np.concatenate((index[:-1, 0], index[-1, :-1], index[:0:-1, -1], index[0, :0:-1]))
+    position = c[:, None] + np.array((np.repeat(x, y.size), np.tile(y, x.size)))
+    return Points(position, np.outer(u, v).ravel(), (rim,))
+
+
+def _radau_interval(L: float, h: float) -> tuple[Floats, Floats]:
+    """Points and weights on [0, L]: Radau at both ends (1/4 there, 3/4 at two thirds), else midpoints."""
+    n = max(2, round(L / h))
+    middle = np.arange(1, n - 1) + 0.5
+    x = np.concatenate(((0, 2 / 3), middle, (n - 2 / 3, n))) / n
+    w = np.concatenate(((1 / 4, 3 / 4), np.ones(n - 2), (3 / 4, 1 / 4))) / n
+    return L * x, L * w
+
+
+def _positive(name: str, value: float) -> float:
+    if np.ndim(value) or not 0 < float(value) < np.inf:
+        raise ValueError(f"{name} is {value!r}; give a finite number > 0")
+    return float(value)
+
+
+def _point(name: str, value: ArrayLike) -> Floats:
+    point = np.asarray(value, dtype=np.float64)
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise ValueError(f"{name} is {value!r}; give two finite numbers")
+    return point
