@@ -13,7 +13,7 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
 
     Each ring has its exact area, shared equally, at its root mean square radius; the outermost one carries a
     two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the rim;
-    area, centroid and second moments are exact. The rim points are equally spaced, at least 8, and are the outline.
+    area, centroid and second moments are exact. The outline is the rim points, equally spaced, at least 8.
 
     Parameters
     ----------

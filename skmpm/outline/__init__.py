@@ -1,0 +1,24 @@
+"""Outlines: the polygons through the rim points of all bodies; their measures, neighbours and overlaps.
+
+In every function `x` (2, m) [m] holds the current positions of the rim points, in the order of `Outlines`.
+"""
+
+from skmpm.outline.measures import area, centroid, dimensions, normals, perimeter, second_moments
+from skmpm.outline.near import candidates, closest, inside
+from skmpm.outline.overlaps import overlap
+from skmpm.outline.topology import Outlines, outlines
+
+__all__ = [
+    "Outlines",
+    "area",
+    "candidates",
+    "centroid",
+    "closest",
+    "dimensions",
+    "inside",
+    "normals",
+    "outlines",
+    "overlap",
+    "perimeter",
+    "second_moments",
+]

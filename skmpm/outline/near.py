@@ -1,0 +1,102 @@
+"""Which rim point is near which segment, and which place is inside which body."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
+
+CHUNK = 1_000_000  # pairs held at a time: about 100 MB
+RATIO = 4.0  # segments of one search differ in length by less than this
+
+
+def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floats, Floats]:
+    """Return the closest point of one segment to each place.
+
+    Parameters
+    ----------
+    x, segment_start, segment_end : (2, k) [m]
+
+    Returns
+    -------
+    s : (k,) in [0, 1]: the closest point is (1 - s) start + s end
+    distance : (k,) [m]
+    """
+    t, d = segment_end - segment_start, x - segment_start
+    square = (t**2).sum(axis=0)
+    s = np.clip((t * d).sum(axis=0) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    distance: Floats = np.linalg.norm(d - s * t, axis=0)
+    return s, distance
+
+
+def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, Integers]:
+    """Find the rim points closer than `reach` to a segment of another body.
+
+    Exact whatever the lengths of the segments: the tree search takes midpoints of segments of similar length
+    within reach plus half the longest; then the distance to the segment decides.
+
+    Parameters
+    ----------
+    x : (2, m) [m]
+    reach : [m]
+
+    Returns
+    -------
+    c, j : (k,) rim points and starts of segments (j, next[j]), sorted by c, then j
+    """
+    if outlines.m == 0:
+        return outlines.point, outlines.point
+    end = x[:, outlines.next]
+    length = np.linalg.norm(end - x, axis=0)
+    family = np.floor(np.log(length.max() / np.maximum(length, 1e-9 * length.max())) / np.log(RATIO))
+    tree = cKDTree(x.T)
+    found = []
+    for k in np.unique(family):
+        its = np.flatnonzero(family == k)
+        middles = cKDTree((x[:, its] + end[:, its]).T / 2)
+        c, j = _pairs(tree, middles, reach + length[its].max() / 2)
+        found.append((c, its[j]))
+    c, j = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    other = outlines.body[c] != outlines.body[j]
+    c, j = c[other], j[other]
+    near = closest(x[:, c], x[:, j], end[:, j])[1] < reach
+    c, j = c[near], j[near]
+    order = np.lexsort((j, c))
+    return c[order], j[order]
+
+
+def _pairs(tree: Any, other: Any, radius: float) -> tuple[Integers, Integers]:
+    pairs: NDArray[Any] = tree.sparse_distance_matrix(other, radius * (1 + 1e-12), output_type="ndarray")
+    return pairs["i"], pairs["j"]
+
+
+def inside(outlines: Outlines, x: Floats, body: Integers | int, y: Floats) -> NDArray[np.bool_]:
+    """Say whether places are inside a body: its outlines wind around them (Sunday's crossing rule).
+
+    Parameters
+    ----------
+    x : (2, m) [m]
+    body : () or (k,) the body asked for each place
+    y : (2, k) [m]
+
+    Returns
+    -------
+    (k,), false for a body without outline; a place on the outline may be either
+    """
+    asked = np.broadcast_to(np.asarray(body, dtype=np.int64), y.shape[1:])
+    first = np.searchsorted(outlines.body, asked)
+    count = np.searchsorted(outlines.body, asked, side="right") - first
+    winding: Floats = np.zeros(asked.size)
+    for part in chunks(count, CHUNK):
+        k = np.repeat(np.arange(asked.size)[part], count[part])
+        j = ranges(first[part], count[part])
+        a, b = x[:, j] - y[:, k], x[:, outlines.next[j]] - y[:, k]
+        up, down = (a[1] <= 0) & (b[1] > 0), (a[1] > 0) & (b[1] <= 0)
+        left = a[0] * b[1] - a[1] * b[0]
+        winding += np.bincount(k, (up & (left > 0)) * 1.0 - (down & (left < 0)), asked.size)
+    result: NDArray[np.bool_] = winding != 0
+    return result

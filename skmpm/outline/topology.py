@@ -1,0 +1,65 @@
+"""Which rim point follows which: constant in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """Closed loops through the rim points of all bodies, sorted by body.
+
+    Rim point c is the start of segment c, which ends at rim point `next[c]`; the material is on its left.
+    """
+
+    point: Integers  # (m,) the material point of each rim point
+    body: Integers  # (m,) ascending
+    next: Integers  # (m,) the rim point that follows
+    previous: Integers  # (m,) the rim point before
+
+    @property
+    def m(self) -> int:
+        """Number of rim points."""
+        return int(self.point.size)
+
+
+def outlines(loops: Sequence[Sequence[NDArray[np.int64]]], offsets: ArrayLike) -> Outlines:
+    """Join the outlines of all bodies.
+
+    Parameters
+    ----------
+    loops : for each body its closed loops of point indices, counted within the body; () without outline
+    offsets : (bodies,) number of the first point of each body among all points
+    """
+    first = np.asarray(offsets, dtype=np.int64)
+    none = np.zeros(0, dtype=np.int64)
+    point = [none, *(first[b] + loop for b, its in enumerate(loops) for loop in its)]
+    size = np.array([len(loop) for its in loops for loop in its], dtype=np.int64)
+    owner = np.array([b for b, its in enumerate(loops) for _ in its], dtype=np.int64)
+    start = np.cumsum(size) - size
+    following = np.arange(1, size.sum() + 1)
+    following[start + size - 1] = start
+    previous = np.empty_like(following)
+    previous[following] = np.arange(following.size)
+    return Outlines(np.concatenate(point), np.repeat(owner, size), following, previous)
+
+
+def ranges(start: Integers, count: Integers) -> Integers:
+    """Concatenate the ranges start[k], ..., start[k] + count[k] - 1."""
+    ends = np.cumsum(count)
+    return np.arange(count.sum()) + np.repeat(start - ends + count, count)
+
+
+def chunks(count: Integers, size: int) -> list[slice]:
+    """Cut items that take `count` places each into consecutive slices of about `size` places."""
+    cuts = np.flatnonzero(np.diff(np.cumsum(count) // size)) + 1
+    edges = [0, *cuts.tolist(), count.size]
+    return [slice(i, j) for i, j in pairwise(edges)]
