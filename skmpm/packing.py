@@ -1,0 +1,181 @@
+"""Initial packings of rigid discs: growth in a box, each step solved by the contact solver of the library."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from skmpm import coulomb
+
+Array: TypeAlias = NDArray[np.float64]
+
+_START = 0.3  # size of the discs at the start, relative to the end
+_GROWTH = 0.04  # largest and smallest growth per step; needing less than the smallest means a jam
+_LEAST_GROWTH = 1e-5
+_MARGIN = 0.5  # pairs with a smaller gap are constraints [mean radius]
+_OVERLAP = 1e-6, 1e-3  # allowed at the end and on the way [smallest radius]
+_TOLERANCE = 1e-9  # of the contact solver
+_NEWTON = 40
+_ROUNDS = 12  # linearisations per step
+_HEXAGONAL = np.pi / np.sqrt(12.0)
+
+
+class PackingError(ValueError):
+    """The discs cannot be packed as asked."""
+
+
+@dataclass(frozen=True)
+class Packing:
+    """Discs in the box [0, width] x [0, height]."""
+
+    centres: Array  # (2, N) [m]
+    radii: Array  # (N,) [m]
+    width: float  # [m]
+    height: float  # [m]
+
+
+def packing(
+    radii: ArrayLike, width: float, *, solid_fraction: float = 0.70, friction: float = 0.0, seed: int = 0
+) -> Packing:
+    """Pack rigid discs at random, without overlap, in a box of the given width and solid fraction.
+
+    Centres are drawn at random and the radii grow from small to full (Lubachevsky & Stillinger, J. Stat. Phys. 60
+    (1990) 561-583), but without inertia: in every step the discs make the smallest mass-weighted motion that the
+    linearised no-overlap constraints allow, which is a Signorini-Coulomb problem (Moreau's contact dynamics).
+
+    Parameters
+    ----------
+    radii : (N,) [m]
+    width : of the box [m]; its height is sum(pi R^2) / (width solid_fraction)
+    friction : between discs while they are packed; the walls are frictionless. It lowers the fraction of the jam.
+    seed : the same seed gives the same packing, whatever the unit of length
+
+    Raises
+    ------
+    PackingError
+        If an argument makes no sense or the discs jam at a lower solid fraction, which the message says.
+    """
+    R = np.array(radii, dtype=float)
+    _check(R, width, solid_fraction, friction)
+    unit = R.mean()
+    scaled = np.round(R / unit, 10)  # so that rounding in other units of length cannot change the packing
+    height = float(np.pi * (R**2).sum() / (width * solid_fraction))
+    box = np.round([width / unit, height / unit], 10)
+    if box.min() <= 2.0 * scaled.max():
+        raise PackingError(
+            f"the box is {width:g} x {height:g} m but the largest disc has a radius of {R.max():g} m; "
+            "change the width, lower solid_fraction or use more discs"
+        )
+    inner = _START * scaled
+    x = inner + np.random.default_rng(seed).uniform(size=(2, R.size)) * (box[:, None] - 2.0 * inner)
+    return Packing(_grow(x, scaled, box, friction, solid_fraction) * unit, R, float(width), height)
+
+
+def _grow(x: Array, R: Array, box: Array, friction: float, solid_fraction: float) -> Array:
+    """Grow the discs to their full size, in smaller steps where it gets tight."""
+    size, growth = 0.0, _START
+    while size < 1.0:
+        target = min(1.0, size + growth)
+        moved = _separate(x, target * R, box, friction, _OVERLAP[int(target < 1.0)])
+        if moved is None:
+            growth *= 0.5
+        else:
+            x, size, growth = moved, target, min(1.5 * growth, _GROWTH)
+        if growth < _LEAST_GROWTH:
+            raise PackingError(
+                f"the discs jam at a solid fraction of {solid_fraction * size**2:.3f}, below the {solid_fraction:g} asked; "
+                "lower solid_fraction or friction, or try another seed"
+            )
+    return x
+
+
+def _separate(x: Array, R: Array, box: Array, friction: float, tolerance: float) -> Array | None:
+    """Move the discs as little as possible until none overlap; None if they do not make it."""
+    for _ in range(_ROUNDS):
+        contacts = _contacts(x, R, box)
+        if contacts.gap.min(initial=0.0) >= -tolerance * R.min():
+            return x
+        motion = _motion(contacts, R, friction)
+        if motion is None or np.abs(motion).max() > _MARGIN:
+            return None
+        x = x + motion
+    return None
+
+
+@dataclass(frozen=True)
+class _Contacts:
+    """Pairs of discs, then discs at walls, closer than the margin."""
+
+    first: NDArray[np.intp]  # (k,)
+    second: NDArray[np.intp]  # (pairs,)
+    normal: Array  # (2, k) towards the first
+    gap: Array  # (k,)
+
+
+def _contacts(x: Array, R: Array, box: Array) -> _Contacts:
+    a, b = cKDTree(x.T).query_pairs(2.0 * R.max() + _MARGIN, output_type="ndarray").T
+    apart = x[:, a] - x[:, b]
+    distance = np.maximum(np.hypot(*apart), 1e-12)
+    gap = distance - R[a] - R[b]
+    near = gap < _MARGIN
+    wall_gap = np.concatenate([x - R, box[:, None] - x - R]).ravel()  # left, bottom, right, top
+    wall, disc = np.divmod(np.flatnonzero(wall_gap < _MARGIN), R.size)
+    inward = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])[:, wall]
+    return _Contacts(
+        np.concatenate([a[near], disc]),
+        b[near],
+        np.hstack([(apart / distance)[:, near], inward]),
+        np.concatenate([gap[near], wall_gap[wall_gap < _MARGIN]]),
+    )
+
+
+def _motion(contacts: _Contacts, R: Array, friction: float) -> Array | None:
+    """Least mass-weighted motion (2, N) that opens all gaps, linearised; None if there is none."""
+    k, pairs = contacts.gap.size, contacts.second.size
+    mu = np.where(np.arange(k) < pairs, friction, 0.0)
+    mass, inertia = R**2, 0.5 * R**4
+    if friction > 0.0:
+        H, q = _rows(contacts, R), np.zeros(2 * k)
+    else:
+        H, q = _rows(contacts, R)[::2], np.zeros(k)
+    q[:: q.size // k] = contacts.gap - 0.5 * _OVERLAP[0] * R.min()
+    HM = H @ sp.diags_array(1.0 / np.concatenate([mass, mass, inertia]))
+    r, info = coulomb.solve(HM @ H.T, q, mu, tol=_TOLERANCE, iterations=_NEWTON)
+    return (HM.T @ r)[: 2 * R.size].reshape(2, -1) if info.converged else None
+
+
+def _rows(contacts: _Contacts, R: Array) -> sp.csr_array:
+    """Relative motion (2k, 3N), normal and tangential in turn, for the unknowns x, y and angle of all discs."""
+    N, pairs = R.size, contacts.second.size
+    n = contacts.normal
+    t = np.array([-n[1], n[0]])
+    a, b = contacts.first, contacts.second
+    i = 2 * np.arange(a.size)
+    j = i[:pairs]
+    entries = [
+        (i, a, n[0]),
+        (i, N + a, n[1]),
+        (i + 1, a, t[0]),
+        (i + 1, N + a, t[1]),
+        (i + 1, 2 * N + a, -R[a]),
+    ]
+    entries += [(j, b, -n[0, :pairs]), (j, N + b, -n[1, :pairs])]
+    entries += [(j + 1, b, -t[0, :pairs]), (j + 1, N + b, -t[1, :pairs]), (j + 1, 2 * N + b, -R[b])]
+    rows, columns, values = (np.concatenate(e) for e in zip(*entries, strict=True))
+    return sp.csr_array((values, (rows, columns)), shape=(2 * a.size, 3 * N))
+
+
+def _check(R: Array, width: float, solid_fraction: float, friction: float) -> None:
+    if R.ndim != 1 or not R.size or not np.isfinite(R).all() or R.min() <= 0.0:
+        raise PackingError(f"radii must be a row of finite positive numbers, got {R!r}")
+    if not 0.0 < solid_fraction < _HEXAGONAL:
+        raise PackingError(
+            f"solid_fraction {solid_fraction:g} must lie between 0 and {_HEXAGONAL:.4f}; random discs jam near 0.84"
+        )
+    if not (np.isfinite(width) and width > 2.0 * R.max()):
+        raise PackingError(f"width {width:g} m must exceed the largest diameter, {2.0 * R.max():g} m")
+    if not (np.isfinite(friction) and friction >= 0.0):
+        raise PackingError(f"friction {friction:g} must be a finite number >= 0")
