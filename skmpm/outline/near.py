@@ -51,7 +51,7 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
     if outlines.m == 0:
         return outlines.point, outlines.point
     end = x[:, outlines.next]
-    length = np.linalg.norm(end - x, axis=0)
+    length = np.maximum(np.linalg.norm(end - x, axis=0), np.finfo(np.float64).tiny)
     family = np.floor(np.log(length.max() / np.maximum(length, 1e-9 * length.max())) / np.log(RATIO))
     tree = cKDTree(x.T)
     found = []

@@ -16,8 +16,8 @@ def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Float
     """Return the area shared by each pair of bodies whose bounding boxes overlap.
 
     The indicator of a polygon is the signed sum of the trapezoids under its edges. So the shared area is the
-    sum, over pairs of edges e, f of the two outlines, of sign_e sign_f times the integral of min(y_e, y_f) over
-    their common abscissae, in closed form. Exact for any simple polygons, convex or not, with holes.
+    sum, over pairs of edges e, f of the two outlines, of sign_e sign_f times the integral of min(y_e, y_f)
+    over their common abscissae, in closed form. Exact for any simple polygons, convex or not, with holes.
 
     Returns
     -------

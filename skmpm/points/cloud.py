@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+ROWS = 200_000  # pairs of edges tested for crossing at a time
+
 
 @dataclass(frozen=True, eq=False)
 class Points:
@@ -50,7 +52,7 @@ def check(points: Points) -> str | None:
     for k, loop in enumerate(points.outline):
         if message := _check_loop(x, loop):
             return f"outline loop {k} {message}"
-    return _check_orientation(x, points.outline)
+    return _check_crossings(x, points.outline) or _check_orientation(x, points.outline)
 
 
 def _check_loop(x: Floats, loop: Integers) -> str | None:
@@ -62,10 +64,34 @@ def _check_loop(x: Floats, loop: Integers) -> str | None:
         )
     if np.unique(loop).size < loop.size:
         return "visits a point twice; it is closed implicitly, do not repeat its first point"
-    length = np.linalg.norm(x[:, np.roll(loop, -1)] - x[:, loop], axis=0)
-    if length.min() == 0:
-        return f"has two consecutive points at the same place (point {loop[length.argmin()]}); merge them"
+    same = (x[:, np.roll(loop, -1)] == x[:, loop]).all(axis=0)
+    if same.any():
+        return f"has two consecutive points at the same place (point {loop[same.argmax()]}); merge them"
     return None
+
+
+def _check_crossings(x: Floats, outline: Sequence[Integers]) -> str | None:
+    """Two edges cross if the ends of each are on opposite sides of the other."""
+    if not outline:
+        return None
+    start, end = np.concatenate(outline), np.concatenate([np.roll(loop, -1) for loop in outline])
+    a, b = x[:, start], x[:, end]
+    rows = max(1, ROWS // start.size)
+    for first in range(0, start.size, rows):
+        p, q = a[:, first : first + rows, None], b[:, first : first + rows, None]
+        apart = _side(p, q, a[:, None]) * _side(p, q, b[:, None]) < 0
+        crossed = apart & (_side(a[:, None], b[:, None], p) * _side(a[:, None], b[:, None], q) < 0)
+        if crossed.any():
+            k, j = np.argwhere(crossed)[0] + (first, 0)
+            edges = f"{start[k]}-{end[k]} and {start[j]}-{end[j]}"
+            return f"the outline crosses itself: edges {edges} (points); list the rim points in order"
+    return None
+
+
+def _side(a: Floats, b: Floats, p: Floats) -> Floats:
+    """Return +1, 0, -1 where p is to the left of, on, to the right of the line from a to b."""
+    side: Floats = np.sign((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]))
+    return side
 
 
 def _check_orientation(x: Floats, outline: Sequence[Integers]) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 RIM_RULES = {3: (1 / 40, 1 / 15, 9 / 40), 4: (1 / 36, 4 / 36, 16 / 36)}
 CORNERS = {"triangle": 3, "quad": 4}
 NOT_AREAS = ("vertex", "line", "line3")
+HIGHEST = 19  # degree of the last rule that scikit-fem has for triangles; its weights are positive
 
 
 def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
@@ -35,9 +36,11 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     Raises
     ------
     ValueError
-        If there are no or other cells, nodes out of the plane or at the same place, degenerate or overlapping
-        cells, or parts joined by one node only.
+        If the order is out of range; if the mesh has no or other cells, nodes out of the plane or at the same
+        place, degenerate or overlapping cells, or parts joined by one node only.
     """
+    if not 0 <= order <= HIGHEST:
+        raise ValueError(f"order is {order}; give a degree from 0 to {HIGHEST}")
     nodes, blocks = _read(mesh)
     ends, edges, edge, on_rim = _edges(blocks)
     centres = [nodes[:, b].mean(axis=1) for b in blocks]
@@ -45,15 +48,14 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     middle = nodes.shape[1] + edge
 
     weight = np.zeros(sites.shape[1])
+    cell = nodes.shape[1] + edges.shape[1]
     inner = []
-    side, cell = 0, nodes.shape[1] + edges.shape[1]
-    for b in blocks:
-        sides, cells = slice(side, side + b.size), np.arange(cell, cell + b.shape[1])
-        rim = on_rim[sides].reshape(b.shape).any(axis=0)
-        site = np.concatenate((b, middle[sides].reshape(b.shape), cells[None]))[:, rim]
+    for b, its_middle, its_rim in zip(blocks, _split(middle, blocks), _split(on_rim, blocks), strict=True):
+        rim = its_rim.any(axis=0)
+        site = np.concatenate((b, its_middle, [np.arange(cell, cell + rim.size)]))[:, rim]
         weight += np.bincount(site.ravel(), _rim_weights(nodes[:, b[:, rim]]).ravel(), weight.size)
         inner.append(_inner_rule(nodes[:, b[:, ~rim]], order))
-        side, cell = side + b.size, cell + b.shape[1]
+        cell += rim.size
 
     used = weight > 0
     number = np.cumsum(used) - 1
@@ -76,8 +78,7 @@ def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
         raise ValueError("the mesh has no cells of type 'triangle' or 'quad'")
     used, number = np.unique(np.concatenate([c.ravel() for c in cells]), return_inverse=True)
     nodes = _planar(np.asarray(mesh.points, dtype=np.float64)[used].T)
-    counts = np.cumsum([0, *(c.size for c in cells)])
-    cells = [number[i:j].reshape(c.shape) for i, j, c in zip(counts[:-1], counts[1:], cells, strict=True)]
+    cells = _split(number, cells)
     for c in cells:
         clockwise = _corner_jacobians(nodes[:, c]).sum(axis=0) < 0
         c[:, clockwise] = c[::-1, clockwise]
@@ -88,6 +89,12 @@ def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
                 f"the cell at {where} has no area, is folded or is not convex; repair the mesh there"
             )
     return nodes, cells
+
+
+def _split(flat: NDArray[Any], blocks: list[Integers]) -> list[NDArray[Any]]:
+    """Cut values given one block after the other into arrays of the shapes of the blocks."""
+    parts = np.split(flat, np.cumsum([b.size for b in blocks])[:-1])
+    return [part.reshape(b.shape) for part, b in zip(parts, blocks, strict=True)]
 
 
 def _planar(nodes: Floats) -> Floats:
