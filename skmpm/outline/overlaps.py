@@ -68,7 +68,7 @@ def _box_pairs(low: Floats, high: Floats) -> Integers:
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Edges left < u < right of one body of each pair, in the frame of the pair's window, pair after pair."""
+    """Edges left < u < right of one body of each pair, in a frame at the pair's window, pair after pair."""
 
     pair: Integers  # (k,)
     left: Floats  # (k,)
@@ -79,7 +79,7 @@ class _Edges:
 
 
 def _edges_in(outlines: Outlines, x: Floats, body: Integers, corner: Floats, size: Floats) -> _Edges:
-    """Edges of the body (p,) of each pair, cut to its window; u runs along the shorter side of the window."""
+    """Edges of the body (p,) of each pair that meet its window; u runs along the shorter side of that."""
     first = np.searchsorted(outlines.body, body)
     count = np.searchsorted(outlines.body, body, side="right") - first
     pair, j = np.repeat(np.arange(body.size), count), ranges(first, count)
@@ -87,12 +87,11 @@ def _edges_in(outlines: Outlines, x: Floats, body: Integers, corner: Floats, siz
     ends = np.array((j, outlines.next[j]))
     u, v = x[axis, ends] - corner[axis, pair], x[1 - axis, ends] - corner[1 - axis, pair]
     meets = (u[0] != u[1]) & (u.min(axis=0) < width) & (u.max(axis=0) > 0)
-    u, v, pair, width = u[:, meets], v[:, meets], pair[meets], width[meets]
-    sign = np.sign(u[0] - u[1])
-    u, v = np.where(sign < 0, (u, v), (u[::-1], v[::-1]))
-    left, right = np.maximum(u[0], 0.0), np.minimum(u[1], width)
-    at_left, at_right = (v[0] + (cut - u[0]) / (u[1] - u[0]) * (v[1] - v[0]) for cut in (left, right))
-    return _Edges(pair, left, right, at_left, at_right, sign)
+    u, v, pair = u[:, meets], v[:, meets], pair[meets]
+    order = np.argsort(u, axis=0)
+    left, right = np.take_along_axis(u, order, axis=0)
+    at_left, at_right = np.take_along_axis(v, order, axis=0)
+    return _Edges(pair, left, right, at_left, at_right, np.sign(u[0] - u[1]))
 
 
 def _shared(first: _Edges, e: Integers, second: _Edges, f: Integers) -> Floats:

@@ -147,9 +147,7 @@ def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
 
     triangles = corners.shape[1] == 3
     (xi, eta), W = get_quadrature(RefTri if triangles else RefQuad, order)
-    if (
-        W.min() <= 0
-    ):  # some rules of the triangle have negative weights; material points have no negative mass
+    if W.min() <= 0:  # as in some rules of the triangle: no material point has a negative mass
         return _inner_rule(corners, order + 1)
     one = 1 - xi
     N = np.array(

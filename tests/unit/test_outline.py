@@ -230,6 +230,12 @@ def in_triangle(triangle, y):
     return (t[0] * d[1] - t[1] * d[0] > 0).all(axis=0)
 
 
+def test_inside_counts_a_corner_on_the_ray_once():
+    o, x, _ = build([np.array([[0.0, 1.0, 0.0, -1.0], [-1.0, 0.0, 1.0, 0.0]])])
+    y = np.array([[0.0, -2.0, 0.0, -0.5], [0.0, 0.0, -2.0, 0.0]])
+    np.testing.assert_array_equal(outline.inside(o, x, 0, y), [1, 0, 0, 1])
+
+
 def test_inside_knows_holes_and_asks_each_its_body():
     ring = [SQUARE * 3, reversed_loop(SQUARE + 1)]
     o, x, _ = build(ring, [SQUARE + 1])
