@@ -53,11 +53,11 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
     end = x[:, outlines.next]
     length = np.maximum(np.linalg.norm(end - x, axis=0), np.finfo(np.float64).tiny)
     family = np.floor(np.log(length.max() / np.maximum(length, 1e-9 * length.max())) / np.log(RATIO))
-    tree = cKDTree(x.T)
+    tree = _tree(x)
     found = []
     for k in np.unique(family):
         its = np.flatnonzero(family == k)
-        middles = cKDTree((x[:, its] + end[:, its]).T / 2)
+        middles = _tree((x[:, its] + end[:, its]) / 2)
         c, j = _pairs(tree, middles, reach + length[its].max() / 2)
         found.append((c, its[j]))
     c, j = (np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -65,8 +65,12 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
     c, j = c[other], j[other]
     near = closest(x[:, c], x[:, j], end[:, j])[1] < reach
     c, j = c[near], j[near]
-    order = np.lexsort((j, c))
+    order = np.argsort(c * outlines.m + j)
     return c[order], j[order]
+
+
+def _tree(x: Floats) -> Any:
+    return cKDTree(x.T, balanced_tree=False, compact_nodes=False)  # searched once: cheaper to build
 
 
 def _pairs(tree: Any, other: Any, radius: float) -> tuple[Integers, Integers]:
