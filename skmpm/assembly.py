@@ -1,0 +1,159 @@
+"""Fast twins of the weak forms: the same numbers as `forms` on `Sheets.basis`, without a kernel per entry.
+
+Q1 gradients are linear in the local coordinates, so a cell's stiffness is linear in six moments of its points;
+one sparse product makes the moments, one GEMM with the reference matrices of `forms` the cell matrices, one
+`bincount` the block-sparse matrix whose pattern is known as long as the sheets stay anchored.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.forms import MONOMIALS, PAIRS, reference_ghost, reference_stiffness
+from skmpm.grid import Sheets
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Corners, in the order of `forms.reference_ghost`, of the lower (0) and upper (1) cell beside a facet with
+# normal x and with normal y.
+GHOST_CORNERS = (
+    ((0, 0), (0, 1), (1, 1), (0, 3), (0, 2), (1, 2)),
+    ((0, 0), (0, 3), (1, 3), (0, 1), (0, 2), (1, 2)),
+)
+
+
+@cache
+def _stiffness_table() -> Array:
+    """The constant reference matrices of `forms.reference_stiffness`, (60, 64)."""
+    return reference_stiffness().reshape(60, 64)
+
+
+@cache
+def _ghost_table() -> Array:
+    """The constant 6 x 6 ghost matrix; by symmetry the same for facets with normal x and y."""
+    return np.asarray(reference_ghost()[0])
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Everything about an anchored set of sheets that does not change while it stays anchored."""
+
+    sheets: Sheets
+    volume: Array  # (n,) volumes of the points in the anchor configuration [m2]
+    mass: Array  # (2 nodes,) lumped mass of every unknown [kg/m]
+    ghost: sp.csr_array  # (nodes, nodes) ghost stiffness, the same for both components [Pa]
+    moments: sp.csr_array  # (6 cells, n) monomials of the local coordinates, times volume / cell^2
+    indices: Ints  # block columns and row pointers of the pattern of A
+    indptr: Ints
+    place: Ints  # where each entry of each cell matrix goes in the data of A, (64 cells,)
+    ghost_data: Array  # (blocks, 2, 2) the ghost stiffness in the pattern of A
+
+    def internal_force(self, P: Array) -> Array:
+        """Sum over points of V P : grad N, (2 nodes,) [N/m]; `P` (2, 2, n) [Pa]."""
+        Dx, Dy = self.sheets.derivatives
+        VP = self.volume * P
+        return np.asarray(Dx.T @ VP[:, 0].T + Dy.T @ VP[:, 1].T).ravel()
+
+    def ghost_force(self, displacement: Array) -> Array:
+        """Force of the ghost penalty on the displacement since anchoring, (2 nodes,) [N/m]."""
+        return np.asarray(self.ghost @ displacement.reshape(-1, 2)).ravel()
+
+    def stiffness(self, C: Array) -> Array:
+        """Data of the stiffness in the pattern of A, (blocks, 2, 2), from tangents `C` (2, 2, 2, 2, n)."""
+        flat = C.reshape(4, 4, -1)
+        entries = np.stack([flat[a, b] for a, b in PAIRS], axis=1)
+        moments = (self.moments @ entries).reshape(6, -1, 10).transpose(1, 0, 2).reshape(-1, 60)
+        cells = moments @ _stiffness_table()
+        data = np.bincount(self.place, cells.ravel(), 4 * self.indices.size)
+        return np.asarray(data.reshape(-1, 2, 2) + self.ghost_data)
+
+    def matrix(self, stiffness: Array, factor: float) -> sp.bsr_array:
+        """A = M + factor K, block sparse, (2 nodes, 2 nodes)."""
+        data = factor * stiffness
+        nodes = self.sheets.nodes
+        rows = np.repeat(np.arange(nodes), np.diff(self.indptr))
+        diagonal = np.flatnonzero(rows == self.indices)
+        data[diagonal, 0, 0] += self.mass[0::2]
+        data[diagonal, 1, 1] += self.mass[1::2]
+        return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
+
+
+def lumped_mass(sheets: Sheets, mass: Array) -> Array:
+    """Lumped mass of every unknown (2 nodes,) from the points' masses (n,) [kg/m] (seed, eq. 6)."""
+    nodal = sheets.interpolation.T @ mass
+    # A point exactly on a grid line leaves a node without mass, where a velocity would be 0/0.
+    floor = 1e-12 * float(mass.max(initial=0.0))
+    return np.repeat(np.maximum(nodal, floor), 2)
+
+
+def ghost_facets(sheets: Sheets, volume: Array, threshold: float = 0.6) -> tuple[Ints, Ints]:
+    """Facets inside a body beside a cell filled less than `threshold`: their six nodes (6, f) and bodies (f,)."""
+    fill = np.bincount(sheets.cell_of_point, volume, sheets.cells) / sheets.cell**2
+    nodes, owners = [], []
+    for normal in (0, 1):
+        pair = np.stack(_neighbours(sheets, normal))
+        pair = pair[:, fill[pair].min(axis=0) < threshold]
+        nodes.append(np.stack([sheets.nodes_of_cell[corner, pair[k]] for k, corner in GHOST_CORNERS[normal]]))
+        owners.append(sheets.cell_body[pair[0]])
+    return np.concatenate(nodes, axis=1), np.concatenate(owners)
+
+
+def _neighbours(sheets: Sheets, normal: int) -> tuple[Ints, Ints]:
+    """Pairs of cells of one body that share a facet with this normal: (lower, upper)."""
+    low = sheets.cell_index.min(axis=1, initial=0)
+    relative = sheets.cell_index - low[:, None]
+    width = relative.max(axis=1, initial=0) + 2
+    key = (sheets.cell_body * width[0] + relative[0]) * width[1] + relative[1]
+    order = np.argsort(key)
+    wanted = key + (width[1] if normal == 0 else 1)
+    found = np.minimum(np.searchsorted(key[order], wanted), key.size - 1)
+    present = key[order[found]] == wanted
+    return np.flatnonzero(present), order[found[present]]
+
+
+def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) -> Assembly:
+    """Compute once what stays while the sheets stay anchored.
+
+    `volume`, `mass` (n,) of the points [m2], [kg/m]; `ghost_modulus` (bodies,) gamma E_g of each body [Pa].
+    """
+    nodes = sheets.nodes
+    facet_nodes, facet_body = ghost_facets(sheets, volume)
+    weight = ghost_modulus[facet_body]
+    ghost_nodes = facet_nodes[:, weight > 0.0]
+    ghost_values = weight[weight > 0.0] * _ghost_table()[:, :, None]
+
+    corner = sheets.nodes_of_cell
+    cell_key = (corner[:, None] * nodes + corner[None, :]).transpose(2, 0, 1)  # (cells, 4, 4)
+    ghost_key = ghost_nodes[:, None] * nodes + ghost_nodes[None, :]  # (6, 6, f)
+    keys, where = np.unique(np.concatenate([cell_key.ravel(), ghost_key.ravel()]), return_inverse=True)
+    in_cells, in_ghost = where[: cell_key.size].reshape(cell_key.shape), where[cell_key.size :]
+    # Cell dofs are node-interleaved: entry (2 i + a, 2 j + b) goes to place 2 a + b of block (i, j).
+    component = np.array([[0, 1], [2, 3]])
+    place = 4 * in_cells[:, :, None, :, None] + component[:, None, :]
+    indptr = np.searchsorted(keys, np.arange(nodes + 1) * nodes)
+    ghost = np.bincount(in_ghost, ghost_values.ravel(), keys.size)
+
+    n = sheets.local.shape[1]
+    weight = volume / sheets.cell**2
+    monomials = sheets.local[0] ** MONOMIALS[0][:, None] * sheets.local[1] ** MONOMIALS[1][:, None] * weight
+    rows = np.arange(6)[:, None] * sheets.cells + sheets.cell_of_point
+    moments = sp.csr_array(
+        (monomials.ravel(), (rows.ravel(), np.tile(np.arange(n), 6))), shape=(6 * sheets.cells, n)
+    )
+    return Assembly(
+        sheets=sheets,
+        volume=volume,
+        mass=lumped_mass(sheets, mass),
+        ghost=sp.csr_array((ghost, keys % nodes, indptr), shape=(nodes, nodes)),
+        moments=moments,
+        indices=keys % nodes,
+        indptr=indptr,
+        place=place.ravel(),
+        ghost_data=ghost[:, None, None] * np.eye(2),
+    )

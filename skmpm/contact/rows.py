@@ -1,0 +1,131 @@
+"""Rows: contacts as algebra, the only thing the solver sees of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.grid import Sheets
+from skmpm.scene import Scene, State
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """k contacts; the relative velocity (first minus second body) is `difference @ w + given`.
+
+    `offset` holds what completes it in the contact law: u = H w + offset, with 0 <= u_n perp r_n >= 0.
+    """
+
+    bodies: Ints  # (2, k); walls are -1, -2, ...
+    x: Array  # (2, k) [m]
+    normal: Array  # (2, k) unit, from the second to the first body
+    gap: Array  # (k,) [m]
+    friction: Array  # (k,) Coulomb coefficients
+    key: Ints  # (k,) identity from step to step
+    point: Ints  # (k,) rim point of the first body, -1 at a grid node
+    difference: sp.csr_array  # (k, nodes)
+    given: Array  # (2, k) prescribed part of the relative velocity [m/s]
+    offset_normal: Array  # (k,) [m/s]
+
+    @property
+    def size(self) -> int:
+        """Number of contacts."""
+        return self.gap.size
+
+    @property
+    def tangential(self) -> bool:
+        """Whether any contact has friction; without it there are no tangential rows."""
+        return bool(self.friction.any())
+
+    @property
+    def tangent(self) -> Array:
+        """Unit tangents (-n_y, n_x), (2, k)."""
+        return np.stack([-self.normal[1], self.normal[0]])
+
+    @cached_property
+    def H(self) -> sp.csr_array:
+        """Nodal velocities to relative velocities: rows n (k,) or, with friction, n, t, n, t, ... (2 k,)."""
+        D = self.difference
+        count = np.diff(D.indptr)
+        columns = np.stack([2 * D.indices, 2 * D.indices + 1], axis=1).ravel()
+        directions = (self.normal, self.tangent) if self.tangential else (self.normal,)
+        rows = [
+            sp.csr_array(
+                ((D.data * np.repeat(n, count, axis=1)).T.ravel(), columns, 2 * D.indptr),
+                shape=(self.size, 2 * D.shape[1]),
+            )
+            for n in directions
+        ]
+        if not self.tangential:
+            return rows[0]
+        return sp.csr_array(sp.vstack(rows, format="csr")[self._interleaved])
+
+    @property
+    def _interleaved(self) -> Ints:
+        return np.arange(2 * self.size).reshape(2, -1).T.ravel()
+
+    @property
+    def offset(self) -> Array:
+        """(k,) or (2 k,) [m/s]: u = H w + offset."""
+        if not self.tangential:
+            return self.offset_normal
+        sliding = np.einsum("ik,ik->k", self.tangent, self.given)
+        return np.stack([self.offset_normal, sliding], axis=1).ravel()
+
+    @property
+    def given_components(self) -> Array:
+        """The prescribed relative velocity along the rows of H, (k,) or (2 k,) [m/s]."""
+        normal = np.einsum("ik,ik->k", self.normal, self.given)
+        if not self.tangential:
+            return normal
+        return np.stack([normal, np.einsum("ik,ik->k", self.tangent, self.given)], axis=1).ravel()
+
+    def forces(self, r: Array, dt: float) -> Array:
+        """Mean forces over the step in (n, t), (2, k) [N/m], from impulses r."""
+        if self.tangential:
+            return np.ascontiguousarray(r.reshape(-1, 2).T) / dt
+        return np.stack([r, np.zeros_like(r)]) / dt
+
+    def impulses(self, key: Ints, force: Array, dt: float) -> Array:
+        """Impulses of these rows from the forces (2, m) of contacts known by their `key` (m,); else zero."""
+        found, where = _match(key, self.key)
+        r = np.where(found, dt * force[:, where], 0.0) if key.size else np.zeros((2, self.size))
+        return r.T.ravel() if self.tangential else r[0]
+
+
+Linearise = Callable[[Array], Rows]
+ContactLaw = Callable[[Scene, State, Sheets, float], Linearise]
+
+
+def _match(known: Ints, wanted: Ints) -> tuple[NDArray[np.bool_], Ints]:
+    """For each wanted key whether it is among the known ones (unique), and where."""
+    order = np.argsort(known)
+    place = np.minimum(np.searchsorted(known[order], wanted), max(known.size - 1, 0))
+    where = order[place] if known.size else place
+    return (known[where] == wanted) if known.size else np.zeros(wanted.size, dtype=bool), where
+
+
+def lookup(known: Ints, values: Array, wanted: Ints, otherwise: float) -> Array:
+    """Values (m,) of known keys (m,) at the wanted keys (k,)."""
+    if known.size == 0:
+        return np.full(wanted.size, otherwise)
+    found, where = _match(known, wanted)
+    return np.asarray(np.where(found, values[where], otherwise))
+
+
+def given_velocities(scene: Scene, t: float) -> Array:
+    """Prescribed velocities of the bodies, (2, bodies) [m/s]; zero for those with unknowns."""
+    from skmpm.scene import motion  # noqa: PLC0415
+
+    moves = ~scene.deformable
+    return np.stack(
+        [motion(b.velocity, t) if moves[i] else np.zeros(2) for i, b in enumerate(scene.bodies)], axis=1
+    )

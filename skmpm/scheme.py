@@ -1,0 +1,67 @@
+"""Every accuracy-for-speed choice in one frozen dataclass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from skmpm import linear as _linear
+from skmpm import transfer as _transfer
+from skmpm.contact import ContactLaw, outlines, shared_nodes
+from skmpm.linear import Linear
+from skmpm.transfer import Transfer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scheme:
+    """How a scene is solved.
+
+    Parameters
+    ----------
+    theta : Moreau-Jean parameter in [1/2, 1]: 1 is backward Euler, 1/2 the midpoint rule
+    anchor : re-lay the sheets when the strain or rotation since they were laid, max |F - I|, passes this; inf: never
+        (total Lagrangian), 0: at every step (updated Lagrangian, the seed's)
+    contact : `contact.outlines` or `contact.shared_nodes`
+    transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
+    ghost : gamma, the ghost penalty on cells filled less than 0.6, as a share of the elastic modulus
+    newton_tol : largest force imbalance, as a share of the largest term of the momentum balance
+    contact_tol : largest natural-map residual of a contact solve
+    gap_tol : largest natural-map residual of the contact law at the end of the step, gaps measured anew
+    linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which picks by size
+    max_newton : Newton iterations after which a step fails
+    """
+
+    theta: float = 1.0
+    anchor: float = float("inf")
+    contact: ContactLaw = field(default=outlines)
+    transfer: Transfer = field(default=_transfer.apic)
+    ghost: float = 0.005
+    newton_tol: float = 1e-6
+    contact_tol: float = 1e-6
+    gap_tol: float = 1e-5
+    linear: Linear = field(default=_linear.default)
+    max_newton: int = 40
+
+    def __post_init__(self) -> None:
+        limits = {
+            "theta": (0.5, 1.0, "between 1/2 (midpoint) and 1 (backward Euler)"),
+            "anchor": (0.0, float("inf"), "0 (every step), a bound, or inf (never)"),
+            "ghost": (0.0, 1.0, "about 0.005"),
+            "newton_tol": (1e-14, 1e-1, "about 1e-6"),
+            "contact_tol": (1e-14, 1e-1, "about 1e-6"),
+            "gap_tol": (1e-14, 1e-1, "about 1e-5"),
+            "max_newton": (1, 10_000, "about 40"),
+        }
+        for name, (low, high, remedy) in limits.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ValueError(f"Scheme: {name} = {value}; use {remedy}")
+        if self.contact is shared_nodes and self.anchor != 0.0:
+            raise ValueError(
+                f"Scheme: contact = shared_nodes with anchor = {self.anchor}; bodies share nodes only where"
+                " sheets are laid anew at every step: use anchor = 0"
+            )
+
+    @staticmethod
+    def seed() -> Scheme:
+        """The seed's method: sheets anew at every step, contact at shared nodes without gap, walls as bodies."""
+        return Scheme(anchor=0.0, contact=shared_nodes)
