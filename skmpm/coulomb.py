@@ -1,9 +1,9 @@
 """Signorini-Coulomb contact in the plane: impulses r and velocities u = W r + q; no grid is known here.
 
-Per contact ``0 <= r_n  perp  u_n >= 0`` and ``|r_t| <= mu r_n``, r_t against u_t where it slips (Jean, Comput. Methods
-Appl. Mech. Eng. 177 (1999) 235-257). Rows are interleaved, n0, t0, n1, t1, ...; a problem without friction leaves the
-t rows out. All work is done in variables scaled by diag(W), which are O(1) however light or stiff a contact point
-is: r~ = sqrt(diag W) r, u~ = u / sqrt(diag W), and a cone stays a cone with mu~ = mu sqrt(W_tt / W_nn).
+Per contact ``0 <= r_n  perp  u_n >= 0`` and ``|r_t| <= mu r_n``, r_t against u_t where it slips (Jean, Comput.
+Methods Appl. Mech. Eng. 177 (1999) 235-257). Rows are interleaved, n0, t0, n1, t1, ...; a problem without friction
+leaves the t rows out. All work is done in variables scaled by diag(W), which are O(1) however light or stiff a
+contact point is: r~ = sqrt(diag W) r, u~ = u / sqrt(diag W); a cone stays a cone, with mu~ = mu sqrt(W_tt / W_nn).
 """
 
 from dataclasses import dataclass
@@ -15,28 +15,32 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import splu
 
 Array: TypeAlias = NDArray[np.float64]
+Matrix: TypeAlias = Any  # dense or CSR, with @
 
 _FLOOR = 1e-300  # a problem with |q~| below it is at rest
 _DENSE = 200  # rows up to which dense algebra beats sparse bookkeeping
 _SHIFT = 1e-12  # relative to diag(W): makes redundant contacts regular
-_MOST_SWEEPS = 640
-_SHORTEST = 1e-2  # share of a Newton step
-_GOOD = 0.05  # a start with a smaller residual goes straight to Newton
+_NEAR = 0.05  # a start with a smaller residual goes straight to Newton ...
+_EAGER = 0.2  # ... and back to sweeps if that needs a smaller part of a step than this
+_SHORTEST = 0.05  # smallest part of a Newton step
+_GAINS = 1 / 3, 1.0, 1 / 6  # of the natural map, relative to the largest eigenvalue of W~
+_MOST_SWEEPS = 640  # per round
+_ROUNDS = 20
 
 
 @dataclass(frozen=True)
 class Info:
-    """How a solve went: Newton ``iterations``, projected ``sweeps`` and the natural-map ``residual`` relative to |q~|."""
+    """How a solve went; ``residual`` is the natural map relative to |q~|."""
 
-    iterations: int
+    iterations: int  # Newton steps
     sweeps: int
     residual: float
     converged: bool
 
 
 def project(r: ArrayLike, mu: ArrayLike) -> Array:
-    """Return the nearest point to r, (2k,) or normals only (k,), in the product of the Coulomb cones ``|r_t| <= mu r_n``."""
-    r, mu = np.asarray(r, dtype=float), np.asarray(mu, dtype=float)
+    """Return the nearest point to r, (2k,) or normals only (k,), in the Coulomb cones ``|r_t| <= mu r_n``."""
+    r, mu = np.array(r, dtype=float), np.asarray(mu, dtype=float)
     if not r.size:
         return r
     r_n, r_t, mu = _split(r, mu)
@@ -46,10 +50,11 @@ def project(r: ArrayLike, mu: ArrayLike) -> Array:
 
 
 def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, reference: float = 1.0) -> float:
-    """Return the natural map ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables: 0 iff (r, u) is Coulomb.
+    """Return ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables: zero iff (r, u) is Coulomb.
 
-    The term mu |u_t| n makes it exact friction and not the convex relaxation (De Saxce & Feng, Math. Comput. Modelling
-    28 (1998) 225-245; as error measure: Acary, Bremond & Huber, 2018). r, u and scale = diag(W) are (2k,) or (k,).
+    The term mu |u_t| n makes this natural map exact friction and not its convex relaxation (De Saxce & Feng, Math.
+    Comput. Modelling 28 (1998) 225-245). It certifies any solver: it shares no code with the search below but the
+    projection P. r [N s], u [m/s] and scale = diag(W) [1/kg] are (2k,) or, normals only, (k,).
     """
     r, u, mu = np.asarray(r, dtype=float), np.asarray(u, dtype=float), np.asarray(mu, dtype=float)
     s = _root(np.asarray(scale, dtype=float))
@@ -63,14 +68,14 @@ def solve(
     *,
     r0: ArrayLike | None = None,
     tol: float = 1e-6,
-    sweeps: int = 40,
+    sweeps: int = 80,
     iterations: int = 100,
 ) -> tuple[Array, Info]:
     """Find r with u = W r + q such that every contact obeys Signorini and Coulomb; return (r, info).
 
-    Accelerated projected sweeps find most contact states, a semismooth Newton method (Alart & Curnier, Comput. Methods
-    Appl. Mech. Eng. 92 (1991) 353-375) the rest; where Newton stalls, more sweeps start from the best iterate. It stops
-    on `residual` below tol |q~|, never on an increment. ``info.converged`` is False, and r the best found, after
+    Accelerated projected sweeps find most contact states, a semismooth Newton method (Alart & Curnier, Comput.
+    Methods Appl. Mech. Eng. 92 (1991) 353-375) the rest; where Newton stalls, more sweeps follow. It stops on
+    `residual` below tol |q~|, never on an increment. ``info.converged`` is False, and r the best found, after
     ``iterations`` Newton steps: the usual reason is that no solution exists (a rigid jam).
 
     Parameters
@@ -79,7 +84,7 @@ def solve(
     q : (2k,) or (k,) relative velocities without impulses, with gap / dt on the normal rows [m/s]
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
     r0 : like q, impulses to start from [N s]
-    sweeps : projected sweeps before the first Newton step from a poor start
+    sweeps : in the first round, from a poor start; every further round doubles them
 
     Raises
     ------
@@ -90,27 +95,11 @@ def solve(
     r0 = np.zeros_like(q) if r0 is None else np.asarray(r0, dtype=float)
     _check(W, q, mu, r0)
     if not q.size:
-        return r0, Info(0, 0, 0.0, True)
+        return np.zeros_like(q), Info(0, 0, 0.0, True)
     with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
         problem, s = _scale(W, q, mu)
         best, info = _search(problem, problem.at(_clamp(s * r0, problem.mu)), tol, sweeps, iterations)
         return _unscale(best.r, problem.mu, s, mu), info
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """The scaled problem; what its methods return is in scaled variables too."""
-
-    W: Any  # (m, m) dense or CSR, unit diagonal
-    q: Array  # (m,)
-    mu: Array  # (k,)
-    reference: float
-
-    def at(self, r: Array, u: Array | None = None) -> "_Iterate":
-        """Return r with its velocities and its error."""
-        u = self.W @ r + self.q if u is None else u
-        error = _natural(r, u, self.mu) / self.reference
-        return _Iterate(r, u, error if np.isfinite(error) else np.inf)
 
 
 @dataclass(frozen=True)
@@ -120,29 +109,57 @@ class _Iterate:
     error: float
 
 
+@dataclass(frozen=True)
+class _Problem:
+    """The scaled problem; what its methods return is in scaled variables too."""
+
+    W: Matrix  # (m, m), unit diagonal
+    q: Array  # (m,)
+    mu: Array  # (k,)
+    reference: float
+
+    def at(self, r: Array, u: Array | None = None) -> _Iterate:
+        """Return r with its velocities and its error."""
+        u = self.W @ r + self.q if u is None else u
+        error = _natural(r, u, self.mu) / self.reference
+        return _Iterate(r, u, error if np.isfinite(error) else np.inf)
+
+    def stray(self, r: Array, u: Array, gain: float) -> float:
+        """Alart & Curnier's natural map, the function whose zero Newton seeks; any gain > 0 has the same zeros."""
+        return float(np.linalg.norm(r - _clamp(r - gain * u, self.mu))) / self.reference
+
+
 def _search(p: _Problem, start: _Iterate, tol: float, sweeps: int, limit: int) -> tuple[_Iterate, Info]:
     """Alternate sweeps and Newton steps until the error is below tol or ``limit`` Newton steps are spent."""
     best = x = start
     steps = swept = 0
-    lipschitz = 0.0
-    ready = p.q.size <= _DENSE or start.error < _GOOD
-    while best.error > tol and steps < limit:
-        if not ready:
-            lipschitz = lipschitz or _largest_eigenvalue(p.W)
-            x = _sweep(p, best, lipschitz, sweeps)
+    largest = _largest_eigenvalue(p.W)
+    eager = start.error < _NEAR or p.q.size <= _DENSE
+    for _ in range(_ROUNDS):
+        if not eager and best.error > tol:
+            x = _sweep(p, x, largest, sweeps)
             swept, sweeps = swept + sweeps, min(2 * sweeps, _MOST_SWEEPS)
-        x, count = _newton(p, x, tol, limit - steps)
-        steps += count
-        best, ready = min(best, x, key=lambda i: i.error), False
+        for gain in _GAINS[: 1 if eager else None]:
+            if min(best.error, x.error) <= tol or steps >= limit:
+                break
+            new, count = _newton(p, x, tol, limit - steps, gain * largest, _EAGER if eager else _SHORTEST)
+            steps += count
+            x = min(x, new, key=lambda i: i.error)
+        best, eager = min(best, x, key=lambda i: i.error), False
+        if best.error <= tol or steps >= limit:
+            break
     return best, Info(steps, swept, best.error, best.error <= tol)
 
 
-def _sweep(p: _Problem, x: _Iterate, lipschitz: float, sweeps: int) -> _Iterate:
-    """Projected gradient sweeps with Nesterov's momentum and O'Donoghue & Candes' restart (Found. Comput. Math. 2015)."""
+def _sweep(p: _Problem, x: _Iterate, largest: float, sweeps: int) -> _Iterate:
+    """Projected gradient sweeps with Nesterov's momentum, restarted when it points uphill.
+
+    O'Donoghue & Candes, Found. Comput. Math. 15 (2015) 715-732, gradient scheme; u follows r without a second product.
+    """
     r, u = y, u_y = x.r, x.u
     theta = 1.0
     for _ in range(sweeps):
-        r_new = _clamp(y - u_y / lipschitz, p.mu)
+        r_new = _clamp(y - u_y / largest, p.mu)
         u_new = p.W @ r_new + p.q
         if (y - r_new) @ (r_new - r) > 0.0:
             theta = 1.0
@@ -153,74 +170,77 @@ def _sweep(p: _Problem, x: _Iterate, lipschitz: float, sweeps: int) -> _Iterate:
     return p.at(r, u)
 
 
-def _newton(p: _Problem, x: _Iterate, tol: float, limit: int) -> tuple[_Iterate, int]:
-    """Semismooth Newton steps while the natural map goes down."""
-    count = 0
-    while x.error > tol and count < limit:
-        step = _newton_step(p, x)
-        count += 1
-        new = _backtrack(p, x, step)
-        if new is None:
-            break
-        x = new
-    return x, count
+def _newton(
+    p: _Problem, x: _Iterate, tol: float, limit: int, gain: float, shortest: float
+) -> tuple[_Iterate, int]:
+    """Newton steps, halved until the natural map goes down, until it does not; return the end in the cones, and their number.
+
+    On the way r may leave the cones: held inside, the steps get far shorter. The gain weighs the velocities when the
+    contact states are read off r - gain u; a stiff body needs more than 1.
+    """
+    r, u = x.r, x.u
+    stray, count, alpha = p.stray(r, u, gain), 0, 1.0
+    while count < limit and alpha >= shortest:
+        d = _newton_step(p, r, u, gain)
+        d_u, count, alpha = p.W @ d, count + 1, 1.0
+        while alpha >= shortest:
+            new = p.stray(r + alpha * d, u + alpha * d_u, gain)
+            if new < (1.0 - 1e-3 * alpha) * stray:
+                r, u, stray = r + alpha * d, u + alpha * d_u, new
+                break
+            alpha *= 0.5
+        if stray < tol and (end := p.at(_clamp(r, p.mu))).error <= tol:
+            return end, count
+    return p.at(_clamp(r, p.mu)), count
 
 
-def _backtrack(p: _Problem, x: _Iterate, step: Array) -> _Iterate | None:
-    """Halve the step until the error goes down; None if it never does."""
-    alpha = 1.0
-    while alpha > _SHORTEST:
-        new = p.at(_clamp(x.r + alpha * step, p.mu))
-        if new.error < (1.0 - 1e-3 * alpha) * x.error:
-            return new
-        alpha *= 0.5
-    return None
+def _newton_step(p: _Problem, r: Array, u: Array, gain: float) -> Array:
+    """Solve u_n = 0 where closed, u_t = 0 where it sticks and r_t = +-mu r_n where it slips, for the states of (r, u)."""
+    free, B = _states(r - gain * u, p.mu)
+    rows = p.W[free]
+    start = B @ r[free]
+    correction = B @ _solve_regular(rows @ B, -(rows @ start + p.q[free]))
+    return np.asarray(start + correction - r, dtype=float)
 
 
-def _newton_step(p: _Problem, x: _Iterate) -> Array:
-    """Solve for the active set of x: u_n = 0 where closed, u_t = 0 where it sticks, r_t = +-mu r_n where it slips."""
-    free, B = _states(x.r - x.u, p.mu)
-    start = B @ x.r[free]
-    rows = p.W[np.flatnonzero(free)]
-    A = rows @ B
-    rhs = -(rows @ start + p.q[free])
-    return start + B @ _regular_solve(A, rhs) - x.r
-
-
-def _states(a: Array, mu: Array) -> tuple[NDArray[np.bool_], Any]:
-    """Return which rows are unknowns at a = r - u, and the map B from them to all rows (slip: r_t = +-mu r_n)."""
+def _states(a: Array, mu: Array) -> tuple[NDArray[np.intp], Matrix]:
+    """Return the rows that are unknowns at a = r - gain u, and the map B from them to all rows."""
     a_n, a_t, mu = _split(a, mu)
     closed, stick = a_n > 0.0, np.abs(a_t) < mu * a_n
     free = np.hstack([closed, stick]).ravel()
     number = np.cumsum(free) - 1
-    slip = np.hstack([np.zeros_like(closed), closed & ~stick & (mu > 0.0)])[:, : stick.shape[1] + 1].ravel()
-    rows, slips = np.flatnonzero(free), np.flatnonzero(slip)
-    ratio = (np.sign(a_t) * mu).ravel()[slips // 2]
-    entries = np.concatenate([np.ones(rows.size), ratio])
-    columns = np.concatenate([number[rows], number[slips - 1]])
-    B = sp.csr_array((entries, (np.concatenate([rows, slips]), columns)), shape=(a.size, rows.size))
-    return free, B
+    slipping = np.flatnonzero((closed & ~stick).ravel()) if a_t.size else np.zeros(0, dtype=np.intp)
+    rows, stride = np.flatnonzero(free), a.size // mu.size
+    entries = np.concatenate([np.ones(rows.size), (np.sign(a_t) * mu).ravel()[slipping]])
+    at_row = np.concatenate([rows, stride * slipping + 1])
+    at_column = np.concatenate([number[rows], number[stride * slipping]])
+    if a.size <= _DENSE:
+        B = np.zeros((a.size, rows.size))
+        B[at_row, at_column] = entries
+        return rows, B
+    return rows, sp.csr_array((entries, (at_row, at_column)), shape=(a.size, rows.size))
 
 
-def _regular_solve(A: Any, rhs: Array) -> Array:
-    """Solve (A + tiny) x = rhs; zeros if A has no LU."""
+def _solve_regular(A: Matrix, b: Array) -> Array:
+    """Solve (A + tiny) x = b; zeros if there is no LU."""
     try:
-        if sp.issparse(A):
-            shifted = (A + _SHIFT * sp.eye_array(rhs.size)).tocsc()
-            return splu(
-                shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options={"SymmetricMode": True}
-            ).solve(rhs)
-        return np.linalg.solve(A + _SHIFT * np.eye(rhs.size), rhs)
+        if not sp.issparse(A):
+            return np.linalg.solve(A + _SHIFT * np.eye(b.size), b)
+        shifted = sp.csc_array(A) + sp.diags_array(np.full(b.size, _SHIFT), format="csc")
+        options = {"SymmetricMode": True}  # slip disturbs the symmetry of W little
+        lu = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options=options)
+        return np.asarray(lu.solve(b), dtype=float)
     except (RuntimeError, np.linalg.LinAlgError):
-        return np.zeros_like(rhs)
+        return np.zeros_like(b)
 
 
-def _largest_eigenvalue(W: Any) -> float:
-    """Bound the largest eigenvalue of a scaled W: a few power iterations with a margin, at most the row sum."""
+def _largest_eigenvalue(W: Matrix) -> float:
+    """Bound the largest eigenvalue of W~: power iterations with a margin, at most the largest row sum."""
     x = 1.0 + np.sin(np.arange(W.shape[0]))  # any vector without symmetry will do
     for _ in range(8):
-        x = W @ (x / np.linalg.norm(x))
-    return float(min(1.2 * np.linalg.norm(x), abs(W).sum(axis=1).max()))
+        x = W @ (x / max(np.linalg.norm(x), _FLOOR))
+    bound = min(1.2 * float(np.linalg.norm(x)), float(abs(W).sum(axis=1).max()))
+    return bound if bound > 0.0 else 1.0
 
 
 def _natural(r: Array, u: Array, mu: Array) -> float:
@@ -228,8 +248,8 @@ def _natural(r: Array, u: Array, mu: Array) -> float:
     if not r.size:
         return 0.0
     u_n, u_t, slope = _split(u, mu)
-    slide = np.hstack([u_n + slope * np.abs(u_t).sum(axis=1, keepdims=True), u_t]).ravel()
-    return float(np.linalg.norm(r - project(r - slide, mu)))
+    lifted = np.hstack([u_n + slope * np.abs(u_t).sum(axis=1, keepdims=True), u_t]).ravel()
+    return float(np.linalg.norm(r - project(r - lifted, mu)))
 
 
 def _clamp(r: Array, mu: Array) -> Array:
@@ -240,7 +260,7 @@ def _clamp(r: Array, mu: Array) -> Array:
 
 
 def _split(r: Array, mu: Array) -> tuple[Array, Array, Array]:
-    """Views of the normal (k, 1) and tangential (k, 1) or, if there are none, (k, 0) rows; mu as (k, 1)."""
+    """Return the normal rows (k, 1), the tangential rows (k, 1) or, if there are none, (k, 0), and mu (k, 1)."""
     rows = r.reshape(mu.size, -1)
     return rows[:, :1], rows[:, 1:], mu[:, None]
 
@@ -254,41 +274,42 @@ def _scaled_friction(mu: Array, s: Array) -> Array:
     return mu if s.size == mu.size else mu * s[1::2] / s[0::2]
 
 
-def _scale(W: Any, q: Array, mu: Array) -> tuple[_Problem, Array]:
+def _scale(W: Matrix, q: Array, mu: Array) -> tuple[_Problem, Array]:
     """Return the problem with unit diag(W), and s = sqrt(diag W)."""
-    sparse = sp.issparse(W) and q.size > _DENSE
-    W = sp.csr_array(W) if sparse else (W.toarray() if sp.issparse(W) else np.asarray(W, dtype=float))
-    s = _root(W.diagonal())
-    if sparse:
-        scaled = W.data / (np.repeat(s, np.diff(W.indptr)) * s[W.indices])
-        W = sp.csr_array((scaled, W.indices, W.indptr), shape=W.shape)
+    if sp.issparse(W) and q.size > _DENSE:
+        W = sp.csr_array(W)
+        s = _root(W.diagonal())
+        data = W.data / (np.repeat(s, np.diff(W.indptr)) * s[W.indices])
+        W = sp.csr_array((data, W.indices, W.indptr), shape=W.shape)
     else:
+        W = np.asarray(sp.coo_array(W).toarray() if sp.issparse(W) else W, dtype=float)
+        s = _root(W.diagonal())
         W = W / (s[:, None] * s)
     q = q / s
     if q.size > mu.size:
-        q[1::2][mu == 0.0] = 0.0  # idle rows
+        q[1::2][mu == 0.0] = 0.0  # rows without an unknown
     return _Problem(W, q, _scaled_friction(mu, s), max(float(np.linalg.norm(q)), _FLOOR)), s
 
 
-def _unscale(r: Array, slope: Array, s: Array, mu: Array) -> Array:
-    """Back to r = r~ / s, with slipping contacts on the cone mu r_n to the last bit."""
-    x_n, x_t, slope = _split(r, slope)
-    r_n, r_t, mu = _split(r / s, mu)
-    slips = np.abs(x_t) >= slope * x_n
+def _unscale(x: Array, slope: Array, s: Array, mu: Array) -> Array:
+    """Return r = x / s with slipping contacts on the cone mu r_n to the last bit."""
+    x_n, x_t, slope = _split(x, slope)
+    r_n, r_t, mu = _split(x / s, mu)
     edge = mu * r_n
+    slips = np.abs(x_t) >= slope * x_n
     return np.hstack([r_n, np.where(slips, np.sign(x_t) * edge, np.clip(r_t, -edge, edge))]).ravel()
 
 
-def _check(W: Any, q: Array, mu: Array, r0: Array) -> None:
-    shape, k = np.shape(W), mu.size
+def _check(W: Matrix, q: Array, mu: Array, r0: Array) -> None:
+    shape, k = W.shape if sp.issparse(W) else np.shape(W), mu.size
     if mu.ndim != 1 or q.shape not in ((k,), (2 * k,)) or shape != q.shape * 2 or r0.shape != q.shape:
-        given = f"W {shape}, q {q.shape}, mu {mu.shape}, r0 {r0.shape}"
         raise ValueError(
-            f"sizes disagree: {given}; use W (2k, 2k), q (2k,), mu (k,), or without friction (k, k), (k,), (k,)"
+            f"sizes disagree: W {shape}, q {q.shape}, mu {mu.shape}, r0 {r0.shape}; "
+            "use (2k, 2k), (2k,), (k,), (2k,), or without friction (k, k), (k,), (k,), (k,)"
         )
     if k and mu.min() < 0.0:
         raise ValueError(f"friction {mu.min():g} is negative; use mu >= 0")
     if k and q.size == k and mu.max() > 0.0:
         raise ValueError(
-            f"friction {mu.max():g} without tangential rows; use W ({2 * k}, {2 * k}), rows n, t per contact"
+            f"friction {mu.max():g} but no tangential rows; use W ({2 * k}, {2 * k}), rows n, t per contact"
         )

@@ -1,0 +1,17 @@
+"""One implicit step of all bodies: Newton on the incremental potential, contact solved exactly in every iteration.
+
+The unknown w (2 nodes,) is the velocity that moves the points, w = theta v1 + (1 - theta) v0. Without contact it
+minimises
+
+    E(w) = 1/2 |w - w*|_M^2 + sum_p V_p W(I + grad(U + theta dt w)) + 1/2 |U + theta dt w|_G^2
+
+over nodal velocities: M lumped mass, w* the velocity that free flight would reach, U the displacement since
+anchoring, W the material's energy, G the ghost penalty. With contact, grad E = theta H' r and (r, u = H w + offset)
+obey Signorini's and Coulomb's laws.
+"""
+
+from skmpm.implicit.bulk import Bulk, Configuration, Increment
+from skmpm.implicit.newton import NotConverged, Solution, advance
+from skmpm.implicit.touching import Timer, Touching
+
+__all__ = ["Bulk", "Configuration", "Increment", "NotConverged", "Solution", "Timer", "Touching", "advance"]

@@ -1,0 +1,135 @@
+"""Newton on the incremental potential, with the contacts solved in every iteration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit.bulk import Configuration, Increment
+from skmpm.implicit.touching import NotConverged, Timer, Touching
+from skmpm.linear import Solver
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A converged step."""
+
+    w: Array  # (2 nodes,) [m/s]
+    touching: Touching | None
+    newton: int
+    factorised: int
+    residual: float  # of the contact law at the end of the step
+    imbalance: float  # of momentum
+    solver: Solver | None  # of the last iteration
+
+
+def advance(step: Increment, touching: Touching | None, kept: Solver | None, timer: Timer) -> Solution:
+    """Solve one step from w = v0.
+
+    Every iteration measures the gaps where the current w ends and solves the contacts against the linearised bulk.
+    The matrix of the first iteration serves the step as long as the imbalance at least halves; the turning contact
+    normals, which no block diagonal matrix knows, are left to Anderson's acceleration.
+
+    Raises
+    ------
+    NotConverged
+        after `max_newton` iterations, or when the contact solver or the line search fails
+    """
+    scheme, w, solver, factorised = step.scheme, step.v0, kept, 0
+    at, projected, before, mixing = step.at(w), False, np.inf, Mixing(step.bulk.assembly.mass)
+    for iteration in range(scheme.max_newton + 1):
+        gradient, size = step.gradient(w, at)
+        push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
+        size = max(size, float(np.linalg.norm(push)))
+        imbalance = float(np.linalg.norm(gradient - push)) / size if size > 0.0 else 0.0
+        exact = iteration == 1 and step.bulk.linear and touching is None
+        if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
+            return Solution(w, touching, iteration, factorised, residual, imbalance, solver)
+        slow = imbalance > 0.5 * before
+        if solver is None or (slow and not step.bulk.linear):
+            solver, projected = _factorised(step, at, projected)
+            factorised, mixing = factorised + 1, Mixing(step.bulk.assembly.mass)
+            timer.lap("factorisation")
+        before = imbalance
+        if touching:
+            direction, push = touching.solve(solver, gradient)
+        else:
+            direction = -solver(gradient)
+        w, at = _move(step, w, at, direction, gradient - push, push, mixing)
+        timer.lap("bulk")
+    raise NotConverged(
+        f"no convergence in {scheme.max_newton} Newton iterations: momentum imbalance {imbalance:.2g}"
+        f" (wanted {scheme.newton_tol:g}), contact residual {residual:.2g} (wanted {scheme.gap_tol:g});"
+        " use a smaller dt"
+    )
+
+
+def _factorised(step: Increment, at: Configuration, projected: bool) -> tuple[Solver, bool]:
+    """A solver for the exact A if that is positive definite, else for the projected one, and which it was."""
+    if not projected:
+        try:
+            return step.factorised(at, projected=False), False
+        except np.linalg.LinAlgError:
+            pass
+    return step.factorised(at, projected=True), True
+
+
+@dataclass
+class Mixing:
+    """Anderson acceleration of w -> w + direction(w) (Walker & Ni, SIAM J. Numer. Anal. 49, 2011)."""
+
+    mass: Array  # (n,) weighs the directions
+    depth: int = 5
+    points: list[Array] = field(default_factory=list)
+    directions: list[Array] = field(default_factory=list)
+
+    def mixed(self, w: Array, direction: Array) -> Array:
+        """The direction to the combination of all points so far whose combined direction is the smallest."""
+        self.points, self.directions = [*self.points, w][-self.depth :], [*self.directions, direction][-self.depth :]
+        if len(self.points) == 1:
+            return direction
+        dw = np.stack([w - p for p in self.points[:-1]], axis=1)
+        df = np.stack([direction - d for d in self.directions[:-1]], axis=1)
+        root = np.sqrt(self.mass)
+        share, *_ = np.linalg.lstsq(root[:, None] * df, root * direction, rcond=1e-12)
+        return np.asarray(direction - (dw + df) @ share)
+
+
+def _move(
+    step: Increment,
+    w: Array,
+    at: Configuration,
+    direction: Array,
+    slope: Array,
+    push: Array,
+    mixing: Mixing,
+) -> tuple[Array, Configuration]:
+    """To the next w: an accelerated step, or a line search where there is nothing to accelerate yet."""
+    mixed = mixing.mixed(w, direction)
+    if mixed is not direction or step.bulk.linear:
+        there = step.at(w + mixed)
+        if step.bulk.linear or np.isfinite(step.energy(w + mixed, there)):
+            return w + mixed, there
+    return _search(step, w, at, direction, slope, push)
+
+
+def _search(
+    step: Increment, w: Array, at: Configuration, direction: Array, slope: Array, push: Array
+) -> tuple[Array, Configuration]:
+    """Backtrack from the full Newton step until the potential less the work of `push` goes down."""
+    decrease = float(slope @ direction)
+    start = step.energy(w, at) - float(push @ w)
+    noise = 1e-13 * (abs(start) + abs(float(push @ w)))
+    length = 1.0
+    while length > 1e-6:
+        trial = w + length * direction
+        there = step.at(trial)
+        merit = step.energy(trial, there) - float(push @ trial)
+        if merit <= start + 1e-4 * length * decrease + noise:
+            return trial, there
+        length *= 0.5
+    raise NotConverged("the line search found no step that keeps the points the right way out; use a smaller dt")
