@@ -1,0 +1,105 @@
+"""The measures of each body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.observe.network import contact_length, coordination, half_branches, moments
+from skmpm.outline import Outlines
+from skmpm.scene import Scene, State
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+ROUND = 1e-9  # relative difference of the principal moments below which a body has no long axis
+MARGIN = 2.0  # mean diameters between the walls and the interior
+
+
+@dataclass(frozen=True, eq=False)
+class PerBody:
+    """The measures of each body, whether or not it enters the means."""
+
+    counted: Bools  # (bodies,) enters the means: deformable and, if so asked, in the interior
+    centre: Array  # (2, bodies) of mass [m]
+    diameter: Array  # (bodies,) of the disc of the initial area [m]
+    area: Array  # (bodies,) of the outline [m2]; nan without one
+    volume_ratio: Array  # (bodies,) J = sum V0 det F / sum V0
+    coordination: Array  # (bodies,) bodies and walls that touch it
+    contact_surface: Array  # (bodies,) length in contact over pi diameter
+    aspect_ratio: Array  # (bodies,) extents along the principal axes, long over short
+    angle: Array  # (bodies,) of the long axis, in (-pi/2, pi/2] [rad]; nan for a round body
+    overlap: Array  # (bodies,) area shared with other bodies / area
+    stress: Array  # (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive
+    pressure: Array  # (bodies,) -tr/2 of it [Pa]
+    pressure_points: Array  # (bodies,) of the material points, kinetic part included [Pa]
+
+
+def per_body(scene: Scene, state: State, rim: Outlines, *, interior: bool) -> PerBody:
+    """Measure each body."""
+    n, start = len(scene.bodies), scene.offsets[:-1]
+    x = state.x[:, rim.point]
+    initial = np.array([body.points.volume.sum() for body in scene.bodies])
+    volume = np.add.reduceat(state.volume, start)
+    mass = np.add.reduceat(state.mass, start)
+    centre = np.add.reduceat(state.mass * state.x, start, axis=1) / mass
+    diameter = 2.0 * np.sqrt(initial / np.pi)
+    outlined = np.array([bool(body.points.outline) for body in scene.bodies])
+    area = np.where(outlined, outline.area(rim, x, n), np.nan)
+    long, short, _ = outline.dimensions(rim, x, n)
+    length = contact_length(state.contacts, rim, x, n, scene.cell)
+    stress = moments(half_branches(state.contacts, centre, scene.deformable), 1.0, n) / volume
+    return PerBody(
+        counted=_counted(scene, state, centre, diameter, interior),
+        centre=centre,
+        diameter=diameter,
+        area=area,
+        volume_ratio=volume / initial,
+        coordination=coordination(state.contacts, n, scene.cell),
+        contact_surface=np.where(outlined, length, np.nan) / (np.pi * diameter),
+        aspect_ratio=long / short,
+        angle=_angle(rim, x, n),
+        overlap=_shared(rim, x, n) / area,
+        stress=stress,
+        pressure=-np.trace(stress) / 2.0,
+        pressure_points=_pressure_points(state, start, volume, mass),
+    )
+
+
+def away_from_walls(scene: Scene, diameter: Array) -> float:
+    """Return the distance of the interior from the walls [m]; `diameter` (bodies,) of all bodies."""
+    own = diameter[scene.deformable]
+    return MARGIN * float(own.mean()) if own.size else np.inf
+
+
+def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interior: bool) -> Bools:
+    if not interior:
+        return scene.deformable
+    normal, walls = scene.normals, state.walls.T
+    distance = normal.T @ centre - np.einsum("iw,iw->w", normal, walls)[:, None]
+    inside: Bools = (distance >= away_from_walls(scene, diameter)).all(axis=0)
+    return inside & scene.deformable
+
+
+def _angle(rim: Outlines, x: Array, bodies: int) -> Array:
+    """Angle of the long axis, (bodies,) [rad]; nan for bodies without one, round or without outline."""
+    M = outline.second_moments(rim, x, bodies)
+    angle = outline.dimensions(rim, x, bodies)[2]
+    difference = np.hypot(M[0, 0] - M[1, 1], 2.0 * M[0, 1])
+    return np.where(difference > ROUND * np.trace(M), angle, np.nan)
+
+
+def _shared(rim: Outlines, x: Array, bodies: int) -> Array:
+    """Area that each body shares with others, (bodies,) [m2]."""
+    pairs, area = outline.overlap(rim, x, bodies)
+    return np.asarray(np.bincount(pairs.ravel(), np.tile(area, 2), bodies), dtype=np.float64)
+
+
+def _pressure_points(state: State, start: NDArray[np.int64], volume: Array, mass: Array) -> Array:
+    v = np.add.reduceat(state.mass * state.v, start, axis=1) / mass
+    relative = state.v - v[:, state.body]
+    virial = state.volume * np.trace(state.stress) - state.mass * (relative**2).sum(axis=0)
+    return -np.add.reduceat(virial, start) / volume / 2.0

@@ -1,0 +1,173 @@
+"""`observe`: the measures of a packing, as one frozen dataclass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.observe.bodies import PerBody, away_from_walls, per_body
+from skmpm.observe.network import half_branches, moments
+from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
+from skmpm.outline import Outlines
+from skmpm.scene import Scene, State
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Observables:
+    """The measures of a packing; see `observe` for their definitions. Stress: tension positive."""
+
+    solid_fraction: float  # outline areas / box
+    solid_fraction_nominal: float  # initial volumes / box
+    coordination: float  # Z
+    contact_surface: float  # S
+    anisotropy: float  # A_m
+    aspect_ratio: float  # alpha
+    overlap: float  # shared area / area of the outlines
+    pressure: float  # = pressure_contacts [Pa]
+    pressure_contacts: float  # [Pa]
+    pressure_points: float  # [Pa]
+    pressure_walls: float  # mean over the walls [Pa]
+    stress: Array  # (2, 2) of the contacts [Pa]
+    wall_pressure: (
+        Array  # (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
+    )
+    bodies: PerBody
+
+
+def observe(scene: Scene, state: State, *, interior: bool = False) -> Observables:
+    """Measure a packing; pure.
+
+    The box is the intersection of the walls. If it is not closed, the solid fractions, the stress and the
+    pressures (but those of each body) are nan. Measures of outlines are nan where a deformable body has none.
+
+    - solid fractions: area of the outlines (nominal: initial volumes) over the area of the box; of rigid bodies
+      only the part in the box counts.
+    - coordination Z: mean number of bodies and walls that touch a deformable body; if no contact carries a
+      force, of those with a gap below 0.02 cells.
+    - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the rim length with a gap below
+      0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for contacts
+      at shared grid nodes, which have no length.
+    - anisotropy: A_m = 2 (G1 - G2), G the mean of (cos, sin) (x) (cos, sin) of the long axes of the deformable
+      bodies; a round one counts as I/2. aspect_ratio: their mean extents along the principal axes, long/short.
+    - overlap: area shared by two bodies over the area of all.
+    - stress: -sum f (x) branch / V over the contacts (Love-Weber), branches from centre to centre, for walls
+      and rigid bodies from the contact point; without inertia. pressure and pressure_contacts are its -tr/2.
+    - pressure_points: -tr/2 of [sum V sigma - sum m v' (x) v'] / V over the points of deformable bodies, v' the
+      velocity relative to their mean.
+    - pressure_walls: mean of normal force over length in the box, over the walls that bound the box.
+
+    With `interior` the means go over bodies whose centre lies at least two mean diameters from every wall, nan
+    if there are none, and sums per volume go over the box shrunk by as much: outlines clipped to it exactly,
+    the points in it, branches (through the contact point) by the share of their length in it. Walls have none.
+
+    Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147.
+    """
+    rim = scene.outlines
+    bodies = per_body(scene, state, rim, interior=interior)
+    box = _box(scene, state, bodies, interior)
+    solid, nominal = _fractions(scene, state, rim, bodies, box, interior)
+    stress = _stress(scene, state, bodies, box, interior)
+    pressure = -float(np.trace(stress)) / 2.0
+    walls = np.full(len(scene.walls), np.nan) if interior else _wall_pressure(scene, state, box)
+    own = bodies.counted
+    return Observables(
+        solid_fraction=solid,
+        solid_fraction_nominal=nominal,
+        coordination=_mean(bodies.coordination[own]),
+        contact_surface=_mean(bodies.contact_surface[own], bodies.diameter[own]),
+        anisotropy=_anisotropy(bodies.angle[own], bodies.aspect_ratio[own]),
+        aspect_ratio=_mean(bodies.aspect_ratio[own]),
+        overlap=_overlap(scene, bodies, interior),
+        pressure=pressure,
+        pressure_contacts=pressure,
+        pressure_points=_pressure_points(scene, state, box, interior),
+        pressure_walls=_mean(walls[box.length > 0.0]),
+        stress=stress,
+        wall_pressure=walls,
+        bodies=bodies,
+    )
+
+
+def _box(scene: Scene, state: State, bodies: PerBody, interior: bool) -> Region:
+    normal, point = scene.normals, state.walls.T
+    return region(normal, point + away_from_walls(scene, bodies.diameter) * normal if interior else point)
+
+
+def _fractions(
+    scene: Scene, state: State, rim: Outlines, bodies: PerBody, box: Region, interior: bool
+) -> tuple[float, float]:
+    """Solid fraction, of the outlines and of the initial volumes."""
+    if not np.isfinite(box.area):
+        return np.nan, np.nan
+    initial = np.pi / 4.0 * bodies.diameter**2
+    # A rigid body's outline adds nothing to its volume, so it can do without.
+    area = np.where(scene.deformable | np.isfinite(bodies.area), bodies.area, initial)
+    share = np.ones(area.size)
+    some = ~scene.deformable | interior
+    if some.any():
+        share[some] = _share(scene, state, rim, bodies, box)[some]
+    return float(area @ share) / box.area, float(initial @ share) / box.area
+
+
+def _share(scene: Scene, state: State, rim: Outlines, bodies: PerBody, box: Region) -> Array:
+    """Share of each body in the box, (bodies,): of its outline or, without one, of its points."""
+    start = scene.offsets[:-1]
+    points = np.add.reduceat(state.volume * contains(box, state.x), start) / np.add.reduceat(
+        state.volume, start
+    )
+    inside = area_inside(box, rim, state.x[:, rim.point], len(scene.bodies))
+    return np.where(np.isfinite(bodies.area), inside / bodies.area, points)
+
+
+def _stress(scene: Scene, state: State, bodies: PerBody, box: Region, interior: bool) -> Array:
+    """Stress of the contact forces in the box, (2, 2) [Pa]."""
+    if not np.isfinite(box.area):
+        return np.full((2, 2), np.nan)
+    branches = half_branches(state.contacts, bodies.centre, scene.deformable)
+    weight = share_inside(box, branches.centre, branches.x) if interior else 1.0
+    return np.asarray(moments(branches, weight, len(scene.bodies)).sum(axis=2) / box.area)
+
+
+def _pressure_points(scene: Scene, state: State, box: Region, interior: bool) -> float:
+    if not np.isfinite(box.area):
+        return np.nan
+    own = scene.deformable[state.body]
+    if interior:
+        own &= contains(box, state.x)
+    mass = state.mass * own
+    if not own.any():
+        return 0.0
+    relative = state.v - (state.v @ mass / mass.sum())[:, None]
+    virial = np.trace(state.stress) @ (state.volume * own) - (relative**2).sum(axis=0) @ mass
+    return -float(virial) / box.area / 2.0
+
+
+def _wall_pressure(scene: Scene, state: State, box: Region) -> Array:
+    """Return normal force over length in the box of each wall, (walls,) [Pa]."""
+    bounds = np.isfinite(box.length) & (box.length > 0.0)
+    force = -np.einsum("iw,wi->w", scene.normals, state.wall_force)
+    return np.where(bounds, force / np.where(bounds, box.length, 1.0), np.nan)
+
+
+def _overlap(scene: Scene, bodies: PerBody, interior: bool) -> float:
+    chosen = bodies.counted if interior else scene.deformable | np.isfinite(bodies.area)
+    # Each of two bodies answers for half of what they share.
+    return _mean(bodies.overlap[chosen], bodies.area[chosen]) / 2.0
+
+
+def _anisotropy(angle: Array, aspect_ratio: Array) -> float:
+    """A_m: the difference of the principal values of G is the length of the mean of (cos 2a, sin 2a)."""
+    if angle.size == 0 or np.isnan(aspect_ratio).any():
+        return np.nan
+    double = 2.0 * angle[np.isfinite(angle)]
+    return 2.0 * float(np.hypot(np.cos(double).sum(), np.sin(double).sum())) / angle.size
+
+
+def _mean(values: Array, weights: Array | None = None) -> float:
+    """Mean, nan of nothing."""
+    return float(np.average(values, weights=weights)) if values.size else np.nan
