@@ -1,0 +1,553 @@
+"""Checkpoints: bit for bit, and every damage found. Recordings: read back by VTK and by h5py."""
+
+import json
+import pickle
+import signal
+import subprocess
+import sys
+import zipfile
+from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
+from typing import get_type_hints
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skmpm.io import CheckpointError, checkpoint, load, paraview, record, save
+from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.points import Points, disc
+from skmpm.scene import Body, Report, Scene, State, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import initial, step
+
+vtk = pytest.importorskip("vtk")
+from vtk.util.numpy_support import vtk_to_numpy  # noqa: E402
+
+DT = 2e-5
+
+
+def discs(material=NeoHookean(1e6, 0.3, 1000.0)):  # noqa: B008
+    """Two discs and two walls that squeeze them."""
+    bodies = [
+        Body(disc((0.0, 0.0), 1e-3, spacing=2e-4), material, spin=30.0),
+        Body(disc((2e-3, 0.0), 1e-3, spacing=3e-4), material, velocity=(-1.0, 0.0)),
+    ]
+    walls = [Wall((-1e-3, 0), (1, 0), velocity=(1, 0)), Wall((0, -1e-3), (0, 1), friction=0.3)]
+    return Scene(bodies, cell=4e-4, walls=walls, friction=0.2)
+
+
+def run(scene, steps, state=None, scheme=Scheme()):  # noqa: B008
+    states = [initial(scene, scheme=scheme) if state is None else state]
+    for _ in range(steps):
+        states.append(step(scene, states[-1], DT, scheme=scheme))
+    return states
+
+
+@pytest.fixture(scope="module")
+def states():
+    return run(discs(), 4)
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    ring = disc((0.0, 0.0), 1e-3, spacing=5e-4)
+    return initial(Scene([Body(ring, LinearElastic(1e6, 0.3, 1e3))], cell=1e-3))
+
+
+def leaves(value, name="state"):
+    """All values of a state by name, without what follows from them."""
+    if is_dataclass(value):
+        for f in fields(value):
+            if f.name != "derived":
+                yield from leaves(getattr(value, f.name), f"{name}.{f.name}")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from leaves(item, f"{name}[{key}]")
+    else:
+        yield name, value
+
+
+def assert_same(a, b, without=()):
+    """Equal bit for bit: names, types, shapes, bytes, memory order."""
+    one, other = dict(leaves(a)), dict(leaves(b))
+    assert list(one) == list(other)
+    for name, value in one.items():
+        if any(word in name for word in without):
+            continue
+        assert type(value) is type(other[name]), name
+        if isinstance(value, np.ndarray):
+            assert value.dtype == other[name].dtype, name
+            assert value.shape == other[name].shape, name
+            assert np.all(np.diff(np.abs(value.strides)) <= 0) == np.all(
+                np.diff(np.abs(other[name].strides)) <= 0
+            ), name
+        assert np.asarray(value).tobytes() == np.asarray(other[name]).tobytes(), name
+
+
+# --- checkpoints ---
+
+
+def test_every_field_but_derived_comes_back_bit_for_bit(tmp_path, states):
+    path = tmp_path / "run.checkpoint"
+    save(path, states[-1])
+    again = load(path)
+    assert isinstance(again, State)
+    assert again.derived is None
+    assert_same(again, states[-1])
+    assert again.contacts.key.size > 0
+    assert again.report.seconds == states[-1].report.seconds != {}
+    assert [p.name for p in tmp_path.iterdir()] == ["run.checkpoint"]  # exactly this name, nothing left over
+
+
+def test_awkward_numbers_and_memory_orders_come_back(tmp_path, tiny):
+    nan = np.uint64(0x7FF800000000BEEF).view(np.float64)
+    odd = np.array([nan, -0.0, np.inf, 5e-324, np.pi])
+    F = np.arange(4.0 * odd.size).reshape(2, odd.size, 2).transpose(0, 2, 1)  # neither C nor Fortran order
+    state = replace(tiny, t=-0.0, mass=odd, F=F, x=np.asfortranarray(tiny.x), v=tiny.v[:, ::-1])
+    save(tmp_path / "s", state)
+    again = load(tmp_path / "s")
+    assert_same(again, state)
+    assert again.F.strides == F.strides
+    assert str(again.t) == "-0.0"
+
+
+def test_a_new_field_is_saved_without_being_told(tmp_path, tiny, monkeypatch):
+    @dataclass(frozen=True)
+    class Controller:
+        dt: float
+        history: np.ndarray
+
+    new = [
+        ("controller", Controller | None, None),
+        ("nothing", Controller | None, None),
+        ("by_body", dict[str, Controller], None),
+        ("empty", dict[str, float], None),
+        ("pair", tuple[int, str], (0, "")),
+        ("flag", bool, False),
+        ("late", float, 3.0),
+    ]
+    More = make_dataclass("More", new, bases=(State,), frozen=True)  # noqa: N806
+    old = {f.name: getattr(tiny, f.name) for f in fields(State)}
+    control = Controller(0.1, np.arange(3))
+    given_ = {
+        "controller": control,
+        "by_body": {"a.b/ü": control},
+        "empty": {},
+        "pair": (7, "x"),
+        "flag": True,
+    }
+    state = More(**old, **given_)
+    save(tmp_path / "s", state)
+    monkeypatch.setattr(checkpoint, "State", More)
+    again = load(tmp_path / "s")
+    assert_same(again, state)
+    assert isinstance(again.by_body["a.b/ü"], Controller)
+    assert again.nothing is None
+    # An older file lacks the new fields: they take their defaults.
+    save(tmp_path / "old", tiny)
+    assert load(tmp_path / "old").late == 3.0
+    # A newer file has fields that this version does not know: dropping them would spoil the restart.
+    monkeypatch.undo()
+    with pytest.raises(CheckpointError, match=r"no field by_body.*load it with skmpm"):
+        load(tmp_path / "s")
+
+
+def test_all_hints_of_a_state_can_be_resolved():
+    assert get_type_hints(State)["report"] is Report
+
+
+@pytest.mark.parametrize("bad", [object(), [1.0], lambda: 0, np.array([object()])])
+def test_what_cannot_be_saved_is_named(tmp_path, tiny, bad):
+    with pytest.raises(TypeError, match=r"state\.x is a"):
+        save(tmp_path / "s", replace(tiny, x=bad))
+    assert not list(tmp_path.iterdir())
+
+
+def test_keys_must_be_text(tmp_path, tiny):
+    with pytest.raises(TypeError, match=r"keys of state\.report\.seconds are \[1\]"):
+        save(tmp_path / "s", replace(tiny, report=Report(seconds={1: 0.0})))
+
+
+def test_any_cut_is_found(tmp_path, tiny):
+    path = tmp_path / "s"
+    save(path, tiny)
+    whole = path.read_bytes()
+    for size in [0, 1, 3, 4, 5, 30, 100, len(whole) // 2, len(whole) - 22, len(whole) - 1]:
+        path.write_bytes(whole[:size])
+        with pytest.raises(
+            CheckpointError, match=r"checkpoint .*s: it is (cut short|empty|not a checkpoint)"
+        ):
+            load(path)
+
+
+@settings(max_examples=150)
+@given(data=st.data())
+def test_a_flipped_bit_is_found_or_harmless(tmp_path_factory, tiny, data):
+    path = tmp_path_factory.mktemp("flip") / "s"
+    save(path, tiny)
+    content = bytearray(path.read_bytes())
+    content[data.draw(st.integers(0, len(content) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    path.write_bytes(content)
+    try:
+        again = load(path)
+    except CheckpointError as error:
+        assert str(path) in str(error)
+    else:
+        assert_same(again, tiny)  # a bit that says nothing about the state, such as a date
+
+
+def rewritten(path, change):
+    """Write the archive anew, its own check sums intact, after `change` of its members."""
+    with np.load(path) as archive:
+        members = dict(archive)
+    change(members)
+    with path.open("wb") as file:
+        np.savez(file, **members)
+
+
+def test_a_changed_number_in_an_intact_archive_is_found(tmp_path, tiny):
+    def nudge(members):
+        members["state.x"][0, 0] = np.nextafter(members["state.x"][0, 0], 1.0)
+
+    def retype(members):
+        members["state.body"] = members["state.body"].view(np.uint64)
+
+    def reshape(members):
+        members["state.F"] = members["state.F"].reshape(4, -1)
+
+    def swap(members):
+        members["state.x"], members["state.v"] = members["state.v"], members["state.x"]
+
+    for change in (nudge, retype, reshape, swap, lambda members: members.pop("state.mass")):
+        save(tmp_path / "s", tiny)
+        rewritten(tmp_path / "s", change)
+        with pytest.raises(CheckpointError, match="bits have changed; go back to an earlier checkpoint"):
+            load(tmp_path / "s")
+
+
+def forged(path, **changes):
+    """Change the header and sign it anew."""
+
+    def change(members):
+        about = json.loads(members["header"].tobytes()) | changes
+        header = json.dumps(about).encode()
+        arrays = {name: a for name, a in members.items() if name.startswith("state.")}
+        members["header"] = np.frombuffer(header, dtype=np.uint8)
+        members["sha256"] = np.frombuffer(checkpoint._digest(header, arrays), dtype=np.uint8)
+
+    rewritten(path, change)
+
+
+def test_newer_and_foreign_files_say_so(tmp_path, tiny):
+    path = tmp_path / "s"
+    save(path, tiny)
+    forged(path)
+    assert_same(load(path), tiny)  # the forger signs well
+    forged(path, schema=2, skmpm="9.1")
+    with pytest.raises(
+        CheckpointError, match=r"schema is 2, this version reads 1; .* skmpm 9\.1; load it with"
+    ):
+        load(path)
+    forged(path, schema=1, format="other")
+    with pytest.raises(CheckpointError, match=r"format is 'other'.*written by skmpm\.save"):
+        load(path)
+    forged(path, format=checkpoint.FORMAT, state={"t": 0.0})
+    with pytest.raises(CheckpointError, match="missing"):
+        load(path)
+    for write in (
+        lambda: path.write_text("hello"),
+        lambda: path.write_bytes(pickle.dumps(tiny.x)),
+        lambda: np.savez(path.with_suffix(".npz"), x=tiny.x),
+    ):
+        write()
+        if path.with_suffix(".npz").exists():
+            path.with_suffix(".npz").replace(path)
+        with pytest.raises(CheckpointError, match=r"not a checkpoint; give a file written by skmpm\.save"):
+            load(path)
+
+
+class Bomb:
+    """Runs when it is unpickled."""
+
+    def __reduce__(self):
+        return exec, ("raise SystemExit('code was executed')",)
+
+
+def test_loading_never_executes_code(tmp_path):
+    path = tmp_path / "s"
+    with path.open("wb") as file:
+        np.savez(file, header=np.array([Bomb()], dtype=object), allow_pickle=True)
+    with pytest.raises(CheckpointError, match="damaged"):
+        load(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("header", pickle.dumps(Bomb()))
+    with pytest.raises(CheckpointError, match="not a checkpoint"):
+        load(path)
+
+
+def test_a_failed_save_leaves_the_old_checkpoint(tmp_path, states, monkeypatch):
+    path = tmp_path / "s"
+    save(path, states[0])
+
+    def full(file, **members):
+        file.write(b"half of it")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint.np, "savez", full)
+    with pytest.raises(OSError, match="No space left"):
+        save(path, states[1])
+    assert [p.name for p in tmp_path.iterdir()] == ["s"]
+    monkeypatch.undo()
+    assert_same(load(path), states[0])
+
+
+def test_paths(tmp_path, tiny):
+    with pytest.raises(FileNotFoundError, match="there is no directory"):
+        save(tmp_path / "none" / "s", tiny)
+    with pytest.raises(FileNotFoundError):
+        load(tmp_path / "s")
+    (tmp_path / "link").symlink_to(tmp_path / "target")
+    save(str(tmp_path / "link"), tiny)  # a str is as good as a Path
+    assert (tmp_path / "link").is_symlink()
+    assert_same(load(tmp_path / "target"), tiny)
+
+
+NOT_YET = pytest.mark.xfail(reason="simulate.anchored rebuilds the anchor volumes with a rounding error")
+
+
+@pytest.mark.parametrize(
+    ("material", "scheme"),
+    [
+        pytest.param(NeoHookean(1e6, 0.3, 1000.0), Scheme(), marks=NOT_YET),
+        pytest.param(LinearElastic(1e6, 0.3, 1000.0), Scheme(), marks=NOT_YET),
+        (NeoHookean(1e6, 0.3, 1000.0), Scheme(anchor=0.0)),
+        (NeoHookean(1e6, 0.3, 1000.0), Scheme.seed()),
+    ],
+    ids=["default", "linear", "anchor-0", "seed"],
+)
+def test_a_restart_is_bit_exact(tmp_path, material, scheme):
+    scene = discs(material)
+    straight = run(scene, 6, scheme=scheme)
+    save(tmp_path / "s", straight[3])
+    # What a step cost is not what it found: a kept factor has to be made again.
+    assert_same(
+        run(scene, 3, load(tmp_path / "s"), scheme)[-1], straight[-1], without=("seconds", "report.linear")
+    )
+
+
+# --- recordings ---
+
+
+def read(path):
+    """All steps as VTK sees them: a list of (time, points, cells by kind, point data)."""
+    reader = vtk.vtkHDFReader()
+    assert reader.CanReadFile(str(path))
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    times = reader.GetOutputInformation(0).Get(vtk.vtkStreamingDemandDrivenPipeline.TIME_STEPS()) or ()
+    if reader.GetNumberOfSteps() == 1:  # then VTK tells no time
+        with h5py.File(path) as file:
+            times = file["VTKHDF/Steps/Values"][:].tolist()
+    assert reader.GetNumberOfSteps() == len(times)
+    steps = []
+    for k, t in enumerate(times):
+        reader.SetStep(k)
+        reader.Update()
+        grid = reader.GetOutputDataObject(0)
+        data = {
+            grid.GetPointData().GetArrayName(i): vtk_to_numpy(grid.GetPointData().GetArray(i)).copy()
+            for i in range(grid.GetPointData().GetNumberOfArrays())
+        }
+        cells = [
+            [[ids.GetId(i) for i in range(ids.GetNumberOfIds())] for ids in _cells(array)]
+            for array in (grid.GetVerts(), grid.GetLines(), grid.GetPolys(), grid.GetStrips())
+        ]
+        steps.append((t, vtk_to_numpy(grid.GetPoints().GetData()).copy(), cells, data))
+    return steps
+
+
+def _cells(array):
+    for i in range(array.GetNumberOfCells()):
+        ids = vtk.vtkIdList()
+        array.GetCellAtId(i, ids)
+        yield ids
+
+
+def write(path, scene, states, **options):
+    with record(path, scene, **options) as film:
+        for state in states:
+            film.write(state)
+
+
+def test_vtk_reads_what_was_written(tmp_path, states):
+    scene = discs()
+    write(tmp_path / "run.vtkhdf", scene, states)
+    steps = read(tmp_path / "run.vtkhdf")
+    assert [t for t, *_ in steps] == [state.t for state in states]
+    for (_, points, cells, data), state in zip(steps, states, strict=True):
+        n = state.body.size
+        np.testing.assert_array_equal(points, np.vstack([state.x, np.zeros(n)]).T)
+        np.testing.assert_allclose(data["velocity"], np.vstack([state.v, np.zeros(n)]).T, rtol=1e-6)
+        np.testing.assert_array_equal(data["body"], state.body)
+        np.testing.assert_allclose(data["volume"], state.volume, rtol=1e-6)
+        np.testing.assert_allclose(data["det_F"], np.linalg.det(state.F.T), rtol=1e-6)
+        stress = data["stress"].reshape(n, 3, 3)
+        scale = float(np.abs(state.stress).max())
+        np.testing.assert_allclose(stress[:, :2, :2], state.stress.transpose(2, 0, 1), atol=1e-6 * scale)
+        assert not stress[:, 2, :2].any()
+        assert not stress[:, :2, 2].any()
+        pressure = -0.5 * np.trace(stress[:, :2, :2], axis1=1, axis2=2)
+        np.testing.assert_allclose(data["pressure"], pressure, atol=1e-6 * scale)
+        assert cells[0] == [[p] for p in range(n)]
+        assert cells[1] == cells[3] == []
+        first = scene.offsets
+        assert cells[2] == [list(first[b] + scene.bodies[b].points.outline[0]) for b in (0, 1)]
+    assert np.abs(steps[-1][1] - steps[0][1]).max() > 1e-5  # it moved
+
+
+@pytest.mark.parametrize("law", [LinearElastic, NeoHookean])
+def test_out_of_plane_stress_is_that_of_plane_strain(tmp_path, law):
+    """Small uniform strain: sigma_zz = lambda tr(eps) for both laws, here to first order."""
+    scene = Scene([Body(disc((0.0, 0.0), 1.0, spacing=0.5), law(1e6, 0.3, 1e3))], cell=1.0)
+    state = initial(scene)
+    eps = np.array([[2e-6, 1e-6], [1e-6, -5e-6]])
+    F = np.repeat((np.eye(2) + eps)[:, :, None], state.body.size, axis=2)
+    state = replace(state, F=F, stress=scene.bodies[0].material.cauchy(F, None, None))
+    write(tmp_path / "s", scene, [state])
+    zz = read(tmp_path / "s")[0][3]["stress"][:, 8]
+    np.testing.assert_allclose(zz, scene.bodies[0].material.lame[0] * np.trace(eps), rtol=1e-4)
+
+
+def test_bodies_with_holes_get_lines_and_rigid_bodies_no_stress(tmp_path):
+    square = np.array([[0.0, 3, 3, 0, 1, 1, 2, 2], [0.0, 0, 3, 3, 1, 2, 2, 1]])
+    frame = Points(square, np.ones(8), (np.arange(4), np.arange(4, 8)))
+    cloud = Points(square + np.array([[5.0], [0.0]]), np.ones(8))
+    scene = Scene([Body(frame, Rigid(1.0)), Body(cloud, LinearElastic(1e6, 0.3, 1e3))], cell=1.0)
+    write(tmp_path / "s", scene, [initial(scene, scheme=Scheme.seed())])
+    _, _, cells, data = read(tmp_path / "s")[0]
+    assert cells[1:3] == [[[0, 1, 2, 3, 0], [4, 5, 6, 7, 4]], []]
+    assert not data["stress"].any()
+
+
+def test_layout_of_the_file(tmp_path, states):
+    """The cells are written once, a step is one compressed chunk, and offsets say where each begins."""
+    path, n, k = tmp_path / "s", states[0].body.size, len(states)
+    write(path, discs(), states)
+    with h5py.File(path) as file:
+        group = file["VTKHDF"]
+        assert group.attrs["Type"] == b"PolyData"
+        assert group.attrs["Version"].tolist() == [2, 0]
+        assert group["Vertices/Connectivity"].shape == group["PointData/body"].shape == (n,)
+        for data in (group["Points"], group["PointData/stress"]):
+            assert data.shape[0] == n * k
+            assert (data.chunks[0], data.compression, data.compression_opts) == (n, "gzip", 1)
+        assert group["Steps"].attrs["NSteps"] == k
+        assert group["Steps/PointOffsets"][:].tolist() == [n * i for i in range(k)]
+        assert group["Steps/PointDataOffsets/velocity"][:].tolist() == [n * i for i in range(k)]
+        assert group["Steps/CellOffsets"].shape == (k, 4)
+        for name in ("PartOffsets", "CellOffsets", "ConnectivityIdOffsets", "PointDataOffsets/body"):
+            assert not group["Steps"][name][:].any()
+
+
+def test_append_continues_and_a_new_file_is_the_default(tmp_path, states):
+    path, scene = tmp_path / "s", discs()
+    write(path, scene, states[:2], append=True)  # nothing there yet
+    write(path, scene, states[2:], append=True)
+    assert [t for t, *_ in read(path)] == [state.t for state in states]
+    write(path, scene, [], append=True)
+    assert len(read(path)) == len(states)
+    write(path, scene, states[1:2])
+    assert [t for t, *_ in read(path)] == [states[1].t]
+
+
+def test_append_replaces_what_a_restart_computes_again(tmp_path, states):
+    path, scene = tmp_path / "s", discs()
+    write(path, scene, states)
+    marked = [replace(state, v=state.v + 1.0) for state in states[2:4]]
+    write(path, scene, marked, append=True)
+    steps = read(path)
+    assert [t for t, *_ in steps] == [state.t for state in states[:4]]
+    np.testing.assert_allclose(steps[1][3]["velocity"][:, :2].T, states[1].v, atol=1e-6)
+    np.testing.assert_allclose(steps[3][3]["velocity"][:, :2].T, states[3].v + 1.0, atol=1e-6)
+
+
+def test_an_unfinished_step_does_not_count(tmp_path, states, monkeypatch):
+    """The run dies after the fields are written, before the step is counted."""
+    path, scene = tmp_path / "s", discs()
+
+    def die(k, t, n):
+        if k == 2:
+            raise KeyboardInterrupt
+        return offsets(k, t, n)
+
+    offsets = paraview._offsets
+    monkeypatch.setattr(paraview, "_offsets", die)
+    with pytest.raises(KeyboardInterrupt):
+        write(path, scene, states)
+    monkeypatch.undo()
+    assert len(read(path)) == 2
+    write(path, scene, states[2:], append=True)
+    steps = read(path)
+    assert len(steps) == len(states)
+    np.testing.assert_array_equal(steps[-1][1][:, :2].T, states[-1].x)
+
+
+def test_a_killed_run_leaves_a_readable_file_that_can_be_continued(tmp_path, states):
+    path, scene = tmp_path / "s", discs()
+    save(tmp_path / "state", states[-1])
+    code = f"""
+import itertools, sys
+sys.path.insert(0, {str(__file__.rpartition("/")[0])!r})
+from dataclasses import replace
+from test_io import discs, load, record
+state = load({str(tmp_path / "state")!r})
+with record({str(path)!r}, discs()) as film:
+    for k in itertools.count():
+        film.write(replace(state, t=float(k)))
+        print(k, flush=True)
+"""
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        for line in process.stdout:
+            if int(line) == 5:
+                assert len(read(path)) > 5  # while the run goes on
+                process.send_signal(signal.SIGKILL)
+                break
+        last = int([line, *process.stdout.readlines()][-1])
+    steps = read(path)
+    assert len(steps) > last
+    np.testing.assert_array_equal(steps[-1][1][:, :2].T, states[-1].x)
+    write(path, scene, [replace(states[0], t=1e9)], append=True)
+    assert [t for t, *_ in read(path)] == [*map(float, range(len(steps))), 1e9]
+
+
+def test_misuse_of_a_recording_is_explained(tmp_path, states):
+    path, scene = tmp_path / "s", discs()
+    with record(path, scene) as film:
+        film.write(states[1])
+        for late in (states[1], states[0], replace(states[1], t=float("nan"))):
+            with pytest.raises(ValueError, match="is not later than 2e-05 s; write states in order"):
+                film.write(late)
+        with pytest.raises(ValueError, match="the state has 3 points, the scene"):
+            film.write(replace(states[2], x=states[2].x[:, :3]))
+        film.write(states[2])
+    assert len(read(path)) == 2
+    other = replace(scene, bodies=scene.bodies[:1])
+    with pytest.raises(ValueError, match="another scene; record to a new file"):
+        write(path, other, [], append=True)
+    with h5py.File(path, "w") as file:
+        file["x"] = 1
+    with pytest.raises(ValueError, match="is no recording"):
+        write(path, scene, [], append=True)
+    path.write_text("hello")
+    with pytest.raises(ValueError, match="cannot be continued"):
+        write(path, scene, [], append=True)
+    assert path.read_text() == "hello"
+
+
+def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(ImportError, match=r'pip install "skmpm\[io\]"'), record(tmp_path / "s", discs()):
+        pass
+    assert not list(tmp_path.iterdir())
