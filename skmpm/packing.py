@@ -14,10 +14,13 @@ Array: TypeAlias = NDArray[np.float64]
 
 _START = 0.3  # size of the discs at the start, relative to the end
 _GROWTH = 0.04  # largest and smallest growth per step; needing less than the smallest means a jam
-_LEAST_GROWTH = 1e-5
+_LEAST_GROWTH = 2e-4
+_SHAKES = 4  # random moves out of a jam ...
+_SHAKE = 0.05  # ... and their size [mean radius]
 _MARGIN = 0.5  # pairs with a smaller gap are constraints [mean radius]
 _OVERLAP = 1e-6, 1e-3  # allowed at the end and on the way [smallest radius]
 _TOLERANCE = 1e-9  # of the contact solver
+_ACCEPTED = 1e-5  # if it gets no further; the next linearisation repairs it
 _NEWTON = 40
 _ROUNDS = 12  # linearisations per step
 _HEXAGONAL = np.pi / np.sqrt(12.0)
@@ -42,15 +45,16 @@ def packing(
 ) -> Packing:
     """Pack rigid discs at random, without overlap, in a box of the given width and solid fraction.
 
-    Centres are drawn at random and the radii grow from small to full (Lubachevsky & Stillinger, J. Stat. Phys. 60
-    (1990) 561-583), but without inertia: in every step the discs make the smallest mass-weighted motion that the
-    linearised no-overlap constraints allow, which is a Signorini-Coulomb problem (Moreau's contact dynamics).
+    Centres are drawn at random and the radii grow from small to full (Lubachevsky & Stillinger, J. Stat.
+    Phys. 60 (1990) 561-583), but without inertia: in every step the discs make the smallest mass-weighted
+    motion that opens all gaps to first order, which is a Signorini-Coulomb problem. A pair moved so does not
+    overlap: to first order its distance is never too large. A jam is shaken before it is believed.
 
     Parameters
     ----------
     radii : (N,) [m]
     width : of the box [m]; its height is sum(pi R^2) / (width solid_fraction)
-    friction : between discs while they are packed; the walls are frictionless. It lowers the fraction of the jam.
+    friction : between discs while they are packed, none at the walls; it lowers the fraction of the jam
     seed : the same seed gives the same packing, whatever the unit of length
 
     Raises
@@ -70,26 +74,34 @@ def packing(
             "change the width, lower solid_fraction or use more discs"
         )
     inner = _START * scaled
-    x = inner + np.random.default_rng(seed).uniform(size=(2, R.size)) * (box[:, None] - 2.0 * inner)
-    return Packing(_grow(x, scaled, box, friction, solid_fraction) * unit, R, float(width), height)
+    rng = np.random.default_rng(seed)
+    x = inner + rng.uniform(size=(2, R.size)) * (box[:, None] - 2.0 * inner)
+    x, size = _grow(x, scaled, box, friction, rng)
+    if size < 1.0:
+        raise PackingError(
+            f"the discs jam at a solid fraction of {solid_fraction * size**2:.3f}, "
+            f"below the {solid_fraction:g} asked; lower solid_fraction or friction, or try another seed"
+        )
+    return Packing(x * unit, R, float(width), height)
 
 
-def _grow(x: Array, R: Array, box: Array, friction: float, solid_fraction: float) -> Array:
-    """Grow the discs to their full size, in smaller steps where it gets tight."""
-    size, growth = 0.0, _START
+def _grow(x: Array, R: Array, box: Array, friction: float, rng: np.random.Generator) -> tuple[Array, float]:
+    """Grow the discs to full size, in smaller steps where it is tight; return them and the size reached."""
+    size, growth, shakes, best = 0.0, _START, 0, 0.0
     while size < 1.0:
         target = min(1.0, size + growth)
         moved = _separate(x, target * R, box, friction, _OVERLAP[int(target < 1.0)])
-        if moved is None:
-            growth *= 0.5
-        else:
+        if moved is not None:
             x, size, growth = moved, target, min(1.5 * growth, _GROWTH)
-        if growth < _LEAST_GROWTH:
-            raise PackingError(
-                f"the discs jam at a solid fraction of {solid_fraction * size**2:.3f}, below the {solid_fraction:g} asked; "
-                "lower solid_fraction or friction, or try another seed"
-            )
-    return x
+            best = max(best, size)
+        elif growth > _LEAST_GROWTH:
+            growth *= 0.5
+        elif shakes < _SHAKES:
+            x, size, growth = x + _SHAKE * rng.uniform(-1.0, 1.0, x.shape), (1.0 - _SHAKE) * size, _SHAKE
+            shakes += 1
+        else:
+            return x, best
+    return x, size
 
 
 def _separate(x: Array, R: Array, box: Array, friction: float, tolerance: float) -> Array | None:
@@ -142,13 +154,13 @@ def _motion(contacts: _Contacts, R: Array, friction: float) -> Array | None:
     else:
         H, q = _rows(contacts, R)[::2], np.zeros(k)
     q[:: q.size // k] = contacts.gap - 0.5 * _OVERLAP[0] * R.min()
-    HM = H @ sp.diags_array(1.0 / np.concatenate([mass, mass, inertia]))
-    r, info = coulomb.solve(HM @ H.T, q, mu, tol=_TOLERANCE, iterations=_NEWTON)
-    return (HM.T @ r)[: 2 * R.size].reshape(2, -1) if info.converged else None
+    H_M = H @ sp.diags_array(1.0 / np.concatenate([mass, mass, inertia]))
+    r, info = coulomb.solve(H_M @ H.T, q, mu, tol=_TOLERANCE, iterations=_NEWTON)
+    return (H_M.T @ r)[: 2 * R.size].reshape(2, -1) if info.residual < _ACCEPTED else None
 
 
 def _rows(contacts: _Contacts, R: Array) -> sp.csr_array:
-    """Relative motion (2k, 3N), normal and tangential in turn, for the unknowns x, y and angle of all discs."""
+    """Relative motion (2k, 3N), normal and tangential in turn, by the x, then y, then angles of all discs."""
     N, pairs = R.size, contacts.second.size
     n = contacts.normal
     t = np.array([-n[1], n[0]])
@@ -170,10 +182,13 @@ def _rows(contacts: _Contacts, R: Array) -> sp.csr_array:
 
 def _check(R: Array, width: float, solid_fraction: float, friction: float) -> None:
     if R.ndim != 1 or not R.size or not np.isfinite(R).all() or R.min() <= 0.0:
-        raise PackingError(f"radii must be a row of finite positive numbers, got {R!r}")
+        bad = R[~(R > 0.0) | np.isinf(R)]
+        given = f"radius {bad[0]:g} m" if bad.size else f"an array of shape {R.shape}"
+        raise PackingError(f"radii: {given}; give a row (N,) of finite numbers above zero")
     if not 0.0 < solid_fraction < _HEXAGONAL:
         raise PackingError(
-            f"solid_fraction {solid_fraction:g} must lie between 0 and {_HEXAGONAL:.4f}; random discs jam near 0.84"
+            f"solid_fraction {solid_fraction:g} must lie between 0 and {_HEXAGONAL:.4f}; "
+            "random discs jam near 0.84"
         )
     if not (np.isfinite(width) and width > 2.0 * R.max()):
         raise PackingError(f"width {width:g} m must exceed the largest diameter, {2.0 * R.max():g} m")

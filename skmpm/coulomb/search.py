@@ -1,10 +1,4 @@
-"""Signorini-Coulomb contact in the plane: impulses r and velocities u = W r + q; no grid is known here.
-
-Per contact ``0 <= r_n  perp  u_n >= 0`` and ``|r_t| <= mu r_n``, r_t against u_t where it slips (Jean, Comput.
-Methods Appl. Mech. Eng. 177 (1999) 235-257). Rows are interleaved, n0, t0, n1, t1, ...; a problem without friction
-leaves the t rows out. All work is done in variables scaled by diag(W), which are O(1) however light or stiff a
-contact point is: r~ = sqrt(diag W) r, u~ = u / sqrt(diag W); a cone stays a cone, with mu~ = mu sqrt(W_tt / W_nn).
-"""
+"""The search for the impulses: accelerated projected sweeps, then a semismooth Newton method."""
 
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -14,16 +8,17 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import splu
 
-Array: TypeAlias = NDArray[np.float64]
+from skmpm.coulomb.law import Array, clamp, natural, root, scaled_friction, split
+
 Matrix: TypeAlias = Any  # dense or CSR, with @
 
 _FLOOR = 1e-300  # a problem with |q~| below it is at rest
 _DENSE = 200  # rows up to which dense algebra beats sparse bookkeeping
-_SHIFT = 1e-12  # relative to diag(W): makes redundant contacts regular
+_SHIFT = 1e-6  # relative to diag(W), of the matrix of a Newton step: keeps redundant contacts in hand
 _NEAR = 0.05  # a start with a smaller residual goes straight to Newton ...
 _EAGER = 0.2  # ... and back to sweeps if that needs a smaller part of a step than this
 _SHORTEST = 0.05  # smallest part of a Newton step
-_GAINS = 1 / 3, 1.0, 1 / 6  # of the natural map, relative to the largest eigenvalue of W~
+_GAINS = 1 / 3, 1 / 6, 1.0, 3.0  # of the natural map, relative to the largest eigenvalue of W~
 _MOST_SWEEPS = 640  # per round
 _ROUNDS = 20
 
@@ -38,29 +33,6 @@ class Info:
     converged: bool
 
 
-def project(r: ArrayLike, mu: ArrayLike) -> Array:
-    """Return the nearest point to r, (2k,) or normals only (k,), in the Coulomb cones ``|r_t| <= mu r_n``."""
-    r, mu = np.array(r, dtype=float), np.asarray(mu, dtype=float)
-    if not r.size:
-        return r
-    r_n, r_t, mu = _split(r, mu)
-    size = np.abs(r_t).sum(axis=1, keepdims=True)
-    edge = np.maximum(np.where(size <= mu * r_n, r_n, (r_n + mu * size) / (1.0 + mu**2)), 0.0)
-    return np.hstack([edge, np.clip(r_t, -mu * edge, mu * edge)]).ravel()
-
-
-def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, reference: float = 1.0) -> float:
-    """Return ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables: zero iff (r, u) is Coulomb.
-
-    The term mu |u_t| n makes this natural map exact friction and not its convex relaxation (De Saxce & Feng, Math.
-    Comput. Modelling 28 (1998) 225-245). It certifies any solver: it shares no code with the search below but the
-    projection P. r [N s], u [m/s] and scale = diag(W) [1/kg] are (2k,) or, normals only, (k,).
-    """
-    r, u, mu = np.asarray(r, dtype=float), np.asarray(u, dtype=float), np.asarray(mu, dtype=float)
-    s = _root(np.asarray(scale, dtype=float))
-    return _natural(r * s, u / s, _scaled_friction(mu, s)) / reference
-
-
 def solve(
     W: Any,
     q: ArrayLike,
@@ -73,10 +45,11 @@ def solve(
 ) -> tuple[Array, Info]:
     """Find r with u = W r + q such that every contact obeys Signorini and Coulomb; return (r, info).
 
-    Accelerated projected sweeps find most contact states, a semismooth Newton method (Alart & Curnier, Comput.
-    Methods Appl. Mech. Eng. 92 (1991) 353-375) the rest; where Newton stalls, more sweeps follow. It stops on
-    `residual` below tol |q~|, never on an increment. ``info.converged`` is False, and r the best found, after
-    ``iterations`` Newton steps: the usual reason is that no solution exists (a rigid jam).
+    Accelerated projected sweeps find most contact states, a semismooth Newton method (Alart & Curnier,
+    Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375) the rest; where Newton stalls, more sweeps follow. It
+    stops on `residual` below tol |q~|, never on an increment; rows without an unknown do not count in q~.
+    ``info.converged`` is False, and r the best found, after ``iterations`` Newton steps or 20 rounds of
+    sweeps: the usual reason is that no solution exists (a rigid jam).
 
     Parameters
     ----------
@@ -98,7 +71,7 @@ def solve(
         return np.zeros_like(q), Info(0, 0, 0.0, True)
     with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
         problem, s = _scale(W, q, mu)
-        best, info = _search(problem, problem.at(_clamp(s * r0, problem.mu)), tol, sweeps, iterations)
+        best, info = _search(problem, problem.at(clamp(s * r0, problem.mu)), tol, sweeps, iterations)
         return _unscale(best.r, problem.mu, s, mu), info
 
 
@@ -121,12 +94,12 @@ class _Problem:
     def at(self, r: Array, u: Array | None = None) -> _Iterate:
         """Return r with its velocities and its error."""
         u = self.W @ r + self.q if u is None else u
-        error = _natural(r, u, self.mu) / self.reference
+        error = natural(r, u, self.mu) / self.reference
         return _Iterate(r, u, error if np.isfinite(error) else np.inf)
 
     def stray(self, r: Array, u: Array, gain: float) -> float:
-        """Alart & Curnier's natural map, the function whose zero Newton seeks; any gain > 0 has the same zeros."""
-        return float(np.linalg.norm(r - _clamp(r - gain * u, self.mu))) / self.reference
+        """Alart & Curnier's natural map, whose zero Newton seeks; any gain > 0 has the same zeros."""
+        return float(np.linalg.norm(r - clamp(r - gain * u, self.mu))) / self.reference
 
 
 def _search(p: _Problem, start: _Iterate, tol: float, sweeps: int, limit: int) -> tuple[_Iterate, Info]:
@@ -152,14 +125,14 @@ def _search(p: _Problem, start: _Iterate, tol: float, sweeps: int, limit: int) -
 
 
 def _sweep(p: _Problem, x: _Iterate, largest: float, sweeps: int) -> _Iterate:
-    """Projected gradient sweeps with Nesterov's momentum, restarted when it points uphill.
+    """Sweep: projected gradient steps with Nesterov's momentum, restarted when it points uphill.
 
-    O'Donoghue & Candes, Found. Comput. Math. 15 (2015) 715-732, gradient scheme; u follows r without a second product.
+    O'Donoghue & Candes, Found. Comput. Math. 15 (2015) 715-732, gradient scheme; one product with W a sweep.
     """
     r, u = y, u_y = x.r, x.u
     theta = 1.0
     for _ in range(sweeps):
-        r_new = _clamp(y - u_y / largest, p.mu)
+        r_new = clamp(y - u_y / largest, p.mu)
         u_new = p.W @ r_new + p.q
         if (y - r_new) @ (r_new - r) > 0.0:
             theta = 1.0
@@ -173,10 +146,10 @@ def _sweep(p: _Problem, x: _Iterate, largest: float, sweeps: int) -> _Iterate:
 def _newton(
     p: _Problem, x: _Iterate, tol: float, limit: int, gain: float, shortest: float
 ) -> tuple[_Iterate, int]:
-    """Newton steps, halved until the natural map goes down, until it does not; return the end in the cones, and their number.
+    """Take Newton steps while the natural map goes down; return the end, clamped, and their number.
 
-    On the way r may leave the cones: held inside, the steps get far shorter. The gain weighs the velocities when the
-    contact states are read off r - gain u; a stiff body needs more than 1.
+    On the way r may leave the cones: held inside, the steps get far shorter. The gain weighs the velocities
+    when the contact states are read off r - gain u; a stiff body needs more than 1.
     """
     r, u = x.r, x.u
     stray, count, alpha = p.stray(r, u, gain), 0, 1.0
@@ -189,13 +162,13 @@ def _newton(
                 r, u, stray = r + alpha * d, u + alpha * d_u, new
                 break
             alpha *= 0.5
-        if stray < tol and (end := p.at(_clamp(r, p.mu))).error <= tol:
+        if stray < tol and (end := p.at(clamp(r, p.mu))).error <= tol:
             return end, count
-    return p.at(_clamp(r, p.mu)), count
+    return p.at(clamp(r, p.mu)), count
 
 
 def _newton_step(p: _Problem, r: Array, u: Array, gain: float) -> Array:
-    """Solve u_n = 0 where closed, u_t = 0 where it sticks and r_t = +-mu r_n where it slips, for the states of (r, u)."""
+    """Solve u_n = 0 where closed, u_t = 0 where it sticks, r_t = +-mu r_n where it slips, as at (r, u)."""
     free, B = _states(r - gain * u, p.mu)
     rows = p.W[free]
     start = B @ r[free]
@@ -205,7 +178,7 @@ def _newton_step(p: _Problem, r: Array, u: Array, gain: float) -> Array:
 
 def _states(a: Array, mu: Array) -> tuple[NDArray[np.intp], Matrix]:
     """Return the rows that are unknowns at a = r - gain u, and the map B from them to all rows."""
-    a_n, a_t, mu = _split(a, mu)
+    a_n, a_t, mu = split(a, mu)
     closed, stick = a_n > 0.0, np.abs(a_t) < mu * a_n
     free = np.hstack([closed, stick]).ravel()
     number = np.cumsum(free) - 1
@@ -224,7 +197,7 @@ def _states(a: Array, mu: Array) -> tuple[NDArray[np.intp], Matrix]:
 def _solve_regular(A: Matrix, b: Array) -> Array:
     """Solve (A + tiny) x = b; zeros if there is no LU."""
     try:
-        if not sp.issparse(A):
+        if not _is_sparse(A):
             return np.linalg.solve(A + _SHIFT * np.eye(b.size), b)
         shifted = sp.csc_array(A) + sp.diags_array(np.full(b.size, _SHIFT), format="csc")
         options = {"SymmetricMode": True}  # slip disturbs the symmetry of W little
@@ -234,74 +207,46 @@ def _solve_regular(A: Matrix, b: Array) -> Array:
         return np.zeros_like(b)
 
 
+def _is_sparse(W: Matrix) -> bool:
+    return bool(sp.issparse(W))
+
+
 def _largest_eigenvalue(W: Matrix) -> float:
     """Bound the largest eigenvalue of W~: power iterations with a margin, at most the largest row sum."""
     x = 1.0 + np.sin(np.arange(W.shape[0]))  # any vector without symmetry will do
     for _ in range(8):
-        x = W @ (x / max(np.linalg.norm(x), _FLOOR))
+        x = W @ (x / max(float(np.linalg.norm(x)), _FLOOR))
     bound = min(1.2 * float(np.linalg.norm(x)), float(abs(W).sum(axis=1).max()))
     return bound if bound > 0.0 else 1.0
 
 
-def _natural(r: Array, u: Array, mu: Array) -> float:
-    """Norm of the natural map in scaled variables, De Saxce's term included."""
-    if not r.size:
-        return 0.0
-    u_n, u_t, slope = _split(u, mu)
-    lifted = np.hstack([u_n + slope * np.abs(u_t).sum(axis=1, keepdims=True), u_t]).ravel()
-    return float(np.linalg.norm(r - project(r - lifted, mu)))
-
-
-def _clamp(r: Array, mu: Array) -> Array:
-    """Pull r into the cones, normal first: r_n = max(r_n, 0), then |r_t| <= mu r_n."""
-    r_n, r_t, mu = _split(r, mu)
-    r_n = np.maximum(r_n, 0.0)
-    return np.hstack([r_n, np.clip(r_t, -mu * r_n, mu * r_n)]).ravel()
-
-
-def _split(r: Array, mu: Array) -> tuple[Array, Array, Array]:
-    """Return the normal rows (k, 1), the tangential rows (k, 1) or, if there are none, (k, 0), and mu (k, 1)."""
-    rows = r.reshape(mu.size, -1)
-    return rows[:, :1], rows[:, 1:], mu[:, None]
-
-
-def _root(scale: Array) -> Array:
-    """sqrt(diag W); a row of zeros cannot be scaled and is left alone."""
-    return np.sqrt(np.where(scale > 0.0, scale, 1.0))
-
-
-def _scaled_friction(mu: Array, s: Array) -> Array:
-    return mu if s.size == mu.size else mu * s[1::2] / s[0::2]
-
-
 def _scale(W: Matrix, q: Array, mu: Array) -> tuple[_Problem, Array]:
     """Return the problem with unit diag(W), and s = sqrt(diag W)."""
-    if sp.issparse(W) and q.size > _DENSE:
-        W = sp.csr_array(W)
-        s = _root(W.diagonal())
-        data = W.data / (np.repeat(s, np.diff(W.indptr)) * s[W.indices])
-        W = sp.csr_array((data, W.indices, W.indptr), shape=W.shape)
+    if _is_sparse(W) and q.size > _DENSE:
+        W = sp.csr_array(W, dtype=float).sorted_indices()  # a copy: scaled in place
+        s = root(W.diagonal())
+        W.data /= np.repeat(s, np.diff(W.indptr)) * s[W.indices]
     else:
-        W = np.asarray(sp.coo_array(W).toarray() if sp.issparse(W) else W, dtype=float)
-        s = _root(W.diagonal())
+        W = np.asarray(sp.coo_array(W).toarray() if _is_sparse(W) else W, dtype=float)
+        s = root(W.diagonal())
         W = W / (s[:, None] * s)
     q = q / s
     if q.size > mu.size:
         q[1::2][mu == 0.0] = 0.0  # rows without an unknown
-    return _Problem(W, q, _scaled_friction(mu, s), max(float(np.linalg.norm(q)), _FLOOR)), s
+    return _Problem(W, q, scaled_friction(mu, s), max(float(np.linalg.norm(q)), _FLOOR)), s
 
 
 def _unscale(x: Array, slope: Array, s: Array, mu: Array) -> Array:
     """Return r = x / s with slipping contacts on the cone mu r_n to the last bit."""
-    x_n, x_t, slope = _split(x, slope)
-    r_n, r_t, mu = _split(x / s, mu)
+    x_n, x_t, slope = split(x, slope)
+    r_n, r_t, mu = split(x / s, mu)
     edge = mu * r_n
     slips = np.abs(x_t) >= slope * x_n
     return np.hstack([r_n, np.where(slips, np.sign(x_t) * edge, np.clip(r_t, -edge, edge))]).ravel()
 
 
 def _check(W: Matrix, q: Array, mu: Array, r0: Array) -> None:
-    shape, k = W.shape if sp.issparse(W) else np.shape(W), mu.size
+    shape, k = W.shape if _is_sparse(W) else np.shape(W), mu.size
     if mu.ndim != 1 or q.shape not in ((k,), (2 * k,)) or shape != q.shape * 2 or r0.shape != q.shape:
         raise ValueError(
             f"sizes disagree: W {shape}, q {q.shape}, mu {mu.shape}, r0 {r0.shape}; "

@@ -1,0 +1,63 @@
+"""The contact law: cones, their projection, and the residual that certifies any solver."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+def project(r: ArrayLike, mu: ArrayLike) -> Array:
+    """Return the nearest point to r, (2k,) or normals only (k,), in the Coulomb cones ``|r_t| <= mu r_n``."""
+    r, mu = np.array(r, dtype=float), np.asarray(mu, dtype=float)
+    if not r.size:
+        return r
+    r_n, r_t, mu = split(r, mu)
+    size = np.abs(r_t).sum(axis=1, keepdims=True)
+    edge = np.maximum(np.where(size <= mu * r_n, r_n, (r_n + mu * size) / (1.0 + mu**2)), 0.0)
+    return np.hstack([edge, np.clip(r_t, -mu * edge, mu * edge)]).ravel()
+
+
+def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, reference: float = 1.0) -> float:
+    """Return ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables: zero iff (r, u) is Coulomb.
+
+    The term mu |u_t| n makes this natural map exact friction and not its convex relaxation (De Saxce & Feng,
+    Math. Comput. Modelling 28 (1998) 225-245). It certifies any solver. r [N s], u [m/s] and
+    scale = diag(W) [1/kg] are (2k,) or, normals only, (k,).
+    """
+    r, u, mu = np.asarray(r, dtype=float), np.asarray(u, dtype=float), np.asarray(mu, dtype=float)
+    s = root(np.asarray(scale, dtype=float))
+    return natural(r * s, u / s, scaled_friction(mu, s)) / reference
+
+
+def natural(r: Array, u: Array, mu: Array) -> float:
+    """Norm of the natural map in scaled variables, De Saxce's term included."""
+    if not r.size:
+        return 0.0
+    u_n, u_t, slope = split(u, mu)
+    lifted = np.hstack([u_n + slope * np.abs(u_t).sum(axis=1, keepdims=True), u_t]).ravel()
+    return float(np.linalg.norm(r - project(r - lifted, mu)))
+
+
+def clamp(r: Array, mu: Array) -> Array:
+    """Pull r into the cones, normal first: r_n = max(r_n, 0), then |r_t| <= mu r_n."""
+    r_n, r_t, mu = split(r, mu)
+    r_n = np.maximum(r_n, 0.0)
+    return np.hstack([r_n, np.clip(r_t, -mu * r_n, mu * r_n)]).ravel()
+
+
+def split(r: Array, mu: Array) -> tuple[Array, Array, Array]:
+    """Return the normal rows (k, 1), the tangential rows (k, 1), if there are none (k, 0), and mu (k, 1)."""
+    rows = r.reshape(mu.size, -1)
+    return rows[:, :1], rows[:, 1:], mu[:, None]
+
+
+def root(scale: Array) -> Array:
+    """sqrt(diag W); a row of zeros cannot be scaled and is left alone."""
+    return np.sqrt(np.where(scale > 0.0, scale, 1.0))
+
+
+def scaled_friction(mu: Array, s: Array) -> Array:
+    """Return mu~ = mu sqrt(W_tt / W_nn), for s = sqrt(diag W)."""
+    return mu if s.size == mu.size else mu * s[1::2] / s[0::2]
