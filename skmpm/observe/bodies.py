@@ -30,7 +30,7 @@ class PerBody:
     volume_ratio: Array  # (bodies,) J = sum V0 det F / sum V0
     coordination: Array  # (bodies,) bodies and walls that touch it
     contact_surface: Array  # (bodies,) length in contact over pi diameter
-    aspect_ratio: Array  # (bodies,) extents along the principal axes, long over short
+    aspect_ratio: Array  # (bodies,) extents along the principal axes, long over short; 1 if round
     angle: Array  # (bodies,) of the long axis, in (-pi/2, pi/2] [rad]; nan for a round body
     overlap: Array  # (bodies,) area shared with other bodies / area
     stress: Array  # (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive
@@ -49,7 +49,8 @@ def per_body(scene: Scene, state: State, rim: Outlines, *, interior: bool) -> Pe
     diameter = 2.0 * np.sqrt(initial / np.pi)
     outlined = np.array([bool(body.points.outline) for body in scene.bodies])
     area = np.where(outlined, outline.area(rim, x, n), np.nan)
-    long, short, _ = outline.dimensions(rim, x, n)
+    long, short, angle = outline.dimensions(rim, x, n)
+    isotropic = _isotropic(rim, x, n)
     length = contact_length(state.contacts, rim, x, n, scene.cell)
     stress = moments(half_branches(state.contacts, centre, scene.deformable), 1.0, n) / volume
     return PerBody(
@@ -60,8 +61,8 @@ def per_body(scene: Scene, state: State, rim: Outlines, *, interior: bool) -> Pe
         volume_ratio=volume / initial,
         coordination=coordination(state.contacts, n, scene.cell),
         contact_surface=np.where(outlined, length, np.nan) / (np.pi * diameter),
-        aspect_ratio=long / short,
-        angle=_angle(rim, x, n),
+        aspect_ratio=np.where(isotropic, 1.0, long / short),
+        angle=np.where(isotropic, np.nan, angle),
         overlap=_shared(rim, x, n) / area,
         stress=stress,
         pressure=-np.trace(stress) / 2.0,
@@ -84,12 +85,11 @@ def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interio
     return inside & scene.deformable
 
 
-def _angle(rim: Outlines, x: Array, bodies: int) -> Array:
-    """Angle of the long axis, (bodies,) [rad]; nan for bodies without one, round or without outline."""
+def _isotropic(rim: Outlines, x: Array, bodies: int) -> Bools:
+    """Say which bodies have no long axis, (bodies,)."""
     M = outline.second_moments(rim, x, bodies)
-    angle = outline.dimensions(rim, x, bodies)[2]
-    difference = np.hypot(M[0, 0] - M[1, 1], 2.0 * M[0, 1])
-    return np.where(difference > ROUND * np.trace(M), angle, np.nan)
+    result: Bools = np.hypot(M[0, 0] - M[1, 1], 2.0 * M[0, 1]) <= ROUND * np.trace(M)
+    return result
 
 
 def _shared(rim: Outlines, x: Array, bodies: int) -> Array:

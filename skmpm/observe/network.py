@@ -106,9 +106,10 @@ def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int
     for neighbour in (outlines.next, outlines.previous):
         length += _halves(c, contacts.normal[:, contact[closed]], x[:, neighbour[c]] - x[:, c], outlines.m)
     both = second >= 0
-    total = np.bincount(first, length, bodies) + np.bincount(second[both], length[both], bodies)
+    ends, twice = np.append(first, second[both]), np.append(length, length[both])
+    total = np.bincount(ends, twice, bodies).astype(np.float64)  # integer if there are none
     total[touched[touched >= 0]] = np.nan
-    return np.asarray(total, dtype=np.float64)
+    return total
 
 
 def _halves(c: Ints, normal: Array, edge: Array, m: int) -> Array:

@@ -45,25 +45,26 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     The box is the intersection of the walls. If it is not closed, the solid fractions, the stress and the
     pressures (but those of each body) are nan. Measures of outlines are nan where a deformable body has none.
 
-    - solid fractions: area of the outlines (nominal: initial volumes) over the area of the box; of rigid bodies
-      only the part in the box counts.
+    - solid fractions: area of the outlines (nominal: initial volumes) over the area of the box; of rigid
+      bodies only the part in the box counts.
     - coordination Z: mean number of bodies and walls that touch a deformable body; if no contact carries a
       force, of those with a gap below 0.02 cells.
-    - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the rim length with a gap below
-      0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for contacts
-      at shared grid nodes, which have no length.
-    - anisotropy: A_m = 2 (G1 - G2), G the mean of (cos, sin) (x) (cos, sin) of the long axes of the deformable
-      bodies; a round one counts as I/2. aspect_ratio: their mean extents along the principal axes, long/short.
+    - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the rim length with a gap
+      below 0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for
+      contacts at shared grid nodes, which have no length.
+    - anisotropy: A_m = 2 (G1 - G2), G the mean of (cos, sin) (x) (cos, sin) of the long axes of the
+      deformable bodies, a round one counting as I/2. aspect_ratio: mean of their long over short extents.
     - overlap: area shared by two bodies over the area of all.
     - stress: -sum f (x) branch / V over the contacts (Love-Weber), branches from centre to centre, for walls
-      and rigid bodies from the contact point; without inertia. pressure and pressure_contacts are its -tr/2.
-    - pressure_points: -tr/2 of [sum V sigma - sum m v' (x) v'] / V over the points of deformable bodies, v' the
-      velocity relative to their mean.
+      and rigid bodies from the contact point; without inertia. pressure (= pressure_contacts) is its -tr/2.
+    - pressure_points: -tr/2 of [sum V sigma - sum m v' (x) v'] / V over the points of deformable bodies, v'
+      the velocity relative to their mean.
     - pressure_walls: mean of normal force over length in the box, over the walls that bound the box.
 
-    With `interior` the means go over bodies whose centre lies at least two mean diameters from every wall, nan
-    if there are none, and sums per volume go over the box shrunk by as much: outlines clipped to it exactly,
-    the points in it, branches (through the contact point) by the share of their length in it. Walls have none.
+    With `interior` the means go over bodies whose centre lies at least two mean diameters from every wall
+    (nan if there are none) and sums per volume over the box shrunk by as much: outlines clipped to it
+    exactly, the points in it, branches (through the contact point) by the share of their length in it.
+    The pressure on walls is nan then.
 
     Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147.
     """

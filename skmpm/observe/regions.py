@@ -32,7 +32,8 @@ def region(normal: Array, point: Array) -> Region:
         return Region(normal, point, length, float("nan"))
     # Green's theorem: twice the area is the sum of sides times distances of their lines from any point.
     distance = np.einsum("iw,iw->w", normal, point.mean(axis=1)[:, None] - point)
-    return Region(normal, point, length, float(length @ distance) / 2.0)
+    area = float(length @ distance) / 2.0
+    return Region(normal, point, length, area if area > 0.0 else float("nan"))
 
 
 def _lengths(normal: Array, point: Array) -> Array:
