@@ -27,15 +27,13 @@ class Observables:
     contact_surface: float  # S
     anisotropy: float  # A_m
     aspect_ratio: float  # alpha
-    overlap: float  # shared area / area of the outlines
+    overlap: float  # area shared by two bodies / area of all outlines
     pressure: float  # = pressure_contacts [Pa]
     pressure_contacts: float  # [Pa]
     pressure_points: float  # [Pa]
-    pressure_walls: float  # mean over the walls [Pa]
+    pressure_walls: float  # mean of wall_pressure over the walls that bound the box [Pa]
     stress: Array  # (2, 2) of the contacts [Pa]
-    wall_pressure: (
-        Array  # (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
-    )
+    wall_pressure: Array  # (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
     bodies: PerBody
 
 
@@ -54,28 +52,25 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
       contacts at shared grid nodes, which have no length.
     - anisotropy: A_m = 2 (G1 - G2), G the mean of (cos, sin) (x) (cos, sin) of the long axes of the
       deformable bodies, a round one counting as I/2. aspect_ratio: mean of their long over short extents.
-    - overlap: area shared by two bodies over the area of all.
     - stress: -sum f (x) branch / V over the contacts (Love-Weber), branches from centre to centre, for walls
       and rigid bodies from the contact point; without inertia. pressure (= pressure_contacts) is its -tr/2.
     - pressure_points: -tr/2 of [sum V sigma - sum m v' (x) v'] / V over the points of deformable bodies, v'
       the velocity relative to their mean.
-    - pressure_walls: mean of normal force over length in the box, over the walls that bound the box.
 
     With `interior` the means go over bodies whose centre lies at least two mean diameters from every wall
     (nan if there are none) and sums per volume over the box shrunk by as much: outlines clipped to it
-    exactly, the points in it, branches (through the contact point) by the share of their length in it.
-    The pressure on walls is nan then.
-
+    exactly, the points in it, branches (through the contact point) by the share of their length in it. The
+    pressure on walls is nan then.
     Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147.
     """
     rim = scene.outlines
     bodies = per_body(scene, state, rim, interior=interior)
+    own = bodies.counted
     box = _box(scene, state, bodies, interior)
     solid, nominal = _fractions(scene, state, rim, bodies, box, interior)
     stress = _stress(scene, state, bodies, box, interior)
     pressure = -float(np.trace(stress)) / 2.0
     walls = np.full(len(scene.walls), np.nan) if interior else _wall_pressure(scene, state, box)
-    own = bodies.counted
     return Observables(
         solid_fraction=solid,
         solid_fraction_nominal=nominal,
@@ -118,9 +113,7 @@ def _fractions(
 def _share(scene: Scene, state: State, rim: Outlines, bodies: PerBody, box: Region) -> Array:
     """Share of each body in the box, (bodies,): of its outline or, without one, of its points."""
     start = scene.offsets[:-1]
-    points = np.add.reduceat(state.volume * contains(box, state.x), start) / np.add.reduceat(
-        state.volume, start
-    )
+    points = np.add.reduceat(state.volume * contains(box, state.x), start) / np.add.reduceat(state.volume, start)
     inside = area_inside(box, rim, state.x[:, rim.point], len(scene.bodies))
     return np.where(np.isfinite(bodies.area), inside / bodies.area, points)
 

@@ -52,12 +52,8 @@ def box(low, high, angle=0.0, centre=(0.0, 0.0)):
 
 def pressed(state, force, wall_force=None):
     """Give the contacts forces (2, k)."""
-    contacts = replace(
-        state.contacts, force=np.broadcast_to(force, state.contacts.normal.shape).astype(float)
-    )
-    return replace(
-        state, contacts=contacts, wall_force=state.wall_force if wall_force is None else wall_force
-    )
+    contacts = replace(state.contacts, force=np.broadcast_to(force, state.contacts.normal.shape).astype(float))
+    return replace(state, contacts=contacts, wall_force=state.wall_force if wall_force is None else wall_force)
 
 
 def scalars(o):
@@ -118,9 +114,7 @@ def test_region_of_a_convex_polygon_has_its_sides_and_area(seed):
 
 def test_walls_that_do_not_bound_the_region_have_no_length():
     normal, point = half_planes(np.array([[0.0, 2, 2, 0], [0.0, 0, 1, 1]]))
-    extra_normal = np.array(
-        [[0.0, 0.0, 0.6], [1.0, 1.0, 0.8]]
-    )  # beyond the floor, the floor again, a far corner
+    extra_normal = np.array([[0.0, 0.0, 0.6], [1.0, 1.0, 0.8]])  # beyond the floor, the floor again, a far corner
     extra_point = np.array([[0.0, 5.0, -1.0], [-1.0, 0.0, -1.0]])
     r = region(np.hstack([normal, extra_normal]), np.hstack([point, extra_point]))
     np.testing.assert_allclose(r.length, [2, 1, 2, 1, 0, 0, 0])
@@ -214,9 +208,7 @@ def test_rim_between_forced_contacts_is_contact_whatever_its_gap(shift):
     gap, force = state.contacts.gap.copy(), np.zeros_like(state.contacts.force)
     gap[k[[4, 5]]] = 0.04  # more than 0.02 cells
     loose = replace(state, contacts=replace(state.contacts, gap=gap, force=force))
-    assert observe(scene, loose).bodies.contact_surface[0] == pytest.approx(
-        (chord - 2 * spacing) / (2 * np.pi)
-    )
+    assert observe(scene, loose).bodies.contact_surface[0] == pytest.approx((chord - 2 * spacing) / (2 * np.pi))
     force[0, k[[0, 10]]] = 1.0
     held = replace(state, contacts=replace(state.contacts, gap=gap, force=force))
     assert observe(scene, held).bodies.contact_surface[0] == pytest.approx(chord / (2 * np.pi))
@@ -398,8 +390,8 @@ def test_interior_points_only():
 def test_contacts_points_and_walls_agree_on_the_pressure_of_a_slow_compression():
     """Virial theorem: near equilibrium all three are the mean stress.
 
-    Four discs, walls at 0.5 m/s, c_p = 196 m/s. Tolerances: what is left of inertia, 0.2 % for contacts and 1 %
-    for walls when this was written.
+    Four discs, walls at 0.5 m/s, c_p = 196 m/s. Tolerances: what is left of inertia, 0.2 % for contacts
+    and 1 % for walls when this was written.
     """
     R, v = 1e-3, 0.5
     bodies = [Body(disc((i * R, j * R), R, spacing=0.12 * R), SOFT) for i in (1, 3) for j in (1, 3)]
@@ -576,9 +568,7 @@ def test_rigid_body_without_outline_fills_by_its_points():
 
 def test_bodies_without_outline():
     scene = lattice(3)
-    bare = replace(
-        scene, bodies=[replace(b, points=Points(b.points.x, b.points.volume)) for b in scene.bodies]
-    )
+    bare = replace(scene, bodies=[replace(b, points=Points(b.points.x, b.points.volume)) for b in scene.bodies])
     state = initial(bare, scheme=Scheme.seed())
     assert (state.contacts.point == -1).all() and state.contacts.point.size
     before, o = observe(bare, state), observe(bare, pressed(state, np.array([[1.0], [0.0]])))
@@ -623,9 +613,7 @@ def random_packing(rng, angle=0.0, shift=(0.0, 0.0), order=None):
     spikes = np.where(np.arange(16) % 4, rng.uniform(0.6, 0.9, (9, 16)), 1.0)
     t = np.pi / 8 * np.arange(16)
     shapes = [
-        column(p) + spikes[k] * np.array((np.cos(t), np.sin(t)))
-        if k % 2
-        else disc(p, 1.0, spacing=np.pi / 16)
+        column(p) + spikes[k] * np.array((np.cos(t), np.sin(t))) if k % 2 else disc(p, 1.0, spacing=np.pi / 16)
         for k, p in enumerate(at)
     ]
     R, s = turn(angle), column(shift)
@@ -671,9 +659,7 @@ def test_order_of_the_bodies_does_not_matter(seed, order):
     assert scalars(a) == pytest.approx(scalars(b), rel=1e-9)
     np.testing.assert_allclose(a.stress, b.stress, atol=1e-12)
     for f in fields(a.bodies):
-        np.testing.assert_allclose(
-            getattr(a.bodies, f.name)[..., order], getattr(b.bodies, f.name), atol=1e-9
-        )
+        np.testing.assert_allclose(getattr(a.bodies, f.name)[..., order], getattr(b.bodies, f.name), atol=1e-9)
 
 
 def test_observing_changes_nothing():
