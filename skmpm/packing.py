@@ -15,6 +15,7 @@ Array: TypeAlias = NDArray[np.float64]
 _START = 0.3  # size of the discs at the start, relative to the end
 _GROWTH = 0.04  # largest and smallest growth per step; needing less than the smallest means a jam
 _LEAST_GROWTH = 2e-4
+_EASE, _DENSE = 1.12, 0.78  # growth of the solid fraction beyond the one asked, up to a dense one
 _SHAKES = 4  # random moves out of a jam ...
 _SHAKE = 0.05  # ... and their size [mean radius]
 _MARGIN = 0.5  # pairs with a smaller gap are constraints [mean radius]
@@ -73,10 +74,9 @@ def packing(
             f"the box is {width:g} x {height:g} m but the largest disc has a radius of {R.max():g} m; "
             "change the width, lower solid_fraction or use more discs"
         )
-    inner = _START * scaled
     rng = np.random.default_rng(seed)
-    x = inner + rng.uniform(size=(2, R.size)) * (box[:, None] - 2.0 * inner)
-    x, size = _grow(x, scaled, box, friction, rng)
+    ease = max(1.0, min(_EASE, _DENSE / solid_fraction))
+    x, size = _grow(_scatter(scaled, box, rng), scaled, box, friction, np.sqrt(ease), rng)
     if size < 1.0:
         raise PackingError(
             f"the discs jam at a solid fraction of {solid_fraction * size**2:.3f}, "
@@ -85,23 +85,38 @@ def packing(
     return Packing(x * unit, R, float(width), height)
 
 
-def _grow(x: Array, R: Array, box: Array, friction: float, rng: np.random.Generator) -> tuple[Array, float]:
-    """Grow the discs to full size, in smaller steps where it is tight; return them and the size reached."""
+def _scatter(R: Array, box: Array, rng: np.random.Generator) -> Array:
+    """Draw a centre in each of N cells of a grid: random, but without the voids of independent centres."""
+    columns = int(np.ceil(np.sqrt(R.size * box[0] / box[1])))
+    rows = -(-R.size // columns)
+    cell = rng.permutation(rows * columns)[: R.size]
+    place = np.array(np.divmod(cell, rows)) + rng.uniform(size=(2, R.size))
+    inner = _START * R
+    return np.asarray(inner + place / [[columns], [rows]] * (box[:, None] - 2.0 * inner), dtype=float)
+
+
+def _grow(
+    x: Array, R: Array, box: Array, friction: float, limit: float, rng: np.random.Generator
+) -> tuple[Array, float]:
+    """Grow the discs to ``limit`` times their full size, in smaller steps where it is tight.
+
+    Growing beyond full size spreads them evenly; a jam there does no harm. Return them and the size reached.
+    """
     size, growth, shakes, best = 0.0, _START, 0, 0.0
-    while size < 1.0:
-        target = min(1.0, size + growth)
+    while size < limit:
+        target = min(limit, size + growth)
         moved = _separate(x, target * R, box, friction, _OVERLAP[int(target < 1.0)])
         if moved is not None:
             x, size, growth = moved, target, min(1.5 * growth, _GROWTH)
             best = max(best, size)
         elif growth > _LEAST_GROWTH:
             growth *= 0.5
-        elif shakes < _SHAKES:
+        elif size < 1.0 and shakes < _SHAKES:
             x, size, growth = x + _SHAKE * rng.uniform(-1.0, 1.0, x.shape), (1.0 - _SHAKE) * size, _SHAKE
             shakes += 1
         else:
-            return x, best
-    return x, size
+            break
+    return x, best
 
 
 def _separate(x: Array, R: Array, box: Array, friction: float, tolerance: float) -> Array | None:
@@ -187,8 +202,7 @@ def _check(R: Array, width: float, solid_fraction: float, friction: float) -> No
         raise PackingError(f"radii: {given}; give a row (N,) of finite numbers above zero")
     if not 0.0 < solid_fraction < _HEXAGONAL:
         raise PackingError(
-            f"solid_fraction {solid_fraction:g} must lie between 0 and {_HEXAGONAL:.4f}; "
-            "random discs jam near 0.84"
+            f"solid_fraction {solid_fraction:g} must lie between 0 and {_HEXAGONAL:.4f}; random discs jam near 0.84"
         )
     if not (np.isfinite(width) and width > 2.0 * R.max()):
         raise PackingError(f"width {width:g} m must exceed the largest diameter, {2.0 * R.max():g} m")

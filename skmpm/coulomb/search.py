@@ -143,9 +143,7 @@ def _sweep(p: _Problem, x: _Iterate, largest: float, sweeps: int) -> _Iterate:
     return p.at(r, u)
 
 
-def _newton(
-    p: _Problem, x: _Iterate, tol: float, limit: int, gain: float, shortest: float
-) -> tuple[_Iterate, int]:
+def _newton(p: _Problem, x: _Iterate, tol: float, limit: int, gain: float, shortest: float) -> tuple[_Iterate, int]:
     """Take Newton steps while the natural map goes down; return the end, clamped, and their number.
 
     On the way r may leave the cones: held inside, the steps get far shorter. The gain weighs the velocities
@@ -195,14 +193,17 @@ def _states(a: Array, mu: Array) -> tuple[NDArray[np.intp], Matrix]:
 
 
 def _solve_regular(A: Matrix, b: Array) -> Array:
-    """Solve (A + tiny) x = b; zeros if there is no LU."""
+    """Solve A x = b by (A + tiny) and one refinement, which bounds redundant impulses; zeros if it fails."""
     try:
         if not _is_sparse(A):
-            return np.linalg.solve(A + _SHIFT * np.eye(b.size), b)
+            inverse = np.linalg.inv(A + _SHIFT * np.eye(b.size))
+            x = inverse @ b
+            return np.asarray(x + inverse @ (b - A @ x), dtype=float)
         shifted = sp.csc_array(A) + sp.diags_array(np.full(b.size, _SHIFT), format="csc")
         options = {"SymmetricMode": True}  # slip disturbs the symmetry of W little
         lu = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options=options)
-        return np.asarray(lu.solve(b), dtype=float)
+        x = lu.solve(b)
+        return np.asarray(x + lu.solve(b - A @ x), dtype=float)
     except (RuntimeError, np.linalg.LinAlgError):
         return np.zeros_like(b)
 

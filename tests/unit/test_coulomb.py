@@ -1,0 +1,265 @@
+"""Signorini-Coulomb: against enumeration of all contact states, closed forms, and the definition itself."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.optimize import nnls
+
+from skmpm import coulomb
+
+MU = st.sampled_from([0.0, 0.1, 0.3, 0.5, 1.0, 2.0])
+SEED = st.integers(0, 2**32 - 1)
+
+
+def random_problem(seed, mu, *, rank=None, consistent=True):
+    """W of the given rank; a consistent q = H v lies in its range."""
+    rng = np.random.default_rng(seed)
+    m = 2 * len(mu)
+    H = rng.normal(size=(m, rank or m + 1)) * 10.0 ** rng.uniform(-1, 1, size=(m, 1))  # diag(W): four decades
+    q = H @ rng.normal(size=H.shape[1]) if consistent else rng.normal(size=m)
+    return H @ H.T, q, np.array(mu)
+
+
+def enumerate_states(W, q, mu, tol=1e-8):
+    """All solutions with open, sticking and slipping contacts tried in every combination."""
+    solutions = []
+    for states in product("os+-", repeat=len(mu)):
+        columns, rows = [], []
+        for c, state in enumerate(states):
+            if state == "o":
+                continue
+            e = np.zeros(q.size)
+            e[2 * c] = 1.0
+            e[2 * c + 1] = {"s": 0.0, "+": mu[c], "-": -mu[c]}[state]
+            columns, rows = [*columns, e], [*rows, 2 * c]
+            if state == "s":
+                columns, rows = [*columns, np.eye(q.size)[2 * c + 1]], [*rows, 2 * c + 1]
+        B = np.array(columns).T.reshape(q.size, -1)
+        r = B @ np.linalg.lstsq(W[rows] @ B, -q[rows], rcond=None)[0] if rows else np.zeros(q.size)
+        if obeys(W, q, mu, r, tol):
+            solutions.append(r)
+    return solutions
+
+
+def obeys(W, q, mu, r, tol):
+    """Check the laws as they are written, contact by contact, with r and u scaled by diag(W)."""
+    s = np.sqrt(np.diag(W))
+    r, u, size = r * s, (W @ r + q) / s, np.linalg.norm(q / s) + 1e-30
+    mu = mu * s[1::2] / s[::2]
+    small = tol * size
+    for (r_n, r_t), (u_n, u_t), m in zip(r.reshape(-1, 2), u.reshape(-1, 2), mu, strict=True):
+        if r_n < -small or u_n < -small or min(r_n, u_n) > small or abs(r_t) > m * r_n + small:
+            return False
+        if m > 0.0 and abs(u_t) > small and abs(r_t + np.sign(u_t) * m * r_n) > 10 * small * (1 + m):
+            return False
+    return True
+
+
+def lattice(side, *, per_pair=4, mu=0.5, seed=0, redundant=False):
+    """Elastic-like discs on a hexagonal lattice: rigid motions plus a smooth Green's function, dense per body."""
+    rng = np.random.default_rng(seed)
+    i, j = (a.ravel() for a in np.mgrid[:side, :side])
+    bonds = [(i, j, i + 1, j), (i, j, i, j + 1), (i + 1, j, i, j + 1)]
+    a, b = np.hstack([[p * side + q, s * side + t] for p, q, s, t in bonds])
+    inside = np.hstack([(np.maximum(p, s) < side) & (np.maximum(q, t) < side) for p, q, s, t in bonds])
+    a, b = a[inside], b[inside]
+    centre = np.array([2.0 * i + j, np.sqrt(3.0) * j])
+    n = np.repeat((centre[:, a] - centre[:, b]) / 2.0, per_pair, axis=1)
+    t = np.array([-n[1], n[0]])
+    offset = np.tile((0.0 if redundant else 0.1) * (np.arange(per_pair) - (per_pair - 1) / 2), a.size)
+    a, b = np.repeat(a, per_pair), np.repeat(b, per_pair)
+    scale = 1.0 if redundant else 10.0 ** rng.uniform(-1.0, 1.0, 2 * a.size)
+    blocks, q = [], np.zeros(2 * a.size)
+    for body in range(side * side):
+        on_a, on_b = np.flatnonzero(a == body), np.flatnonzero(b == body)
+        own, sign = np.r_[on_a, on_b], np.r_[np.ones(on_a.size), -np.ones(on_b.size)]
+        arm = np.hstack([-n[:, on_a], n[:, on_b]]) + offset[own] * t[:, own]
+        D = np.stack([n[:, own], t[:, own]], axis=1) * sign  # (xy, nt, contacts)
+        spin = np.einsum("xik,xk->ik", D, np.array([-arm[1], arm[0]]))
+        far = np.hypot(*(arm[:, :, None] - arm[:, None, :]))
+        G = np.einsum("xik,xjl,kl->kilj", D, D, 0.3 + 2.0 * np.exp(-far / 0.3))
+        G += 0.6 * np.einsum("ik,jl->kilj", spin, spin)
+        rows = (2 * own[:, None] + [0, 1]).ravel()
+        blocks.append((np.repeat(rows, rows.size), np.tile(rows, rows.size), G.ravel()))
+        velocity = -0.02 * (centre[:, body] - centre.mean(axis=1)) + 0.05 * rng.normal(size=2)
+        turn = 0.05 * rng.normal()
+        q[rows] += (np.einsum("xik,x->ki", D, velocity) + turn * spin.T).ravel()
+    rows, columns, values = (np.concatenate(x) for x in zip(*blocks, strict=True))
+    W = sp.coo_array((values, (rows, columns)), shape=(q.size, q.size)).tocsr()
+    S = sp.diags_array(scale * np.ones(q.size))
+    mu = np.full(a.size, mu) if np.isscalar(mu) else rng.uniform(*mu, a.size)
+    return (S @ W @ S).tocsr(), scale * (q + np.where(np.arange(q.size) % 2, 0.0, 0.02)), mu
+
+
+def certificate(W, q, mu, r):
+    d = W.diagonal()
+    return coulomb.residual(r, W @ r + q, mu, d, reference=np.linalg.norm(q / np.sqrt(d)))
+
+
+@given(SEED, st.lists(MU, min_size=1, max_size=4), st.booleans())
+def test_finds_one_of_the_enumerated_solutions(seed, mu, consistent):
+    W, q, mu = random_problem(seed, mu, consistent=consistent)
+    r, info = coulomb.solve(W, q, mu, tol=1e-10)
+    assert info.converged
+    assert obeys(W, q, mu, r, 1e-8)
+    solutions = enumerate_states(W, q, mu)
+    assert min(np.abs(r - x).max() for x in solutions) < 1e-6 * (1.0 + np.abs(r).max())
+
+
+@given(SEED, st.lists(MU, min_size=2, max_size=3))
+def test_redundant_contacts(seed, mu):
+    """Rank 2 for up to six rows; whatever has a solution must be solved."""
+    W, q, mu = random_problem(seed, mu, rank=2)
+    assume(enumerate_states(W, q, mu))
+    r, info = coulomb.solve(W, q, mu, tol=1e-8)
+    assert info.converged
+    assert obeys(W, q, mu, r, 1e-6)
+
+
+@given(SEED, st.integers(1, 30), st.booleans())
+def test_frictionless_is_nnls(seed, k, singular):
+    """To minimise |H'r + v| over r >= 0 has W = H H', q = H v; the velocity H'r + v is unique even if r is not."""
+    rng = np.random.default_rng(seed)
+    H, v = rng.normal(size=(k, max(1, k // 2) if singular else k + 2)), None
+    v = rng.normal(size=H.shape[1])
+    r, info = coulomb.solve(H @ H.T, H @ v, np.zeros(k), tol=1e-10)
+    expected, _ = nnls(H.T, -v)
+    assert info.converged
+    np.testing.assert_allclose(H.T @ r, H.T @ expected, atol=1e-7 * np.linalg.norm(v))
+
+
+@given(SEED, st.integers(1, 30))
+def test_zero_friction_with_tangential_rows_is_the_frictionless_problem(seed, k):
+    W, q, mu = random_problem(seed, [0.0] * k)
+    r, _ = coulomb.solve(W, q, mu, tol=1e-12)
+    normal, _ = coulomb.solve(W[::2, ::2], q[::2], mu, tol=1e-12)
+    assert not r[1::2].any()
+    np.testing.assert_allclose(r[::2], normal, rtol=1e-8, atol=1e-8 * np.abs(normal).max())
+
+
+@pytest.mark.parametrize("slide", [-3.0, 3.0])
+def test_slips_on_the_cone_to_the_last_bit(slide):
+    r, _ = coulomb.solve(np.diag([3.0, 0.7]), np.array([-0.3, slide]), np.array([0.3]))
+    np.testing.assert_allclose(r[0], 0.1, rtol=1e-9)
+    assert r[1] == -np.sign(slide) * 0.3 * r[0]
+
+
+def test_friction_does_not_lift():
+    """The convex relaxation would open the contact by mu |u_t|; Coulomb keeps u_n = 0."""
+    W, q = np.eye(2), np.array([-1.0, 2.0])
+    r, _ = coulomb.solve(W, q, np.array([0.5]), tol=1e-12)
+    np.testing.assert_allclose(W @ r + q, [0.0, 1.5], atol=1e-12)
+    relaxed = coulomb.project(-q, np.array([0.5]))
+    assert coulomb.residual(relaxed, relaxed + q, np.array([0.5]), np.ones(2)) > 0.1
+
+
+def test_sticks_below_the_cone():
+    r, info = coulomb.solve(np.eye(2), np.array([-1.0, 0.4]), np.array([0.5]))
+    np.testing.assert_allclose(r, [1.0, -0.4], rtol=1e-9)
+    assert info.converged
+
+
+def test_without_contacts():
+    r, info = coulomb.solve(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
+    assert r.shape == (0,) and info == coulomb.Info(0, 0, 0.0, True)
+    assert coulomb.residual(r, r, np.zeros(0), r) == 0.0
+    assert coulomb.project(r, np.zeros(0)).shape == (0,)
+
+
+def test_at_rest_and_apart():
+    for q in (np.zeros(4), np.array([1.0, 5.0, 2.0, -3.0])):
+        r, info = coulomb.solve(np.eye(4), q, np.full(2, 0.5))
+        assert not r.any() and info.converged and info.iterations == 0
+
+
+@given(SEED, st.lists(MU, min_size=1, max_size=6))
+def test_projection_is_the_nearest_point(seed, mu):
+    """P is in the cone, r - P in its polar, and the two are orthogonal (Moreau)."""
+    rng = np.random.default_rng(seed)
+    mu, r = np.array(mu), rng.normal(size=2 * len(mu))
+    p = coulomb.project(r, mu)
+    rest = r - p
+    assert (np.abs(p[1::2]) <= mu * p[::2]).all()
+    assert (rest[::2] + mu * np.abs(rest[1::2]) <= 1e-12).all()
+    assert abs(p @ rest) < 1e-12
+    np.testing.assert_array_equal(coulomb.project(r[::2], mu), np.maximum(r[::2], 0.0))
+
+
+@given(SEED, st.lists(MU, min_size=1, max_size=4), st.floats(-3, 3), st.floats(-3, 3))
+def test_residual_does_not_depend_on_units(seed, mu, length, mass):
+    W, q, mu = random_problem(seed, mu)
+    r = np.random.default_rng(seed).normal(size=q.size) / np.diag(W)
+    expected = certificate(W, q, mu, r)
+    velocity, mass = 10.0**length, 10.0**mass
+    assert certificate(W / mass, velocity * q, mu, velocity * mass * r) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5, (0.0, 2.0)])
+def test_large_lattice(mu):
+    """About 3,200 contacts, 17 discs across, diag(W) over four decades, to 1e-10, certified by `residual`."""
+    W, q, mu = lattice(17, mu=mu)
+    if not mu.any():
+        W, q = W[::2][:, ::2].tocsr(), q[::2]
+    r, info = coulomb.solve(W, q, mu, tol=1e-10)
+    assert info.converged and certificate(W, q, mu, r) < 1e-10
+    assert 0.05 < (r > 0.0).mean() < 0.95
+    if mu.any():
+        edge = mu * r[::2]
+        slips = (np.abs(r[1::2]) == edge) & (edge > 0.0)
+        assert slips.any() and ((np.abs(r[1::2]) < edge).sum() > 0) and (np.abs(r[1::2]) <= edge).all()
+
+
+def test_lattice_with_every_contact_doubled():
+    W, q, mu = lattice(8, per_pair=2, redundant=True)
+    r, info = coulomb.solve(W, q, mu, tol=1e-9)
+    assert info.converged and certificate(W, q, mu, r) < 1e-9
+
+
+def test_warm_start_takes_fewer_iterations():
+    W, q, mu = lattice(8)
+    r, cold = coulomb.solve(W, q, mu, tol=1e-10)
+    q = q * (1.0 + 1e-3 * np.random.default_rng(0).normal(size=q.size))
+    _, warm = coulomb.solve(W, q, mu, r0=r, tol=1e-10)
+    assert warm.converged and warm.sweeps == 0 < cold.sweeps
+    assert coulomb.solve(W, q, mu, r0=r, tol=1.0)[1] == coulomb.Info(0, 0, pytest.approx(0.0, abs=1.0), True)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+@pytest.mark.parametrize("copies", [1, 80])
+def test_a_jam_is_reported_not_raised(friction, copies):
+    """A particle of two dofs between two walls that close in: no impulse can open both gaps."""
+    W = sp.block_diag([np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(2))] * copies, format="csr")
+    q = np.tile([-1.0, 0.0, -1.0, 0.0], copies)
+    r, info = coulomb.solve(W, q, np.full(2 * copies, friction))
+    assert not info.converged and info.residual > 0.1 and np.isfinite(r).all()
+
+
+def test_leaves_the_callers_arrays_alone():
+    W, q, mu = lattice(6)
+    W = W[:, ::-1][:, ::-1].tocsr()
+    W = sp.csr_array((W.data.copy(), W.indices.copy(), W.indptr), shape=W.shape)
+    order = np.concatenate([np.arange(a, b)[::-1] for a, b in zip(W.indptr[:-1], W.indptr[1:], strict=True)])
+    unsorted = sp.csr_array((W.data[order], W.indices[order], W.indptr), shape=W.shape)
+    before, q_before, r0 = unsorted.toarray(), q.copy(), np.ones_like(q)
+    coulomb.solve(unsorted, q, mu, r0=r0)
+    np.testing.assert_array_equal(unsorted.toarray(), before)
+    np.testing.assert_array_equal(q, q_before)
+    assert (r0 == 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "mu", "message"),
+    [
+        ((4, 4), 3, [0.5, 0.5], "disagree"),
+        ((2, 2), 4, [0.5, 0.5], "disagree"),
+        ((4, 4), 4, [0.5, -0.5], "negative"),
+        ((2, 2), 2, [0.5, 0.5], "tangential"),
+    ],
+)
+def test_says_what_is_wrong(shape, size, mu, message):
+    with pytest.raises(ValueError, match=message):
+        coulomb.solve(np.eye(shape[0]), np.zeros(size), np.array(mu))
