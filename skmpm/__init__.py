@@ -1,1 +1,50 @@
-"""skmpm: implicit material point method on scikit-fem with Contact Dynamics."""
+"""skmpm: implicit material point method on scikit-fem with Contact Dynamics, for packings of soft bodies.
+
+Build a `Scene` of `Body`s and `Wall`s, then loop over `simulate(scene, dt=..., until=...)`; `observe` measures the
+states it yields, `record` writes them for ParaView.
+"""
+
+from skmpm import contact, coulomb, linear, transfer
+from skmpm.io import CheckpointError, load, record, save
+from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.observe import Observables, observe
+from skmpm.packing import Packing, PackingError, packing
+from skmpm.points import Points, box, disc, from_mesh
+from skmpm.scene import Body, Scene, SceneError, State, StepFailed, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import initial, simulate, step
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Body",
+    "CheckpointError",
+    "LinearElastic",
+    "NeoHookean",
+    "Observables",
+    "Packing",
+    "PackingError",
+    "Points",
+    "Rigid",
+    "Scene",
+    "SceneError",
+    "Scheme",
+    "State",
+    "StepFailed",
+    "Wall",
+    "box",
+    "contact",
+    "coulomb",
+    "disc",
+    "from_mesh",
+    "initial",
+    "linear",
+    "load",
+    "observe",
+    "packing",
+    "record",
+    "save",
+    "simulate",
+    "step",
+    "transfer",
+]

@@ -143,9 +143,7 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
     weight = volume / sheets.cell**2
     monomials = sheets.local[0] ** MONOMIALS[0][:, None] * sheets.local[1] ** MONOMIALS[1][:, None] * weight
     rows = np.arange(6)[:, None] * sheets.cells + sheets.cell_of_point
-    moments = sp.csr_array(
-        (monomials.ravel(), (rows.ravel(), np.tile(np.arange(n), 6))), shape=(6 * sheets.cells, n)
-    )
+    moments = sp.csr_array((monomials.ravel(), (rows.ravel(), np.tile(np.arange(n), 6))), shape=(6 * sheets.cells, n))
     return Assembly(
         sheets=sheets,
         volume=volume,

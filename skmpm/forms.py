@@ -12,7 +12,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import BilinearForm, CellBasis, ElementQuad1, ElementVector, InteriorFacetBasis, LinearForm, MeshQuad
+from skfem import (
+    BilinearForm,
+    CellBasis,
+    ElementQuad1,
+    ElementVector,
+    InteriorFacetBasis,
+    LinearForm,
+    MeshQuad,
+)
 from skfem.helpers import dot, grad
 
 Array = NDArray[np.float64]
@@ -50,7 +58,7 @@ def stiffness(u: Any, v: Any, w: Any) -> Any:
 
 @BilinearForm
 def jump(u: Any, v: Any, w: Any) -> Any:
-    """h [dn u] . [dn v] on a facet: the ghost penalty on poorly filled cells (Coombs, IJNME 2022).
+    """H [dn u] . [dn v] on a facet: the ghost penalty on poorly filled cells (Coombs, IJNME 2022).
 
     `u` and `v` come from either side of the facet; the normal is that of side 0 in both.
     """
@@ -62,9 +70,7 @@ def jump(u: Any, v: Any, w: Any) -> Any:
 def ghost_matrix(mesh: MeshQuad, facets: NDArray[np.int64], cell: float) -> Any:
     """Sum over `facets` of int h [dn u] . [dn v], assembled by scikit-fem, (2 nodes, 2 nodes)."""
     sides = [InteriorFacetBasis(mesh, ElementVector(ElementQuad1()), facets=facets, side=i) for i in (0, 1)]
-    return sum(
-        (-1.0) ** (i + j) * jump.assemble(sides[i], sides[j], h_facet=cell) for i in (0, 1) for j in (0, 1)
-    )
+    return sum((-1.0) ** (i + j) * jump.assemble(sides[i], sides[j], h_facet=cell) for i in (0, 1) for j in (0, 1))
 
 
 def _unit_square() -> MeshQuad:
@@ -75,7 +81,7 @@ def reference_stiffness() -> Array:
     """Stiffness of the unit cell for every unit tangent and monomial weight, (6, 10, 8, 8).
 
     Q1 gradients are linear in the local coordinates, so a cell's stiffness is linear in six moments of its
-    points; in 2D it does not depend on the cell's size. Local dofs are those of the assembled matrix: node-interleaved.
+    points; in 2D it does not depend on the cell's size. Local dofs are node-interleaved, as in the mesh.
     """
     basis = CellBasis(_unit_square(), ElementVector(ElementQuad1()), intorder=6)
     order = basis.element_dofs[:, 0]

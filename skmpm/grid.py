@@ -25,7 +25,7 @@ CORNERS = np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
 """Corners of the reference square in the order of `ElementQuad1`, (2, 4)."""
 
 
-class CartesianMapping(Mapping):  # type: ignore[misc]
+class CartesianMapping(Mapping):
     """Affine map of the reference square onto equal square cells: constant, and nothing is cached."""
 
     def __init__(self, origin: Array, cell: float) -> None:
@@ -80,12 +80,12 @@ class Sheets:
     @property
     def nodes(self) -> int:
         """How many (body, node) pairs are occupied."""
-        return self.node_index.shape[1]
+        return int(self.node_index.shape[1])
 
     @property
     def cells(self) -> int:
         """How many (body, cell) pairs are occupied."""
-        return self.cell_index.shape[1]
+        return int(self.cell_index.shape[1])
 
     @property
     def position(self) -> Array:
@@ -111,9 +111,7 @@ class Sheets:
         """A sparse matrix (n, nodes) from four values per point, (4, n)."""
         n = values.shape[1]
         columns = self.nodes_of_cell[:, self.cell_of_point]
-        return sp.csr_array(
-            (values.T.ravel(), columns.T.ravel(), np.arange(0, 4 * n + 1, 4)), shape=(n, self.nodes)
-        )
+        return sp.csr_array((values.T.ravel(), columns.T.ravel(), np.arange(0, 4 * n + 1, 4)), shape=(n, self.nodes))
 
     @cached_property
     def interpolation(self) -> sp.csr_array:
@@ -203,9 +201,7 @@ def lay(x: Array, body: Ints, cell: float, bodies: int, inward: Array | None = N
     cell_index, cell_body = index[:, first], body[first]
     corner = cell_index[:, None, :] + CORNERS[:, :, None]
     owner = np.broadcast_to(cell_body, corner.shape[1:])
-    _, first, node = np.unique(
-        number(corner.reshape(2, -1), owner.ravel()), return_index=True, return_inverse=True
-    )
+    _, first, node = np.unique(number(corner.reshape(2, -1), owner.ravel()), return_index=True, return_inverse=True)
     return Sheets(
         cell=cell,
         cell_of_point=cell_of_point.reshape(-1),

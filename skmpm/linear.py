@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pyamg
@@ -27,9 +27,11 @@ Ints = NDArray[np.int64]
 class Solver(Protocol):
     """A factorised matrix."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Which solver this is."""
 
-    def __call__(self, b: Array) -> Array:
+    def __call__(self, b: Array, /) -> Array:
         """A^-1 b, for b (n,) or (n, m)."""
 
     def compliance(self, H: sp.csr_array) -> sp.csr_array:
@@ -54,7 +56,7 @@ class Banded:
     blocks: Ints
     name: str = "banded"
 
-    def __call__(self, b: Array) -> Array:
+    def __call__(self, b: Array, /) -> Array:
         """A^-1 b."""
         return np.asarray(cho_solve_banded((self.factor, True), b, check_finite=False))
 
@@ -91,7 +93,7 @@ class Direct:
     blocks: Ints
     name: str = "direct"
 
-    def __call__(self, b: Array) -> Array:
+    def __call__(self, b: Array, /) -> Array:
         """A^-1 b."""
         return np.asarray(self.factor.solve(b))
 
@@ -117,7 +119,7 @@ class Amg:
     iterations: list[int] = field(default_factory=list)  # of every solve so far
     name: str = "amg"
 
-    def __call__(self, b: Array) -> Array:
+    def __call__(self, b: Array, /) -> Array:
         """A^-1 b, to a relative residual of `tol`."""
         if b.ndim == 2:
             return np.stack([self(column) for column in b.T], axis=1)
@@ -170,7 +172,7 @@ def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     return (banded if small else amg)(A, blocks, rigid_motions)
 
 
-def _split(blocks: Ints, H: sp.csr_array) -> tuple[Ints, Ints, Ints, Array, Ints, Ints]:
+def _split(blocks: Ints, H: sp.csr_array) -> tuple[Any, ...]:
     """Entries of H by body: (body, dof, local row, value) and each body's rows as (offsets, rows)."""
     entries = H.tocoo()
     body = np.searchsorted(blocks, entries.col, side="right") - 1
@@ -217,7 +219,7 @@ def _by_columns(solve: Solver, blocks: Ints, H: sp.csr_array) -> sp.csr_array:
     return _collect(data, row, column, H.shape[0])
 
 
-def _collect(data: list[Array], row: list[Ints], column: list[Ints], size: int) -> sp.csr_array:
+def _collect(data: list[Any], row: list[Any], column: list[Any], size: int) -> sp.csr_array:
     if not data:
         return sp.csr_array((size, size))
     entries = (np.concatenate(data), (np.concatenate(row), np.concatenate(column)))

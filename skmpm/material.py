@@ -53,7 +53,7 @@ def determinant(F: Array) -> Array:
 
 def product(A: Array, B: Array) -> Array:
     """Matrix products at the points, (2, 2, n)."""
-    return np.einsum("ijp,jkp->ikp", A, B)
+    return np.asarray(np.einsum("ijp,jkp->ikp", A, B))
 
 
 def _lame(E: float, nu: float) -> tuple[float, float]:
@@ -103,7 +103,7 @@ class LinearElastic:
         stress = 0.5 * self._elastic(strain)
         if stress_anchor is not None:
             stress = stress + stress_anchor
-        return np.einsum("ijp,ijp->p", stress, strain)
+        return np.asarray(np.einsum("ijp,ijp->p", stress, strain))
 
     def stress(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
         """Stress, (2, 2, n) [Pa]."""
@@ -189,7 +189,7 @@ class NeoHookean:
         C = (projected_hessian if projected else hessian)(F_total, mu, slope, curvature)
         if F_anchor is None:
             return C
-        return np.einsum("iKjLp,IKp,JLp->iIjJp", C / J_anchor, F_anchor, F_anchor, optimize=True)
+        return np.asarray(np.einsum("iKjLp,IKp,JLp->iIjJp", C / J_anchor, F_anchor, F_anchor, optimize=True))
 
     def cauchy(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
         """Cauchy stress P F' / J, (2, 2, n) [Pa]."""

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import LinearElastic, Material, NeoHookean, Rigid
-from skmpm.outline import Outlines, area, inside, outlines
+from skmpm.outline import Outlines, area, outlines, overlap
 from skmpm.points import Points
 from skmpm.points import check as check_points
 
 if TYPE_CHECKING:
     from skmpm.assembly import Assembly
+    from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -199,8 +200,8 @@ class Derived:
     """Kept for speed; follows from the rest of the state, is not saved and is rebuilt on demand."""
 
     assembly: Assembly
-    key: tuple[float, ...] = ()  # what the kept solver was made for
-    solver: Any = None
+    key: tuple[object, ...] = ()  # what the kept solver was made for
+    solver: Solver | None = None
 
 
 def motion(velocity: ArrayLike | Callable[..., ArrayLike], t: float) -> Array:
@@ -236,9 +237,7 @@ def _check_body(name: str, body: Body) -> None:
     if not isinstance(material, Rigid):
         _positive(f"{name}: Young's modulus E", material.E, "a modulus in Pa")
         if not (np.isfinite(material.nu) and -1.0 < material.nu < 0.5):
-            raise SceneError(
-                f"{name}: Poisson's ratio nu = {material.nu}; it lies between -1 and 0.5, both excluded"
-            )
+            raise SceneError(f"{name}: Poisson's ratio nu = {material.nu}; it lies between -1 and 0.5, both excluded")
     if not callable(body.velocity):
         _vector(f"{name}: velocity", body.velocity)
     elif isinstance(material, Rigid):
@@ -258,7 +257,9 @@ def _check_wall(name: str, wall: Wall) -> None:
     _vector(f"{name}: normal", wall.normal)
     length = float(np.linalg.norm(np.asarray(wall.normal, dtype=float)))
     if abs(length - 1.0) > 1e-9:
-        raise SceneError(f"{name}: normal = {wall.normal} has length {length:.6g}; divide it by its length")
+        raise SceneError(
+            f"{name}: normal = {np.asarray(wall.normal)} has length {length:.6g}; divide it by its length"
+        )
     _vector(f"{name}: velocity", motion(wall.velocity, 0.0))
     _friction(f"{name}: friction", wall.friction)
 
@@ -288,8 +289,6 @@ def _check_start(scene: Scene, tolerance: float = 1e-3) -> None:
 
 
 def _first_overlap(scene: Scene, rim: Outlines, x: Array, slack: float) -> tuple[int, int, float] | None:
-    from skmpm.outline import overlap  # noqa: PLC0415
-
     pairs, shared = overlap(rim, x, len(scene.bodies))
     if not shared.size:
         return None
@@ -316,21 +315,4 @@ def _friction(name: str, value: float) -> None:
 def _vector(name: str, value: ArrayLike) -> None:
     array = np.asarray(value, dtype=float)
     if array.shape != (2,) or not np.isfinite(array).all():
-        raise SceneError(f"{name} = {value}; give two finite numbers (x, y)")
-
-
-__all__ = [
-    "Body",
-    "Contacts",
-    "Derived",
-    "Energy",
-    "Report",
-    "Scene",
-    "SceneError",
-    "State",
-    "StepFailed",
-    "Wall",
-    "check",
-    "inside",
-    "motion",
-]
+        raise SceneError(f"{name} = {array}; give two finite numbers (x, y)")

@@ -52,18 +52,14 @@ def shared_nodes(scene: Scene, state: State, sheets: Sheets, dt: float) -> Linea
 
 def _deformable(sheets: Sheets, mass: Array) -> _Nodes:
     outward = np.stack([D.T @ mass for D in sheets.derivatives])
-    return _Nodes(
-        sheets.node_index, sheets.node_body, outward, np.arange(sheets.nodes), np.zeros((2, sheets.nodes))
-    )
+    return _Nodes(sheets.node_index, sheets.node_body, outward, np.arange(sheets.nodes), np.zeros((2, sheets.nodes)))
 
 
 def _prescribed(x: Array, body: Ints, mass: Array, velocity: Array, cell: float) -> _Nodes:
     """Nodes of bodies numbered from 0 that move with `velocity` (2, bodies)."""
     sheets = lay(x, body, cell, velocity.shape[1])
     nodes = _deformable(sheets, mass)
-    return _Nodes(
-        nodes.index, nodes.body, nodes.outward, np.full(sheets.nodes, -1), velocity[:, sheets.node_body]
-    )
+    return _Nodes(nodes.index, nodes.body, nodes.outward, np.full(sheets.nodes, -1), velocity[:, sheets.node_body])
 
 
 def _rigid(scene: Scene, state: State, cell: float, dt: float) -> _Nodes:

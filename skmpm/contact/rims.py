@@ -51,7 +51,8 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float) -> Linearise
     missing = [b for b, body in enumerate(scene.bodies) if not body.points.outline]
     if missing:
         raise SceneError(
-            f"body {missing[0]} has no outline; give its Points an outline or use Scheme(contact=shared_nodes, anchor=0)"
+            f"body {missing[0]} has no outline; give its Points an outline"
+            " or use Scheme(contact=shared_nodes, anchor=0)"
         )
     rim = scene.outlines
     interpolation = _rim_interpolation(scene, state, sheets, rim)
@@ -68,9 +69,7 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float) -> Linearise
         nonlocal near
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + given)
         if 2.0 * float(np.abs(moved).max(initial=0.0)) > near.margin:
-            near = _Neighbours(
-                scene, rim, rank, near.reach, start, 4.0 * float(np.abs(moved).max())
-            )
+            near = _Neighbours(scene, rim, rank, near.reach, start, 4.0 * float(np.abs(moved).max()))
         pairs = _find(scene, near, start + moved, state.walls + wall_step, sheets.cell)
         key = _key(scene, pairs)
         allowed = (1.0 - PUSH_OUT) * np.minimum(lookup(key_before, gap_before, key, 0.0), 0.0)
@@ -117,9 +116,7 @@ class _Neighbours:
     point: Ints
     segment: Ints
 
-    def __init__(
-        self, scene: Scene, rim: Outlines, rank: Ints, reach: float, x: Array, margin: float
-    ) -> None:
+    def __init__(self, scene: Scene, rim: Outlines, rank: Ints, reach: float, x: Array, margin: float) -> None:
         point, segment = outline.candidates(rim, x, reach + margin)
         free = scene.deformable
         first, second = rim.body[point], rim.body[segment]
@@ -138,7 +135,9 @@ def _find(scene: Scene, near: _Neighbours, x: Array, walls: Array, cell: float) 
     normals = outline.normals(near.rim, x)
     found = [_against_outlines(scene, near, x, normals, cell)]
     found += [_against_wall(scene, near, x, walls[i], i) for i in range(len(scene.walls))]
-    return _Pairs(*(np.concatenate(parts, axis=-1) for parts in zip(*(p.__dict__.values() for p in found), strict=True)))
+    return _Pairs(
+        *(np.concatenate(parts, axis=-1) for parts in zip(*(p.__dict__.values() for p in found), strict=True))
+    )
 
 
 def _against_outlines(scene: Scene, near: _Neighbours, x: Array, normals: Array, cell: float) -> _Pairs:

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.grid import Sheets
-from skmpm.scene import Scene, State
+from skmpm.scene import Scene, State, motion
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -74,16 +74,16 @@ class Rows:
 
     @property
     def offset(self) -> Array:
-        """(k,) or (2 k,) [m/s]: u = H w + offset."""
-        if not self.tangential:
-            return self.offset_normal
-        sliding = np.einsum("ik,ik->k", self.tangent, self.given)
-        return np.stack([self.offset_normal, sliding], axis=1).ravel()
+        """What completes u = H w + offset, (k,) or (2 k,) [m/s]."""
+        return self._with_sliding(self.offset_normal)
 
     @property
     def given_components(self) -> Array:
         """The prescribed relative velocity along the rows of H, (k,) or (2 k,) [m/s]."""
-        normal = np.einsum("ik,ik->k", self.normal, self.given)
+        return self._with_sliding(np.einsum("ik,ik->k", self.normal, self.given))
+
+    def _with_sliding(self, normal: Array) -> Array:
+        """Interleave normal components with the prescribed sliding, where there are tangential rows."""
         if not self.tangential:
             return normal
         return np.stack([normal, np.einsum("ik,ik->k", self.tangent, self.given)], axis=1).ravel()
@@ -98,7 +98,7 @@ class Rows:
         """Impulses of these rows from the forces (2, m) of contacts known by their `key` (m,); else zero."""
         found, where = _match(key, self.key)
         r = np.where(found, dt * force[:, where], 0.0) if key.size else np.zeros((2, self.size))
-        return r.T.ravel() if self.tangential else r[0]
+        return np.asarray(r.T.ravel() if self.tangential else r[0])
 
 
 Linearise = Callable[[Array], Rows]
@@ -123,9 +123,5 @@ def lookup(known: Ints, values: Array, wanted: Ints, otherwise: float) -> Array:
 
 def given_velocities(scene: Scene, t: float) -> Array:
     """Prescribed velocities of the bodies, (2, bodies) [m/s]; zero for those with unknowns."""
-    from skmpm.scene import motion  # noqa: PLC0415
-
     moves = ~scene.deformable
-    return np.stack(
-        [motion(b.velocity, t) if moves[i] else np.zeros(2) for i, b in enumerate(scene.bodies)], axis=1
-    )
+    return np.stack([motion(b.velocity, t) if moves[i] else np.zeros(2) for i, b in enumerate(scene.bodies)], axis=1)

@@ -11,7 +11,7 @@ obey Signorini's and Coulomb's laws.
 """
 
 from skmpm.implicit.bulk import Bulk, Configuration, Increment
-from skmpm.implicit.newton import NotConverged, Solution, advance
-from skmpm.implicit.touching import Timer, Touching
+from skmpm.implicit.newton import Solution, advance
+from skmpm.implicit.touching import NotConverged, Timer, Touching
 
 __all__ = ["Bulk", "Configuration", "Increment", "NotConverged", "Solution", "Timer", "Touching", "advance"]

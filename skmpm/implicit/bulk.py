@@ -100,6 +100,10 @@ class Increment:
         """The configuration whose stress drives the step."""
         return self.bulk.at(self.start + self._reach * w)
 
+    def after(self, w: Array) -> Array:
+        """The velocity v1 at the end of the step, (2 nodes,) [m/s]."""
+        return self.v0 + (w - self.v0) / self.scheme.theta
+
     def energy(self, w: Array, at: Configuration) -> float:
         """The incremental potential E(w) [J/m]."""
         slip = w - self.free

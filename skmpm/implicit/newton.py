@@ -89,7 +89,10 @@ class Mixing:
 
     def mixed(self, w: Array, direction: Array) -> Array:
         """The direction to the combination of all points so far whose combined direction is the smallest."""
-        self.points, self.directions = [*self.points, w][-self.depth :], [*self.directions, direction][-self.depth :]
+        self.points, self.directions = (
+            [*self.points, w][-self.depth :],
+            [*self.directions, direction][-self.depth :],
+        )
         if len(self.points) == 1:
             return direction
         dw = np.stack([w - p for p in self.points[:-1]], axis=1)

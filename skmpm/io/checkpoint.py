@@ -94,9 +94,7 @@ def _tree(value: Any, name: str, arrays: dict[str, AnyArray]) -> Any:
         value = {f.name: getattr(value, f.name) for f in fields(value) if f.name not in LEFT_OUT}
     if isinstance(value, Mapping):
         if not all(isinstance(key, str) for key in value):
-            raise TypeError(
-                f"save: the keys of {name} are {list(value)}; a checkpoint holds only text as keys"
-            )
+            raise TypeError(f"save: the keys of {name} are {list(value)}; a checkpoint holds only text as keys")
         return {key: _tree(item, f"{name}.{key}", arrays) for key, item in value.items()}
     if isinstance(value, tuple):
         return [_tree(item, f"{name}.{i}", arrays) for i, item in enumerate(value)]

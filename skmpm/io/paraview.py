@@ -122,9 +122,7 @@ def _open(path: Path, mode: str) -> Any:
     except OSError as error:
         if mode == "w":
             raise
-        raise ValueError(
-            f"{path}: cannot be continued ({error}); record to a new file with append=False"
-        ) from error
+        raise ValueError(f"{path}: cannot be continued ({error}); record to a new file with append=False") from error
 
 
 def _create(file: Any, scene: Scene) -> None:
@@ -204,9 +202,7 @@ def _check(path: Path, file: Any, scene: Scene) -> None:
         same = np.array_equal(vtk["PointData/body"], _bodies(scene))
         whole = set(FIELDS) <= set(vtk["PointData"]) and "NSteps" in vtk["Steps"].attrs
     except KeyError as error:
-        raise ValueError(
-            f"{path}: is no recording ({error}); record to a new file with append=False"
-        ) from error
+        raise ValueError(f"{path}: is no recording ({error}); record to a new file with append=False") from error
     if not (same and whole):
         raise ValueError(f"{path}: is a recording of another scene; record to a new file with append=False")
 

@@ -59,9 +59,7 @@ def _check_loop(x: Floats, loop: Integers) -> str | None:
     if loop.ndim != 1 or loop.size < 3:
         return f"has the shape {loop.shape}; a loop is a list of at least 3 indices of points"
     if loop.min() < 0 or loop.max() >= x.shape[1]:
-        return (
-            f"has indices from {loop.min()} to {loop.max()}; there are {x.shape[1]} points, numbered from 0"
-        )
+        return f"has indices from {loop.min()} to {loop.max()}; there are {x.shape[1]} points, numbered from 0"
     if np.unique(loop).size < loop.size:
         return "visits a point twice; it is closed implicitly, do not repeat its first point"
     same = (x[:, np.roll(loop, -1)] == x[:, loop]).all(axis=0)

@@ -70,9 +70,7 @@ def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
     """Nodes in use (2, n) and, per type, the nodes of each cell (corners, cells), counter-clockwise."""
     if others := sorted({block.type for block in mesh.cells} - {*CORNERS, *NOT_AREAS}):
         raise ValueError(f"the mesh has cells of type {others}; give cells of type 'triangle' and 'quad'")
-    data = [
-        [block.data for block in mesh.cells if block.type == kind and len(block.data)] for kind in CORNERS
-    ]
+    data = [[block.data for block in mesh.cells if block.type == kind and len(block.data)] for kind in CORNERS]
     cells = [np.concatenate(blocks).astype(np.int64).T for blocks in data if blocks]
     if not cells:
         raise ValueError("the mesh has no cells of type 'triangle' or 'quad'")
@@ -85,9 +83,7 @@ def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
         jacobian = _corner_jacobians(nodes[:, c]).min(axis=0)
         if (flat := jacobian <= 1e-12 * np.abs(jacobian).max()).any():
             where = nodes[:, c[:, flat.argmax()]].mean(axis=1)
-            raise ValueError(
-                f"the cell at {where} has no area, is folded or is not convex; repair the mesh there"
-            )
+            raise ValueError(f"the cell at {where} has no area, is folded or is not convex; repair the mesh there")
     return nodes, cells
 
 
@@ -104,9 +100,7 @@ def _planar(nodes: Floats) -> Floats:
         raise ValueError("the nodes of the mesh are not in a plane z = constant; give a finite, plane mesh")
     if pairs := cKDTree(nodes[:2].T).query_pairs(tiny):
         where = nodes[:2, min(pairs)[0]]
-        raise ValueError(
-            f"the mesh has {len(pairs)} pairs of nodes at the same place, one at {where}; merge them"
-        )
+        raise ValueError(f"the mesh has {len(pairs)} pairs of nodes at the same place, one at {where}; merge them")
     return nodes[:2]
 
 
@@ -122,9 +116,7 @@ def _edges(blocks: list[Integers]) -> tuple[Integers, Integers, Integers, NDArra
     ends = np.concatenate([[b.ravel(), np.roll(b, -1, axis=0).ravel()] for b in blocks], axis=1)
     edges, edge, count = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True, return_counts=True)
     if np.unique(ends, axis=1).shape[1] < ends.shape[1]:
-        raise ValueError(
-            "cells of the mesh overlap: an edge has two cells on the same side; remove one of them"
-        )
+        raise ValueError("cells of the mesh overlap: an edge has two cells on the same side; remove one of them")
     return ends, edges, edge, count[edge] == 1
 
 
@@ -150,9 +142,7 @@ def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
     if W.min() <= 0:  # as in some rules of the triangle: no material point has a negative mass
         return _inner_rule(corners, order + 1)
     one = 1 - xi
-    N = np.array(
-        (one - eta, xi, eta) if triangles else (one * (1 - eta), xi * (1 - eta), xi * eta, one * eta)
-    )
+    N = np.array((one - eta, xi, eta) if triangles else (one * (1 - eta), xi * (1 - eta), xi * eta, one * eta))
     x: Floats = np.einsum("ikc,kq->icq", corners, N).reshape(2, -1)
     return x, (np.einsum("kc,kq->cq", _corner_jacobians(corners), N) * W).ravel()
 
@@ -162,9 +152,7 @@ def _loops(ends: Integers, middle: Integers, nodes: Floats) -> list[Integers]:
     starts, count = np.unique(ends[0], return_counts=True)
     if count.max() > 1:
         where = nodes[:, starts[count.argmax()]]
-        raise ValueError(
-            f"parts of the mesh are joined by the one node at {where}; separate them or add cells"
-        )
+        raise ValueError(f"parts of the mesh are joined by the one node at {where}; separate them or add cells")
     following = dict(zip(ends[0].tolist(), zip(ends[1].tolist(), middle.tolist(), strict=True), strict=True))
     loops = []
     while following:

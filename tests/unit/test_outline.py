@@ -113,9 +113,7 @@ def test_a_body_without_outline_between_others():
 def test_chunks_cover_everything_once(count, size):
     count = np.array(count, dtype=np.int64)
     parts = topology.chunks(count, size)
-    np.testing.assert_array_equal(
-        np.concatenate([np.arange(count.size)[p] for p in parts]), np.arange(count.size)
-    )
+    np.testing.assert_array_equal(np.concatenate([np.arange(count.size)[p] for p in parts]), np.arange(count.size))
     assert all(count[p].sum() < size + 9 for p in parts)
 
 
@@ -130,9 +128,7 @@ def test_measures_of_a_square_with_a_square_hole():
     c = (4 * np.array((1, 1)) - 0.25 * np.array((0.75, 0.5))) / 3.75
     np.testing.assert_allclose(outline.centroid(o, x, n)[:, 0], c)
     big, small = np.array((1, 1)) - c, np.array((0.75, 0.5)) - c
-    M = (16 / 12 * np.eye(2) + 4 * np.outer(big, big)) - (
-        0.5**4 / 12 * np.eye(2) + 0.25 * np.outer(small, small)
-    )
+    M = (16 / 12 * np.eye(2) + 4 * np.outer(big, big)) - (0.5**4 / 12 * np.eye(2) + 0.25 * np.outer(small, small))
     np.testing.assert_allclose(outline.second_moments(o, x, n)[:, :, 0], M, rtol=1e-13)
 
 
@@ -348,10 +344,7 @@ def test_all_pairs_of_a_packing_at_once(monkeypatch):
     assert (np.diff(pairs[0] * n + pairs[1]) > 0).all()
     single = [shared(bodies[a], bodies[b]) for a, b in pairs.T]
     np.testing.assert_allclose(area, single, atol=1e-14)
-    boxes = [
-        (b[0].min(axis=1), b[0].max(axis=1)) if b else (np.full(2, np.inf), np.full(2, -np.inf))
-        for b in bodies
-    ]
+    boxes = [(b[0].min(axis=1), b[0].max(axis=1)) if b else (np.full(2, np.inf), np.full(2, -np.inf)) for b in bodies]
     expected = [
         (a, b)
         for a in range(n)

@@ -118,9 +118,7 @@ def test_box_rule_is_radau_at_the_ends():
     """Two intervals: quadratics are exact, which midpoints would miss by L h^2 / 12."""
     points = box((0, 0), (2.0, 2.0), spacing=1.0)
     assert points.n == 16
-    np.testing.assert_allclose(
-        second_moments(points, (0, 0)), 4 * np.array([[4 / 3, 1], [1, 4 / 3]]), rtol=1e-14
-    )
+    np.testing.assert_allclose(second_moments(points, (0, 0)), 4 * np.array([[4 / 3, 1], [1, 4 / 3]]), rtol=1e-14)
 
 
 def test_box_outline_is_its_rim():

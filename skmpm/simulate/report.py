@@ -1,0 +1,71 @@
+"""What a step cost and how good it is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.assembly import Assembly
+from skmpm.implicit import Increment, Solution, Timer
+from skmpm.scene import Energy, Report, Scene, State
+
+Array = NDArray[np.float64]
+
+
+def kinetic_energy(assembly: Assembly, v: Array) -> float:
+    """Kinetic energy of nodal velocities (2 nodes,) [J/m]."""
+    return 0.5 * float(v @ (assembly.mass * v))
+
+
+def report_of(
+    scene: Scene, before: State, after: State, increment: Increment, solution: Solution, timer: Timer
+) -> Report:
+    """The report of the step from `before` to `after`."""
+    energy = _energy(before.report.energy, after, increment, solution)
+    timer.lap("report")
+    shared = _overlap(scene, after)
+    timer.lap("overlap")
+    return Report(
+        newton=solution.newton,
+        linear=solution.factorised,
+        contact=0 if solution.touching is None else solution.touching.iterations,
+        residual=solution.residual,
+        imbalance=solution.imbalance,
+        overlap=shared,
+        energy=energy,
+        seconds=timer.seconds,
+    )
+
+
+def _energy(old: Energy, after: State, increment: Increment, solution: Solution) -> Energy:
+    """The budget: what gravity, walls and push-out put in and kinetic and elastic energy do not show is lost."""
+    bulk, w = increment.bulk, solution.w
+    kinetic = kinetic_energy(bulk.assembly, increment.after(w))
+    elastic = bulk.energy(bulk.at(after.displacement))
+    weight = bulk.assembly.mass * (increment.free - increment.v0) / increment.scheme.theta  # impulse of gravity
+    external, push_out = float(weight @ w), 0.0
+    if solution.touching is not None:
+        rows, r = solution.touching.rows, solution.touching.r
+        given = rows.given_components
+        external -= float(r @ given)  # the work of walls and rigid bodies
+        work = r * (rows.H @ w + given)
+        push_out = float(np.maximum(work[::2] if rows.tangential else work, 0.0).sum())
+    gained = kinetic + elastic - old.kinetic - old.elastic
+    return Energy(
+        kinetic=kinetic,
+        elastic=elastic,
+        external=old.external + external,
+        push_out=old.push_out + push_out,
+        dissipated=old.dissipated + external + push_out - gained,
+    )
+
+
+def _overlap(scene: Scene, after: State) -> float:
+    """Area shared by bodies over the area of all bodies, by outlines; zero without outlines."""
+    rim, bodies = scene.outlines, len(scene.bodies)
+    if bodies == 1 or rim.point.size == 0:
+        return 0.0
+    x = after.x[:, rim.point]
+    _, shared = outline.overlap(rim, x, bodies)
+    return float(shared.sum() / outline.area(rim, x, bodies).sum())

@@ -1,0 +1,90 @@
+"""The state at t = 0."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import Rigid
+from skmpm.scene import Contacts, Energy, Report, Scene, State, motion
+from skmpm.scheme import Scheme
+from skmpm.simulate.anchor import anchored, assembly_of, initial_volume
+from skmpm.simulate.report import kinetic_energy
+from skmpm.transfer import to_nodes
+
+Array = NDArray[np.float64]
+
+
+def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
+    """The state at t = 0, with the contacts found there."""
+    points = [body.points for body in scene.bodies]
+    x = np.concatenate([p.x for p in points], axis=1)
+    volume = initial_volume(scene)
+    body = np.repeat(np.arange(len(points)), np.diff(scene.offsets))
+    density = np.array([b.material.density for b in scene.bodies])
+    v, C = _initial_motion(scene, volume)
+    n = x.shape[1]
+    state = State(
+        t=0.0,
+        x=x,
+        v=v,
+        F=np.repeat(np.eye(2)[:, :, None], n, axis=2),
+        C=C,
+        stress=np.zeros((2, 2, n)),
+        mass=density[body] * volume,
+        volume=volume,
+        body=body,
+        x_anchor=x,
+        F_anchor=np.repeat(np.eye(2)[:, :, None], n, axis=2),
+        stress_anchor=np.zeros((2, 2, n)),
+        displacement=np.zeros(0),
+        walls=np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2),
+        wall_force=np.zeros((len(scene.walls), 2)),
+        contacts=Contacts.none(),
+        report=Report(),
+    )
+    state = anchored(scene, state, scheme)
+    assembly, own = assembly_of(state), scene.deformable[body]
+    nodal = to_nodes(assembly, state.mass[own], v[:, own], C[:, :, own])
+    at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
+    if not can_touch(scene):
+        return replace(state, report=at_start)
+    rows = scheme.contact(scene, state, assembly.sheets, 1.0)(np.zeros(2 * assembly.sheets.nodes))
+    nothing = np.zeros((2, rows.size))
+    contacts = Contacts(rows.bodies, rows.x, rows.normal, nothing, rows.gap, rows.key, rows.point)
+    return replace(state, contacts=contacts, report=at_start)
+
+
+def _initial_motion(scene: Scene, volume: Array) -> tuple[Array, Array]:
+    """Velocities (2, n) [m/s] of the points at t = 0 and their gradients (2, 2, n) [1/s]."""
+    v, C = [], []
+    for body in scene.bodies:
+        x, weight = body.points.x, body.points.volume
+        if isinstance(body.material, Rigid):
+            v.append(np.repeat(motion(body.velocity, 0.0)[:, None], x.shape[1], axis=1))
+            C.append(np.zeros((2, 2, x.shape[1])))
+            continue
+        field, slope = _field(body.velocity, x, 1e-4 * scene.cell)
+        arm = x - (x @ weight / weight.sum())[:, None]
+        v.append(field + body.spin * np.stack([-arm[1], arm[0]]))
+        C.append(slope + body.spin * np.array([[0.0, -1.0], [1.0, 0.0]])[:, :, None])
+    return np.concatenate(v, axis=1), np.concatenate(C, axis=2)
+
+
+def _field(velocity: object, x: Array, reach: float) -> tuple[Array, Array]:
+    """A velocity field at the points and its gradient, by central differences."""
+    if not callable(velocity):
+        value = np.asarray(velocity, dtype=float)
+        return np.repeat(value[:, None], x.shape[1], axis=1), np.zeros((2, 2, x.shape[1]))
+    steps = reach * np.eye(2)
+    columns = [
+        (np.asarray(velocity(x + s[:, None])) - np.asarray(velocity(x - s[:, None]))) / (2.0 * reach) for s in steps
+    ]
+    return np.asarray(velocity(x), dtype=float), np.stack(columns, axis=1)
+
+
+def can_touch(scene: Scene) -> bool:
+    """Whether anything in the scene can touch anything else."""
+    return bool(scene.walls) or len(scene.bodies) > 1

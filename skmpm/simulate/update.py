@@ -1,0 +1,82 @@
+"""Points, walls and contacts at the end of a step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit import Increment, Solution
+from skmpm.linear import Solver
+from skmpm.material import determinant, product
+from skmpm.scene import Contacts, Derived, Scene, State, motion
+from skmpm.simulate.anchor import initial_volume
+
+Array = NDArray[np.float64]
+
+
+def moved(scene: Scene, state: State, increment: Increment, solution: Solution) -> State:
+    """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
+    dt, own = increment.dt, scene.deformable[state.body]
+    bulk, sheets = increment.bulk, increment.bulk.assembly.sheets
+    displacement = increment.start + dt * solution.w
+    at = bulk.at(displacement)
+
+    x, v, F, C, stress = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress))
+    x[:, own] = state.x_anchor[:, own] + sheets.at_points(displacement)
+    after = increment.after(solution.w)
+    v[:, own], C[:, :, own] = increment.scheme.transfer(sheets, increment.v0, after, state.v[:, own])
+    F[:, :, own] = product(at.F, state.F_anchor[:, :, own])
+    stress[:, :, own] = bulk.cauchy(at)
+    _move_rigid(scene, state, dt, x, v)
+    contacts, wall_force = _contacts(scene, solution, dt)
+    kept = (_solver_key(increment), solution.solver) if bulk.linear else ()
+    return replace(
+        state,
+        t=state.t + dt,
+        x=x,
+        v=v,
+        F=F,
+        C=C,
+        stress=stress,
+        volume=initial_volume(scene) * determinant(F),
+        displacement=displacement,
+        walls=state.walls + dt * scene.wall_velocities(state.t + 0.5 * dt),
+        wall_force=wall_force,
+        contacts=contacts,
+        derived=Derived(bulk.assembly, *kept),
+    )
+
+
+def kept_solver(state: State, increment: Increment) -> Solver | None:
+    """The factor of an earlier step, where a linear material, dt and the anchor make it the factor of this one."""
+    derived = state.derived
+    if derived is None or not increment.bulk.linear or derived.key != _solver_key(increment):
+        return None
+    return derived.solver
+
+
+def _solver_key(increment: Increment) -> tuple[object, ...]:
+    return (increment.dt, increment.scheme.theta, increment.scheme.linear)
+
+
+def _move_rigid(scene: Scene, state: State, dt: float, x: Array, v: Array) -> None:
+    for body, rigid, first, last in zip(
+        scene.bodies, ~scene.deformable, scene.offsets, scene.offsets[1:], strict=False
+    ):
+        if rigid:
+            x[:, first:last] += dt * motion(body.velocity, state.t + 0.5 * dt)[:, None]
+            v[:, first:last] = motion(body.velocity, state.t + dt)[:, None]
+
+
+def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:
+    """The contacts with their forces (2, k), and the forces on the walls, (walls, 2) [N/m]."""
+    wall_force = np.zeros((len(scene.walls), 2))
+    if solution.touching is None:
+        return Contacts.none(), wall_force
+    rows, force = solution.touching.rows, solution.touching.rows.forces(solution.touching.r, dt)
+    on_wall = rows.bodies[1] < 0
+    pushed = -(force[0] * rows.normal + force[1] * rows.tangent)[:, on_wall]
+    np.add.at(wall_force, -1 - rows.bodies[1, on_wall], pushed.T)
+    return Contacts(rows.bodies, rows.x, rows.normal, force, rows.gap, rows.key, rows.point), wall_force
