@@ -14,6 +14,10 @@ from skmpm.linear import Solver
 Array = NDArray[np.float64]
 
 
+DEPTH = 10  # directions that acceleration remembers
+REST = 3  # iterations between two factorisations in one step
+
+
 @dataclass(frozen=True)
 class Solution:
     """A converged step."""
@@ -40,7 +44,8 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         after `max_newton` iterations, or when the contact solver or the line search fails
     """
     scheme, w, solver, factorised = step.scheme, step.v0, kept, 0
-    at, projected, before, mixing = step.at(w), False, np.inf, Mixing(step.bulk.assembly.mass)
+    at, projected, before, newest = step.at(w), False, np.inf, 0
+    mixing = Mixing(step.bulk.assembly.mass)
     for iteration in range(scheme.max_newton + 1):
         gradient, size = step.gradient(w, at)
         push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
@@ -49,10 +54,10 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         exact = iteration == 1 and step.bulk.linear and touching is None
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
             return Solution(w, touching, iteration, factorised, residual, imbalance, solver)
-        slow = imbalance > 0.5 * before
-        if solver is None or (slow and not step.bulk.linear):
+        stale = not step.bulk.linear and imbalance > 0.5 * before and iteration - newest > REST
+        if solver is None or stale:
             solver, projected = _factorised(step, at, projected)
-            factorised, mixing = factorised + 1, Mixing(step.bulk.assembly.mass)
+            factorised, newest = factorised + 1, iteration
             timer.lap("factorisation")
         before = imbalance
         if touching:
@@ -83,7 +88,7 @@ class Mixing:
     """Anderson acceleration of w -> w + direction(w) (Walker & Ni, SIAM J. Numer. Anal. 49, 2011)."""
 
     mass: Array  # (n,) weighs the directions
-    depth: int = 5
+    depth: int = DEPTH
     points: list[Array] = field(default_factory=list)
     directions: list[Array] = field(default_factory=list)
 

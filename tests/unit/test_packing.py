@@ -1,0 +1,108 @@
+"""Packings of rigid discs: no overlap, the fraction asked, disordered, even, reproducible; errors in plain words."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import pdist
+
+from skmpm.packing import Packing, PackingError, packing
+
+
+def radii(count, seed=1):
+    """Radii of the seed [m]."""
+    return np.random.default_rng(seed).uniform(0.7e-3, 1.2e-3, count)
+
+
+def side(R):
+    """Width of a square box at a solid fraction of 0.75."""
+    return np.sqrt(np.pi * (R**2).sum() / 0.75)
+
+
+@cache
+def packed(count, solid_fraction, friction=0.0, seed=0) -> Packing:
+    R = radii(count)
+    return packing(R, side(R), solid_fraction=solid_fraction, friction=friction, seed=seed)
+
+
+def smallest_gap(p):
+    """Smallest distance between discs and to the walls, relative to the smallest radius, by brute force."""
+    i, j = np.triu_indices(p.radii.size, 1)
+    pairs = pdist(p.centres.T) - p.radii[i] - p.radii[j]
+    walls = np.concatenate([p.centres - p.radii, [[p.width], [p.height]] - p.centres - p.radii])
+    return min(pairs.min(), walls.min()) / p.radii.min()
+
+
+@pytest.mark.parametrize(("solid_fraction", "friction"), [(0.3, 0.0), (0.7, 0.0), (0.8, 0.0), (0.6, 0.5)])
+def test_no_overlap_at_the_fraction_asked(solid_fraction, friction):
+    p = packed(300, solid_fraction, friction)
+    assert smallest_gap(p) > -1e-6
+    assert np.pi * (p.radii**2).sum() / (p.width * p.height) == pytest.approx(solid_fraction, rel=1e-12)
+    assert p.width == side(radii(300))
+    np.testing.assert_array_equal(p.radii, radii(300))
+
+
+def test_even_and_disordered():
+    """Ninths of the box hold the same area within 15 % (independent centres: 50 %), and six-fold order is short.
+
+    psi_6 of the six nearest neighbours, averaged over the discs as a complex number, is 1 for a crystal.
+    """
+    p = packed(300, 0.7)
+    ninth = np.floor(3 * p.centres / [[p.width], [p.height]]).astype(int)
+    area = np.bincount(3 * ninth[0] + ninth[1], weights=p.radii**2)
+    assert np.abs(area / area.mean() - 1.0).max() < 0.15
+    apart = p.centres[:, :, None] - p.centres[:, None]
+    nearest = np.argsort(np.hypot(*apart), axis=0)[1:7]
+    x, y = np.take_along_axis(apart, nearest[None], axis=1)
+    assert abs(np.exp(6j * np.arctan2(y, x)).mean()) < 0.2
+
+
+def test_the_seed_decides():
+    a, b = packed(40, 0.7, seed=3), packing(radii(40), side(radii(40)), solid_fraction=0.7, seed=3)
+    np.testing.assert_array_equal(a.centres, b.centres)
+    assert np.abs(a.centres - packed(40, 0.7, seed=4).centres).max() > 1e-4
+
+
+def test_the_unit_of_length_does_not_matter():
+    R = radii(40)
+    metres, millimetres = packed(40, 0.75), packing(1e3 * R, 1e3 * side(R), solid_fraction=0.75)
+    np.testing.assert_allclose(millimetres.centres, 1e3 * metres.centres, rtol=1e-9)
+    assert millimetres.height == pytest.approx(1e3 * metres.height)
+
+
+def test_one_disc():
+    p = packing([1.0], 3.0, solid_fraction=0.3)
+    assert smallest_gap(p) > 0.0
+
+
+def test_a_jam_says_at_which_fraction():
+    with pytest.raises(PackingError, match=r"jam at a solid fraction of 0\.[78]\d\d, below the 0\.88 asked"):
+        packed(30, 0.88)
+
+
+def test_friction_jams_earlier():
+    """Frictionless 0.80 is reached above; with friction 1 it is not."""
+    with pytest.raises(PackingError, match=r"jam at a solid fraction of 0\.[67]\d\d, below the 0\.82 asked"):
+        packed(60, 0.82, friction=1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"radii": [1e-3, -2e-3]}, r"radius -0\.002 m"),
+        ({"radii": [1e-3, np.nan]}, "radius nan m"),
+        ({"radii": [1e-3, np.inf]}, "radius inf m"),
+        ({"radii": []}, r"shape \(0,\)"),
+        ({"radii": [[1e-3]]}, r"shape \(1, 1\)"),
+        ({"solid_fraction": 0.95}, r"solid_fraction 0\.95 must lie"),
+        ({"solid_fraction": np.nan}, "solid_fraction nan must lie"),
+        ({"solid_fraction": 0.0}, "solid_fraction 0 must lie"),
+        ({"width": 2e-3}, r"width 0\.002 m must exceed"),
+        ({"width": 1.0}, "largest disc"),
+        ({"friction": -0.1}, r"friction -0\.1"),
+    ],
+)
+def test_says_what_is_wrong(change, message):
+    arguments = {"radii": np.full(10, 1e-3), "width": 8e-3} | change
+    with pytest.raises(PackingError, match=message):
+        packing(**arguments)
