@@ -22,7 +22,7 @@ _MARGIN = 0.5  # pairs with a smaller gap are constraints [mean radius]
 _OVERLAP = 1e-6, 1e-3  # allowed at the end and on the way [smallest radius]
 _TOLERANCE = 1e-9  # of the contact solver
 _ACCEPTED = 1e-5  # if it gets no further; the next linearisation repairs it
-_NEWTON = 40
+_NEWTON = 20
 _ROUNDS = 12  # linearisations per step
 _HEXAGONAL = np.pi / np.sqrt(12.0)
 

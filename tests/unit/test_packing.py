@@ -30,7 +30,7 @@ def smallest_gap(p):
     i, j = np.triu_indices(p.radii.size, 1)
     pairs = pdist(p.centres.T) - p.radii[i] - p.radii[j]
     walls = np.concatenate([p.centres - p.radii, [[p.width], [p.height]] - p.centres - p.radii])
-    return min(pairs.min(), walls.min()) / p.radii.min()
+    return min(pairs.min(initial=np.inf), walls.min()) / p.radii.min()
 
 
 @pytest.mark.parametrize(("solid_fraction", "friction"), [(0.3, 0.0), (0.7, 0.0), (0.8, 0.0), (0.6, 0.5)])
@@ -58,14 +58,14 @@ def test_even_and_disordered():
 
 
 def test_the_seed_decides():
-    a, b = packed(40, 0.7, seed=3), packing(radii(40), side(radii(40)), solid_fraction=0.7, seed=3)
+    a, b = packed(40, 0.65, seed=3), packing(radii(40), side(radii(40)), solid_fraction=0.65, seed=3)
     np.testing.assert_array_equal(a.centres, b.centres)
-    assert np.abs(a.centres - packed(40, 0.7, seed=4).centres).max() > 1e-4
+    assert np.abs(a.centres - packed(40, 0.65, seed=4).centres).max() > 1e-4
 
 
 def test_the_unit_of_length_does_not_matter():
     R = radii(40)
-    metres, millimetres = packed(40, 0.75), packing(1e3 * R, 1e3 * side(R), solid_fraction=0.75)
+    metres, millimetres = packed(40, 0.65), packing(1e3 * R, 1e3 * side(R), solid_fraction=0.65)
     np.testing.assert_allclose(millimetres.centres, 1e3 * metres.centres, rtol=1e-9)
     assert millimetres.height == pytest.approx(1e3 * metres.height)
 
@@ -83,7 +83,7 @@ def test_a_jam_says_at_which_fraction():
 def test_friction_jams_earlier():
     """Frictionless 0.80 is reached above; with friction 1 it is not."""
     with pytest.raises(PackingError, match=r"jam at a solid fraction of 0\.[67]\d\d, below the 0\.82 asked"):
-        packed(60, 0.82, friction=1.0)
+        packed(30, 0.82, friction=1.0)
 
 
 @pytest.mark.parametrize(
