@@ -3,7 +3,8 @@
     python examples/compaction.py --out out/compaction
 
 Writes `observables.csv`, a ParaView series `packing.vtkhdf`, `stages.png` (four stages, by body and by pressure) and
-`curves.png` (pressure, contact surface, anisotropy, aspect ratio, coordination against solid fraction).
+`curves.png` (pressure, contact surface, anisotropy, aspect ratio, coordination against solid fraction), and
+`checks.csv`: what must hold at every step, whose worst values it prints at the end.
 """
 
 from __future__ import annotations
@@ -39,8 +40,10 @@ COLUMNS = [
     "contact_iterations",
     "seconds",
 ]
+CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor")
 LID = 1  # its place among the walls
 SPEED = 2.0  # of the lid [m/s]
+WAVE = 10e6 * (1.0 - 0.45) / (1.0 + 0.45) / (1.0 - 2.0 * 0.45) / 990.0  # pressure waves, c^2 [m2/s2]
 
 
 def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
@@ -65,9 +68,11 @@ def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
     return scene, (discs.height - solid / (width * options.until)) / SPEED
 
 
-def row(step: int, scene: skmpm.Scene, state: skmpm.State, seconds: float) -> dict[str, float]:
+def row(
+    step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables, seconds: float
+) -> dict[str, float]:
     """One line of the table."""
-    seen, report = skmpm.observe(scene, state), state.report
+    report = state.report
     width = float(scene.walls[3].point[0])
     values = {name: getattr(seen, name) for name in COLUMNS if hasattr(seen, name)}
     return {
@@ -80,6 +85,31 @@ def row(step: int, scene: skmpm.Scene, state: skmpm.State, seconds: float) -> di
         "contact_iterations": report.contact,
         "seconds": seconds,
     }
+
+
+def check(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables, dt: float) -> dict[str, float]:
+    """What must hold: area by outlines and by det F, how far points are outside, turning per step, wall forces."""
+    counts = np.bincount(state.body)
+    turning = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / counts
+    depth = [-(n @ (state.x - point[:, None])).min() for n, point in zip(scene.normals.T, state.walls, strict=True)]
+    initial = scene.outlines, np.concatenate([body.points.x for body in scene.bodies], axis=1)
+    area = seen.bodies.area.sum() / polygon_area(*initial)
+    volume = sum(body.points.volume.sum() for body in scene.bodies)
+    return {
+        "step": step,
+        "solid_fraction_nominal": seen.solid_fraction_nominal,
+        "area": area,
+        "volume": state.volume.sum() / volume,
+        "outside": max(0.0, *depth) / scene.cell,
+        "spin": np.abs(turning).max() * dt,
+        "lid": state.wall_force[LID, 1],
+        "floor": -state.wall_force[0, 1],
+    }
+
+
+def polygon_area(rim: skmpm.outline.Outlines, x: np.ndarray) -> float:
+    """Area of all outlines at points x (2, n) [m2]."""
+    return float(skmpm.outline.area(rim, x[:, rim.point], int(rim.body.max()) + 1).sum())
 
 
 def draw_stages(scene: skmpm.Scene, stages: list[skmpm.State], path: Path) -> None:
@@ -143,13 +173,16 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
     )
     wanted = list(np.linspace(options.start, options.until, 4)[1:-1])
     table: list[dict[str, float]] = []
+    checks: list[dict[str, float]] = []
     stages = [start]
     with (
         skmpm.record(options.out / "packing.vtkhdf", scene) as series,
         (options.out / "observables.csv").open("w", newline="") as file,
+        (options.out / "checks.csv").open("w", newline="") as checks_file,
     ):
-        writer = csv.DictWriter(file, COLUMNS)
+        writer, checks_writer = csv.DictWriter(file, COLUMNS), csv.DictWriter(checks_file, CHECKS)
         writer.writeheader()
+        checks_writer.writeheader()
         last = perf_counter()
         run = skmpm.simulate(
             scene,
@@ -162,9 +195,12 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
         )
         for step, state in enumerate(run, start=1):
             now = perf_counter()
-            table.append(row(step, scene, state, now - last))
+            seen = skmpm.observe(scene, state)
+            table.append(row(step, scene, state, seen, now - last))
+            checks.append(check(step, scene, state, seen, options.dt))
             last = now
             writer.writerow(table[-1])
+            checks_writer.writerow(checks[-1])
             file.flush()
             if step % options.every == 0:
                 series.write(state)
@@ -174,7 +210,9 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
         series.write(state)
     draw_stages(scene, [*stages, state], options.out / "stages.png")
     draw_curves(table, options.out / "curves.png")
+    transit = round(float(start.walls[LID, 1]) / np.sqrt(WAVE) / options.dt)
     print(summary(table, perf_counter() - began))
+    print(verdict(checks, max(1, transit)))
     return table
 
 
@@ -187,6 +225,21 @@ def summary(table: list[dict[str, float]], seconds: float) -> str:
         f"{seconds:.0f} s; pressure {end['pressure'] / 1e6:.3f} MPa, on the lid {end['pressure_lid'] / 1e6:.3f} MPa; "
         f"worst overlap {100 * worst['overlap']:.4f} %, residual {worst['residual']:.1e}, "
         f"{worst['newton']:.0f} Newton iterations (mean {np.mean([line['newton'] for line in table]):.1f})"
+    )
+
+
+def verdict(checks: list[dict[str, float]], transit: int) -> str:
+    """The worst of each check; wall forces as running means over the `transit` steps a wave needs."""
+    column = {name: np.array([line[name] for line in checks]) for name in CHECKS}
+    mean = np.ones(transit) / transit
+    lid, floor = (np.convolve(column[name], mean, mode="valid") for name in ("lid", "floor"))
+    dense = column["solid_fraction_nominal"][transit - 1 :] > 0.90
+    uneven = np.abs(lid - floor)[dense] / (0.5 * (lid + floor)[dense]) if dense.any() else np.zeros(1)
+    apart = np.abs(column["area"] / column["volume"] - 1.0)
+    return (
+        f"area by outlines against det F: {100 * apart.max():.3f} % apart at "
+        f"worst (bodies keep {100 * column['volume'][-1]:.2f} %); points outside: {column['outside'].max():.4f} cells; "
+        f"turning: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %"
     )
 
 

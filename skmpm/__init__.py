@@ -4,7 +4,7 @@ Build a `Scene` of `Body`s and `Wall`s, then loop over `simulate(scene, dt=..., 
 states it yields, `record` writes them for ParaView.
 """
 
-from skmpm import contact, coulomb, linear, transfer
+from skmpm import contact, coulomb, linear, outline, transfer
 from skmpm.io import CheckpointError, load, record, save
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import Observables, observe
@@ -41,6 +41,7 @@ __all__ = [
     "linear",
     "load",
     "observe",
+    "outline",
     "packing",
     "record",
     "save",
