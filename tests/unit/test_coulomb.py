@@ -163,6 +163,13 @@ def test_sticks_below_the_cone():
     assert info.converged
 
 
+def test_a_doubled_contact_is_shared_in_one_step():
+    """W is exactly singular; the tiny shift of the Newton matrix picks equal shares."""
+    r, info = coulomb.solve(np.ones((2, 2)), np.full(2, -1.0), np.zeros(2), tol=1e-9)
+    np.testing.assert_allclose(r, 0.5, rtol=1e-9)
+    assert (info.iterations, info.sweeps, info.converged) == (1, 0, True)
+
+
 def test_without_contacts():
     r, info = coulomb.solve(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
     assert r.shape == (0,) and info == coulomb.Info(0, 0, 0.0, True)
