@@ -66,7 +66,7 @@ def test_the_seed_decides():
 def test_the_unit_of_length_does_not_matter():
     R = radii(40)
     metres, millimetres = packed(40, 0.65), packing(1e3 * R, 1e3 * side(R), solid_fraction=0.65)
-    np.testing.assert_allclose(millimetres.centres, 1e3 * metres.centres, rtol=1e-9)
+    np.testing.assert_allclose(millimetres.centres, 1e3 * metres.centres, rtol=1e-15)
     assert millimetres.height == pytest.approx(1e3 * metres.height)
 
 
