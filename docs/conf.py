@@ -1,0 +1,7 @@
+"""Sphinx configuration; build with `python -m sphinx -W docs docs/_build`."""
+
+project = "skmpm"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+myst_enable_extensions = ["dollarmath"]
+html_theme = "furo"
+exclude_patterns = ["_build"]
