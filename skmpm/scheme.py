@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from numbers import Real
 
 from skmpm import linear as _linear
 from skmpm import transfer as _transfer
@@ -53,8 +54,14 @@ class Scheme:
         }
         for name, (low, high, remedy) in limits.items():
             value = getattr(self, name)
-            if not low <= value <= high:
-                raise ValueError(f"Scheme: {name} = {value}; use {remedy}")
+            if not isinstance(value, Real) or not low <= float(value) <= high:
+                raise ValueError(f"Scheme: {name} = {value!r}; use {remedy}")
+        if self.max_newton != int(self.max_newton):
+            raise ValueError(f"Scheme: max_newton = {self.max_newton!r}; use a whole number")
+        for name in ("contact", "transfer", "linear"):
+            if not callable(getattr(self, name)):
+                example = {"contact": "outlines", "transfer": "apic", "linear": "banded"}[name]
+                raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use a function, as {name}.{example}")
         if self.contact is shared_nodes and self.anchor != 0.0:
             raise ValueError(
                 f"Scheme: contact = shared_nodes with anchor = {self.anchor}; bodies share nodes only where"

@@ -123,5 +123,7 @@ def lookup(known: Ints, values: Array, wanted: Ints, otherwise: float) -> Array:
 
 def given_velocities(scene: Scene, t: float) -> Array:
     """Prescribed velocities of the bodies, (2, bodies) [m/s]; zero for those with unknowns."""
-    moves = ~scene.deformable
-    return np.stack([motion(b.velocity, t) if moves[i] else np.zeros(2) for i, b in enumerate(scene.bodies)], axis=1)
+    given = np.zeros((2, len(scene.bodies)))
+    for b in np.flatnonzero(~scene.deformable).tolist():
+        given[:, b] = motion(scene.bodies[b].velocity, t, f"body {b}: velocity")
+    return given

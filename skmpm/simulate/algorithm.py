@@ -14,13 +14,15 @@ from skmpm.io import save
 from skmpm.progress import Progress
 from skmpm.scene import Scene, State, StepFailed
 from skmpm.scheme import Scheme
-from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, gravity_at
+from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, gravity_at, heavy
 from skmpm.simulate.report import report_of
 from skmpm.simulate.start import can_touch, initial
 from skmpm.simulate.update import kept_solver, moved
 from skmpm.transfer import to_nodes
 
 CHECKPOINT_EVERY = 30.0  # [s]
+SHORTEST = 1e-100  # [s]; shorter steps divide by zero
+ROUNDING = 1e-9  # share of a step by which the sum of many may miss `until`
 
 
 def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
@@ -30,22 +32,23 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     ------
     StepFailed
         when the step's equations are not solved; its `state` is the one given here
+    ValueError
+        when dt is not a time; SceneError when a prescribed velocity or gravity is not finite
     """
-    if not (np.isfinite(dt) and dt > 0.0):
-        raise ValueError(f"step: dt = {dt}; give a time step in seconds, greater than zero")
-    timer = Timer()
-    state = anchored(scene, state, scheme)
+    _check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
+    timer, given = Timer(), state
+    state = anchored(scene, given, scheme)
     own = scene.deformable[state.body]
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
-    free = v0 + scheme.theta * dt * gravity_at(scene, state, state.t + scheme.theta * dt)
+    free = v0 + scheme.theta * dt * gravity_at(scene, state, state.t + scheme.theta * dt) if heavy(scene) else v0
     increment = Increment(bulk_of(scene, state), state.displacement, v0, free, dt, scheme)
     timer.lap("transfer")
     try:
         touching = _touching(scene, state, increment, timer)
-        solution = advance(increment, touching, kept_solver(state, increment), timer)
-    except NotConverged as error:
+        solution = advance(increment, touching, kept_solver(scene, state, increment), timer)
+    except (NotConverged, np.linalg.LinAlgError) as error:
         message = f"the step from t = {state.t:.6g} s with dt = {dt:.3g} s failed: {error}"
-        raise StepFailed(message, state) from error
+        raise StepFailed(message, given) from error
     after = moved(scene, state, increment, solution)
     timer.lap("transfer")
     return replace(after, report=report_of(scene, state, after, increment, solution, timer))
@@ -58,6 +61,15 @@ def _touching(scene: Scene, state: State, increment: Increment, timer: Timer) ->
     linearise = increment.scheme.contact(scene, state, increment.bulk.assembly.sheets, increment.dt)
     timer.lap("detection")
     return Touching(linearise, increment, state.contacts.key, state.contacts.force, timer)
+
+
+def _check_time(name: str, value: float, lowest: float, what: str) -> None:
+    try:
+        good = lowest <= float(value)
+    except (TypeError, ValueError):
+        good = False
+    if not good:
+        raise ValueError(f"{name} = {value!r}; give {what} in seconds")
 
 
 def simulate(
@@ -79,17 +91,25 @@ def simulate(
     ------
     StepFailed
         when a step's equations are not solved; its `state` is the last good one
+    ValueError
+        when dt or until is not a time
     """
+    _check_time("simulate: dt", dt, SHORTEST, "a time step greater than zero")
+    _check_time("simulate: until", until, 0.0, "the time to stop at")
     state = initial(scene, scheme=scheme) if start is None else start
     saved = perf_counter()
     with Progress(state.t, until, shown=progress) as bar:
-        while state.t < until * (1.0 - 1e-12):
+        while until - state.t > ROUNDING * dt:
+            left = until - state.t
+            last = left <= (1.0 + ROUNDING) * dt
             try:
-                state = step(scene, state, min(dt, until - state.t), scheme=scheme)
+                state = step(scene, state, left if left < (1.0 - ROUNDING) * dt else dt, scheme=scheme)
             except StepFailed as failure:
                 if checkpoint is not None:
                     save(checkpoint, failure.state)
                 raise
+            if last:
+                state = replace(state, t=float(until))
             if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:
                 save(checkpoint, state)
                 saved = perf_counter()

@@ -12,7 +12,7 @@ from skmpm.assembly import Assembly, prepare
 from skmpm.grid import lay
 from skmpm.implicit import Bulk
 from skmpm.material import Rigid, determinant, product
-from skmpm.scene import Derived, Scene, State
+from skmpm.scene import Derived, Scene, State, field_values
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -20,10 +20,12 @@ Array = NDArray[np.float64]
 
 def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
     """The state with sheets: laid anew through the points when they have deformed beyond `scheme.anchor`."""
-    if state.displacement.size and state.derived is not None and not _worn(scene, state, scheme):
+    modulus, worn = _ghost_moduli(scene, scheme), _worn(scene, state, scheme)
+    derived = state.derived
+    if state.displacement.size and derived is not None and not worn and np.array_equal(derived.ghost, modulus):
         return state
     own = scene.deformable[state.body]
-    if state.displacement.size == 0 or _worn(scene, state, scheme):
+    if state.displacement.size == 0 or worn:
         relative = product(state.F, _inverse(state.F_anchor))
         state = replace(
             state,
@@ -41,14 +43,19 @@ def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
         len(scene.bodies),
         _inward(scene, state.x_anchor)[:, own],
     )
+    assembly = prepare(sheets, volume[own], state.mass[own], modulus)
+    displacement = state.displacement if state.displacement.size else np.zeros(2 * sheets.nodes)
+    return replace(state, displacement=displacement, derived=Derived(assembly, modulus))
+
+
+def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
+    """Moduli of the bodies' ghost penalties, (bodies,) [Pa]."""
     modulus = np.zeros(len(scene.bodies))
     for b, body in enumerate(scene.bodies):
         if not isinstance(body.material, Rigid):
             lam, mu = body.material.lame
             modulus[b] = scheme.ghost * min(lam + 2.0 * mu, 10.0 * mu)
-    assembly = prepare(sheets, volume[own], state.mass[own], modulus)
-    displacement = state.displacement if state.displacement.size else np.zeros(2 * sheets.nodes)
-    return replace(state, displacement=displacement, derived=Derived(assembly))
+    return modulus
 
 
 def _worn(scene: Scene, state: State, scheme: Scheme) -> bool:
@@ -79,11 +86,16 @@ def _inward(scene: Scene, x: Array) -> Array:
     return inward
 
 
-def assembly_of(state: State) -> Assembly:
-    """The assembly of an anchored state."""
+def derived_of(state: State) -> Derived:
+    """What is kept for speed with an anchored state."""
     if state.derived is None:
         raise ValueError("the state has no sheets; pass it through `anchored` first")
-    return state.derived.assembly
+    return state.derived
+
+
+def assembly_of(state: State) -> Assembly:
+    """The assembly of an anchored state."""
+    return derived_of(state).assembly
 
 
 def bulk_of(scene: Scene, state: State) -> Bulk:
@@ -98,6 +110,11 @@ def bulk_of(scene: Scene, state: State) -> Bulk:
     return Bulk(assembly_of(state), groups, None if undeformed else F, stress if stress.any() else None)
 
 
+def heavy(scene: Scene) -> bool:
+    """Whether there is gravity."""
+    return callable(scene.gravity) or bool(np.any(scene.gravity))
+
+
 def gravity_at(scene: Scene, state: State, t: float) -> Array:
     """Acceleration of the nodes by gravity at time t, (2 nodes,) [m/s2]."""
     assembly = assembly_of(state)
@@ -105,5 +122,6 @@ def gravity_at(scene: Scene, state: State, t: float) -> Array:
         return np.tile(np.asarray(scene.gravity, dtype=float), assembly.sheets.nodes)
     own = scene.deformable[state.body]
     X = np.concatenate([body.points.x for body in scene.bodies], axis=1)[:, own]
-    force = assembly.sheets.interpolation.T @ (state.mass[own] * np.asarray(scene.gravity(X, t))).T
+    g = field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X, t), X)
+    force = assembly.sheets.interpolation.T @ (state.mass[own] * g).T
     return np.asarray(force).ravel() / assembly.mass

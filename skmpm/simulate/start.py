@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import Rigid
-from skmpm.scene import Contacts, Energy, Report, Scene, State, motion
+from skmpm.scene import Contacts, Energy, Report, Scene, State, field_values, motion
 from skmpm.scheme import Scheme
 from skmpm.simulate.anchor import anchored, assembly_of, initial_volume
 from skmpm.simulate.report import kinetic_energy
@@ -51,7 +51,10 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
     if not can_touch(scene):
         return replace(state, report=at_start)
-    rows = scheme.contact(scene, state, assembly.sheets, 1.0)(np.zeros(2 * assembly.sheets.nodes))
+    # So short a step that nothing moves, nor do the neighbours' margins grow.
+    speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
+    dt = 1e-9 * scene.cell / max(speed, scene.cell)
+    rows = scheme.contact(scene, state, assembly.sheets, dt)(np.zeros(2 * assembly.sheets.nodes))
     nothing = np.zeros((2, rows.size))
     contacts = Contacts(rows.bodies, rows.x, rows.normal, nothing, rows.gap, rows.key, rows.point)
     return replace(state, contacts=contacts, report=at_start)
@@ -79,10 +82,12 @@ def _field(velocity: object, x: Array, reach: float) -> tuple[Array, Array]:
         value = np.asarray(velocity, dtype=float)
         return np.repeat(value[:, None], x.shape[1], axis=1), np.zeros((2, 2, x.shape[1]))
     steps = reach * np.eye(2)
-    columns = [
-        (np.asarray(velocity(x + s[:, None])) - np.asarray(velocity(x - s[:, None]))) / (2.0 * reach) for s in steps
-    ]
-    return np.asarray(velocity(x), dtype=float), np.stack(columns, axis=1)
+
+    def at(y: Array) -> Array:
+        return field_values("velocity(x)", velocity(y), y)
+
+    columns = [(at(x + s[:, None]) - at(x - s[:, None])) / (2.0 * reach) for s in steps]
+    return at(x), np.stack(columns, axis=1)
 
 
 def can_touch(scene: Scene) -> bool:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from skmpm.implicit import Increment, Solution
 from skmpm.linear import Solver
 from skmpm.material import determinant, product
-from skmpm.scene import Contacts, Derived, Scene, State, motion
-from skmpm.simulate.anchor import initial_volume
+from skmpm.scene import Contacts, Scene, State, motion
+from skmpm.simulate.anchor import derived_of, initial_volume
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
     stress[:, :, own] = bulk.cauchy(at)
     _move_rigid(scene, state, dt, x, v)
     contacts, wall_force = _contacts(scene, solution, dt)
-    kept = (_solver_key(increment), solution.solver) if bulk.linear else ()
+    key, solver = (_solver_key(scene, increment), solution.solver) if bulk.linear else ((), None)
     return replace(
         state,
         t=state.t + dt,
@@ -45,29 +45,29 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
         walls=state.walls + dt * scene.wall_velocities(state.t + 0.5 * dt),
         wall_force=wall_force,
         contacts=contacts,
-        derived=Derived(bulk.assembly, *kept),
+        derived=replace(derived_of(state), key=key, solver=solver),
     )
 
 
-def kept_solver(state: State, increment: Increment) -> Solver | None:
-    """The factor of an earlier step, where a linear material, dt and the anchor make it the factor of this one."""
+def kept_solver(scene: Scene, state: State, increment: Increment) -> Solver | None:
+    """The factor of an earlier step, where linear materials, dt and the anchor make it the factor of this one."""
     derived = state.derived
-    if derived is None or not increment.bulk.linear or derived.key != _solver_key(increment):
+    if derived is None or not increment.bulk.linear or derived.key != _solver_key(scene, increment):
         return None
     return derived.solver
 
 
-def _solver_key(increment: Increment) -> tuple[object, ...]:
-    return (increment.dt, increment.scheme.theta, increment.scheme.linear)
+def _solver_key(scene: Scene, increment: Increment) -> tuple[object, ...]:
+    materials = tuple(body.material for body in scene.bodies)
+    return (increment.dt, increment.scheme.theta, increment.scheme.linear, materials)
 
 
 def _move_rigid(scene: Scene, state: State, dt: float, x: Array, v: Array) -> None:
-    for body, rigid, first, last in zip(
-        scene.bodies, ~scene.deformable, scene.offsets, scene.offsets[1:], strict=False
-    ):
-        if rigid:
-            x[:, first:last] += dt * motion(body.velocity, state.t + 0.5 * dt)[:, None]
-            v[:, first:last] = motion(body.velocity, state.t + dt)[:, None]
+    name, offsets = "body {}: velocity", scene.offsets
+    for b in np.flatnonzero(~scene.deformable).tolist():
+        velocity, own = scene.bodies[b].velocity, slice(offsets[b], offsets[b + 1])
+        x[:, own] += dt * motion(velocity, state.t + 0.5 * dt, name.format(b))[:, None]
+        v[:, own] = motion(velocity, state.t + dt, name.format(b))[:, None]
 
 
 def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:

@@ -1,0 +1,20 @@
+"""What is simulated (Scene) and where it stands (State), with the checks that speak to the user."""
+
+from skmpm.scene.objects import Body, SceneError, Wall, field_values, motion
+from skmpm.scene.scene import Scene
+from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepFailed
+
+__all__ = [
+    "Body",
+    "Contacts",
+    "Derived",
+    "Energy",
+    "Report",
+    "Scene",
+    "SceneError",
+    "State",
+    "StepFailed",
+    "Wall",
+    "field_values",
+    "motion",
+]

@@ -1,0 +1,142 @@
+"""The checks that speak to the user before a scene is simulated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.outline import Outlines, area, overlap
+from skmpm.points import Points
+from skmpm.points import check as check_points
+from skmpm.scene.objects import Body, SceneError, Wall, field_values, motion, numbers, vector
+
+if TYPE_CHECKING:
+    from skmpm.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+def check(scene: Scene) -> None:
+    """Raise SceneError on the first thing in the scene that cannot be simulated."""
+    if not scene.bodies:
+        raise SceneError("the scene has no bodies; give at least one Body")
+    _positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
+    _friction("friction between bodies", scene.friction)
+    for i, body in enumerate(scene.bodies):
+        _check_body(f"body {i}", body)
+    if not scene.deformable.any():
+        raise SceneError(
+            f"all {len(scene.bodies)} bodies are Rigid; give at least one LinearElastic or NeoHookean body"
+        )
+    if callable(scene.gravity):
+        X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
+        field_values("gravity(X, t) at t = 0", scene.gravity(X, 0.0), X)
+    else:
+        vector("gravity", scene.gravity)
+    for i, wall in enumerate(scene.walls):
+        _check_wall(f"wall {i}", wall)
+    _check_start(scene)
+
+
+def _check_body(name: str, body: Body) -> None:
+    if not isinstance(body, Body):
+        raise SceneError(f"{name} is a {type(body).__name__}; use skmpm.Body(points, material)")
+    if not isinstance(body.points, Points):
+        raise SceneError(
+            f"{name}: points is a {type(body.points).__name__}; use skmpm.Points, disc, box or from_mesh"
+        )
+    problem = check_points(body.points)
+    if problem:
+        raise SceneError(f"{name}: {problem}")
+    material = body.material
+    if not isinstance(material, LinearElastic | NeoHookean | Rigid):
+        raise SceneError(f"{name}: material is {material!r}; use LinearElastic, NeoHookean or Rigid")
+    _positive(f"{name}: density", material.density, "a density in kg/m3")
+    if not isinstance(material, Rigid):
+        _positive(f"{name}: Young's modulus E", material.E, "a modulus in Pa")
+        nu = _number(f"{name}: Poisson's ratio nu", material.nu, "give one between -1 and 0.5")
+        if not -1.0 < nu < 0.5:
+            raise SceneError(f"{name}: Poisson's ratio nu = {nu}; it lies between -1 and 0.5, both excluded")
+    _check_motion(name, body)
+
+
+def _check_motion(name: str, body: Body) -> None:
+    rigid, spin = isinstance(body.material, Rigid), "give a finite angular velocity in rad/s"
+    if callable(body.velocity) and not rigid:
+        field_values(f"{name}: velocity(x)", body.velocity(body.points.x), body.points.x)
+    else:
+        motion(body.velocity, 0.0, f"{name}: velocity")
+    if _number(f"{name}: spin", body.spin, spin) != 0.0 and rigid:
+        raise SceneError(
+            f"{name}: spin = {body.spin} of a Rigid body; Rigid bodies do not turn, give them a velocity"
+        )
+
+
+def _check_wall(name: str, wall: Wall) -> None:
+    if not isinstance(wall, Wall):
+        raise SceneError(f"{name} is a {type(wall).__name__}; use skmpm.Wall(point, normal)")
+    vector(f"{name}: point", wall.point)
+    normal = vector(f"{name}: normal", wall.normal)
+    length = float(np.linalg.norm(normal))
+    if abs(length - 1.0) > 1e-9:
+        raise SceneError(f"{name}: normal = {normal} has length {length:.6g}; divide it by its length")
+    motion(wall.velocity, 0.0, f"{name}: velocity")
+    _friction(f"{name}: friction", wall.friction)
+
+
+def _check_start(scene: Scene, tolerance: float = 1e-3) -> None:
+    """Bodies may touch at the start, but neither overlap nor be cut by a wall by more than `tolerance` cells."""
+    slack = tolerance * scene.cell
+    for i, wall in enumerate(scene.walls):
+        normal, point = np.asarray(wall.normal, dtype=float), np.asarray(wall.point, dtype=float)
+        for b, body in enumerate(scene.bodies):
+            depth = -float((normal @ (body.points.x - point[:, None])).min())
+            if depth > slack and not isinstance(body.material, Rigid):
+                raise SceneError(
+                    f"wall {i} cuts body {b}: a point lies {depth:.3g} m behind it; move the wall or the body"
+                )
+    rim = scene.outlines
+    if rim.point.size == 0:
+        return
+    x = np.concatenate([body.points.x for body in scene.bodies], axis=1)[:, rim.point]
+    first = _first_overlap(scene, rim, x, slack)
+    if first is not None:
+        a, b, depth = first
+        raise SceneError(
+            f"bodies {a} and {b} overlap at the start: a rim point lies about {depth:.3g} m inside;"
+            " move them apart or shrink them"
+        )
+
+
+def _first_overlap(scene: Scene, rim: Outlines, x: Array, slack: float) -> tuple[int, int, float] | None:
+    pairs, shared = overlap(rim, x, len(scene.bodies))
+    if not shared.size:
+        return None
+    size = area(rim, x, len(scene.bodies))
+    # A lens of depth d between bodies of size L has an area of about d^1.5 L^0.5.
+    length = np.sqrt(np.minimum(size[pairs[0]], size[pairs[1]]))
+    depth = (np.maximum(shared, 0.0) / np.sqrt(length)) ** (2.0 / 3.0)
+    worst = int(np.argmax(depth))
+    if depth[worst] <= slack:
+        return None
+    return int(pairs[0, worst]), int(pairs[1, worst]), float(depth[worst])
+
+
+def _number(name: str, value: float, remedy: str) -> float:
+    number = numbers(name, value, remedy)
+    if number.ndim or not np.isfinite(number):
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    return float(number)
+
+
+def _positive(name: str, value: float, what: str) -> None:
+    if _number(name, value, f"give {what}, greater than zero") <= 0.0:
+        raise SceneError(f"{name} = {value}; give {what}, greater than zero")
+
+
+def _friction(name: str, value: float) -> None:
+    if _number(name, value, "give a Coulomb coefficient of zero or more") < 0.0:
+        raise SceneError(f"{name} = {value}; give a Coulomb coefficient of zero or more")

@@ -1,0 +1,98 @@
+"""What a scene is made of: bodies and walls, and their prescribed motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skmpm.material import Material
+from skmpm.points import Points
+
+Array = NDArray[np.float64]
+Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
+
+
+class SceneError(ValueError):
+    """A scene that cannot be simulated: names the object, the value and the remedy."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A cloud of material points of one material.
+
+    Parameters
+    ----------
+    points : its points and outline
+    material : LinearElastic, NeoHookean or Rigid
+    velocity : (2,) [m/s], or a function of positions (2, n) -> (2, n) at t = 0; for `Rigid` (2,) or a function of
+        time t -> (2,) for the whole run
+    spin : initial angular velocity about the centre of mass [rad/s], counter-clockwise
+    """
+
+    points: Points
+    material: Material
+    velocity: ArrayLike | Callable[..., ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
+    spin: float = field(default=0.0, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A rigid half-plane through `point`; the unit `normal` points into the free side.
+
+    Parameters
+    ----------
+    point : (2,) [m] at t = 0
+    normal : (2,)
+    velocity : (2,) [m/s] or a function of time t -> (2,)
+    friction : Coulomb coefficient against every body
+    """
+
+    point: ArrayLike
+    normal: ArrayLike
+    velocity: ArrayLike | Motion = field(default=(0.0, 0.0), kw_only=True)
+    friction: float = field(default=0.0, kw_only=True)
+
+
+def motion(velocity: ArrayLike | Callable[..., ArrayLike], t: float, name: str = "velocity") -> Array:
+    """A prescribed velocity (2,) [m/s] at time t, from a constant or a function of time.
+
+    Raises
+    ------
+    SceneError
+        when it is not two finite numbers; `name` says whose velocity it is
+    """
+    if callable(velocity):
+        return vector(f"{name} at t = {t:.6g} s", velocity(t))
+    return vector(name, velocity)
+
+
+def vector(name: str, value: ArrayLike) -> Array:
+    """The value as (2,); SceneError unless it is two finite numbers."""
+    remedy = "give two finite numbers (x, y)"
+    array = numbers(name, value, remedy)
+    if array.shape != (2,) or not np.isfinite(array).all():
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    return array
+
+
+def field_values(name: str, value: ArrayLike, x: Array) -> Array:
+    """The values of a field at positions x (2, n), (2, n); SceneError where they are not as many finite numbers."""
+    remedy = f"return finite numbers of the shape {x.shape} of the positions"
+    array = numbers(name, value, remedy)
+    if array.shape != x.shape:
+        raise SceneError(f"{name} has the shape {array.shape}; {remedy}")
+    if not np.isfinite(array).all():
+        point = int(np.argmin(np.isfinite(array).all(axis=0)))
+        raise SceneError(f"{name} is {array[:, point]} at x = {x[:, point]}; {remedy}")
+    return array
+
+
+def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
+    """The value as an array of floats; SceneError where it is no numbers at all."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise SceneError(f"{name} = {value!r} is not a number or an array of numbers; {remedy}") from None

@@ -1,0 +1,75 @@
+"""The scene: all that does not change while it is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skmpm.material import Rigid
+from skmpm.outline import Outlines, outlines
+from skmpm.scene.check import check
+from skmpm.scene.objects import Body, SceneError, Wall, motion
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies and walls on a background grid of square cells.
+
+    Parameters
+    ----------
+    bodies : the bodies
+    cell : side h of the cells [m]
+    walls : rigid half-planes
+    friction : Coulomb coefficient between bodies
+    gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n)
+
+    Raises
+    ------
+    SceneError
+        on bad input, naming the object, its value and the remedy
+    """
+
+    bodies: Sequence[Body]
+    cell: float = field(kw_only=True)
+    walls: Sequence[Wall] = field(default=(), kw_only=True)
+    friction: float = field(default=0.0, kw_only=True)
+    gravity: ArrayLike | Callable[[Array, float], ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
+
+    def __post_init__(self) -> None:
+        for name in ("bodies", "walls"):
+            several = getattr(self, name)
+            if not isinstance(several, Iterable):
+                raise SceneError(f"{name} is a {type(several).__name__}; give a list")
+            object.__setattr__(self, name, tuple(several))
+        check(self)
+
+    @property
+    def offsets(self) -> Ints:
+        """Where each body's points begin in the arrays of a state, (bodies + 1,)."""
+        return np.concatenate([[0], np.cumsum([body.points.x.shape[1] for body in self.bodies])]).astype(int)
+
+    @property
+    def deformable(self) -> NDArray[np.bool_]:
+        """Which bodies have unknowns, (bodies,)."""
+        return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
+
+    @property
+    def outlines(self) -> Outlines:
+        """The outlines of all bodies, as indices into the arrays of a state."""
+        return outlines([body.points.outline for body in self.bodies], self.offsets)
+
+    @property
+    def normals(self) -> Array:
+        """Unit normals of the walls, (2, walls)."""
+        return np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T
+
+    def wall_velocities(self, t: float) -> Array:
+        """Velocities of the walls at time t, (walls, 2) [m/s]; SceneError where one is not finite."""
+        each = [motion(wall.velocity, t, f"wall {i}: velocity") for i, wall in enumerate(self.walls)]
+        return np.array(each).reshape(-1, 2)

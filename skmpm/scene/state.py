@@ -1,0 +1,102 @@
+"""Where a scene stands: the state, and what the last step reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from skmpm.assembly import Assembly
+    from skmpm.linear import Solver
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class StepFailed(RuntimeError):  # noqa: N818  (the public name says what happened)
+    """A step that did not converge; `state` is the last good one."""
+
+    def __init__(self, message: str, state: State) -> None:
+        super().__init__(message)
+        self.state = state
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """The contacts at the end of a step; walls are bodies -1, -2, ..."""
+
+    bodies: Ints  # (2, k)
+    x: Array  # (2, k) [m]
+    normal: Array  # (2, k) unit, from the second to the first body
+    force: Array  # (2, k) [N/m] on the first body, in (n, t), t = (-n_y, n_x)
+    gap: Array  # (k,) [m]
+    key: Ints  # (k,) identity of a contact from step to step: the warm start
+    point: Ints  # (k,) material point of the first body on whose rim the contact lies; -1 at a grid node
+
+    @staticmethod
+    def none() -> Contacts:
+        """No contact at all."""
+        ints, floats = np.zeros((2, 0), dtype=np.int64), np.zeros((2, 0))
+        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0])
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The energy budget [J/m]; the last three are sums since t = 0."""
+
+    kinetic: float = 0.0
+    elastic: float = 0.0  # with the ghost penalty's share
+    external: float = 0.0  # work of gravity and walls
+    push_out: float = 0.0  # work of contacts that remove an overlap left by an earlier step
+    dissipated: float = 0.0  # what is missing: friction, impacts, the time scheme, the transfer
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a step cost and how good it is."""
+
+    newton: int = 0  # Newton iterations
+    linear: int = 0  # factorisations of A
+    contact: int = 0  # iterations of the contact solver, all Newton iterations together
+    residual: float = 0.0  # natural-map residual of the contact law at the end of the step
+    imbalance: float = 0.0  # residual of the momentum balance over the largest of its terms
+    overlap: float = 0.0  # area shared by bodies / area of all bodies
+    energy: Energy = Energy()
+    seconds: dict[str, float] = field(default_factory=dict)  # by phase
+
+
+@dataclass(frozen=True)
+class State:
+    """All that a restart needs; arrays are read-only by convention."""
+
+    t: float  # [s]
+    x: Array  # (2, n) positions [m]
+    v: Array  # (2, n) velocities [m/s]
+    F: Array  # (2, 2, n) deformation gradients
+    C: Array  # (2, 2, n) affine velocity (APIC), by anchor position [1/s]
+    stress: Array  # (2, 2, n) Cauchy stress [Pa], tension positive
+    mass: Array  # (n,) [kg/m]
+    volume: Array  # (n,) current [m2]
+    body: Ints  # (n,)
+    x_anchor: Array  # (2, n) positions when the sheets were laid [m]
+    F_anchor: Array  # (2, 2, n)
+    stress_anchor: Array  # (2, 2, n) [Pa]
+    displacement: Array  # (2 nodes,) of the nodes since then [m]
+    walls: Array  # (walls, 2) a point of each wall [m]
+    wall_force: Array  # (walls, 2) exerted by the bodies in the last step [N/m]
+    contacts: Contacts
+    report: Report
+    derived: Derived | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class Derived:
+    """Kept for speed; follows from the rest of the state, is not saved and is rebuilt on demand."""
+
+    assembly: Assembly
+    ghost: Array  # (bodies,) moduli of the ghost penalty in `assembly` [Pa]
+    key: tuple[object, ...] = ()  # what the kept solver was made for
+    solver: Solver | None = None
