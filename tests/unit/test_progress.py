@@ -1,0 +1,70 @@
+"""Progress is a line on a terminal and silence elsewhere."""
+
+import re
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from skmpm.material import LinearElastic
+from skmpm.points import disc
+from skmpm.progress import Progress
+from skmpm.scene import Body, Scene
+from skmpm.simulate import simulate
+
+SCENE = Scene([Body(disc((0, 0), 1.0, spacing=0.5), LinearElastic(1e6, 0.3, 1e3), velocity=(1, 0))], cell=0.5)
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """Make stderr a terminal, whatever stream pytest puts there."""
+    stderr = SimpleNamespace(isatty=lambda: True, write=lambda text: sys.stderr.write(text), flush=lambda: None)
+    monkeypatch.setattr("skmpm.progress.sys", SimpleNamespace(stderr=stderr))
+
+
+def run(capsys, *, progress):
+    states = list(simulate(SCENE, dt=1e-3, until=5e-3, progress=progress))
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    return states, printed.err
+
+
+def test_progress_prints_on_a_terminal(capsys, terminal):
+    _, text = run(capsys, progress=True)
+    first = text.split("\r")[1]
+    assert re.match(r"step 1  t = 0.001 s   20.0 %  ETA \d+:\d\d  residual 0.0e\+00 *", first)
+    assert len(first.rstrip("\n")) == 78
+    assert text.endswith("\n")
+
+
+def test_progress_is_silent_elsewhere(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: False)
+    assert run(capsys, progress=True)[1] == ""
+
+
+def test_progress_is_silent_unless_wanted(capsys, terminal):
+    assert run(capsys, progress=False)[1] == ""
+
+
+def test_the_line_is_redrawn_at_most_five_times_a_second(capsys, terminal, monkeypatch):
+    states, _ = run(capsys, progress=False)
+    clock = iter([0.0, 0.3, 0.31, 0.32, 0.51, 0.6])
+    monkeypatch.setattr("skmpm.progress.perf_counter", lambda: next(clock))
+    with Progress(0.0, 5e-3, shown=True) as bar:
+        for state in states:
+            bar.show(state)
+    lines = capsys.readouterr().err.split("\r")[1:]
+    assert [line.split()[1] for line in lines] == ["1", "4"]
+    assert "ETA 0:01" in lines[0]  # 0.3 s for a fifth
+
+
+def test_a_run_that_fails_leaves_the_line_and_the_error_alone(capsys, terminal):
+    with pytest.raises(RuntimeError, match="broken"), Progress(0.0, 1.0, shown=True) as bar:
+        bar.show(next(iter(simulate(SCENE, dt=1e-3, until=5e-3))))
+        raise RuntimeError("broken")
+    assert capsys.readouterr().err.endswith("\n")
+
+
+def test_nothing_is_printed_when_there_is_nothing_to_do(capsys, terminal):
+    assert list(simulate(SCENE, dt=1e-3, until=0.0, progress=True)) == []
+    assert capsys.readouterr().err == ""

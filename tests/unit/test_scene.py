@@ -1,0 +1,218 @@
+"""Scenes that cannot be simulated say so before any step: the object, the value and the remedy."""
+
+import numpy as np
+import pytest
+
+from skmpm.linear import Banded
+from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.points import Points, box, disc
+from skmpm.scene import Body, Scene, SceneError, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import initial, step
+
+R, CELL = 1.0, 0.4
+GEL = NeoHookean(1e6, 0.3, 1000.0)
+ROUND = disc((0.0, 0.0), R, spacing=0.4)
+
+
+def at(x, y=0.0, radius=R):
+    return disc((x, y), radius, spacing=0.4)
+
+
+def scene(points=ROUND, material=GEL, *, walls=(), others=(), cell=CELL, friction=0.0, gravity=(0, 0), **motion):
+    return Scene(
+        [Body(points, material, **motion), *others], cell=cell, walls=walls, friction=friction, gravity=gravity
+    )
+
+
+def wall(point=(0.0, -R), normal=(0.0, 1.0), **options):
+    return scene(walls=[Wall((0.0, 9.0), (0.0, -1.0)), Wall(point, normal, **options)])
+
+
+def moved(points, index, value):
+    x = points.x.copy()
+    x[:, index] = value
+    return Points(x, points.volume, points.outline)
+
+
+BAD = {
+    "modulus zero": (lambda: scene(material=NeoHookean(0.0, 0.3, 1.0)), "body 0.*modulus E = 0.0.*greater than zero"),
+    "modulus negative": (lambda: scene(material=LinearElastic(-1e6, 0.3, 1.0)), "body 0.*E = -1000000.0.*greater"),
+    "modulus text": (lambda: scene(material=NeoHookean("soft", 0.3, 1.0)), "body 0.*E = 'soft'.*modulus in Pa"),
+    "modulus none": (lambda: scene(material=NeoHookean(None, 0.3, 1.0)), "body 0.*E = None.*modulus in Pa"),
+    "Poisson 0.5": (lambda: scene(material=NeoHookean(1.0, 0.5, 1.0)), "body 0.*nu = 0.5.*between -1 and 0.5"),
+    "Poisson -1": (lambda: scene(material=NeoHookean(1.0, -1.0, 1.0)), "body 0.*nu = -1.0.*between -1 and 0.5"),
+    "Poisson nan": (lambda: scene(material=NeoHookean(1.0, np.nan, 1.0)), "body 0.*nu = nan.*between -1 and 0.5"),
+    "density zero": (lambda: scene(material=NeoHookean(1.0, 0.3, 0.0)), "body 0.*density = 0.0.*kg/m3"),
+    "density of Rigid": (lambda: scene(others=[Body(at(3), Rigid(-1.0))]), "body 1.*density = -1.0.*kg/m3"),
+    "no material": (lambda: scene(material="gel"), "body 0.*material is 'gel'.*NeoHookean"),
+    "a material's class": (lambda: scene(material=NeoHookean), "body 0.*material is <class.*NeoHookean"),
+    "cell zero": (lambda: scene(cell=0.0), "cell = 0.0.*metres.*greater than zero"),
+    "cell negative": (lambda: scene(cell=-0.1), "cell = -0.1.*greater than zero"),
+    "cell nan": (lambda: scene(cell=np.nan), "cell = nan.*metres"),
+    "cell none": (lambda: scene(cell=None), "cell = None.*metres"),
+    "cell text": (lambda: scene(cell="fine"), "cell = 'fine'.*metres"),
+    "cell pair": (lambda: scene(cell=(1.0, 1.0)), r"cell = \(1.0, 1.0\).*metres"),
+    "no points": (lambda: scene(Points(np.zeros((2, 0)), np.zeros(0))), r"body 0.*\(2, 0\).*n > 0"),
+    "points nan": (lambda: scene(moved(ROUND, 7, np.nan)), "body 0.*point 7 is not finite"),
+    "points turned": (lambda: scene(Points(ROUND.x.T, ROUND.volume)), r"body 0.*components first"),
+    "volumes missing": (lambda: scene(Points(ROUND.x, ROUND.volume[1:])), "body 0.*one volume per point"),
+    "volume zero": (lambda: scene(Points(ROUND.x, 0.0 * ROUND.volume)), "body 0.*volume of point 0 is 0"),
+    "no Points": (lambda: scene(ROUND.x), "body 0.*points is a ndarray.*disc"),
+    "clockwise outline": (
+        lambda: scene(Points(ROUND.x, ROUND.volume, (ROUND.outline[0][::-1],))),
+        "body 0.*outline loop 0.*counter-clockwise",
+    ),
+    "crossed outline": (lambda: scene(moved(ROUND, ROUND.outline[0][0], (-2.0, 0.1))), "body 0.*crosses itself"),
+    "velocity nan": (lambda: scene(velocity=(0.0, np.nan)), r"body 0: velocity = \(0.0, nan\).*two finite numbers"),
+    "velocity long": (lambda: scene(velocity=(0.0, 1.0, 2.0)), "body 0: velocity.*two finite numbers"),
+    "velocity text": (lambda: scene(velocity="fast"), "body 0: velocity = 'fast'.*two finite numbers"),
+    "velocity none": (lambda: scene(velocity=None), "body 0: velocity = None.*two finite numbers"),
+    "velocity field short": (lambda: scene(velocity=lambda x: x[0]), r"body 0: velocity\(x\).*shape.*positions"),
+    "velocity field inf": (
+        lambda: scene(velocity=lambda x: x + np.inf),
+        r"body 0: velocity\(x\) is \[inf inf\]",
+    ),
+    "velocity of Rigid": (
+        lambda: scene(others=[Body(at(3), Rigid(1.0), velocity=lambda t: (t, np.inf))]),
+        "body 1: velocity at t = 0 s.*two finite numbers",
+    ),
+    "spin nan": (lambda: scene(spin=np.nan), "body 0: spin = nan.*rad/s"),
+    "spin text": (lambda: scene(spin="left"), "body 0: spin = 'left'.*rad/s"),
+    "spin of Rigid": (lambda: scene(others=[Body(at(3), Rigid(1.0), spin=1.0)]), "body 1: spin = 1.0.*do not turn"),
+    "gravity nan": (lambda: scene(gravity=(np.nan, 0.0)), "gravity.*nan.*two finite numbers"),
+    "gravity scalar": (lambda: scene(gravity=-9.81), "gravity = -9.81.*two finite numbers"),
+    "gravity field": (lambda: scene(gravity=lambda X, t: (0.0, -9.81)), r"gravity\(X, t\).*shape \(2,\).*positions"),
+    "friction negative": (lambda: scene(friction=-0.1), "friction between bodies = -0.1.*zero or more"),
+    "friction nan": (lambda: scene(friction=np.nan), "friction between bodies = nan.*zero or more"),
+    "friction text": (lambda: scene(friction="rough"), "friction between bodies = 'rough'.*zero or more"),
+    "wall friction": (lambda: wall(friction=-0.5), "wall 1: friction = -0.5.*zero or more"),
+    "wall normal long": (lambda: wall(normal=(0.0, 2.0)), "wall 1: normal.*length 2.*divide"),
+    "wall normal zero": (lambda: wall(normal=(0.0, 0.0)), "wall 1: normal.*length 0"),
+    "wall normal none": (lambda: wall(normal=None), "wall 1: normal = None.*two finite"),
+    "wall point nan": (lambda: wall(point=(0.0, np.nan)), "wall 1: point.*nan.*two finite"),
+    "wall velocity inf": (lambda: wall(velocity=(0.0, np.inf)), "wall 1: velocity.*inf.*two finite"),
+    "wall velocity f(t)": (lambda: wall(velocity=lambda t: 1.0), "wall 1: velocity at t = 0 s = 1.0.*two finite"),
+    "wall cuts": (lambda: wall(point=(0.0, -0.9 * R)), "wall 1 cuts body 0.*0.1 m behind.*move"),
+    "no wall": (lambda: scene(walls=[(0.0, -1.0)]), "wall 0 is a tuple.*skmpm.Wall"),
+    "walls alone": (lambda: scene(walls=Wall((0, -1), (0, 1))), "walls is a Wall.*list"),
+    "overlap": (lambda: scene(others=[Body(at(1.9 * R), GEL)]), "bodies 0 and 1 overlap.*move them apart"),
+    "the same place": (lambda: scene(others=[Body(ROUND, GEL)]), "bodies 0 and 1 overlap"),
+    "one inside another": (lambda: scene(others=[Body(at(0.0, 0.0, 0.5), GEL)]), "bodies 0 and 1 overlap"),
+    "no bodies": (lambda: Scene([], cell=CELL), "no bodies.*at least one"),
+    "points as body": (lambda: Scene([ROUND], cell=CELL), "body 0 is a Points.*skmpm.Body"),
+    "body alone": (lambda: Scene(Body(ROUND, GEL), cell=CELL), "bodies is a Body.*list"),
+    "all Rigid": (lambda: scene(material=Rigid(1.0)), "all 1 bodies are Rigid.*at least one"),
+}
+
+
+@pytest.mark.parametrize(("make", "message"), BAD.values(), ids=BAD.keys())
+def test_bad_input_raises_scene_error_naming_object_value_and_remedy_before_any_step(make, message):
+    with pytest.raises(SceneError, match=message):
+        make()
+
+
+def test_the_same_scenes_without_their_fault_are_accepted():
+    wall(point=(0.0, -R), friction=0.0, velocity=lambda t: (0.0, t))
+    scene(
+        others=[
+            Body(at(2.0 * R), LinearElastic(1.0, -0.99, 1e-9)),
+            Body(at(-2.0 * R), NeoHookean(1, 0.499, 7), spin=-3),
+            Body(box((-1, 2), (2, 1), spacing=0.4), Rigid(1.0), velocity=lambda t: (t, 1)),
+        ],
+        walls=[Wall((0, 9), (0, -1))],
+        velocity=lambda x: x,
+        gravity=lambda X, t: 0.0 * X,
+        friction=2,
+    )
+
+
+def test_bodies_may_touch_and_overlap_by_a_thousandth_of_a_cell_but_not_by_more():
+    def squares(depth):
+        edge = box((0.0, 0.0), (1.0, 1.0), spacing=0.4), box((1.0 - depth, 0.0), (1.0, 1.0), spacing=0.4)
+        return Scene([Body(points, GEL) for points in edge], cell=CELL)
+
+    squares(0.0)
+    squares(1e-5 * CELL)
+    with pytest.raises(SceneError, match="bodies 0 and 1 overlap"):
+        squares(0.05 * CELL)
+    wall(point=(0.0, -R + 0.9e-3 * CELL))
+    with pytest.raises(SceneError, match="wall 1 cuts body 0"):
+        wall(point=(0.0, -R + 2e-3 * CELL))
+
+
+def test_walls_may_cut_rigid_bodies():
+    floor = Body(box((-2, -2), (4, 1), spacing=0.4), Rigid(1.0))
+    assert len(scene(others=[floor], walls=[Wall((0, -1.0), (0, 1))]).bodies) == 2
+
+
+@pytest.mark.parametrize("walls", [(), (Wall((0, -R), (0, 1)),)])
+def test_a_body_without_outline_needs_shared_nodes(walls):
+    bare = Points(ROUND.x, ROUND.volume)
+    with_others = scene(bare, walls=walls, others=() if walls else [Body(at(2.5), GEL)])
+    with pytest.raises(SceneError, match=r"body 0 has no outline.*shared_nodes"):
+        initial(with_others)
+    assert initial(with_others, scheme=Scheme.seed()).t == 0.0
+    assert initial(scene(bare)).contacts.gap.size == 0  # alone it needs none
+
+
+@pytest.mark.parametrize(
+    ("late", "message"),
+    [
+        (
+            {"walls": [Wall((0, -R), (0, 1), velocity=lambda t: (0, np.nan if t > 1e-3 else 0))]},
+            "wall 0: velocity",
+        ),
+        (
+            {"others": [Body(at(3), Rigid(1.0), velocity=lambda t: (0,) if t > 1e-3 else (0, 0))]},
+            "body 1: velocity",
+        ),
+        ({"gravity": lambda X, t: np.full(X.shape, np.inf if t > 1e-3 else 0.0)}, r"gravity\(X, t\) at t = 0.002 s"),
+    ],
+)
+def test_functions_of_time_that_end_in_nothing_are_named_when_they_do(late, message):
+    it = scene(material=LinearElastic(1e6, 0.3, 1000.0), **late)
+    state = step(it, initial(it), 1e-3)
+    with pytest.raises(SceneError, match=message):
+        step(it, state, 1e-3)
+
+
+def test_what_a_scene_knows_of_its_bodies():
+    it = scene(others=[Body(box((2, 0), (1, 1), spacing=0.5), Rigid(1.0))], walls=[Wall((0, -R), (0, 1))])
+    assert it.offsets.tolist() == [0, ROUND.n, ROUND.n + 16]
+    assert it.deformable.tolist() == [True, False]
+    assert it.normals.tolist() == [[0.0], [1.0]]
+    assert it.wall_velocities(3.0).tolist() == [[0.0, 0.0]]
+    assert it.outlines.m == ROUND.outline[0].size + 12
+    assert scene().wall_velocities(0.0).shape == (0, 2)
+    assert scene().normals.shape == (2, 0)
+
+
+def test_rigid_bodies_and_walls_have_no_unknowns():
+    alone = initial(scene())
+    rigid = Body(box((2, 0), (1, 1), spacing=0.1), Rigid(1.0))
+    crowded = initial(scene(others=[rigid], walls=[Wall((0, -R), (0, 1))]))
+    assert alone.displacement.size > 0
+    assert crowded.displacement.size == alone.displacement.size
+    assert crowded.derived.assembly.sheets.nodes == alone.derived.assembly.sheets.nodes
+    factor = Scheme().linear(*_system(crowded))
+    assert isinstance(factor, Banded)
+    assert factor.factor.shape[1] == 2 * alone.derived.assembly.sheets.nodes
+
+
+def _system(state):
+    assembly = state.derived.assembly
+    nothing = np.zeros((assembly.indices.size, 2, 2))
+    return assembly.matrix(nothing, 0.0), assembly.sheets.blocks, assembly.sheets.rigid_motions()
+
+
+def test_cells_without_points_do_not_exist():
+    """A ring has no cells in its hole; all cells hold a point, all points lie in their cell."""
+    ring = Points(ROUND.x[:, -27:], ROUND.volume[-27:])
+    sheets = initial(scene(ring, cell=0.25)).derived.assembly.sheets
+    assert (np.bincount(sheets.cell_of_point, minlength=sheets.cells) > 0).all()
+    lower = 0.25 * sheets.cell_index[:, sheets.cell_of_point]
+    assert (lower <= ring.x + 1e-9).all()
+    assert (ring.x <= lower + 0.25 + 1e-9).all()
+    assert set(np.unique(sheets.nodes_of_cell)) == set(range(sheets.nodes))
+    assert not ((sheets.cell_index == [[0], [0]]).all(axis=0)).any()

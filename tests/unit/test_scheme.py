@@ -1,0 +1,65 @@
+"""Schemes: what cannot work is refused with the name, the value and the remedy."""
+
+from dataclasses import FrozenInstanceError, fields
+
+import numpy as np
+import pytest
+
+from skmpm import contact, linear, transfer
+from skmpm.scheme import Scheme
+
+BAD = [
+    ({"theta": 0.49}, r"theta = 0.49.*between 1/2"),
+    ({"theta": 1.01}, r"theta = 1.01.*between 1/2"),
+    ({"theta": np.nan}, r"theta = nan.*between 1/2"),
+    ({"theta": "implicit"}, r"theta = 'implicit'.*between 1/2"),
+    ({"theta": None}, r"theta = None.*between 1/2"),
+    ({"anchor": -1.0}, r"anchor = -1.0.*0 \(every step\)"),
+    ({"anchor": np.nan}, r"anchor = nan.*0 \(every step\)"),
+    ({"ghost": -0.005}, r"ghost = -0.005.*about 0.005"),
+    ({"newton_tol": 0.0}, r"newton_tol = 0.0.*about 1e-6"),
+    ({"contact_tol": 1.0}, r"contact_tol = 1.0.*about 1e-6"),
+    ({"gap_tol": np.inf}, r"gap_tol = inf.*about"),
+    ({"max_newton": 0}, r"max_newton = 0.*about 40"),
+    ({"max_newton": 2.5}, r"max_newton = 2.5.*whole number"),
+    ({"contact": "outlines"}, r"contact = 'outlines'.*contact.outlines"),
+    ({"contact": None}, r"contact = None.*contact.outlines"),
+    ({"transfer": "apic"}, r"transfer = 'apic'.*transfer.apic"),
+    ({"linear": "banded"}, r"linear = 'banded'.*linear.banded"),
+    ({"contact": contact.shared_nodes}, r"shared_nodes with anchor = inf.*anchor = 0"),
+    ({"contact": contact.shared_nodes, "anchor": 0.1}, r"shared_nodes with anchor = 0.1.*anchor = 0"),
+]
+
+
+@pytest.mark.parametrize(("choice", "message"), BAD, ids=[m for _, m in BAD])
+def test_bad_choices_are_refused_with_value_and_remedy(choice, message):
+    with pytest.raises(ValueError, match=f"Scheme: .*{message}"):
+        Scheme(**choice)
+
+
+def test_the_limits_themselves_are_allowed():
+    for choice in ({"theta": 0.5}, {"theta": 1}, {"anchor": 0}, {"ghost": 0.0}, {"max_newton": 1}):
+        Scheme(**choice)
+    Scheme(contact=contact.shared_nodes, anchor=0.0)
+
+
+def test_the_default_is_outlines_on_sheets_laid_once():
+    scheme = Scheme()
+    assert (scheme.theta, scheme.anchor, scheme.contact) == (1.0, np.inf, contact.outlines)
+    assert (scheme.transfer, scheme.linear) == (transfer.apic, linear.default)
+
+
+def test_seed_is_shared_nodes_on_sheets_laid_at_every_step():
+    seed = Scheme.seed()
+    assert (seed.anchor, seed.contact) == (0.0, contact.shared_nodes)
+    others = {f.name for f in fields(Scheme)} - {"anchor", "contact"}
+    assert all(getattr(seed, name) == getattr(Scheme(), name) for name in others)
+
+
+def test_schemes_are_frozen_and_compare_by_value():
+    assert Scheme() == Scheme()
+    assert Scheme(theta=0.5) != Scheme()
+    with pytest.raises(FrozenInstanceError):
+        Scheme().theta = 0.5
+    with pytest.raises(TypeError):
+        Scheme(0.5)
