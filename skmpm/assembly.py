@@ -106,15 +106,11 @@ def ghost_facets(sheets: Sheets, volume: Array, threshold: float = 0.6) -> tuple
 
 def _neighbours(sheets: Sheets, normal: int) -> tuple[Ints, Ints]:
     """Pairs of cells of one body that share a facet with this normal: (lower, upper)."""
-    low = sheets.cell_index.min(axis=1, initial=0)
-    relative = sheets.cell_index - low[:, None]
-    width = relative.max(axis=1, initial=0) + 2
-    key = (sheets.cell_body * width[0] + relative[0]) * width[1] + relative[1]
-    order = np.argsort(key)
-    wanted = key + (width[1] if normal == 0 else 1)
-    found = np.minimum(np.searchsorted(key[order], wanted), key.size - 1)
-    present = key[order[found]] == wanted
-    return np.flatnonzero(present), order[found[present]]
+    corner = 1 if normal == 0 else 3  # of the lower cell, where the upper cell begins
+    begins = np.full(sheets.nodes, -1)
+    begins[sheets.nodes_of_cell[0]] = np.arange(sheets.cells)
+    upper = begins[sheets.nodes_of_cell[corner]]
+    return np.flatnonzero(upper >= 0), upper[upper >= 0]
 
 
 def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) -> Assembly:

@@ -122,7 +122,10 @@ class Amg:
     def __call__(self, b: Array, /) -> Array:
         """A^-1 b, to a relative residual of `tol`."""
         if b.ndim == 2:
-            return np.stack([self(column) for column in b.T], axis=1)
+            columns = np.empty(b.shape)
+            for j, column in enumerate(b.T):
+                columns[:, j] = self(column)
+            return columns
         count = 0
 
         def counted(_: Array) -> None:
