@@ -1,0 +1,224 @@
+"""The fast assembly against the scikit-fem forms that define it, and what the ghost penalty touches."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skmpm import forms
+from skmpm.assembly import ghost_facets, lumped_mass, prepare
+from skmpm.grid import lay
+from skmpm.material import LinearElastic, NeoHookean
+
+CELL = 0.2
+SEED = st.integers(0, 2**32 - 1)
+MATERIALS = [LinearElastic(1e7, 0.45, 990.0), NeoHookean(2e6, 0.3, 1200.0)]
+
+
+def random_assembly(seed, bodies=3, points=25, ghost=0.0):
+    """Bodies of random points on top of each other, shuffled, with cells of every filling."""
+    rng = np.random.default_rng(seed)
+    body = rng.permutation(np.repeat(np.arange(bodies), points))
+    extent = rng.uniform(0.5, 5.0, size=(2, bodies)) * CELL
+    x = rng.uniform(-2.0, 2.0, size=(2, bodies))[:, body] * CELL + extent[:, body] * rng.uniform(size=(2, body.size))
+    volume = rng.uniform(0.02, 0.5, body.size) * CELL**2
+    mass = rng.uniform(900.0, 1100.0, body.size) * volume
+    sheets = lay(x, body, CELL, bodies)
+    modulus = ghost * rng.uniform(1e5, 1e7, bodies)
+    return rng, body, sheets, volume, mass, modulus, prepare(sheets, volume, mass, modulus)
+
+
+def random_gradients(rng, n, size=0.25):
+    """Deformation gradients with J > 0."""
+    return np.eye(2)[:, :, None] + rng.uniform(-size, size, size=(2, 2, n))
+
+
+def of_bodies(body, name, *arguments):
+    """What each body's own material says at its points; bodies alternate between the two laws."""
+    answers = [getattr(m, name)(*arguments) for m in MATERIALS]
+    return np.where(body % 2 == 0, answers[0], answers[1])
+
+
+def mesh_facets(sheets, volume, threshold=0.6):
+    """Interior facets of scikit-fem's mesh beside a poorly filled cell, and the body of each."""
+    fill = np.zeros(sheets.cells)
+    np.add.at(fill, sheets.cell_of_point, volume / sheets.cell**2)
+    first, second = sheets.mesh.f2t
+    poor = (second >= 0) & (np.minimum(fill[first], fill[second]) < threshold)
+    return np.flatnonzero(poor), sheets.cell_body[first[poor]]
+
+
+def ghost_by_forms(sheets, volume, modulus):
+    facets, owner = mesh_facets(sheets, volume)
+    size = 2 * sheets.nodes
+    matrix = np.zeros((size, size))
+    for b in np.unique(owner):
+        matrix += modulus[b] * forms.ghost_matrix(sheets.mesh, facets[owner == b], sheets.cell).toarray()
+    return matrix
+
+
+def assert_close(actual, expected, tol=1e-12):
+    assert actual.shape == expected.shape
+    assert abs(actual - expected).max() <= tol * abs(expected).max()
+
+
+# Against the forms.
+
+
+@given(SEED, st.booleans())
+def test_stiffness_of_mixed_bodies_equals_the_form(seed, anchored):
+    rng, body, sheets, volume, _, _, fast = random_assembly(seed)
+    F = random_gradients(rng, body.size)
+    F_anchor = random_gradients(rng, body.size) if anchored else None
+    C = of_bodies(body, "tangent", F, F_anchor, None)
+    expected = forms.stiffness.assemble(sheets.basis(volume), C=C[..., None])
+    K = fast.matrix(fast.stiffness(C), 1.0).toarray() - np.diag(fast.mass)
+    assert_close(K, expected.toarray())
+
+
+@given(SEED)
+def test_stiffness_of_any_symmetric_tangent_equals_the_form(seed):
+    rng, body, sheets, volume, *_ = random_assembly(seed, bodies=2, points=10)
+    C = rng.normal(size=(4, 4, body.size))
+    C = (C + C.swapaxes(0, 1)).reshape(2, 2, 2, 2, -1)
+    expected = forms.stiffness.assemble(sheets.basis(volume), C=C[..., None])
+    massless = prepare(sheets, volume, np.zeros(body.size), np.zeros(2))
+    assert_close(massless.matrix(massless.stiffness(C), 1.0).toarray(), expected.toarray())
+
+
+@given(SEED, st.booleans())
+def test_internal_force_equals_the_form(seed, anchored):
+    rng, body, sheets, volume, _, _, fast = random_assembly(seed)
+    F = random_gradients(rng, body.size)
+    F_anchor = random_gradients(rng, body.size) if anchored else None
+    P = of_bodies(body, "stress", F, F_anchor, None)
+    assert_close(fast.internal_force(P), forms.internal_force.assemble(sheets.basis(volume), P=P[..., None]))
+
+
+@given(SEED)
+def test_lumped_mass_is_the_row_sum_of_the_consistent_mass(seed):
+    _, body, sheets, volume, mass, _, fast = random_assembly(seed)
+    M = forms.mass.assemble(sheets.basis(volume), rho=(mass / volume)[:, None])
+    assert_close(fast.mass, np.asarray(M.sum(axis=1)).ravel())
+    for b in np.unique(body):
+        own = fast.mass[sheets.blocks[b] : sheets.blocks[b + 1] : 2]
+        assert own.sum() == pytest.approx(mass[body == b].sum(), rel=1e-13)
+
+
+@settings(max_examples=25)
+@given(SEED)
+def test_ghost_stiffness_equals_the_facet_form_on_the_disconnected_mesh(seed):
+    rng, body, sheets, volume, _, modulus, fast = random_assembly(seed, ghost=0.01)
+    expected = ghost_by_forms(sheets, volume, modulus)
+    field = rng.normal(size=2 * sheets.nodes)
+    assert_close(np.kron(fast.ghost.toarray(), np.eye(2)), expected)
+    assert_close(fast.ghost_force(field), expected @ field)
+    K = fast.stiffness(np.zeros((2, 2, 2, 2, body.size)))
+    assert_close(fast.matrix(K, 1.0).toarray() - np.diag(fast.mass), expected, 1e-11)
+
+
+@settings(max_examples=25)
+@given(SEED, st.floats(1e-8, 1e2))
+def test_system_matrix_is_mass_plus_factor_times_stiffness_and_ghost(seed, factor):
+    rng, body, sheets, volume, mass, modulus, fast = random_assembly(seed, ghost=0.01)
+    C = of_bodies(body, "tangent", random_gradients(rng, body.size), None, None, True)
+    K = forms.stiffness.assemble(sheets.basis(volume), C=C[..., None]).toarray()
+    K += ghost_by_forms(sheets, volume, modulus)
+    data = fast.stiffness(C)
+    kept = data.copy()
+    A = fast.matrix(data, factor).toarray()
+    assert_close(A, np.diag(np.repeat(sheets.interpolation.T @ mass, 2)) + factor * K)
+    assert np.array_equal(data, kept)  # the same stiffness serves several factors
+    assert_close(A, A.T)
+    assert np.linalg.eigvalsh(A / np.sqrt(np.outer(A.diagonal(), A.diagonal()))).min() > 0
+
+
+def test_stiffness_is_the_derivative_of_the_internal_force_in_every_unknown():
+    rng, _, sheets, _, _, _, fast = random_assembly(4, bodies=2, points=12)
+    u = 0.02 * CELL * rng.normal(size=2 * sheets.nodes)
+    solid = MATERIALS[1]
+    F = np.eye(2)[:, :, None] + sheets.gradient_at_points(u)
+    K = fast.matrix(fast.stiffness(solid.tangent(F)), 1.0).toarray() - np.diag(fast.mass)
+    for k, column in enumerate(K.T):
+        d = np.zeros(u.size)
+        d[k] = 1.0
+        P = solid.stress(F + 1e-30j * sheets.gradient_at_points(d)).imag / 1e-30
+        assert_close(fast.internal_force(P), column, 1e-11)
+
+
+# The ghost penalty.
+
+
+@given(SEED)
+def test_ghost_penalty_is_zero_for_linear_fields_and_never_negative(seed):
+    rng, _, sheets, _, _, _, fast = random_assembly(seed, ghost=0.01)
+    a, G = rng.normal(size=(2, 1)), rng.normal(size=(2, 2))
+    field = (a + G @ sheets.position).T.ravel()
+    assert np.abs(fast.ghost_force(field)).max() <= 1e-13 * abs(fast.ghost).max() * np.abs(field).max()
+    ghost = fast.ghost.toarray()
+    assert np.linalg.eigvalsh(ghost).min() > -1e-13 * ghost.max()
+
+
+@given(SEED, st.floats(0.0, 1.2))
+def test_ghost_facets_are_inside_bodies_beside_poorly_filled_cells_and_all_of_those(seed, threshold):
+    _, _, sheets, volume, *_ = random_assembly(seed)
+    nodes, owner = ghost_facets(sheets, volume, threshold)
+    facets, expected_owner = mesh_facets(sheets, volume, threshold)
+    ends = np.sort(nodes[[1, 4]], axis=0)  # the facet itself; the other four nodes are beside it
+    expected = np.sort(sheets.mesh.facets[:, facets], axis=0)
+    order, expected_order = np.lexsort(ends), np.lexsort(expected)
+    assert np.array_equal(ends[:, order], expected[:, expected_order])
+    assert np.array_equal(owner[order], expected_owner[expected_order])
+
+
+@pytest.mark.parametrize("shift", [0, -(10**6), 10**12])
+def test_ghost_facets_surround_the_one_cell_that_is_filled_less_than_the_threshold(shift):
+    index = np.stack(np.meshgrid(np.arange(4), np.arange(3))).reshape(2, -1)
+    x = np.hstack([index, index + shift]) + 0.5
+    volume = np.where((x[0] == 1.5) & (x[1] == 1.5), 0.59, 0.6)
+    body = np.repeat([0, 1], 12)
+    nodes, owner = ghost_facets(lay(x, body, 1.0, 2), volume)
+    assert np.array_equal(np.unique(owner), [0] if shift else [0, 1])
+    assert np.count_nonzero(owner == 0) == 4
+    sheets = lay(x, body, 1.0, 2)
+    middle = sheets.nodes_of_cell[:, (sheets.cell_index == 1).all(axis=0) & (sheets.cell_body == 0)]
+    assert np.isin(nodes[[1, 4]][:, owner == 0], middle).all()
+
+
+def test_full_cells_and_a_zero_modulus_have_no_ghost_penalty():
+    x = np.stack(np.meshgrid(np.arange(4), np.arange(3))).reshape(2, -1) + 0.5
+    body, one = np.zeros(12, int), np.ones(12)
+    sheets = lay(x, body, 1.0, 1)
+    full = prepare(sheets, one, one, np.array([1.0]))
+    off = prepare(sheets, 0.1 * one, one, np.array([0.0]))
+    on = prepare(sheets, 0.1 * one, one, np.array([1.0]))
+    assert not full.ghost.data.any() and not off.ghost.data.any()
+    assert on.ghost.data.any()
+    assert full.indices.size == off.indices.size < on.indices.size  # nor its wider pattern
+
+
+# Corner cases.
+
+
+def test_a_point_on_a_grid_line_leaves_no_node_without_mass():
+    x = np.array([[0.5, 1.0], [1.0, 2.0]])
+    M = lumped_mass(lay(x, np.zeros(2, int), 1.0, 1), np.array([2.0, 3.0]))
+    assert M.min() > 0.0
+    assert M[0::2].sum() == pytest.approx(5.0, rel=1e-11)
+
+
+def test_bodies_of_one_point_and_of_none_are_assembled():
+    sheets = lay(np.array([[0.3], [0.4]]), np.array([1]), 1.0, 3)
+    fast = prepare(sheets, np.array([0.2]), np.array([5.0]), np.ones(3))
+    C = MATERIALS[0].tangent(np.eye(2)[:, :, None])
+    A = fast.matrix(fast.stiffness(C), 1.0)
+    expected = forms.stiffness.assemble(sheets.basis(fast.volume), C=C[..., None]).toarray() + np.diag(fast.mass)
+    assert_close(A.toarray(), expected)
+
+
+def test_columns_of_the_block_pattern_are_sorted_and_unique():
+    _, _, sheets, _, _, _, fast = random_assembly(7, ghost=0.01)
+    A = fast.matrix(fast.stiffness(np.zeros((2, 2, 2, 2, 75))), 1.0)
+    assert A.blocksize == (2, 2) and A.shape == (2 * sheets.nodes,) * 2
+    rows = np.repeat(np.arange(sheets.nodes), np.diff(A.indptr))
+    assert (np.diff(rows * sheets.nodes + A.indices) > 0).all()

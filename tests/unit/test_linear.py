@@ -1,0 +1,268 @@
+"""Solvers of A v = b: the same answers from all of them, on systems assembled from several bodies."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skmpm import linear
+from skmpm.assembly import prepare
+from skmpm.grid import lay
+from skmpm.material import NeoHookean
+
+SOLVERS = {"banded": linear.banded, "amg": linear.amg, "direct": linear.direct}
+CELL = 0.1
+STEPS = [1e-6, 1e-3, 1.0]  # [s]: a wave (112 m/s) crosses 1e-3, 1 and 1000 cells in a step
+
+
+@cache
+def system(dt, radius=3.3, points=220):
+    """A = M + dt^2 K of discs of random deformed points; cells of every filling, body 1 without any point."""
+    rng = np.random.default_rng(0)
+    body = np.repeat([0, 2, 3], points)
+    distance, angle = np.sqrt(rng.uniform(size=body.size)), rng.uniform(0, 2 * np.pi, body.size)
+    x = CELL * (radius * distance * np.stack([np.cos(angle), np.sin(angle)]) + 0.7 * body)
+    solid = NeoHookean(1e7, 0.3, 1000.0)
+    volume = np.full(body.size, np.pi * (radius * CELL) ** 2 / points)
+    sheets = lay(x, body, CELL, 4)
+    fast = prepare(sheets, volume, 1000.0 * volume, np.full(4, 0.005 * 1e7))
+    F = np.eye(2)[:, :, None] + rng.uniform(-0.2, 0.2, size=(2, 2, body.size))
+    A = fast.matrix(fast.stiffness(solid.tangent(F, projected=True)), dt**2)
+    return A, sheets.blocks, sheets.rigid_motions()
+
+
+@cache
+def wide(dt):
+    """The same with enough nodes, 1560, for several multigrid levels."""
+    return system(dt, 12.0, 1500)
+
+
+@cache
+def rounding(dt):
+    """The relative error that rounding of A alone makes in A^-1: eps times its condition number."""
+    return np.finfo(float).eps * np.linalg.cond(system(dt)[0].toarray())
+
+
+def random_rows(seed, blocks, contacts):
+    """Rows as contact makes them: four nodes of one or of two bodies each."""
+    rng = np.random.default_rng(seed)
+    filled = np.flatnonzero(np.diff(blocks))
+    H = np.zeros((contacts, blocks[-1]))
+    for row in H:
+        for b in rng.choice(filled, size=rng.integers(1, 3), replace=False):
+            row[rng.integers(blocks[b], blocks[b + 1], size=8)] = rng.normal(size=8)
+    return H
+
+
+def indefinite():
+    """Two bodies of two nodes, the second with a negative stiffness."""
+    A = sp.bsr_array(np.diag([1.0, 1.0, 1.0, 1.0, 2.0, 2.0, -1.0, 2.0]), blocksize=(2, 2))
+    return A, np.array([0, 4, 8]), np.ones((8, 3))
+
+
+# Solutions.
+
+
+@pytest.mark.parametrize("dt", STEPS)
+@pytest.mark.parametrize("name", ["banded", "direct"])
+def test_factorisations_are_exact_to_rounding(name, dt):
+    A, blocks, motions = system(dt)
+    solve = SOLVERS[name](A, blocks, motions)
+    B = np.random.default_rng(1).normal(size=(A.shape[0], 3))
+    exact = np.linalg.solve(A.toarray(), B)
+    assert solve.name == name
+    assert np.linalg.norm(solve(B) - exact) <= rounding(dt) * np.linalg.norm(exact)
+    assert np.linalg.norm(A @ solve(B) - B) <= 1e-14 * np.linalg.norm(A.toarray()) * np.linalg.norm(exact)
+    assert np.linalg.norm(solve(B[:, 1]) - exact[:, 1]) <= rounding(dt) * np.linalg.norm(exact[:, 1])
+
+
+@pytest.mark.parametrize("dt", STEPS)
+def test_amg_and_the_band_agree_with_the_oracle_on_wider_bodies(dt):
+    A, blocks, motions = wide(dt)
+    b = np.random.default_rng(1).normal(size=A.shape[0])
+    exact = linear.direct(A, blocks, motions)(b)
+    size = np.linalg.norm(exact)
+    assert np.linalg.norm(linear.banded(A, blocks, motions)(b) - exact) <= (1e-9 if dt == 1.0 else 1e-12) * size
+    solve = linear.amg(A, blocks, motions)
+    x = solve(b)
+    assert solve.name == "amg"
+    assert np.linalg.norm(A @ x - b) <= 1.5e-10 * np.linalg.norm(b)
+    assert np.linalg.norm(x - exact) <= 1e-7 * size
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_no_right_hand_side_and_a_zero_one_are_solved(name):
+    A, blocks, motions = system(1e-3)
+    solve = SOLVERS[name](A, blocks, motions)
+    assert not solve(np.zeros(A.shape[0])).any()
+    assert solve(np.zeros((A.shape[0], 0))).shape == (A.shape[0], 0)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_solving_and_factorising_leave_the_matrix_and_the_right_hand_side_alone(name):
+    A, blocks, motions = system(1e-3)
+    b = np.random.default_rng(2).normal(size=A.shape[0])
+    before = A.data.copy(), b.copy(), motions.copy()
+    solve = SOLVERS[name](A, blocks, motions)
+    first = solve(b)
+    assert np.array_equal(A.data, before[0]) and np.array_equal(b, before[1]) and np.array_equal(motions, before[2])
+    assert np.array_equal(solve(b), first)
+
+
+# Compliance.
+
+
+@pytest.mark.parametrize("dt", STEPS)
+@pytest.mark.parametrize("name", SOLVERS)
+def test_compliance_is_the_dense_triple_product(name, dt):
+    A, blocks, motions = system(dt)
+    H = random_rows(3, blocks, 25)
+    W = SOLVERS[name](A, blocks, motions).compliance(sp.csr_array(H)).toarray()
+    expected = H @ np.linalg.solve(A.toarray(), H.T)
+    tol = rounding(dt) + (1e-9 if name == "amg" else 0.0)
+    assert np.abs(W - expected).max() <= tol * np.abs(expected).max()
+
+
+def test_compliance_by_amg_on_several_levels_equals_that_of_the_band():
+    A, blocks, motions = wide(1e-2)
+    H = sp.csr_array(random_rows(3, blocks, 6))
+    band, amg = (SOLVERS[name](A, blocks, motions).compliance(H).toarray() for name in ("banded", "amg"))
+    assert np.abs(amg - band).max() <= 1e-8 * np.abs(band).max()
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 12))
+def test_compliance_of_any_rows_is_the_same_from_bodies_and_from_columns(seed, contacts):
+    A, blocks, motions = system(1e-3)
+    H = random_rows(seed, blocks, contacts)
+    banded = linear.banded(A, blocks, motions).compliance(sp.csr_array(H))
+    direct = linear.direct(A, blocks, motions).compliance(sp.csr_array(H))
+    assert banded.shape == direct.shape == (contacts, contacts)
+    size = np.abs(direct.data).max(initial=0.0)
+    np.testing.assert_allclose(banded.toarray(), direct.toarray(), rtol=0, atol=1e-11 * size)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_compliance_couples_only_contacts_that_share_a_body_and_empty_rows_stay_empty(name):
+    A, blocks, motions = system(1e-3)
+    H = np.zeros((4, A.shape[0]))
+    H[0, blocks[0]] = H[2, blocks[0] + 5] = 1.0  # body 0
+    H[1, blocks[2] + 3] = 1.0  # body 2; row 3 touches nothing
+    W = SOLVERS[name](A, blocks, motions).compliance(sp.csr_array(H))
+    assert set(zip(*(index.tolist() for index in W.nonzero()), strict=True)) == {
+        (0, 0),
+        (0, 2),
+        (2, 0),
+        (2, 2),
+        (1, 1),
+    }
+
+
+# Banded.
+
+
+def test_the_bandwidth_is_the_largest_distance_of_an_entry_from_the_diagonal():
+    A, *_ = system(1e-3)
+    entries = A.toarray()
+    rows, columns = np.nonzero(entries)
+    assert np.abs(rows - columns).max() <= linear.half_bandwidth(A) <= np.abs(rows - columns).max() + 1
+
+
+def test_banded_refuses_an_indefinite_matrix():
+    with pytest.raises(np.linalg.LinAlgError):
+        linear.banded(*indefinite())
+
+
+def test_banded_solves_bodies_that_are_smaller_than_the_band():
+    rng = np.random.default_rng(0)
+    sizes = [2, 12, 4]
+    parts = [(lambda B: B @ B.T + np.eye(n))(rng.normal(size=(n, n))) for n in sizes]
+    A = sp.block_diag(parts).toarray()
+    solve = linear.banded(sp.bsr_array(A, blocksize=(2, 2)), np.cumsum([0, *sizes]), np.ones((18, 3)))
+    np.testing.assert_allclose(solve(np.eye(18)), np.linalg.inv(A), rtol=1e-10, atol=1e-12)
+    H = rng.normal(size=(5, 18))
+    np.testing.assert_allclose(solve.compliance(sp.csr_array(H)).toarray(), H @ np.linalg.inv(A) @ H.T, rtol=1e-10)
+
+
+# Amg.
+
+
+def test_amg_is_reproducible_and_leaves_the_global_random_state_alone():
+    answers = []
+    for seed in (1, 2):
+        np.random.seed(seed)  # noqa: NPY002
+        expected = np.random.get_state()  # noqa: NPY002
+        A, blocks, motions = wide(1.0)
+        answers.append(linear.amg(A, blocks, motions)(np.ones(A.shape[0])))
+        state = np.random.get_state()  # noqa: NPY002
+        assert all(np.array_equal(a, b) for a, b in zip(state, expected, strict=True))
+    assert np.array_equal(*answers)
+
+
+def test_amg_leaves_the_random_state_alone_when_it_fails(monkeypatch):
+    def fails(*_, **__):
+        np.random.random()  # noqa: NPY002
+        raise ValueError("no hierarchy")
+
+    monkeypatch.setattr(linear.pyamg, "smoothed_aggregation_solver", fails)
+    expected = np.random.get_state()[2]  # noqa: NPY002
+    with pytest.raises(ValueError, match="no hierarchy"):
+        linear.amg(*system(1e-3))
+    assert np.random.get_state()[2] == expected  # noqa: NPY002
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8])
+def test_amg_stops_at_its_tolerance(tol):
+    A, blocks, motions = wide(1.0)
+    b = np.random.default_rng(5).normal(size=A.shape[0])
+    solve = linear.amg(A, blocks, motions, tol=tol)
+    residual = np.linalg.norm(A @ solve(b) - b) / np.linalg.norm(b)
+    assert 1e-3 * tol < residual <= 1.01 * tol
+
+
+def test_amg_needs_few_iterations_at_any_time_step():
+    for dt in STEPS:
+        A, blocks, motions = wide(dt)
+        solve = linear.amg(A, blocks, motions)
+        solve(np.random.default_rng(6).normal(size=A.shape[0]))
+        assert len(solve.iterations) == 1 and 0 < solve.iterations[0] < 60
+
+
+def test_amg_that_does_not_converge_names_a_remedy():
+    n = 2000  # conjugate gradients alone need n / 2 iterations on a chain
+    A = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n), format="csr")
+    nothing = spla.LinearOperator((n, n), matvec=lambda r: r, dtype=float)
+    solve = linear.Amg(A, nothing, np.array([0, n]), 1e-10)
+    with pytest.raises(np.linalg.LinAlgError, match=r"in 500 iterations; use linear[.]banded"):
+        solve(np.ones(n))
+
+
+# The choice.
+
+
+def bands(nodes, distance):
+    """A block matrix with an entry at this distance, in nodes, from the diagonal."""
+    rows = np.concatenate([np.arange(nodes), [distance]])
+    A = sp.coo_array((np.ones(rows.size), (rows, np.concatenate([np.arange(nodes), [0]]))), shape=(nodes, nodes))
+    return sp.bsr_array(sp.kron(A.tocsr(), np.eye(2), format="bsr"))
+
+
+@pytest.mark.parametrize(
+    ("nodes", "distance", "chosen"),
+    [(100, 99, "banded"), (2000, 1999, "banded"), (50_000, 100, "banded"), (2500, 300, "amg"), (50_000, 300, "amg")],
+)
+def test_default_takes_banded_for_small_bodies_and_amg_for_large_ones(monkeypatch, nodes, distance, chosen):
+    for name in ("banded", "amg"):
+        monkeypatch.setattr(linear, name, lambda A, blocks, motions, name=name: name)
+    assert linear.default(bands(nodes, distance), np.array([0, 2 * nodes]), np.ones((2 * nodes, 3))) == chosen
+
+
+def test_default_solves_packings_with_the_band():
+    A, blocks, motions = system(1e-3)
+    solve = linear.default(A, blocks, motions)
+    assert solve.name == "banded"
+    np.testing.assert_allclose(A @ solve(np.ones(A.shape[0])), 1.0, rtol=1e-10)
