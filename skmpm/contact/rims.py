@@ -1,8 +1,9 @@
 """Contact of rim points with outlines and walls, at the configuration of the end of the step.
 
-A rim point c of one body is projected on the outline of another: segment (i, j), parameter s. The row of the pair is
-N(c) w_a - (1 - s) N(i) w_b - s N(j) w_b along the interpolated vertex normal, so momentum is exact and the gap
-sub-cell. One body of a pair gives the points (the finer rim, then position), the other the segments.
+A rim point c of one body is projected on the smooth outline of another (`outline.Curve`): a combination of four rim
+points with shares z(s). The row of the pair is N(c) w_a - sum_m z_m N(m) w_b along the curve's normal, which is the
+exact derivative of the gap: momentum is exact, forces meet on one line, and a frictionless contact is conservative.
+One body of a pair gives the points (the finer rim, then position), the other the curve.
 
 Gaps are those of the end of the step, but forces act along the normals of its middle: the work of a contact that
 slides on a curved surface is then zero to second order. Along the normals of the end it would be
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact.rows import Linearise, Rows, given_velocities
 from skmpm.grid import Sheets
-from skmpm.outline import Outlines
+from skmpm.outline import Curve, Outlines
 from skmpm.scene import Scene, SceneError, State
 
 Array = NDArray[np.float64]
@@ -30,22 +31,6 @@ REACH = 0.25  # contacts with gaps up to this many cells are known to the solver
 DEPTH = 1.0  # a point deeper than this many cells belongs to the other side of the body
 FACING = -0.3  # largest cosine between the normals of two surfaces in contact
 PUSH_OUT = 0.2  # share of an overlap left by an earlier step that a step removes
-
-
-@dataclass(frozen=True)
-class _Projections:
-    """Rim points and their projections on the nearest segment of another body, at one configuration."""
-
-    point: Ints  # (k,) rim vertex
-    ends: Ints  # (2, k) rim vertices of the segment
-    weights: Array  # (2, k) of the segment's two ends; zero for walls
-    normal: Array  # (2, k) from the segment to the point
-    gap: Array  # (k,) [m]
-    distance: Array  # (k,) [m]
-    facing: Array  # (k,) cosine between the normals of the two surfaces
-
-    def __getitem__(self, chosen: Ints) -> _Projections:
-        return _Projections(*(a[..., chosen] for a in self.__dict__.values()))
 
 
 def outlines(scene: Scene, state: State, sheets: Sheets, dt: float) -> Linearise:
@@ -71,14 +56,15 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float) -> Linearise
     wall_velocities = scene.wall_velocities(state.t + 0.5 * dt)
     rank, reach, start = _rank(scene, rim), REACH * sheets.cell, state.x[:, rim.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
-    near = _neighbours(scene, rim, rank, start, reach, margin)
+    curve = outline.curve(rim, _initial_rim(scene, rim))
+    near = _neighbours(scene, curve, rank, start, reach, margin)
 
     def linearise(w: Array) -> Rows:
         nonlocal near
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + given)
         farthest = float(np.abs(moved).max(initial=0.0))
         if 2.0 * farthest > near.margin:
-            near = _neighbours(scene, rim, rank, start, reach, 4.0 * farthest)
+            near = _neighbours(scene, curve, rank, start, reach, 4.0 * farthest)
         pairs = _touching(scene, near, start, moved, sheets.cell)
         pairs += [
             _on_wall(scene, rim, i, start, moved, state.walls[i], dt * v, reach)
@@ -104,9 +90,14 @@ def _rim_interpolation(scene: Scene, state: State, sheets: Sheets, rim: Outlines
     return sp.csr_array(chosen @ sheets.interpolation)
 
 
+def _initial_rim(scene: Scene, rim: Outlines) -> Array:
+    """Rim points at t = 0, (2, m) [m]."""
+    return np.concatenate([body.points.x for body in scene.bodies], axis=1)[:, rim.point]
+
+
 def _rank(scene: Scene, rim: Outlines) -> Ints:
     """Order of the bodies (bodies,): of a pair the lower rank gives the points. Finer rims first, then position."""
-    x = np.concatenate([body.points.x for body in scene.bodies], axis=1)[:, rim.point]
+    x = _initial_rim(scene, rim)
     count = np.maximum(np.bincount(rim.body, minlength=len(scene.bodies)), 1)
     length = np.hypot(*(x[:, rim.next] - x))
     spacing = np.bincount(rim.body, length, len(scene.bodies)) / count
@@ -121,40 +112,57 @@ def _rank(scene: Scene, rim: Outlines) -> Ints:
 class _Neighbours:
     """Points and segments that stay all there can be as long as no rim point moves by more than half the margin."""
 
-    rim: Outlines
+    curve: Curve
     reach: float
     margin: float
     point: Ints
     segment: Ints
 
 
-def _neighbours(scene: Scene, rim: Outlines, rank: Ints, x: Array, reach: float, margin: float) -> _Neighbours:
+def _neighbours(scene: Scene, curve: Curve, rank: Ints, x: Array, reach: float, margin: float) -> _Neighbours:
+    rim = curve.outlines
     point, segment = outline.candidates(rim, x, reach + margin)
     free = scene.deformable
     first, second = rim.body[point], rim.body[segment]
     kept = (rank[first] < rank[second]) & (free[first] | free[second])
-    return _Neighbours(rim, reach, margin, point[kept], segment[kept])
+    return _Neighbours(curve, reach, margin, point[kept], segment[kept])
 
 
-def _project(near: _Neighbours, x: Array) -> _Projections:
-    """Project every point on the nearest segment of every body near it; always the same pairs in the same order."""
-    rim, c, i = near.rim, near.point, near.segment
-    j = rim.next[i]
-    s, distance = outline.closest(x[:, c], x[:, i], x[:, j])
+def _nearest(near: _Neighbours, x: Array, farthest: float) -> tuple[Ints, Ints, Array]:
+    """Of every point and every body near it the nearest segment, and where on it, if not farther than `farthest`."""
+    rim, c, i = near.curve.outlines, near.point, near.segment
+    s, distance = outline.closest(x[:, c], x[:, i], x[:, rim.next[i]])
     order = np.lexsort((distance, rim.body[i], c))
+    order = order[distance[order] < farthest]
     pair = np.stack([c[order], rim.body[i][order]])
     first = np.ones(order.size, dtype=bool)
     first[1:] = (pair[:, 1:] != pair[:, :-1]).any(axis=0)
     kept = order[first]
-    c, i, j, s = c[kept], i[kept], j[kept], s[kept]
+    return c[kept], i[kept], s[kept]
 
-    normals = outline.normals(rim, x)
-    normal = (1.0 - s) * normals[:, i] + s * normals[:, j]
-    normal = normal / np.maximum(np.hypot(*normal), 1e-300)
-    foot = (1.0 - s) * x[:, i] + s * x[:, j]
-    gap = np.einsum("ik,ik->k", x[:, c] - foot, normal)
-    facing = np.einsum("ik,ik->k", normals[:, c], normal)
-    return _Projections(c, np.stack([i, j]), np.stack([1.0 - s, s]), normal, gap, distance[kept], facing)
+
+@dataclass(frozen=True)
+class _Projections:
+    """Rim points projected on the curves of other bodies."""
+
+    point: Ints  # (k,) rim vertex
+    segment: Ints  # (k,)
+    s: Array  # (k,)
+    normal: Array  # (2, k) from the curve to the point
+    gap: Array  # (k,) [m]
+
+    def __getitem__(self, chosen: Ints) -> _Projections:
+        return _Projections(*(a[..., chosen] for a in self.__dict__.values()))
+
+
+def _project(curve: Curve, x: Array, c: Ints, segment: Ints, s: Array) -> _Projections:
+    """Project points c (k,) on curves, from a start nearby; a point off a corner sees the corner itself."""
+    segment, s = curve.project(x, x[:, c], segment, s)
+    apart, normal = x[:, c] - curve.at(x, segment, s), curve.normals(x, segment, s)
+    gap, distance = np.einsum("ik,ik->k", apart, normal), np.hypot(*apart)
+    beside = (gap > 0.0) & (distance > (1.0 + 1e-9) * gap)
+    normal = np.where(beside, apart / np.where(beside, distance, 1.0), normal)
+    return _Projections(c, segment, s, normal, np.where(beside, distance, gap))
 
 
 @dataclass(frozen=True)
@@ -163,8 +171,8 @@ class _Pairs:
 
     bodies: Ints  # (2, k)
     point: Ints  # (k,) rim vertex
-    ends: Ints  # (2, k)
-    weights: Array  # (2, k)
+    stencil: Ints  # (4, k) rim vertices that carry the other side; unused for walls
+    weights: Array  # (4, k) their shares; zero for walls
     normal: Array  # (2, k) in the middle of the step
     gap: Array  # (k,) [m] at its end
     before: Array  # (k,) [m] at its start
@@ -173,14 +181,24 @@ class _Pairs:
 
 def _touching(scene: Scene, near: _Neighbours, start: Array, moved: Array, cell: float) -> list[_Pairs]:
     """Contacts between bodies."""
-    end = _project(near, start + moved)
-    near_enough = (end.gap > -DEPTH * cell) & (end.gap < near.reach) & (end.distance < DEPTH * cell)
-    chosen = np.flatnonzero(near_enough & (end.facing < FACING))
-    middle, begin = _project(near, start + 0.5 * moved)[chosen], _project(near, start).gap[chosen]
-    bodies = near.rim.body[np.stack([middle.point, middle.ends[0]])]
-    friction = np.full(chosen.size, float(scene.friction))
-    gap = end.gap[chosen]
-    return [_Pairs(bodies, middle.point, middle.ends, middle.weights, middle.normal, gap, begin, friction)]
+    curve, rim, after = near.curve, near.curve.outlines, start + moved
+    end = _project(curve, after, *_nearest(near, after, DEPTH * cell))
+    facing = np.einsum("ik,ik->k", outline.normals(rim, after)[:, end.point], end.normal)
+    end = end[np.flatnonzero((end.gap > -DEPTH * cell) & (end.gap < near.reach) & (facing < FACING))]
+    middle = _project(curve, start + 0.5 * moved, end.point, end.segment, end.s)
+    begin = _project(curve, start, end.point, end.segment, end.s)
+    return [
+        _Pairs(
+            bodies=rim.body[np.stack([end.point, end.segment])],
+            point=end.point,
+            stencil=curve.stencil(middle.segment),
+            weights=curve.weights(middle.segment, middle.s),
+            normal=middle.normal,
+            gap=end.gap,
+            before=begin.gap,
+            friction=np.full(end.point.size, float(scene.friction)),
+        )
+    ]
 
 
 def _on_wall(
@@ -195,8 +213,8 @@ def _on_wall(
     return _Pairs(
         bodies=np.stack([rim.body[c], np.full(c.size, -1 - i)]),
         point=c,
-        ends=np.stack([c, c]),
-        weights=np.zeros((2, c.size)),
+        stencil=np.repeat(c[None], 4, axis=0),
+        weights=np.zeros((4, c.size)),
         normal=np.repeat(normal[:, None], c.size, axis=1),
         gap=gap[c],
         before=before[c],
@@ -222,8 +240,8 @@ def _rows(
 ) -> Rows:
     """The pairs as rows, linearised about w, which brings the rim points to x (2, m)."""
     k = np.arange(pairs.gap.size)
-    data = np.concatenate([np.ones(k.size), -pairs.weights[0], -pairs.weights[1]])
-    place = (np.tile(k, 3), np.concatenate([pairs.point, *pairs.ends]))
+    data = np.concatenate([np.ones(k.size), -pairs.weights.ravel()])
+    place = (np.tile(k, 5), np.concatenate([pairs.point, pairs.stencil.ravel()]))
     relative = sp.csr_array((data, place), shape=(k.size, rim.point.size))
     prescribed = (relative @ given.T).T
     on_wall = pairs.bodies[1] < 0

@@ -3,17 +3,20 @@
 In every function `x` (2, m) [m] holds the current positions of the rim points, in the order of `Outlines`.
 """
 
+from skmpm.outline.curve import Curve, curve
 from skmpm.outline.measures import area, centroid, dimensions, normals, perimeter, second_moments
 from skmpm.outline.near import candidates, closest, inside
 from skmpm.outline.overlaps import overlap
 from skmpm.outline.topology import Outlines, outlines
 
 __all__ = [
+    "Curve",
     "Outlines",
     "area",
     "candidates",
     "centroid",
     "closest",
+    "curve",
     "dimensions",
     "inside",
     "normals",

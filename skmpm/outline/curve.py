@@ -1,0 +1,103 @@
+"""The smooth curve through the rim points: what other bodies touch.
+
+On each segment the curve is a cubic whose end tangents are those of the parabolas through three neighbouring rim
+points (Catmull & Rom 1974, with the reference lengths of the segments as knots). It is linear in the rim points, its
+normal is continuous, and it leaves the circle through the points by a fourth power of their spacing where the polygon
+leaves it by a square. Corners, where the rim turns by more than 50 degrees, stay corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.outline.topology import Floats, Integers, Outlines
+
+CORNER = np.cos(np.deg2rad(50.0))
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The cubics' tangents as combinations of rim points; topology and knots are those of the reference shape."""
+
+    outlines: Outlines
+    corner: NDArray[np.bool_]  # (m,) whether the rim has a corner there
+    first: Floats  # (3, m) tangent at the start of segment i -> next[i]: shares of previous[i], i, next[i]
+    last: Floats  # (3, m) tangent at its end: shares of i, next[i], next[next[i]]
+
+    def stencil(self, segment: Integers) -> Integers:
+        """The four rim points (4, k) that carry the segments (k,)."""
+        rim, j = self.outlines, self.outlines.next[segment]
+        return np.stack([rim.previous[segment], segment, j, rim.next[j]])
+
+    def weights(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
+        """Shares (4, k) of the stencil in the curve at parameter s (k,) in [0, 1], or in its derivatives by s."""
+        start, first, end, last = _hermite(s, derivative)
+        out = np.zeros((4, segment.size))
+        out[1] += start
+        out[2] += end
+        out[:3] += first * self.first[:, segment]
+        out[1:] += last * self.last[:, segment]
+        return out
+
+    def at(self, x: Floats, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
+        """Points of the curve (2, k) [m] or its derivatives by s, for rim points x (2, m)."""
+        return np.asarray(np.einsum("mk,imk->ik", self.weights(segment, s, derivative), x[:, self.stencil(segment)]))
+
+    def project(self, x: Floats, y: Floats, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
+        """Segments (k,) and parameters (k,) of the curve's points nearest to y (2, k), from a start nearby.
+
+        Newton on (y - X(s)) . X'(s) = 0; it walks from segment to segment and stops at corners.
+        """
+        rim = self.outlines
+        segment, s = segment.copy(), s.copy()
+        for _ in range(8):
+            apart = y - self.at(x, segment, s)
+            slope, bend = self.at(x, segment, s, 1), self.at(x, segment, s, 2)
+            square = np.einsum("ik,ik->k", slope, slope)
+            curvature = square - np.einsum("ik,ik->k", apart, bend)
+            step = np.einsum("ik,ik->k", apart, slope) / np.maximum(curvature, 0.25 * square + 1e-300)
+            s = s + np.clip(step, -0.75, 0.75)
+            ahead, behind = s > 1.0, s < 0.0
+            onward = ahead & ~self.corner[rim.next[segment]]
+            backward = behind & ~self.corner[segment]
+            s = np.where(onward, s - 1.0, np.where(backward, s + 1.0, np.clip(s, 0.0, 1.0)))
+            segment = np.where(onward, rim.next[segment], np.where(backward, rim.previous[segment], segment))
+            if np.abs(step).max(initial=0.0) < 1e-12:
+                break
+        return segment, np.clip(s, 0.0, 1.0)
+
+    def normals(self, x: Floats, segment: Integers, s: Floats) -> Floats:
+        """Unit outward normals (2, k)."""
+        slope = self.at(x, segment, s, 1)
+        return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
+
+
+def curve(outlines: Outlines, x: Floats) -> Curve:
+    """The curve whose corners and knots are those of the reference positions x (2, m) [m]."""
+    after, before = outlines.next, outlines.previous
+    ahead = x[:, after] - x
+    length = np.maximum(np.hypot(*ahead), 1e-300)
+    straight = np.einsum("im,im->m", ahead, ahead[:, before]) / (length * length[before])
+    corner = straight < CORNER
+    here, back, front = length, length[before], length[after]
+    # The derivative at the middle one of three points by the parabola through them, times this segment's length.
+    far, near = here**2 / (back * (back + here)), back / (back + here)
+    first = np.where(corner, [[0.0], [-1.0], [1.0]], np.stack([-far, far - near, near]))
+    far, near = here**2 / (front * (front + here)), front / (front + here)
+    last = np.where(corner[after], [[-1.0], [1.0], [0.0]], np.stack([-near, near - far, far]))
+    return Curve(outlines, corner, first, last)
+
+
+def _hermite(s: Floats, derivative: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Cubic Hermite functions of (start, its tangent, end, its tangent), or their derivatives."""
+    if derivative == 0:
+        end = s * s * (3.0 - 2.0 * s)
+        return 1.0 - end, s * (1.0 - s) ** 2, end, s * s * (s - 1.0)
+    if derivative == 1:
+        end = 6.0 * s * (1.0 - s)
+        return -end, (1.0 - s) * (1.0 - 3.0 * s), end, s * (3.0 * s - 2.0)
+    end = 6.0 - 12.0 * s
+    return -end, 6.0 * s - 4.0, end, 6.0 * s - 2.0
