@@ -1,0 +1,113 @@
+"""The smooth curve through the rim points."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skmpm.outline import curve, outlines
+
+
+def ring(n, radius=1.0):
+    angle = 2.0 * np.pi * np.arange(n) / n
+    return radius * np.stack([np.cos(angle), np.sin(angle)])
+
+
+def one_body(x):
+    return outlines([[np.arange(x.shape[1])]], [0, x.shape[1]])
+
+
+def everywhere(n, parts=7):
+    return np.repeat(np.arange(n), parts), np.tile(np.linspace(0.0, 1.0, parts), n)
+
+
+def test_leaves_the_circle_by_the_fourth_power_of_the_spacing():
+    """The polygon's sagitta is 1 - cos(pi/n), order 2; the cubics' distance from the circle is of order 4."""
+    errors = []
+    for n in (16, 32, 64):
+        x = ring(n)
+        c = curve(one_body(x), x)
+        errors.append(np.abs(np.hypot(*c.at(x, *everywhere(n))) - 1.0).max())
+    rates = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert (rates > 3.9).all()
+    assert errors[1] < 0.01 * (1.0 - np.cos(np.pi / 32))
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_shares_are_a_partition_of_unity_and_normals_are_continuous(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(12, 40))
+    reference = ring(n) * (1.0 + 0.02 * rng.normal(size=n))
+    c = curve(one_body(reference), reference)
+    x = reference + 0.02 * rng.normal(size=(2, n))
+    segment, s = everywhere(n)
+    assert np.allclose(c.weights(segment, s).sum(axis=0), 1.0, atol=1e-12)
+    assert np.allclose(c.weights(segment, s, 1).sum(axis=0), 0.0, atol=1e-12)
+    i = np.flatnonzero(~c.corner)
+    before = c.outlines.previous[i]
+    assert np.allclose(c.at(x, before, np.ones(i.size)), x[:, i], atol=1e-12)
+    assert np.allclose(c.normals(x, before, np.ones(i.size)), c.normals(x, i, np.zeros(i.size)), atol=1e-9)
+
+
+@given(st.floats(0.05, 0.95))
+def test_derivatives_by_differences(s):
+    x = ring(20) * np.array([[1.0], [0.7]])
+    c = curve(one_body(x), x)
+    segment, s, e = np.arange(20), np.full(20, s), 1e-6
+    for order in (0, 1):
+        difference = (c.at(x, segment, s + e, order) - c.at(x, segment, s - e, order)) / (2.0 * e)
+        assert np.allclose(difference, c.at(x, segment, s, order + 1), atol=1e-8)
+
+
+def test_corners_stay_and_sides_stay_straight():
+    side = np.linspace(0.0, 1.0, 6)[:-1]
+    x = np.concatenate(
+        [
+            np.stack([side, 0 * side]),
+            np.stack([1 + 0 * side, side]),
+            np.stack([1 - side, 1 + 0 * side]),
+            np.stack([0 * side, 1 - side]),
+        ],
+        axis=1,
+    )
+    c = curve(one_body(x), x)
+    assert np.flatnonzero(c.corner).tolist() == [0, 5, 10, 15]
+    on = c.at(x, *everywhere(20))
+    assert np.allclose(np.minimum(np.abs(on - 0.0), np.abs(on - 1.0)).min(axis=0), 0.0, atol=1e-14)
+    segment, s = c.project(x, np.array([[1.3], [1.2]]), np.array([9]), np.array([0.5]))
+    assert c.at(x, segment, s)[:, 0] == pytest.approx([1.0, 1.0]), "a point off a corner is nearest to the corner"
+
+
+def test_projection_is_the_nearest_point_even_from_a_neighbouring_segment():
+    x = ring(24)
+    c = curve(one_body(x), x)
+    rng = np.random.default_rng(1)
+    angle, radius = rng.uniform(0.0, 2.0 * np.pi, 300), rng.uniform(0.9, 1.1, 300)
+    y = radius * np.stack([np.cos(angle), np.sin(angle)])
+    start = ((angle / (2.0 * np.pi) * 24).astype(int) + rng.integers(-1, 2, 300)) % 24
+    segment, s = c.project(x, y, start, np.full(300, 0.5))
+    dense = c.at(x, *everywhere(24, 400))
+    nearest = np.sqrt(((y[:, :, None] - dense[:, None]) ** 2).sum(axis=0)).min(axis=1)
+    distance = np.hypot(*(y - c.at(x, segment, s)))
+    assert (distance <= nearest + 1e-12).all()
+    apart, normal = y - c.at(x, segment, s), c.normals(x, segment, s)
+    assert np.abs(apart[0] * normal[1] - apart[1] * normal[0]).max() < 1e-10
+
+
+def test_the_normal_and_the_shares_are_the_derivative_of_the_gap():
+    """By d gap = n . (dy - sum_m z_m dx_m): what makes a frictionless contact conservative."""
+    rng = np.random.default_rng(2)
+    x = ring(18) * np.array([[1.0], [0.8]])
+    c = curve(one_body(x), x)
+    y = np.array([[1.02], [0.21]])
+    dx, dy = rng.normal(size=x.shape), rng.normal(size=y.shape)
+
+    def gap(e):
+        segment, s = c.project(x + e * dx, y + e * dy, np.array([1]), np.array([0.5]))
+        return ((y + e * dy - c.at(x + e * dx, segment, s)) * c.normals(x + e * dx, segment, s)).sum()
+
+    segment, s = c.project(x, y, np.array([1]), np.array([0.5]))
+    moved = dy[:, 0] - dx[:, c.stencil(segment)[:, 0]] @ c.weights(segment, s)[:, 0]
+    expected = c.normals(x, segment, s)[:, 0] @ moved
+    e = 1e-6
+    assert (gap(e) - gap(-e)) / (2.0 * e) == pytest.approx(expected, rel=1e-7)
