@@ -69,6 +69,11 @@ class Curve:
                 break
         return segment, np.clip(s, 0.0, 1.0)
 
+    def at_corner(self, segment: Integers, s: Floats) -> NDArray[np.bool_]:
+        """Whether places on the curve are corners, (k,)."""
+        start, end = self.corner[segment], self.corner[self.outlines.next[segment]]
+        return np.asarray((start & (s == 0.0)) | (end & (s == 1.0)))
+
     def normals(self, x: Floats, segment: Integers, s: Floats) -> Floats:
         """Unit outward normals (2, k)."""
         slope = self.at(x, segment, s, 1)
