@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.assembly import Assembly
-from skmpm.implicit import Increment, Solution, Timer
+from skmpm.implicit import Bulk, Increment, Solution, Timer
 from skmpm.scene import Energy, Report, Scene, State
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def _energy(old: Energy, after: State, increment: Increment, solution: Solution)
     """The budget: what gravity, walls and push-out put in and kinetic and elastic energy do not show is lost."""
     bulk, w = increment.bulk, solution.w
     kinetic = kinetic_energy(bulk.assembly, increment.after(w))
-    elastic = bulk.energy(bulk.at(after.displacement))
+    elastic = bulk.energy(bulk.at(after.displacement)) + _at_anchor(bulk)
     weight = bulk.assembly.mass * (increment.free - increment.v0) / increment.scheme.theta  # impulse of gravity
     external, push_out = float(weight @ w), 0.0
     if solution.touching is not None:
@@ -59,6 +59,18 @@ def _energy(old: Energy, after: State, increment: Increment, solution: Solution)
         push_out=old.push_out + push_out,
         dissipated=old.dissipated + external + push_out - gained,
     )
+
+
+def _at_anchor(bulk: Bulk) -> float:
+    """Elastic energy that linear materials held when the sheets were laid, 1/2 stress : C^-1 : stress [J/m]."""
+    total = 0.0
+    for material, points in bulk.materials:
+        if material.linear and bulk.stress_anchor is not None:
+            (lam, mu), stress = material.lame, bulk.stress_anchor[..., points]
+            trace = stress[0, 0] + stress[1, 1]
+            square = np.einsum("ijp,ijp->p", stress, stress) - lam / (2.0 * (lam + mu)) * trace**2
+            total += float(bulk.assembly.volume[points] @ square) / (4.0 * mu)
+    return total
 
 
 def _overlap(scene: Scene, after: State) -> float:
