@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 from time import perf_counter
 
@@ -63,12 +64,8 @@ def _touching(scene: Scene, state: State, increment: Increment, timer: Timer) ->
     return Touching(linearise, increment, state.contacts.key, state.contacts.force, timer)
 
 
-def _check_time(name: str, value: float, lowest: float, what: str) -> None:
-    try:
-        good = lowest <= float(value)
-    except (TypeError, ValueError):
-        good = False
-    if not good:
+def _check_time(name: str, value: object, lowest: float, what: str) -> None:
+    if not (isinstance(value, Real) and lowest <= float(value)):
         raise ValueError(f"{name} = {value!r}; give {what} in seconds")
 
 
