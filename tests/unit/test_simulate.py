@@ -53,7 +53,9 @@ def identical(one, other):
 # --- steps and runs
 
 
-@pytest.mark.parametrize(("dt", "until"), [(1e-5, 5e-5), (1e-5, 4.3e-5), (3e-6, 1e-4), (1e-3, 1e-4), (1e-6, 7.7e-6)])
+@pytest.mark.parametrize(
+    ("dt", "until"), [(1e-5, 5e-5), (1e-5, 4.3e-5), (3e-6, 1e-4), (1e-3, 1e-4), (1e-5, 3e-5), (1e-6, 7.7e-6)]
+)
 def test_a_run_ends_exactly_at_until_with_a_shortened_last_step(dt, until):
     states = list(simulate(free(velocity=(1.0, 0.0)), dt=dt, until=until))
     times = np.array([0.0, *(state.t for state in states)])
