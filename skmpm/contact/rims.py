@@ -132,7 +132,10 @@ def _nearest(near: _Neighbours, x: Array, farthest: float) -> tuple[Ints, Ints, 
     """Of every point and every body near it the nearest segment, and where on it, if not farther than `farthest`."""
     rim, c, i = near.curve.outlines, near.point, near.segment
     s, distance = outline.closest(x[:, c], x[:, i], x[:, rim.next[i]])
-    order = np.lexsort((distance, rim.body[i], c))
+    along = x[:, rim.next[i]] - x[:, i]
+    # Of two segments that meet in the nearest point, a corner, the one that faces the point's own surface more.
+    facing = np.einsum("ik,ik->k", outline.normals(rim, x)[:, c], np.stack([along[1], -along[0]]))
+    order = np.lexsort((distance + 1e-6 * facing, rim.body[i], c))
     order = order[distance[order] < farthest]
     pair = np.stack([c[order], rim.body[i][order]])
     first = np.ones(order.size, dtype=bool)
@@ -160,9 +163,10 @@ def _project(curve: Curve, x: Array, c: Ints, segment: Ints, s: Array) -> _Proje
     segment, s = curve.project(x, x[:, c], segment, s)
     apart, normal = x[:, c] - curve.at(x, segment, s), curve.normals(x, segment, s)
     gap, distance = np.einsum("ik,ik->k", apart, normal), np.hypot(*apart)
-    # By the length of the segment, not of the gap: a point right on the curve has no direction of its own.
+    # By the length of the segment, not of the gap: a point right on the corner has no direction of its own.
     along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
-    beside = (gap > 0.0) & (along > 1e-6 * np.hypot(*curve.at(x, segment, s, 1)))
+    off_corner = curve.at_corner(segment, s) & (along > 1e-6 * np.hypot(*curve.at(x, segment, s, 1)))
+    beside = off_corner & (gap > 0.0)
     normal = np.where(beside, apart / np.where(beside, distance, 1.0), normal)
     return _Projections(c, segment, s, normal, np.where(beside, distance, gap))
 

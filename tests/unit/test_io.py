@@ -310,8 +310,6 @@ def test_paths(tmp_path, tiny):
     assert_same(load(tmp_path / "target"), tiny)
 
 
-
-
 @pytest.mark.parametrize(
     ("material", "scheme"),
     [
