@@ -237,9 +237,9 @@ def verdict(checks: list[dict[str, float]], transit: int) -> str:
     uneven = np.abs(lid - floor)[dense] / (0.5 * (lid + floor)[dense]) if dense.any() else np.zeros(1)
     apart = np.abs(column["area"] / column["volume"] - 1.0)
     return (
-        f"area by outlines against det F: {100 * apart.max():.3f} % apart at "
-        f"worst (bodies keep {100 * column['volume'][-1]:.2f} %); points outside: {column['outside'].max():.4f} cells; "
-        f"turning: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %"
+        f"area by outlines against det F: {100 * apart.max():.3f} % apart at worst"
+        f" (bodies keep {100 * column['volume'][-1]:.2f} %); points outside: {column['outside'].max():.4f} cells;"
+        f" turning: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %"
     )
 
 

@@ -113,9 +113,15 @@ class Increment:
         """The imbalance of momentum without contact (2 nodes,) [kg/s], and the size of its terms."""
         inertia = self.bulk.assembly.mass * (w - self.free)
         elastic = self._reach * self.bulk.force(at)
-        moved = float(np.linalg.norm(self.bulk.assembly.mass * w))
-        size = max(float(np.linalg.norm(inertia)), float(np.linalg.norm(elastic)), 1e-9 * moved)
-        return inertia + elastic, size
+        noise = self.round_off(w, at) / self.scheme.newton_tol
+        return inertia + elastic, max(float(np.linalg.norm(inertia)), float(np.linalg.norm(elastic)), noise)
+
+    def round_off(self, w: Array, at: Configuration) -> float:
+        """The imbalance that round-off of displacements and velocities leaves, whatever w [kg/s]."""
+        modulus = max((sum(material.lame) + material.lame[1] for material, _ in self.bulk.materials), default=0.0)
+        reach = self.bulk.assembly.sheets.cell + float(np.abs(at.displacement).max(initial=0.0))
+        inertia = float(np.linalg.norm(self.bulk.assembly.mass * w))
+        return 20.0 * float(np.finfo(float).eps) * (self._reach * modulus * reach * np.sqrt(w.size) + inertia)
 
     def matrix(self, at: Configuration, *, projected: bool = False) -> sp.bsr_array:
         """A = M + theta^2 dt^2 K."""

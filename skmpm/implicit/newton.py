@@ -43,7 +43,7 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     NotConverged
         after `max_newton` iterations, or when the contact solver or the line search fails
     """
-    scheme, w, solver, factorised = step.scheme, step.v0, kept, 0
+    scheme, w, solver, factorised = step.scheme, _first(step), kept, 0
     at, projected, before, newest = step.at(w), False, np.inf, 0
     mixing = Mixing(step.bulk.assembly.mass)
     for iteration in range(scheme.max_newton + 1):
@@ -71,6 +71,14 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         f" (wanted {scheme.newton_tol:g}), contact residual {residual:.2g} (wanted {scheme.gap_tol:g});"
         " use a smaller dt"
     )
+
+
+def _first(step: Increment) -> Array:
+    """The velocity to start from: v0, or as much of it as turns no point inside out."""
+    w = step.v0
+    while not np.isfinite(step.energy(w, step.at(w))):
+        w = 0.5 * w
+    return w
 
 
 def _factorised(step: Increment, at: Configuration, projected: bool) -> tuple[Solver, bool]:
@@ -131,7 +139,7 @@ def _search(
     """Backtrack from the full Newton step until the potential less the work of `push` goes down."""
     decrease = float(slope @ direction)
     start = step.energy(w, at) - float(push @ w)
-    noise = 1e-13 * (abs(start) + abs(float(push @ w)))
+    noise = 1e-13 * (abs(start) + abs(float(push @ w))) + step.round_off(w, at) * float(np.linalg.norm(direction))
     length = 1.0
     while length > 1e-6:
         trial = w + length * direction
