@@ -121,7 +121,7 @@ class Increment:
         modulus = max((sum(material.lame) + material.lame[1] for material, _ in self.bulk.materials), default=0.0)
         reach = self.bulk.assembly.sheets.cell + float(np.abs(at.displacement).max(initial=0.0))
         inertia = float(np.linalg.norm(self.bulk.assembly.mass * w))
-        return 20.0 * float(np.finfo(float).eps) * (self._reach * modulus * reach * np.sqrt(w.size) + inertia)
+        return float(20.0 * np.finfo(float).eps * (self._reach * modulus * reach * np.sqrt(w.size) + inertia))
 
     def matrix(self, at: Configuration, *, projected: bool = False) -> sp.bsr_array:
         """A = M + theta^2 dt^2 K."""

@@ -1,0 +1,27 @@
+"""Materials: energy, stress and tangent at the points, all per volume of the anchor configuration.
+
+A sheet is anchored: the solver moves points by a deformation gradient `F` relative to the anchor, where the points
+already had `F_anchor` and Cauchy stress `stress_anchor` (both None for an undeformed, unstressed anchor). Every
+material answers in that frame, so that stresses and tangents meet the gradients of the anchored sheet directly.
+"""
+
+from skmpm.material.elastic import Elastic, Isotropic, determinant, product
+from skmpm.material.hessian import hessian, projected_hessian
+from skmpm.material.linear import LinearElastic
+from skmpm.material.neohookean import NeoHookean
+from skmpm.material.rigid import Rigid
+
+Material = LinearElastic | NeoHookean | Rigid
+
+__all__ = [
+    "Elastic",
+    "Isotropic",
+    "LinearElastic",
+    "Material",
+    "NeoHookean",
+    "Rigid",
+    "determinant",
+    "hessian",
+    "product",
+    "projected_hessian",
+]

@@ -1,0 +1,66 @@
+"""What the bulk solver asks of a material, and what isotropic ones share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Elastic(Protocol):
+    """What the bulk solver asks of a deformable material."""
+
+    @property
+    def density(self) -> float:
+        """Initial density [kg/m3]."""
+
+    @property
+    def linear(self) -> bool:
+        """Whether stress is linear in F, so that one factorisation and one solve serve a step."""
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lame constants (lambda, mu) at zero strain [Pa]."""
+
+    def energy(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None) -> Array:
+        """Strain energy per anchor volume, (n,) [J/m3]; inf where the material is turned inside out."""
+
+    def stress(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None) -> Array:
+        """First Piola-Kirchhoff stress per anchor area, derivative of `energy` by F, (2, 2, n) [Pa]."""
+
+    def tangent(
+        self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, projected: bool = False
+    ) -> Array:
+        """Derivative of `stress` by F, or its projection on positive semi-definite ones, (2, 2, 2, 2, n) [Pa]."""
+
+    def cauchy(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None) -> Array:
+        """Cauchy stress, (2, 2, n) [Pa], tension positive."""
+
+
+@dataclass(frozen=True)
+class Isotropic:
+    """Constants of an isotropic material: Young's modulus [Pa], Poisson's ratio, initial density [kg/m3]."""
+
+    E: float
+    nu: float
+    density: float
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lame constants (lambda, mu) at zero strain [Pa]."""
+        E, nu = self.E, self.nu
+        return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
+
+
+def determinant(F: Array) -> Array:
+    """Determinants (n,) of (2, 2, n)."""
+    return np.asarray(F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0])
+
+
+def product(A: Array, B: Array) -> Array:
+    """Matrix products at the points, (2, 2, n)."""
+    return np.asarray(np.einsum("ijp,jkp->ikp", A, B))

@@ -1,0 +1,81 @@
+"""A neo-Hookean solid at finite strain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material.elastic import Isotropic, determinant, product
+from skmpm.material.hessian import cofactor, hessian, projected_hessian
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NeoHookean(Isotropic):
+    """Compressible neo-Hookean solid at finite strain, plane strain, objective.
+
+    W = mu/2 (tr F'F - 2 - 2 ln J) + lambda/2 (ln J)^2, P = mu (F - F^-T) + lambda ln J F^-T
+    (Bonet & Wood, Nonlinear Continuum Mechanics for FEA, 2008, eq. 6.27).
+
+    Parameters
+    ----------
+    E : Young's modulus at zero strain [Pa]
+    nu : Poisson's ratio at zero strain
+    density : initial density [kg/m3]
+    """
+
+    @property
+    def linear(self) -> bool:
+        """Stress is not linear in F."""
+        return False
+
+    def energy(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+        """Energy density, (n,) [J/m3]; inf where J <= 0."""
+        lam, mu = self.lame
+        F_total, J_anchor = _total(F, F_anchor)
+        J = determinant(F_total)
+        log_J = np.log(np.where(J > 0.0, J, 1.0))
+        W = 0.5 * mu * (np.einsum("ijp,ijp->p", F_total, F_total) - 2.0) - mu * log_J + 0.5 * lam * log_J**2
+        return np.asarray(np.where(J > 0.0, W / J_anchor, np.inf))
+
+    def stress(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+        """First Piola-Kirchhoff stress, (2, 2, n) [Pa]."""
+        lam, mu = self.lame
+        F_total, J_anchor = _total(F, F_anchor)
+        J = determinant(F_total)
+        P = mu * F_total + (lam * np.log(J) - mu) / J * cofactor(F_total)
+        return P if F_anchor is None else np.einsum("ijp,kjp->ikp", P, F_anchor) / J_anchor
+
+    def tangent(
+        self,
+        F: Array,
+        F_anchor: Array | None = None,
+        stress_anchor: Array | None = None,
+        projected: bool = False,
+    ) -> Array:
+        """Tangent dP/dF, if `projected` with its negative eigenvalues set to zero, (2, 2, 2, 2, n) [Pa]."""
+        lam, mu = self.lame
+        F_total, J_anchor = _total(F, F_anchor)
+        J = determinant(F_total)
+        slope, curvature = (lam * np.log(J) - mu) / J, (lam * (1.0 - np.log(J)) + mu) / J**2
+        C = (projected_hessian if projected else hessian)(F_total, mu, slope, curvature)
+        if F_anchor is None:
+            return C
+        return np.asarray(np.einsum("iKjLp,IKp,JLp->iIjJp", C / J_anchor, F_anchor, F_anchor, optimize=True))
+
+    def cauchy(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+        """Cauchy stress P F' / J, (2, 2, n) [Pa]."""
+        lam, mu = self.lame
+        F_total, _ = _total(F, F_anchor)
+        J = determinant(F_total)
+        left = np.einsum("ijp,kjp->ikp", F_total, F_total)
+        return np.asarray((mu * left + (lam * np.log(J) - mu) * np.eye(2)[:, :, None]) / J)
+
+
+def _total(F: Array, F_anchor: Array | None) -> tuple[Array, Array | float]:
+    if F_anchor is None:
+        return F, 1.0
+    return product(F, F_anchor), determinant(F_anchor)
