@@ -38,6 +38,8 @@ class Solver(Protocol):
         """H A^-1 H', (k, k), for rows H (k, n)."""
 
 
+CROSSOVER = 700  # half bandwidth
+
 Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
 
 
@@ -74,7 +76,7 @@ class Banded:
 
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """Banded Cholesky of all bodies at once (LAPACK pbtrf); best for bodies up to about 60 cells across."""
+    """Banded Cholesky of all bodies at once (LAPACK pbtrf); best for bodies up to about 170 cells across."""
     width, n = half_bandwidth(A), A.shape[0]
     rows = np.repeat(np.arange(n // 2), np.diff(A.indptr))
     distance = 2 * (rows - A.indices)
@@ -167,12 +169,12 @@ def amg(A: sp.bsr_array, blocks: Ints, rigid_motions: Array, *, tol: float = 1e-
 
 
 def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """`banded` for small bodies, `amg` for large ones.
+    """`banded` up to a half bandwidth of 700, a body about 170 cells across, `amg` beyond.
 
-    The band costs bandwidth^2 per unknown and pyamg about the work of 10^4 multiplications per unknown.
+    That is where their times meet for one solve (`examples/crossover.py`); contact, which needs many solves with one
+    factor, moves it further up.
     """
-    small = half_bandwidth(A) <= 400 or A.shape[0] <= 4000
-    return (banded if small else amg)(A, blocks, rigid_motions)
+    return (banded if half_bandwidth(A) <= CROSSOVER else amg)(A, blocks, rigid_motions)
 
 
 def _split(blocks: Ints, H: sp.csr_array) -> tuple[Any, ...]:

@@ -262,7 +262,7 @@ def bands(nodes, distance):
 
 @pytest.mark.parametrize(
     ("nodes", "distance", "chosen"),
-    [(100, 99, "banded"), (2000, 1999, "banded"), (50_000, 100, "banded"), (2500, 300, "amg"), (50_000, 300, "amg")],
+    [(100, 99, "banded"), (50_000, 100, "banded"), (50_000, 300, "banded"), (2500, 400, "amg"), (50_000, 400, "amg")],
 )
 def test_default_takes_banded_for_small_bodies_and_amg_for_large_ones(monkeypatch, nodes, distance, chosen):
     for name in ("banded", "amg"):
