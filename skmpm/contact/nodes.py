@@ -34,7 +34,7 @@ class _Nodes:
     given: Array  # (2, nodes) [m/s]
 
 
-def shared_nodes(scene: Scene, state: State, sheets: Sheets, dt: float) -> Linearise:
+def shared_nodes(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float = 1.0) -> Linearise:
     """Bodies that share grid nodes may not approach there; walls are slabs of rigid material points."""
     unknown = scene.deformable[state.body]
     if not np.array_equal(state.x_anchor, state.x):

@@ -5,9 +5,9 @@ points with shares z(s). The row of the pair is N(c) w_a - sum_m z_m N(m) w_b al
 exact derivative of the gap: momentum is exact, forces meet on one line, and a frictionless contact is conservative.
 One body of a pair gives the points (the finer rim, then position), the other the curve.
 
-Gaps are those of the end of the step, but forces act along the normals of its middle: the work of a contact that
-slides on a curved surface is then zero to second order. Along the normals of the end it would be
-r |sliding|^2 / (2 R) > 0, a source of energy that makes frictionless discs spin.
+Gaps are those of the end of the step. Forces act along the normals of the configuration whose stress drives the
+step, x + theta dt w: a disc that turns under pressure is driven by its stress, and braked by its contacts, by
+p V (omega dt)^2 a step; only normals and stress of one configuration cancel each other.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FACING = -0.3  # largest cosine between the normals of two surfaces in contact
 PUSH_OUT = 0.2  # share of an overlap left by an earlier step that a step removes
 
 
-def outlines(scene: Scene, state: State, sheets: Sheets, dt: float) -> Linearise:
+def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float = 1.0) -> Linearise:
     """Rim points against outlines and walls (the default contact law).
 
     The gap is re-measured where `w` brings the bodies at the end of the step; contacts obey
@@ -65,7 +65,7 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float) -> Linearise
         farthest = float(np.abs(moved).max(initial=0.0))
         if 2.0 * farthest > near.margin:
             near = _neighbours(scene, curve, rank, start, reach, 4.0 * farthest)
-        pairs = _touching(scene, near, start, moved, sheets.cell)
+        pairs = _touching(scene, near, start, moved, theta, sheets.cell)
         pairs += [
             _on_wall(scene, rim, i, start, moved, state.walls[i], dt * v, reach)
             for i, v in enumerate(wall_velocities)
@@ -179,27 +179,27 @@ class _Pairs:
     point: Ints  # (k,) rim vertex
     stencil: Ints  # (4, k) rim vertices that carry the other side; unused for walls
     weights: Array  # (4, k) their shares; zero for walls
-    normal: Array  # (2, k) in the middle of the step
+    normal: Array  # (2, k) at x + theta dt w
     gap: Array  # (k,) [m] at its end
     before: Array  # (k,) [m] at its start
     friction: Array  # (k,)
 
 
-def _touching(scene: Scene, near: _Neighbours, start: Array, moved: Array, cell: float) -> list[_Pairs]:
+def _touching(scene: Scene, near: _Neighbours, start: Array, moved: Array, theta: float, cell: float) -> list[_Pairs]:
     """Contacts between bodies."""
     curve, rim, after = near.curve, near.curve.outlines, start + moved
     end = _project(curve, after, *_nearest(near, after, DEPTH * cell))
     facing = np.einsum("ik,ik->k", outline.normals(rim, after)[:, end.point], end.normal)
     end = end[np.flatnonzero((end.gap > -DEPTH * cell) & (end.gap < near.reach) & (facing < FACING))]
-    middle = _project(curve, start + 0.5 * moved, end.point, end.segment, end.s)
+    driving = end if theta == 1.0 else _project(curve, start + theta * moved, end.point, end.segment, end.s)
     begin = _project(curve, start, end.point, end.segment, end.s)
     return [
         _Pairs(
             bodies=rim.body[np.stack([end.point, end.segment])],
             point=end.point,
-            stencil=curve.stencil(middle.segment),
-            weights=curve.weights(middle.segment, middle.s),
-            normal=middle.normal,
+            stencil=curve.stencil(driving.segment),
+            weights=curve.weights(driving.segment, driving.s),
+            normal=driving.normal,
             gap=end.gap,
             before=begin.gap,
             friction=np.full(end.point.size, float(scene.friction)),

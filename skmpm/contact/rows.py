@@ -102,7 +102,7 @@ class Rows:
 
 
 Linearise = Callable[[Array], Rows]
-ContactLaw = Callable[[Scene, State, Sheets, float], Linearise]
+ContactLaw = Callable[[Scene, State, Sheets, float, float], Linearise]
 
 
 def _match(known: Ints, wanted: Ints) -> tuple[NDArray[np.bool_], Ints]:

@@ -14,7 +14,8 @@ from skmpm.linear import Solver
 Array = NDArray[np.float64]
 
 
-DEPTH = 10  # directions that acceleration remembers
+DEPTH = 15  # directions that acceleration remembers
+CAUTION = 0.5  # share of a direction that is gone once the iteration converges slowly
 REST = 3  # iterations between two factorisations in one step
 
 
@@ -45,7 +46,7 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     """
     scheme, w, solver, factorised = step.scheme, _first(step), kept, 0
     at, projected, before, newest = step.at(w), False, np.inf, 0
-    mixing = Mixing(step.bulk.assembly.mass)
+    mixing, share = Mixing(step.bulk.assembly.mass), 1.0
     for iteration in range(scheme.max_newton + 1):
         gradient, size = step.gradient(w, at)
         push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
@@ -59,12 +60,13 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
             solver, projected = _factorised(step, at, projected)
             factorised, newest = factorised + 1, iteration
             timer.lap("factorisation")
+        share = CAUTION if imbalance > 0.5 * before and iteration > 2 else share
         before = imbalance
         if touching:
             direction, push = touching.solve(solver, gradient)
         else:
             direction = -solver(gradient)
-        w, at = _move(step, w, at, direction, gradient - push, push, mixing)
+        w, at = _move(step, w, at, direction, gradient - push, push, mixing, share)
         timer.lap("bulk")
     raise NotConverged(
         f"no convergence in {scheme.max_newton} Newton iterations: momentum imbalance {imbalance:.2g}"
@@ -100,19 +102,22 @@ class Mixing:
     points: list[Array] = field(default_factory=list)
     directions: list[Array] = field(default_factory=list)
 
-    def mixed(self, w: Array, direction: Array) -> Array:
-        """The direction to the combination of all points so far whose combined direction is the smallest."""
+    def mixed(self, w: Array, direction: Array, share: float) -> Array:
+        """The direction to the combination of all points so far whose combined direction is the smallest.
+
+        Of that combined direction it goes a `share`: all of it, or less where the iteration overshoots.
+        """
         self.points, self.directions = (
             [*self.points, w][-self.depth :],
             [*self.directions, direction][-self.depth :],
         )
         if len(self.points) == 1:
-            return direction
+            return share * direction
         dw = np.stack([w - p for p in self.points[:-1]], axis=1)
         df = np.stack([direction - d for d in self.directions[:-1]], axis=1)
         root = np.sqrt(self.mass)
-        share, *_ = np.linalg.lstsq(root[:, None] * df, root * direction, rcond=1e-12)
-        return np.asarray(direction - (dw + df) @ share)
+        weights, *_ = np.linalg.lstsq(root[:, None] * df, root * direction, rcond=1e-12)
+        return np.asarray(share * (direction - df @ weights) - dw @ weights)
 
 
 def _move(
@@ -123,10 +128,11 @@ def _move(
     slope: Array,
     push: Array,
     mixing: Mixing,
+    share: float,
 ) -> tuple[Array, Configuration]:
     """To the next w: an accelerated step, or a line search where there is nothing to accelerate yet."""
-    mixed = mixing.mixed(w, direction)
-    if mixed is not direction or step.bulk.linear:
+    mixed = mixing.mixed(w, direction, share)
+    if len(mixing.points) > 1 or step.bulk.linear:
         there = step.at(w + mixed)
         if step.bulk.linear or np.isfinite(step.energy(w + mixed, there)):
             return w + mixed, there

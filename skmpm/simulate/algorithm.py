@@ -59,7 +59,9 @@ def _touching(scene: Scene, state: State, increment: Increment, timer: Timer) ->
     """The step's contacts; None, and the contact module untouched, where nothing can touch anything."""
     if not can_touch(scene):
         return None
-    linearise = increment.scheme.contact(scene, state, increment.bulk.assembly.sheets, increment.dt)
+    linearise = increment.scheme.contact(
+        scene, state, increment.bulk.assembly.sheets, increment.dt, increment.scheme.theta
+    )
     timer.lap("detection")
     return Touching(linearise, increment, state.contacts.key, state.contacts.force, timer)
 

@@ -54,7 +54,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     # So short a step that nothing moves, nor do the neighbours' margins grow.
     speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
     dt = 1e-9 * scene.cell / max(speed, scene.cell)
-    rows = scheme.contact(scene, state, assembly.sheets, dt)(np.zeros(2 * assembly.sheets.nodes))
+    rows = scheme.contact(scene, state, assembly.sheets, dt, scheme.theta)(np.zeros(2 * assembly.sheets.nodes))
     nothing = np.zeros((2, rows.size))
     contacts = Contacts(rows.bodies, rows.x, rows.normal, nothing, rows.gap, rows.key, rows.point)
     return replace(state, contacts=contacts, report=at_start)
