@@ -143,6 +143,7 @@ def _rows(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, sheets: Sheets) -> Rows
         difference=difference,
         given=given,
         offset_normal=np.einsum("ik,ik->k", normal, given),
+        pushed=np.zeros(k.size),
     )
 
 

@@ -266,4 +266,5 @@ def _rows(
         difference=difference,
         given=prescribed,
         offset_normal=(pairs.gap - allowed) / dt - now,
+        pushed=np.where(pairs.before < 0.0, np.maximum(np.minimum(pairs.gap, 0.0) - pairs.before, 0.0), 0.0),
     )

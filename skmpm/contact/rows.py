@@ -34,6 +34,7 @@ class Rows:
     difference: sp.csr_array  # (k, nodes)
     given: Array  # (2, k) prescribed part of the relative velocity [m/s]
     offset_normal: Array  # (k,) [m/s]
+    pushed: Array  # (k,) how much of an overlap left by an earlier step this step removes [m]
 
     @property
     def size(self) -> int:

@@ -49,8 +49,7 @@ def _energy(old: Energy, after: State, increment: Increment, solution: Solution)
         rows, r = solution.touching.rows, solution.touching.r
         given = rows.given_components
         external -= float(r @ given)  # the work of walls and rigid bodies
-        work = r * (rows.H @ w + given)
-        push_out = float(np.maximum(work[::2] if rows.tangential else work, 0.0).sum())
+        push_out = float(rows.forces(r, increment.dt)[0] @ rows.pushed)
     gained = kinetic + elastic - old.kinetic - old.elastic
     return Energy(
         kinetic=kinetic,
