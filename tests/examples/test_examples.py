@@ -53,3 +53,17 @@ def test_compaction(tmp_path):
     assert all(abs(float(line["area"]) / float(line["volume"]) - 1.0) <= 5e-3 for line in checks)
     for name in ("packing.vtkhdf", "stages.png", "curves.png", "last.checkpoint"):
         assert (tmp_path / name).stat().st_size > 1000
+
+
+@pytest.mark.slow
+def test_held(monkeypatch):
+    """A frictionless packing whose lid stops comes to rest: nothing feeds the motion or the turning of its discs.
+
+    With contact normals of another configuration than the stress, kinetic energy grew after the lid stopped.
+    """
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    table = example("held.py")["main"](20, 0.9, 160)
+    kinetic, elastic, turning = np.transpose(table)
+    assert kinetic[-1] <= 0.05 * kinetic[0]
+    assert turning[-1] <= 0.01
+    assert elastic[-1] > 0.9 * elastic[0]
