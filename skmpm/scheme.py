@@ -40,7 +40,7 @@ class Scheme:
     contact_tol: float = 1e-6
     gap_tol: float = 1e-5
     linear: Linear = field(default=_linear.default)
-    max_newton: int = 40
+    max_newton: int = 60
 
     def __post_init__(self) -> None:
         limits = {
@@ -50,7 +50,7 @@ class Scheme:
             "newton_tol": (1e-14, 1e-1, "about 1e-6"),
             "contact_tol": (1e-14, 1e-1, "about 1e-6"),
             "gap_tol": (1e-14, 1e-1, "about 1e-5"),
-            "max_newton": (1, 10_000, "about 40"),
+            "max_newton": (1, 10_000, "about 60"),
         }
         for name, (low, high, remedy) in limits.items():
             value = getattr(self, name)

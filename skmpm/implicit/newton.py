@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 DEPTH = 15  # directions that acceleration remembers
 CAUTION = 0.5  # share of a direction that is gone once the iteration converges slowly
+PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 REST = 3  # iterations between two factorisations in one step
 
 
@@ -60,7 +61,7 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
             solver, projected = _factorised(step, at, projected)
             factorised, newest = factorised + 1, iteration
             timer.lap("factorisation")
-        share = CAUTION if imbalance > 0.5 * before and iteration > 2 else share
+        share = CAUTION if imbalance > 0.8 * before and iteration > 2 else share
         before = imbalance
         if touching:
             direction, push = touching.solve(solver, gradient)
@@ -99,19 +100,22 @@ class Mixing:
 
     mass: Array  # (n,) weighs the directions
     depth: int = DEPTH
+    count: int = 0  # of directions so far
     points: list[Array] = field(default_factory=list)
     directions: list[Array] = field(default_factory=list)
 
     def mixed(self, w: Array, direction: Array, share: float) -> Array:
         """The direction to the combination of all points so far whose combined direction is the smallest.
 
-        Of that combined direction it goes a `share`: all of it, or less where the iteration overshoots.
+        Of that combined direction it goes a `share`: all of it, or less where the iteration overshoots. Then it
+        also alternates with plain steps (Pratapa, Suryanarayana & Pask, J. Comput. Phys. 306, 2016).
         """
         self.points, self.directions = (
             [*self.points, w][-self.depth :],
             [*self.directions, direction][-self.depth :],
         )
-        if len(self.points) == 1:
+        self.count += 1
+        if len(self.points) == 1 or (share < 1.0 and self.count % PERIOD):
             return share * direction
         dw = np.stack([w - p for p in self.points[:-1]], axis=1)
         df = np.stack([direction - d for d in self.directions[:-1]], axis=1)
