@@ -40,7 +40,7 @@ COLUMNS = [
     "contact_iterations",
     "seconds",
 ]
-CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor")
+CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor", "settled")
 LID = 1  # its place among the walls
 SPEED = 2.0  # of the lid [m/s]
 WAVE = 10e6 * (1.0 - 0.45) / (1.0 + 0.45) / (1.0 - 2.0 * 0.45) / 990.0  # pressure waves, c^2 [m2/s2]
@@ -104,6 +104,7 @@ def check(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observa
         "spin": np.abs(turning).max() * dt,
         "lid": state.wall_force[LID, 1],
         "floor": -state.wall_force[0, 1],
+        "settled": int(state.report.settled),
     }
 
 
@@ -232,14 +233,15 @@ def verdict(checks: list[dict[str, float]], transit: int) -> str:
     """The worst of each check; wall forces as running means over the `transit` steps a wave needs."""
     column = {name: np.array([line[name] for line in checks]) for name in CHECKS}
     mean = np.ones(transit) / transit
-    lid, floor = (np.convolve(column[name], mean, mode="valid") for name in ("lid", "floor"))
+    lid, floor = (np.convolve(column[name], mean, mode="valid") for name in ("lid", "floor", "settled"))
     dense = column["solid_fraction_nominal"][transit - 1 :] > 0.90
     uneven = np.abs(lid - floor)[dense] / (0.5 * (lid + floor)[dense]) if dense.any() else np.zeros(1)
     apart = np.abs(column["area"] / column["volume"] - 1.0)
     return (
         f"area by outlines against det F: {100 * apart.max():.3f} % apart at worst"
         f" (bodies keep {100 * column['volume'][-1]:.2f} %); points outside: {column['outside'].max():.4f} cells;"
-        f" turning: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %"
+        f" turning: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %;"
+        f" steps with settled normals: {column['settled'].sum():.0f}"
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -88,6 +88,24 @@ class Rows:
         if not self.tangential:
             return normal
         return np.stack([normal, np.einsum("ik,ik->k", self.tangent, self.given)], axis=1).ravel()
+
+    def along(self, earlier: Rows, w: Array) -> Rows:
+        """These rows about w, gaps and all, but acting along the normals and on the places of `earlier` ones."""
+        found, where = _match(earlier.key, self.key)
+        i = np.flatnonzero(found)
+        taken = sp.csr_array((np.ones(i.size), (i, where[i])), shape=(self.size, earlier.size))
+        kept = sp.diags_array((~found).astype(float))
+        normal = np.where(found, earlier.normal[:, where], self.normal)
+        difference = sp.csr_array(kept @ self.difference + taken @ earlier.difference)
+        speeds = [(D @ w.reshape(-1, 2)).T for D in (self.difference, difference)]
+        turned = np.einsum("ik,ik->k", self.normal, speeds[0]) - np.einsum("ik,ik->k", normal, speeds[1])
+        return replace(
+            self,
+            normal=normal,
+            difference=difference,
+            given=np.where(found, earlier.given[:, where], self.given),
+            offset_normal=self.offset_normal + turned,
+        )
 
     def forces(self, r: Array, dt: float) -> Array:
         """Mean forces over the step in (n, t), (2, k) [N/m], from impulses r."""

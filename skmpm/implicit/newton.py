@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 DEPTH = 15  # directions that acceleration remembers
 CAUTION = 0.5  # share of a direction that is gone once the iteration converges slowly
+PATIENCE = 20  # iterations after which normals turn no more
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 REST = 3  # iterations between two factorisations in one step
 
@@ -38,7 +39,9 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
 
     Every iteration measures the gaps where the current w ends and solves the contacts against the linearised bulk.
     The matrix of the first iteration serves the step as long as the imbalance at least halves; the turning contact
-    normals, which no block diagonal matrix knows, are left to Anderson's acceleration.
+    normals, which no block diagonal matrix knows, are left to Anderson's acceleration. Where a contact is about to
+    snap from one place to another they never settle; after `PATIENCE` iterations they stay as they are, and gaps,
+    Signorini's and Coulomb's laws are solved along them.
 
     Raises
     ------
@@ -63,6 +66,8 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
             timer.lap("factorisation")
         share = CAUTION if imbalance > 0.8 * before and iteration > 2 else share
         before = imbalance
+        if touching and iteration == PATIENCE:
+            touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
         if touching:
             direction, push = touching.solve(solver, gradient)
         else:

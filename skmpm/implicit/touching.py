@@ -65,11 +65,14 @@ class Touching:
     r: Array = field(init=False)
     u: Array = field(init=False)
     last: Contrast | None = None
+    settled: Rows | None = None  # rows whose normals are kept from now on
 
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
         self.timer.lap("bulk")
         self.rows = self.linearise(w)
+        if self.settled is not None and self.settled.size:
+            self.rows = self.rows.along(self.settled, w)
         self.r = self.rows.impulses(self.key, self.force, self.step.dt)
         self.u = self.rows.H @ w + self.rows.offset
         residual = self._residual()

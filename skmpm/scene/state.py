@@ -63,6 +63,7 @@ class Report:
     contact: int = 0  # iterations of the contact solver, all Newton iterations together
     residual: float = 0.0  # natural-map residual of the contact law at the end of the step
     imbalance: float = 0.0  # residual of the momentum balance over the largest of its terms
+    settled: bool = False  # whether contact normals are those of an earlier Newton iteration
     overlap: float = 0.0  # area shared by bodies / area of all bodies
     energy: Energy = Energy()
     seconds: dict[str, float] = field(default_factory=dict)  # by phase

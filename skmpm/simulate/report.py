@@ -32,6 +32,7 @@ def report_of(
         contact=0 if solution.touching is None else solution.touching.iterations,
         residual=solution.residual,
         imbalance=solution.imbalance,
+        settled=solution.touching is not None and solution.touching.settled is not None,
         overlap=shared,
         energy=energy,
         seconds=timer.seconds,
