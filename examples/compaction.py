@@ -233,15 +233,15 @@ def verdict(checks: list[dict[str, float]], transit: int) -> str:
     """The worst of each check; wall forces as running means over the `transit` steps a wave needs."""
     column = {name: np.array([line[name] for line in checks]) for name in CHECKS}
     mean = np.ones(transit) / transit
-    lid, floor = (np.convolve(column[name], mean, mode="valid") for name in ("lid", "floor", "settled"))
+    lid, floor = (np.convolve(column[name], mean, mode="valid") for name in ("lid", "floor"))
     dense = column["solid_fraction_nominal"][transit - 1 :] > 0.90
     uneven = np.abs(lid - floor)[dense] / (0.5 * (lid + floor)[dense]) if dense.any() else np.zeros(1)
     apart = np.abs(column["area"] / column["volume"] - 1.0)
     return (
         f"area by outlines against det F: {100 * apart.max():.3f} % apart at worst"
         f" (bodies keep {100 * column['volume'][-1]:.2f} %); points outside: {column['outside'].max():.4f} cells;"
-        f" turning: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %;"
-        f" steps with settled normals: {column['settled'].sum():.0f}"
+        f" turning: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %"
+        f"; steps with settled normals: {column['settled'].sum():.0f}"
     )
 
 

@@ -39,6 +39,11 @@ class Bulk:
         """Whether all materials are linear."""
         return all(material.linear for material, _ in self.materials)
 
+    @property
+    def modulus(self) -> float:
+        """Largest lambda + 2 mu of the materials [Pa]."""
+        return max((sum(material.lame) + material.lame[1] for material, _ in self.materials), default=0.0)
+
     def at(self, displacement: Array) -> Configuration:
         """The configuration at a nodal displacement since anchoring (2 nodes,) [m]."""
         F = self.assembly.sheets.gradient_at_points(displacement)
@@ -118,7 +123,7 @@ class Increment:
 
     def round_off(self, w: Array, at: Configuration) -> float:
         """The imbalance that round-off of displacements and velocities leaves, whatever w [kg/s]."""
-        modulus = max((sum(material.lame) + material.lame[1] for material, _ in self.bulk.materials), default=0.0)
+        modulus = self.bulk.modulus
         reach = self.bulk.assembly.sheets.cell + float(np.abs(at.displacement).max(initial=0.0))
         inertia = float(np.linalg.norm(self.bulk.assembly.mass * w))
         return float(20.0 * np.finfo(float).eps * (self._reach * modulus * reach * np.sqrt(w.size) + inertia))

@@ -59,12 +59,12 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         exact = iteration == 1 and step.bulk.linear and touching is None
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
             return Solution(w, touching, iteration, factorised, residual, imbalance, solver)
-        stale = not step.bulk.linear and imbalance > 0.5 * before and iteration - newest > REST
-        if solver is None or stale:
-            solver, projected = _factorised(step, at, projected)
+        rested = touching is None or (imbalance > 0.5 * before and iteration - newest > REST)
+        if solver is None or (rested and not step.bulk.linear):
+            solver, projected = _factorised(step, at, projected and imbalance > 0.01)
             factorised, newest = factorised + 1, iteration
             timer.lap("factorisation")
-        share = CAUTION if imbalance > 0.8 * before and iteration > 2 else share
+        share = CAUTION if touching and imbalance > 0.8 * before and iteration > 2 else share
         before = imbalance
         if touching and iteration == PATIENCE:
             touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
@@ -72,7 +72,8 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
             direction, push = touching.solve(solver, gradient)
         else:
             direction = -solver(gradient)
-        w, at = _move(step, w, at, direction, gradient - push, push, mixing, share)
+        mixed = mixing.mixed(w, direction, share)
+        w, at = _move(step, w, at, direction, mixed, gradient - push, push)
         timer.lap("bulk")
     raise NotConverged(
         f"no convergence in {scheme.max_newton} Newton iterations: momentum imbalance {imbalance:.2g}"
@@ -120,7 +121,9 @@ class Mixing:
             [*self.directions, direction][-self.depth :],
         )
         self.count += 1
-        if len(self.points) == 1 or (share < 1.0 and self.count % PERIOD):
+        if len(self.points) == 1:
+            return direction
+        if share < 1.0 and self.count % PERIOD:
             return share * direction
         dw = np.stack([w - p for p in self.points[:-1]], axis=1)
         df = np.stack([direction - d for d in self.directions[:-1]], axis=1)
@@ -134,18 +137,27 @@ def _move(
     w: Array,
     at: Configuration,
     direction: Array,
+    mixed: Array,
     slope: Array,
     push: Array,
-    mixing: Mixing,
-    share: float,
 ) -> tuple[Array, Configuration]:
-    """To the next w: an accelerated step, or a line search where there is nothing to accelerate yet."""
-    mixed = mixing.mixed(w, direction, share)
-    if len(mixing.points) > 1 or step.bulk.linear:
+    """To the next w: the accelerated step where it is admissible, else a line search along the Newton direction."""
+    if mixed is not direction or step.bulk.linear:
         there = step.at(w + mixed)
-        if step.bulk.linear or np.isfinite(step.energy(w + mixed, there)):
+        # Without contact the potential must go down; with it, it is another one in every iteration.
+        limit = np.finfo(float).max
+        if not push.any():
+            energy = step.energy(w, at)
+            limit = energy + _noise(step, w, at, direction, abs(energy))
+        if step.bulk.linear or step.energy(w + mixed, there) <= limit:
             return w + mixed, there
     return _search(step, w, at, direction, slope, push)
+
+
+def _noise(step: Increment, w: Array, at: Configuration, direction: Array, size: float) -> float:
+    """How far the potential, of terms of this size, is known [J/m]."""
+    materials = 20.0 * float(np.finfo(float).eps) * step.bulk.modulus * float(step.bulk.assembly.volume.sum())
+    return 1e-13 * size + materials + step.round_off(w, at) * float(np.linalg.norm(direction))
 
 
 def _search(
@@ -154,7 +166,7 @@ def _search(
     """Backtrack from the full Newton step until the potential less the work of `push` goes down."""
     decrease = float(slope @ direction)
     start = step.energy(w, at) - float(push @ w)
-    noise = 1e-13 * (abs(start) + abs(float(push @ w))) + step.round_off(w, at) * float(np.linalg.norm(direction))
+    noise = _noise(step, w, at, direction, abs(start) + abs(float(push @ w)))
     length = 1.0
     while length > 1e-6:
         trial = w + length * direction
