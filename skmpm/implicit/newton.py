@@ -145,7 +145,7 @@ def _move(
     if mixed is not direction or step.bulk.linear:
         there = step.at(w + mixed)
         # Without contact the potential must go down; with it, it is another one in every iteration.
-        limit = np.finfo(float).max
+        limit = float(np.finfo(float).max)
         if not push.any():
             energy = step.energy(w, at)
             limit = energy + _noise(step, w, at, direction, abs(energy))
