@@ -92,9 +92,9 @@ def check(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observa
     counts = np.bincount(state.body)
     turning = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / counts
     depth = [-(n @ (state.x - point[:, None])).min() for n, point in zip(scene.normals.T, state.walls, strict=True)]
-    initial = scene.outlines, np.concatenate([body.points.x for body in scene.bodies], axis=1)
+    initial = scene.outlines, scene.initial_positions
     area = seen.bodies.area.sum() / polygon_area(*initial)
-    volume = sum(body.points.volume.sum() for body in scene.bodies)
+    volume = scene.initial_volumes.sum()
     return {
         "step": step,
         "solid_fraction_nominal": seen.solid_fraction_nominal,

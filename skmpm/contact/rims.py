@@ -54,9 +54,10 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float
     interpolation = _rim_interpolation(scene, state, sheets, rim)
     given = given_velocities(scene, state.t + 0.5 * dt)[:, rim.body]
     wall_velocities = scene.wall_velocities(state.t + 0.5 * dt)
-    rank, reach, start = _rank(scene, rim), REACH * sheets.cell, state.x[:, rim.point]
+    initial = scene.initial_positions[:, rim.point]
+    rank, reach, start = _rank(scene, rim, initial), REACH * sheets.cell, state.x[:, rim.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
-    curve = outline.curve(rim, _initial_rim(scene, rim))
+    curve = outline.curve(rim, initial)
     near = _neighbours(scene, curve, rank, start, reach, margin)
 
     def linearise(w: Array) -> Rows:
@@ -65,7 +66,7 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float
         farthest = float(np.abs(moved).max(initial=0.0))
         if 2.0 * farthest > near.margin:
             near = _neighbours(scene, curve, rank, start, reach, 4.0 * farthest)
-        pairs = _touching(scene, near, start, moved, theta, sheets.cell)
+        pairs = [_touching(scene, near, start, moved, theta, sheets.cell)]
         pairs += [
             _on_wall(scene, rim, i, start, moved, state.walls[i], dt * v, reach)
             for i, v in enumerate(wall_velocities)
@@ -90,14 +91,8 @@ def _rim_interpolation(scene: Scene, state: State, sheets: Sheets, rim: Outlines
     return sp.csr_array(chosen @ sheets.interpolation)
 
 
-def _initial_rim(scene: Scene, rim: Outlines) -> Array:
-    """Rim points at t = 0, (2, m) [m]."""
-    return np.concatenate([body.points.x for body in scene.bodies], axis=1)[:, rim.point]
-
-
-def _rank(scene: Scene, rim: Outlines) -> Ints:
+def _rank(scene: Scene, rim: Outlines, x: Array) -> Ints:
     """Order of the bodies (bodies,): of a pair the lower rank gives the points. Finer rims first, then position."""
-    x = _initial_rim(scene, rim)
     count = np.maximum(np.bincount(rim.body, minlength=len(scene.bodies)), 1)
     length = np.hypot(*(x[:, rim.next] - x))
     spacing = np.bincount(rim.body, length, len(scene.bodies)) / count
@@ -185,7 +180,7 @@ class _Pairs:
     friction: Array  # (k,)
 
 
-def _touching(scene: Scene, near: _Neighbours, start: Array, moved: Array, theta: float, cell: float) -> list[_Pairs]:
+def _touching(scene: Scene, near: _Neighbours, start: Array, moved: Array, theta: float, cell: float) -> _Pairs:
     """Contacts between bodies."""
     curve, rim, after = near.curve, near.curve.outlines, start + moved
     end = _project(curve, after, *_nearest(near, after, DEPTH * cell))
@@ -193,18 +188,16 @@ def _touching(scene: Scene, near: _Neighbours, start: Array, moved: Array, theta
     end = end[np.flatnonzero((end.gap > -DEPTH * cell) & (end.gap < near.reach) & (facing < FACING))]
     driving = end if theta == 1.0 else _project(curve, start + theta * moved, end.point, end.segment, end.s)
     begin = _project(curve, start, end.point, end.segment, end.s)
-    return [
-        _Pairs(
-            bodies=rim.body[np.stack([end.point, end.segment])],
-            point=end.point,
-            stencil=curve.stencil(driving.segment),
-            weights=curve.weights(driving.segment, driving.s),
-            normal=driving.normal,
-            gap=end.gap,
-            before=begin.gap,
-            friction=np.full(end.point.size, float(scene.friction)),
-        )
-    ]
+    return _Pairs(
+        bodies=rim.body[np.stack([end.point, end.segment])],
+        point=end.point,
+        stencil=curve.stencil(driving.segment),
+        weights=curve.weights(driving.segment, driving.s),
+        normal=driving.normal,
+        gap=end.gap,
+        before=begin.gap,
+        friction=np.full(end.point.size, float(scene.friction)),
+    )
 
 
 def _on_wall(

@@ -101,7 +101,7 @@ def _check_start(scene: Scene, tolerance: float = 1e-3) -> None:
     rim = scene.outlines
     if rim.point.size == 0:
         return
-    x = np.concatenate([body.points.x for body in scene.bodies], axis=1)[:, rim.point]
+    x = scene.initial_positions[:, rim.point]
     first = _first_overlap(scene, rim, x, slack)
     if first is not None:
         a, b, depth = first

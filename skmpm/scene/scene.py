@@ -55,6 +55,16 @@ class Scene:
         return np.concatenate([[0], np.cumsum([body.points.x.shape[1] for body in self.bodies])]).astype(int)
 
     @property
+    def initial_positions(self) -> Array:
+        """Positions of all points at t = 0, (2, n) [m]."""
+        return np.concatenate([body.points.x for body in self.bodies], axis=1)
+
+    @property
+    def initial_volumes(self) -> Array:
+        """Volumes of all points at t = 0, (n,) [m2]."""
+        return np.concatenate([body.points.volume for body in self.bodies])
+
+    @property
     def deformable(self) -> NDArray[np.bool_]:
         """Which bodies have unknowns, (bodies,)."""
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)

@@ -35,7 +35,7 @@ def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
             stress_anchor=state.stress,
             displacement=np.zeros(0),
         )
-    volume = initial_volume(scene) * determinant(state.F_anchor)
+    volume = scene.initial_volumes * determinant(state.F_anchor)
     sheets = lay(
         state.x_anchor[:, own],
         state.body[own],
@@ -66,11 +66,6 @@ def _worn(scene: Scene, state: State, scheme: Scheme) -> bool:
         return state.x is not state.x_anchor
     relative = product(state.F, _inverse(state.F_anchor)) - np.eye(2)[:, :, None]
     return float(np.abs(relative).max(initial=0.0)) > scheme.anchor
-
-
-def initial_volume(scene: Scene) -> Array:
-    """Volumes of the points at t = 0, (n,) [m2]."""
-    return np.concatenate([body.points.volume for body in scene.bodies])
 
 
 def _inverse(F: Array) -> Array:
@@ -121,7 +116,7 @@ def gravity_at(scene: Scene, state: State, t: float) -> Array:
     if not callable(scene.gravity):
         return np.tile(np.asarray(scene.gravity, dtype=float), assembly.sheets.nodes)
     own = scene.deformable[state.body]
-    X = np.concatenate([body.points.x for body in scene.bodies], axis=1)[:, own]
+    X = scene.initial_positions[:, own]
     g = field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X, t), X)
     force = assembly.sheets.interpolation.T @ (state.mass[own] * g).T
     return np.asarray(force).ravel() / assembly.mass

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skmpm.material import Rigid
 from skmpm.scene import Contacts, Energy, Report, Scene, State, field_values, motion
 from skmpm.scheme import Scheme
-from skmpm.simulate.anchor import anchored, assembly_of, initial_volume
+from skmpm.simulate.anchor import anchored, assembly_of
 from skmpm.simulate.report import kinetic_energy
 from skmpm.transfer import to_nodes
 
@@ -19,12 +19,10 @@ Array = NDArray[np.float64]
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """The state at t = 0, with the contacts found there."""
-    points = [body.points for body in scene.bodies]
-    x = np.concatenate([p.x for p in points], axis=1)
-    volume = initial_volume(scene)
-    body = np.repeat(np.arange(len(points)), np.diff(scene.offsets))
+    x, volume = scene.initial_positions, scene.initial_volumes
+    body = np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
     density = np.array([b.material.density for b in scene.bodies])
-    v, C = _initial_motion(scene, volume)
+    v, C = _initial_motion(scene)
     n = x.shape[1]
     state = State(
         t=0.0,
@@ -60,7 +58,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     return replace(state, contacts=contacts, report=at_start)
 
 
-def _initial_motion(scene: Scene, volume: Array) -> tuple[Array, Array]:
+def _initial_motion(scene: Scene) -> tuple[Array, Array]:
     """Velocities (2, n) [m/s] of the points at t = 0 and their gradients (2, 2, n) [1/s]."""
     v, C = [], []
     for body in scene.bodies:

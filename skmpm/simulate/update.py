@@ -11,7 +11,7 @@ from skmpm.implicit import Increment, Solution
 from skmpm.linear import Solver
 from skmpm.material import determinant, product
 from skmpm.scene import Contacts, Scene, State, motion
-from skmpm.simulate.anchor import derived_of, initial_volume
+from skmpm.simulate.anchor import derived_of
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
         F=F,
         C=C,
         stress=stress,
-        volume=initial_volume(scene) * determinant(F),
+        volume=scene.initial_volumes * determinant(F),
         displacement=displacement,
         walls=state.walls + dt * scene.wall_velocities(state.t + 0.5 * dt),
         wall_force=wall_force,
