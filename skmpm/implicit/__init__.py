@@ -10,7 +10,8 @@ anchoring, W the material's energy, G the ghost penalty. With contact, grad E = 
 obey Signorini's and Coulomb's laws.
 """
 
-from skmpm.implicit.bulk import Bulk, Configuration, Increment
+from skmpm.implicit.bulk import Bulk, Configuration
+from skmpm.implicit.increment import Increment
 from skmpm.implicit.newton import Solution, advance
 from skmpm.implicit.touching import NotConverged, Timer, Touching
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit.bulk import Configuration, Increment
+from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.increment import Increment
 from skmpm.implicit.touching import NotConverged, Timer, Touching
 from skmpm.linear import Solver
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skmpm import coulomb
 from skmpm.contact import Linearise, Rows
 from skmpm.contact.rows import lookup
-from skmpm.implicit.bulk import Increment
+from skmpm.implicit.increment import Increment
 from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
