@@ -1,0 +1,67 @@
+"""Measure what docs/verification.md shows: `python tests/verification/draw.py [module ...]`, by default every module.
+
+A module is the part of a file's name after `test_`. It takes part if it has `rows()`, a list of `ledger.Row`, and
+optionally `figures(folder)`, which draws PNG files and returns {file name: caption}.
+"""
+
+import csv
+import json
+import sys
+from dataclasses import asdict, fields
+from importlib import import_module
+from pathlib import Path
+
+from ledger import Row
+
+HERE = Path(__file__).resolve().parent
+DOCS = HERE.parents[1] / "docs"
+KEPT = DOCS / "verification"
+MODULES = (
+    "materials",
+    "patch",
+    "fem_elasticity",
+    "locking",
+    "large_deflection",
+    "manufactured",
+    "dynamics",
+    "galilean",
+)
+HEAD = """# Verification
+
+Every line below is measured by the function that its test calls, with larger sizes where the test takes a short
+version; `python tests/verification/draw.py` measures all of them anew and writes this page and its figures. A goal
+that is missed says so, with its true figure and the reason.
+"""
+
+
+def measure(name):
+    """Run one module and keep what it found."""
+    module = import_module(f"test_{name}")
+    with (KEPT / f"{name}.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, [f.name for f in fields(Row)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in module.rows())
+    captions = module.figures(KEPT) if hasattr(module, "figures") else {}
+    (KEPT / f"{name}.json").write_text(json.dumps(captions, indent=1) + "\n")
+
+
+def page():
+    """Write docs/verification.md from what is kept of every module."""
+    columns = [f.name for f in fields(Row)]
+    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    pictures = []
+    for name in MODULES:
+        if not (KEPT / f"{name}.csv").exists():
+            continue
+        with (KEPT / f"{name}.csv").open(newline="") as file:
+            lines += ["| " + " | ".join(row[c] for c in columns) + " |" for row in csv.DictReader(file)]
+        captions = json.loads((KEPT / f"{name}.json").read_text())
+        pictures += [f"![{text}](verification/{file})\n\n*{text}*\n" for file, text in captions.items()]
+    (DOCS / "verification.md").write_text("\n".join([HEAD, *lines, "", *pictures]).rstrip() + "\n")
+
+
+if __name__ == "__main__":
+    KEPT.mkdir(exist_ok=True)
+    for chosen in sys.argv[1:] or MODULES:
+        measure(chosen)
+    page()

@@ -1,0 +1,33 @@
+"""What every verification shares: a row of the table in docs/verification.md, norms and rates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: what was solved, against what, how fine, how far off."""
+
+    problem: str
+    reference: str  # closed form, FEM, literature
+    h: str  # grids, as "1/8, 1/16, 1/32" or "R/h = 5, 10"
+    error: str  # on these grids, with what it is relative to
+    rate: str  # measured order; "-" where there is none
+    goal: str  # what was asked, and "missed: why" where it was missed
+    test: str  # name of the test that asserts it
+
+
+def rate(h, error):
+    """The order of convergence: the slope of log error over log h, by least squares."""
+    return float(np.polyfit(np.log(h), np.log(error), 1)[0])
+
+
+def relative(value, exact, weight):
+    """Relative L2 error of values (..., n) at points of weights (n,)."""
+    return float(np.sqrt(np.sum(weight * (value - exact) ** 2) / np.sum(weight * exact**2)))
+
+
+def numbers(values, digits=2):
+    """Values as text, separated by commas."""
+    return ", ".join(f"{value:.{digits}g}" for value in values)
