@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.forms import MONOMIALS, PAIRS, reference_ghost, reference_stiffness
+from skmpm.forms import MONOMIALS, PAIRS, reference_ghost, reference_gradient, reference_stiffness
 from skmpm.grid import Sheets
 
 Array = NDArray[np.float64]
@@ -32,6 +32,12 @@ GHOST_CORNERS = (
 def _stiffness_table() -> Array:
     """The constant reference matrices of `forms.reference_stiffness`, (60, 64)."""
     return reference_stiffness().reshape(60, 64)
+
+
+@cache
+def _gradient_table() -> Array:
+    """The constant gradients of `forms.reference_gradient`, (3, 2, 4)."""
+    return reference_gradient()
 
 
 @cache
@@ -64,14 +70,38 @@ class Assembly:
         """Force of the ghost penalty on the displacement since anchoring, (2 nodes,) [N/m]."""
         return np.asarray(self.ghost @ displacement.reshape(-1, 2)).ravel()
 
-    def stiffness(self, C: Array) -> Array:
-        """Data of the stiffness in the pattern of A, (blocks, 2, 2), from tangents `C` (2, 2, 2, 2, n)."""
+    def stiffness(self, C: Array, added: Array | None = None) -> Array:
+        """Data of the stiffness in the pattern of A, (blocks, 2, 2).
+
+        From tangents `C` (2, 2, 2, 2, n), and cell matrices (cells, 64) to be `added`.
+        """
         flat = C.reshape(4, 4, -1)
         entries = np.stack([flat[a, b] for a, b in PAIRS], axis=1)
         moments = (self.moments @ entries).reshape(6, -1, 10).transpose(1, 0, 2).reshape(-1, 60)
         cells = moments @ _stiffness_table()
+        if added is not None:
+            cells += added
         data = np.bincount(self.place, cells.ravel(), 4 * self.indices.size)
         return np.asarray(data.reshape(-1, 2, 2) + self.ghost_data)
+
+    def cell_sums(self, values: Array) -> Array:
+        """Sums over the points of every cell of V values, (cells,); `values` (n,)."""
+        sums = np.bincount(self.sheets.cell_of_point, self.volume * values, self.sheets.cells)
+        return np.asarray(sums, dtype=np.float64)
+
+    def mean_dilatation(self, volumes: Array) -> Array:
+        """Volume over undeformed volume of each point's cell, (n,), from both per anchor volume, (2, n)."""
+        now, rest = (self.cell_sums(v) for v in volumes)
+        return np.asarray((now / rest)[self.sheets.cell_of_point])
+
+    def mean_dilatation_stiffness(self, slope: Array, modulus: Array, rest: Array) -> Array:
+        """Twin of `forms.mean_dilatation_stiffness`, by cells, (cells, 64): one matrix of rank one each."""
+        sheets = self.sheets
+        first = self.moments[: 3 * sheets.cells] @ slope.reshape(4, -1).T  # of 1, xi, eta
+        growth = np.einsum("mciI,mIa->cai", first.reshape(3, -1, 2, 2), _gradient_table()).reshape(-1, 8)
+        growth *= sheets.cell
+        weighted = (modulus / self.cell_sums(rest))[:, None] * growth
+        return np.asarray(weighted[:, :, None] * growth[:, None, :]).reshape(-1, 64)
 
     def matrix(self, stiffness: Array, factor: float) -> sp.bsr_array:
         """A = M + factor K, block sparse, (2 nodes, 2 nodes)."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from skfem import (
     BilinearForm,
     CellBasis,
+    ElementQuad0,
     ElementQuad1,
     ElementVector,
     InteriorFacetBasis,
@@ -54,6 +55,30 @@ def internal_force(v: Any, w: Any) -> Any:
 def stiffness(u: Any, v: Any, w: Any) -> Any:
     """Tangent stiffness, int grad v : C : grad u with C_iIjJ = dP_iI / dF_jJ."""
     return np.einsum("iIjJ...,iI...,jJ...->...", w["C"], grad(v), grad(u))
+
+
+@BilinearForm
+def growth(u: Any, q: Any, w: Any) -> Any:
+    """Change of volume, int q S : grad u; S is the slope of the volume by F, q constant in every cell."""
+    return q * np.einsum("ij...,ij...->...", w["S"], grad(u))
+
+
+@LinearForm
+def content(q: Any, w: Any) -> Any:
+    """Sum of a volume over the cells, int q r; r is that volume per anchor volume."""
+    return q * w["r"]
+
+
+def mean_dilatation_stiffness(basis: CellBasis, slope: Array, modulus: Array, rest: Array) -> Any:
+    """B' D B: the stiffness against a change of the cells' mean dilatation, (2 nodes, 2 nodes).
+
+    B is the change of the cells' volumes, D = modulus / undeformed volume: what remains of a mixed form with a
+    pressure constant in every cell once that is eliminated (Simo, Taylor & Pister, CMAME 51, 1985).
+    `slope` (2, 2, n), `modulus` (cells,) [Pa], `rest` (n,) undeformed volume per anchor volume.
+    """
+    pressure = basis.with_element(ElementQuad0())
+    B = growth.assemble(basis, pressure, S=slope[..., None])
+    return B.T @ (B.multiply((modulus / content.assemble(pressure, r=rest[:, None]))[:, None])).tocsr()
 
 
 @BilinearForm
@@ -101,6 +126,13 @@ def reference_stiffness() -> Array:
             K = stiffness.assemble(point, C=C.reshape(2, 2, 2, 2, 1, 1)).toarray()
             values[p, k] = K[np.ix_(order, order)]
     return np.linalg.solve(vandermonde, values.reshape(6, -1)).reshape(6, 10, 8, 8)
+
+
+def reference_gradient() -> Array:
+    """Gradients of the unit cell's shape functions by the monomials 1, xi, eta, (3, 2, 4)."""
+    X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    at = np.stack([ElementQuad1().lbasis(X, i)[1] for i in range(4)], axis=1)
+    return np.stack([at[..., 0], at[..., 1] - at[..., 0], at[..., 2] - at[..., 0]])
 
 
 def reference_ghost() -> Array:

@@ -3,6 +3,10 @@
 A sheet is anchored: the solver moves points by a deformation gradient `F` relative to the anchor, where the points
 already had `F_anchor` and Cauchy stress `stress_anchor` (both None for an undeformed, unstressed anchor). Every
 material answers in that frame, so that stresses and tangents meet the gradients of the anchored sheet directly.
+
+Against locking a material may be told the `dilatation` of the points, their volume over their undeformed volume, as
+an average over neighbours: it then takes the place of the points' own wherever lambda multiplies it (mean dilatation;
+Nagtegaal, Parks & Rice, CMAME 4, 1974; Simo, Taylor & Pister, CMAME 51, 1985).
 """
 
 from skmpm.material.elastic import Elastic, Isotropic, determinant, product

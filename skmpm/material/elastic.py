@@ -26,19 +26,42 @@ class Elastic(Protocol):
     def lame(self) -> tuple[float, float]:
         """Lame constants (lambda, mu) at zero strain [Pa]."""
 
-    def energy(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None) -> Array:
+    def energy(
+        self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, dilatation: Array | None = None
+    ) -> Array:
         """Strain energy per anchor volume, (n,) [J/m3]; inf where the material is turned inside out."""
 
-    def stress(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None) -> Array:
+    def stress(
+        self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, dilatation: Array | None = None
+    ) -> Array:
         """First Piola-Kirchhoff stress per anchor area, derivative of `energy` by F, (2, 2, n) [Pa]."""
 
     def tangent(
-        self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, projected: bool = False
+        self,
+        F: Array,
+        F_anchor: Array | None,
+        stress_anchor: Array | None,
+        dilatation: Array | None = None,
+        projected: bool = False,
     ) -> Array:
-        """Derivative of `stress` by F, or its projection on positive semi-definite ones, (2, 2, 2, 2, n) [Pa]."""
+        """Derivative of `stress` by F, or its projection on positive semi-definite ones, (2, 2, 2, 2, n) [Pa].
 
-    def cauchy(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None) -> Array:
+        With a dilatation: the derivative while that stays, which leaves out the `bulk_tangent`.
+        """
+
+    def cauchy(
+        self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, dilatation: Array | None = None
+    ) -> Array:
         """Cauchy stress, (2, 2, n) [Pa], tension positive."""
+
+    def volumes(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None) -> Array:
+        """Volumes now and undeformed, per anchor volume, (2, n): dilatations are ratios of their sums."""
+
+    def volume_slope(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None) -> Array:
+        """Derivative of the volume now by F, (2, 2, n)."""
+
+    def bulk_tangent(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, dilatation: Array) -> Array:
+        """Second derivative of the energy per undeformed volume by the dilatation, (n,) [Pa]."""
 
 
 @dataclass(frozen=True)

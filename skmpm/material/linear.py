@@ -35,22 +35,34 @@ class LinearElastic(Isotropic):
     def _strain(self, F: Array) -> Array:
         return np.asarray(0.5 * (F + F.swapaxes(0, 1)) - np.eye(2)[:, :, None])
 
-    def _elastic(self, strain: Array) -> Array:
+    def _elastic(self, strain: Array, dilatation: Array | None) -> Array:
         lam, mu = self.lame
-        trace = strain[0, 0] + strain[1, 1]
+        trace = strain[0, 0] + strain[1, 1] if dilatation is None else dilatation - 1.0
         return np.asarray(2.0 * mu * strain + lam * trace * np.eye(2)[:, :, None])
 
-    def energy(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
-        """Energy density 1/2 eps : C : eps + sigma_anchor : eps, (n,) [J/m3]."""
+    def energy(
+        self,
+        F: Array,
+        F_anchor: Array | None = None,
+        stress_anchor: Array | None = None,
+        dilatation: Array | None = None,
+    ) -> Array:
+        """Energy density mu eps : eps + lambda/2 (tr eps)^2 + sigma_anchor : eps, (n,) [J/m3]."""
+        lam, mu = self.lame
         strain = self._strain(F)
-        stress = 0.5 * self._elastic(strain)
-        if stress_anchor is not None:
-            stress = stress + stress_anchor
-        return np.asarray(np.einsum("ijp,ijp->p", stress, strain))
+        trace = strain[0, 0] + strain[1, 1] if dilatation is None else dilatation - 1.0
+        stress = mu * strain if stress_anchor is None else mu * strain + stress_anchor
+        return np.asarray(np.einsum("ijp,ijp->p", stress, strain) + 0.5 * lam * trace**2)
 
-    def stress(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+    def stress(
+        self,
+        F: Array,
+        F_anchor: Array | None = None,
+        stress_anchor: Array | None = None,
+        dilatation: Array | None = None,
+    ) -> Array:
         """Stress, (2, 2, n) [Pa]."""
-        stress = self._elastic(self._strain(F))
+        stress = self._elastic(self._strain(F), dilatation)
         return stress if stress_anchor is None else stress + stress_anchor
 
     def tangent(
@@ -58,15 +70,35 @@ class LinearElastic(Isotropic):
         F: Array,
         F_anchor: Array | None = None,
         stress_anchor: Array | None = None,
+        dilatation: Array | None = None,
         projected: bool = False,
     ) -> Array:
         """The elastic tensor C at every point, (2, 2, 2, 2, n) [Pa]; positive semi-definite by itself."""
         lam, mu = self.lame
         one = np.eye(2)
-        C = lam * np.einsum("ij,kl->ijkl", one, one)
-        C += mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
+        C = mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
+        if dilatation is None:
+            C += lam * np.einsum("ij,kl->ijkl", one, one)
         return np.broadcast_to(C[..., None], (2, 2, 2, 2, F.shape[-1]))
 
-    def cauchy(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+    def cauchy(
+        self,
+        F: Array,
+        F_anchor: Array | None = None,
+        stress_anchor: Array | None = None,
+        dilatation: Array | None = None,
+    ) -> Array:
         """Cauchy stress, (2, 2, n) [Pa]: the same at small strain."""
-        return self.stress(F, F_anchor, stress_anchor)
+        return self.stress(F, F_anchor, stress_anchor, dilatation)
+
+    def volumes(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+        """Volumes now and at the anchor, where strain begins, to first order, (2, n)."""
+        return np.stack([F[0, 0] + F[1, 1] - 1.0, np.ones(F.shape[-1])])
+
+    def volume_slope(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+        """Derivative of the trace of the strain by F, (2, 2, n)."""
+        return np.broadcast_to(np.eye(2)[:, :, None], F.shape)
+
+    def bulk_tangent(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, dilatation: Array) -> Array:
+        """Lambda, (n,) [Pa]."""
+        return np.full_like(dilatation, self.lame[0])

@@ -32,47 +32,86 @@ class NeoHookean(Isotropic):
         """Stress is not linear in F."""
         return False
 
-    def energy(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+    def energy(
+        self,
+        F: Array,
+        F_anchor: Array | None = None,
+        stress_anchor: Array | None = None,
+        dilatation: Array | None = None,
+    ) -> Array:
         """Energy density, (n,) [J/m3]; inf where J <= 0."""
         lam, mu = self.lame
         F_total, J_anchor = _total(F, F_anchor)
         J = determinant(F_total)
         log_J = np.log(np.where(J > 0.0, J, 1.0))
-        W = 0.5 * mu * (np.einsum("ijp,ijp->p", F_total, F_total) - 2.0) - mu * log_J + 0.5 * lam * log_J**2
+        log_mean = log_J if dilatation is None else np.log(np.where(dilatation > 0.0, dilatation, 1.0))
+        W = 0.5 * mu * (np.einsum("ijp,ijp->p", F_total, F_total) - 2.0) - mu * log_J + 0.5 * lam * log_mean**2
         return np.asarray(np.where(J > 0.0, W / J_anchor, np.inf))
 
-    def stress(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+    def stress(
+        self,
+        F: Array,
+        F_anchor: Array | None = None,
+        stress_anchor: Array | None = None,
+        dilatation: Array | None = None,
+    ) -> Array:
         """First Piola-Kirchhoff stress, (2, 2, n) [Pa]."""
-        lam, mu = self.lame
         F_total, J_anchor = _total(F, F_anchor)
-        J = determinant(F_total)
-        P = mu * F_total + (lam * np.log(J) - mu) / J * cofactor(F_total)
+        P = self.lame[1] * F_total + self._slope(determinant(F_total), dilatation) * cofactor(F_total)
         return P if F_anchor is None else np.einsum("ijp,kjp->ikp", P, F_anchor) / J_anchor
+
+    def _slope(self, J: Array, dilatation: Array | None) -> Array:
+        """Derivative by J of lambda/2 (ln J)^2 - mu ln J, the first with the dilatation for J."""
+        lam, mu = self.lame
+        mean = J if dilatation is None else dilatation
+        return np.asarray(lam * np.log(mean) / mean - mu / J)
 
     def tangent(
         self,
         F: Array,
         F_anchor: Array | None = None,
         stress_anchor: Array | None = None,
+        dilatation: Array | None = None,
         projected: bool = False,
     ) -> Array:
         """Tangent dP/dF, if `projected` with its negative eigenvalues set to zero, (2, 2, 2, 2, n) [Pa]."""
-        lam, mu = self.lame
         F_total, J_anchor = _total(F, F_anchor)
         J = determinant(F_total)
-        slope, curvature = (lam * np.log(J) - mu) / J, (lam * (1.0 - np.log(J)) + mu) / J**2
-        C = (projected_hessian if projected else hessian)(F_total, mu, slope, curvature)
+        curvature = self.lame[1] / J**2
+        if dilatation is None:
+            curvature = curvature + self.bulk_tangent(F, F_anchor, stress_anchor, J)
+        C = (projected_hessian if projected else hessian)(
+            F_total, self.lame[1], self._slope(J, dilatation), curvature
+        )
         if F_anchor is None:
             return C
         return np.asarray(np.einsum("iKjLp,IKp,JLp->iIjJp", C / J_anchor, F_anchor, F_anchor, optimize=True))
 
-    def cauchy(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+    def cauchy(
+        self,
+        F: Array,
+        F_anchor: Array | None = None,
+        stress_anchor: Array | None = None,
+        dilatation: Array | None = None,
+    ) -> Array:
         """Cauchy stress P F' / J, (2, 2, n) [Pa]."""
-        lam, mu = self.lame
         F_total, _ = _total(F, F_anchor)
         J = determinant(F_total)
         left = np.einsum("ijp,kjp->ikp", F_total, F_total)
-        return np.asarray((mu * left + (lam * np.log(J) - mu) * np.eye(2)[:, :, None]) / J)
+        return np.asarray(self.lame[1] * left / J + self._slope(J, dilatation) * np.eye(2)[:, :, None])
+
+    def volumes(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+        """Volumes now and undeformed, per anchor volume, (2, n)."""
+        rest = np.ones(F.shape[-1]) if F_anchor is None else 1.0 / determinant(F_anchor)
+        return np.stack([determinant(F), rest])
+
+    def volume_slope(self, F: Array, F_anchor: Array | None = None, stress_anchor: Array | None = None) -> Array:
+        """Derivative of det F by F, (2, 2, n)."""
+        return cofactor(F)
+
+    def bulk_tangent(self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, dilatation: Array) -> Array:
+        """Second derivative of lambda/2 (ln J)^2 by J, (n,) [Pa]; negative beyond J = e."""
+        return np.asarray(self.lame[0] * (1.0 - np.log(dilatation)) / dilatation**2)
 
 
 def _total(F: Array, F_anchor: Array | None) -> tuple[Array, Array | float]:

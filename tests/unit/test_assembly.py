@@ -33,9 +33,9 @@ def random_gradients(rng, n, size=0.25):
     return np.eye(2)[:, :, None] + rng.uniform(-size, size, size=(2, 2, n))
 
 
-def of_bodies(body, name, *arguments):
+def of_bodies(body, name, *arguments, **options):
     """What each body's own material says at its points; bodies alternate between the two laws."""
-    answers = [getattr(m, name)(*arguments) for m in MATERIALS]
+    answers = [getattr(m, name)(*arguments, **options) for m in MATERIALS]
     return np.where(body % 2 == 0, answers[0], answers[1])
 
 
@@ -121,7 +121,7 @@ def test_ghost_stiffness_equals_the_facet_form_on_the_disconnected_mesh(seed):
 @given(SEED, st.floats(1e-8, 1e2))
 def test_system_matrix_is_mass_plus_factor_times_stiffness_and_ghost(seed, factor):
     rng, body, sheets, volume, mass, modulus, fast = random_assembly(seed, ghost=0.01)
-    C = of_bodies(body, "tangent", random_gradients(rng, body.size), None, None, True)
+    C = of_bodies(body, "tangent", random_gradients(rng, body.size), projected=True)
     K = forms.stiffness.assemble(sheets.basis(volume), C=C[..., None]).toarray()
     K += ghost_by_forms(sheets, volume, modulus)
     data = fast.stiffness(C)

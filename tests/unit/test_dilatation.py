@@ -1,0 +1,153 @@
+"""Mean dilatation: one energy with its derivatives, in any frame, and an answer only to the cells' mean.
+
+Derivatives by the complex step where the code allows it, else by central differences.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skmpm import forms
+from skmpm.assembly import prepare
+from skmpm.grid import lay
+from skmpm.implicit import Bulk
+from skmpm.material import LinearElastic, NeoHookean, determinant, product
+
+SEED = st.integers(0, 2**32 - 1)
+CELL = 0.2
+SOFT, LINEAR = NeoHookean(2e6, 0.49, 1200.0), LinearElastic(1e7, 0.45, 990.0)
+MIXES = {"soft": [SOFT, SOFT], "linear": [LINEAR, LINEAR], "mixed": [SOFT, LINEAR]}
+
+
+def random_gradients(rng, n, size=0.2):
+    return np.eye(2)[:, :, None] + rng.uniform(-size, size, size=(2, 2, n))
+
+
+def random_bulk(seed, mix="mixed", anchored=True, locking=True, points=20, ghost=0.01):
+    """Two bodies on top of each other, with cells of one and of many points."""
+    rng = np.random.default_rng(seed)
+    body = rng.permutation(np.repeat([0, 1], points))
+    x = CELL * rng.uniform(0.0, 3.0, size=(2, body.size))
+    volume = rng.uniform(0.02, 0.3, body.size) * CELL**2
+    assembly = prepare(lay(x, body, CELL, 2), volume, 1e3 * volume, np.full(2, ghost * 1e6))
+    materials = [(m, np.flatnonzero(body == b)) for b, m in enumerate(MIXES[mix])]
+    stress = 1e5 * rng.normal(size=(2, 2, body.size))
+    F_anchor = random_gradients(rng, body.size) if anchored else None
+    bulk = Bulk(assembly, materials, F_anchor, stress + stress.swapaxes(0, 1) if anchored else None, locking)
+    return rng, bulk, 0.03 * CELL * rng.normal(size=2 * assembly.sheets.nodes)
+
+
+def dense(bulk, data):
+    return bulk.assembly.matrix(data, 1.0).toarray() - np.diag(bulk.assembly.mass)
+
+
+def assert_close(actual, expected, tol):
+    assert actual.shape == expected.shape
+    assert np.abs(actual - expected).max() <= tol * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("anchored", [False, True], ids=["undeformed anchor", "deformed anchor"])
+@pytest.mark.parametrize("mix", MIXES)
+@settings(max_examples=10)
+@given(seed=SEED)
+def test_force_is_the_derivative_of_the_energy_and_stiffness_that_of_the_force(mix, anchored, seed):
+    """Central differences of step 1e-6 cells: errors of 1e-10 by curvature, 1e-9 by cancellation."""
+    rng, bulk, U = random_bulk(seed, mix, anchored)
+    d, step = rng.normal(size=U.size), 1e-6 * CELL
+    ahead, behind = (bulk.at(U + s * step * d) for s in (1, -1))
+    at = bulk.at(U)
+    slope = (bulk.energy(ahead) - bulk.energy(behind)) / (2 * step)
+    assert slope == pytest.approx(bulk.force(at) @ d, rel=1e-6, abs=1e-6 * np.abs(bulk.force(at) * d).sum())
+    change = (bulk.force(ahead) - bulk.force(behind)) / (2 * step)
+    K = dense(bulk, bulk.stiffness(at, projected=False))
+    assert_close(K @ d, change, 1e-6)
+    assert_close(K, K.T, 1e-12)
+    lowest = np.linalg.eigvalsh(dense(bulk, bulk.stiffness(at, projected=True)))
+    assert lowest.min() > -1e-12 * lowest.max()
+
+
+def test_projection_drops_the_softening_beyond_a_dilatation_of_e():
+    """Where lambda (1 - ln J) / J^2 is negative so is the stiffness; the projected one is not."""
+    _, bulk, _ = random_bulk(0, "soft", anchored=False, ghost=0.0)
+    U = (1.2 * bulk.assembly.sheets.position).T.ravel()
+    at = bulk.at(U)
+    assert at.dilatation == pytest.approx(2.2**2, rel=1e-12)
+    exact, projected = (np.linalg.eigvalsh(dense(bulk, bulk.stiffness(at, projected=p))) for p in (False, True))
+    assert exact.min() < -1e-3 * exact.max()
+    assert projected.min() > -1e-12 * projected.max()
+
+
+@given(SEED)
+def test_fast_stiffness_equals_the_mixed_form(seed):
+    rng, bulk, _ = random_bulk(seed, ghost=0.0)
+    fast, n = bulk.assembly, bulk.assembly.volume.size
+    slope, rest = rng.normal(size=(2, 2, n)), rng.uniform(0.5, 2.0, n)
+    modulus = rng.normal(size=fast.sheets.cells)
+    basis = fast.sheets.basis(fast.volume)
+    expected = forms.mean_dilatation_stiffness(basis, slope, modulus, rest).toarray()
+    added = fast.mean_dilatation_stiffness(slope, modulus, rest)
+    nothing = np.zeros((2, 2, 2, 2, n))
+    assert_close(dense(bulk, fast.stiffness(nothing, added)), expected, 1e-12)
+
+
+@given(SEED)
+def test_mean_dilatation_is_the_ratio_of_the_cells_volumes(seed):
+    rng, bulk, U = random_bulk(seed, "soft")
+    at, volume = bulk.at(U), bulk.assembly.volume
+    total = determinant(product(at.F, bulk.F_anchor))
+    initial = volume / determinant(bulk.F_anchor)
+    for c in rng.integers(0, bulk.assembly.sheets.cells, 3):
+        own = bulk.assembly.sheets.cell_of_point == c
+        assert at.dilatation[own] == pytest.approx((initial * total)[own].sum() / initial[own].sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("mix", ["soft", "linear"])
+def test_a_uniform_deformation_is_as_it_was(mix):
+    """Energy, force, Cauchy stress: where all points share a dilatation its mean says nothing new."""
+    _, plain, _ = random_bulk(1, mix, anchored=False, locking=False)
+    _, mean, _ = random_bulk(1, mix, anchored=False)
+    U = (plain.assembly.sheets.position.T @ np.array([[0.1, 0.05], [-0.02, -0.08]])).ravel()
+    for ask in (lambda b: np.array([b.energy(b.at(U))]), lambda b: b.force(b.at(U)), lambda b: b.cauchy(b.at(U))):
+        assert_close(ask(mean), ask(plain), 1e-10)
+
+
+def test_anchored_anew_in_the_same_cells_nothing_changes():
+    """Energy, force and stiffness seen from the deformed sheet are those seen from the first, up to the frame."""
+    rng, first, _ = random_bulk(2, "soft", anchored=False, ghost=0.0)
+    sheets, n = first.assembly.sheets, first.assembly.volume.size
+    G = np.array([[1.2, 0.1], [-0.05, 0.9]])
+    # The same cells, stretched: gradients of the new sheet are those of the old one times G^-1.
+    U = 0.03 * CELL * rng.normal(size=2 * sheets.nodes)
+    H = sheets.gradient_at_points(U)
+    end = np.eye(2)[:, :, None] + H
+    F_anchor = np.repeat(G[:, :, None], n, axis=2)
+    anew = Bulk(
+        prepare(sheets, np.linalg.det(G) * first.assembly.volume, first.assembly.volume, np.zeros(2)),
+        first.materials,
+        F_anchor,
+        None,
+        True,
+    )
+    relative = product(end, np.repeat(np.linalg.inv(G)[:, :, None], n, axis=2))
+    early, late = (first._evaluate("volumes", end), anew._evaluate("volumes", relative))
+    assert_close(anew.assembly.mean_dilatation(late), first.assembly.mean_dilatation(early), 1e-12)
+    dilatation = first.assembly.mean_dilatation(early)
+    for method in ("energy", "stress", "cauchy"):
+        old = first._evaluate(method, end, dilatation)
+        new = anew._evaluate(method, relative, dilatation)
+        if method == "energy":
+            new = new * np.linalg.det(G)
+        if method == "stress":
+            new = np.einsum("ijp,kj->ikp", new, np.linalg.inv(G)) * np.linalg.det(G)
+        assert_close(new, old, 1e-11)
+
+
+def test_without_locking_nothing_of_it_is_computed(monkeypatch):
+    _, bulk, U = random_bulk(3, locking=False)
+    for name in ("mean_dilatation", "mean_dilatation_stiffness", "cell_sums"):
+        monkeypatch.setattr(type(bulk.assembly), name, None)
+    at = bulk.at(U)
+    assert at.dilatation is None
+    assert np.isfinite(bulk.energy(at)) and np.isfinite(bulk.force(at)).all()
+    assert np.isfinite(bulk.stiffness(at, projected=True)).all()
