@@ -24,6 +24,8 @@ class Scheme:
     contact : `contact.outlines` or `contact.shared_nodes`
     transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
     ghost : gamma, the ghost penalty on cells filled less than 0.6, as a share of the elastic modulus
+    inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
+    locking : average the change of volume over cells, against locking of nearly incompressible materials
     newton_tol : largest force imbalance, as a share of the largest term of the momentum balance
     contact_tol : largest natural-map residual of a contact solve
     gap_tol : largest natural-map residual of the contact law at the end of the step, gaps measured anew
@@ -36,6 +38,8 @@ class Scheme:
     contact: ContactLaw = field(default=outlines)
     transfer: Transfer = field(default=_transfer.apic)
     ghost: float = 0.005
+    locking: bool = False
+    inertia: bool = True
     newton_tol: float = 1e-6
     contact_tol: float = 1e-6
     gap_tol: float = 1e-5
@@ -58,10 +62,14 @@ class Scheme:
                 raise ValueError(f"Scheme: {name} = {value!r}; use {remedy}")
         if self.max_newton != int(self.max_newton):
             raise ValueError(f"Scheme: max_newton = {self.max_newton!r}; use a whole number")
+        if self.locking not in (False, True):
+            raise ValueError(f"Scheme: locking = {self.locking!r}; use True or False")
         for name in ("contact", "transfer", "linear"):
             if not callable(getattr(self, name)):
                 example = {"contact": "outlines", "transfer": "apic", "linear": "banded"}[name]
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use a function, as {name}.{example}")
+        if not self.inertia and self.theta != 1.0:
+            raise ValueError(f"Scheme: theta = {self.theta} without inertia; quasi-static steps need theta = 1")
         if self.contact is shared_nodes and self.anchor != 0.0:
             raise ValueError(
                 f"Scheme: contact = shared_nodes with anchor = {self.anchor}; bodies share nodes only where"

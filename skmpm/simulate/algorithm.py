@@ -42,7 +42,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     own = scene.deformable[state.body]
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
     free = v0 + scheme.theta * dt * gravity_at(scene, state, state.t + scheme.theta * dt) if heavy(scene) else v0
-    increment = Increment(bulk_of(scene, state), state.displacement, v0, free, dt, scheme)
+    increment = Increment(bulk_of(scene, state, locking=scheme.locking), state.displacement, v0, free, dt, scheme)
     timer.lap("transfer")
     try:
         touching = _touching(scene, state, increment, timer)

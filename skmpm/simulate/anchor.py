@@ -93,8 +93,8 @@ def assembly_of(state: State) -> Assembly:
     return derived_of(state).assembly
 
 
-def bulk_of(scene: Scene, state: State) -> Bulk:
-    """The deformable bodies' energy, grouped by material."""
+def bulk_of(scene: Scene, state: State, *, locking: bool = False) -> Bulk:
+    """The deformable bodies' energy, grouped by material; `locking` as in Scheme."""
     own = scene.deformable[state.body]
     body = state.body[own]
     of_body = [b.material for b in scene.bodies]
@@ -102,7 +102,8 @@ def bulk_of(scene: Scene, state: State) -> Bulk:
     groups = [(kind, np.flatnonzero(np.array([m == kind for m in of_body])[body])) for kind in kinds]
     F, stress = state.F_anchor[:, :, own], state.stress_anchor[:, :, own]
     undeformed = bool((np.eye(2)[:, :, None] == F).all())
-    return Bulk(assembly_of(state), groups, None if undeformed else F, stress if stress.any() else None)
+    known = (None if undeformed else F, stress if stress.any() else None)
+    return Bulk(assembly_of(state), groups, *known, locking)
 
 
 def heavy(scene: Scene) -> bool:

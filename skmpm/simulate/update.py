@@ -59,7 +59,8 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> Solver | No
 
 def _solver_key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     materials = tuple(body.material for body in scene.bodies)
-    return (increment.dt, increment.scheme.theta, increment.scheme.linear, materials)
+    scheme = increment.scheme
+    return (increment.dt, scheme.theta, scheme.linear, scheme.locking, materials)
 
 
 def _move_rigid(scene: Scene, state: State, dt: float, x: Array, v: Array) -> None:
