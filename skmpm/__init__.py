@@ -10,7 +10,7 @@ from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import Observables, observe
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.points import Points, box, disc, from_mesh
-from skmpm.scene import Body, Scene, SceneError, State, StepFailed, Wall
+from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 
@@ -20,6 +20,7 @@ __all__ = [
     "Body",
     "CheckpointError",
     "LinearElastic",
+    "Load",
     "NeoHookean",
     "Observables",
     "Packing",
@@ -31,6 +32,7 @@ __all__ = [
     "Scheme",
     "State",
     "StepFailed",
+    "Support",
     "Wall",
     "box",
     "contact",

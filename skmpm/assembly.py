@@ -103,14 +103,15 @@ class Assembly:
         weighted = (modulus / self.cell_sums(rest))[:, None] * growth
         return np.asarray(weighted[:, :, None] * growth[:, None, :]).reshape(-1, 64)
 
-    def matrix(self, stiffness: Array, factor: float) -> sp.bsr_array:
-        """A = M + factor K, block sparse, (2 nodes, 2 nodes)."""
+    def matrix(self, stiffness: Array, factor: float, mass: Array | None = None) -> sp.bsr_array:
+        """A = M + factor K, block sparse, (2 nodes, 2 nodes), with the lumped mass or another (2 nodes,)."""
+        mass = self.mass if mass is None else mass
         data = factor * stiffness
         nodes = self.sheets.nodes
         rows = np.repeat(np.arange(nodes), np.diff(self.indptr))
         diagonal = np.flatnonzero(rows == self.indices)
-        data[diagonal, 0, 0] += self.mass[0::2]
-        data[diagonal, 1, 1] += self.mass[1::2]
+        data[diagonal, 0, 0] += mass[0::2]
+        data[diagonal, 1, 1] += mass[1::2]
         return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
 
 

@@ -3,11 +3,12 @@
 The unknown w (2 nodes,) is the velocity that moves the points, w = theta v1 + (1 - theta) v0. Without contact it
 minimises
 
-    E(w) = 1/2 |w - w*|_M^2 + sum_p V_p W(I + grad(U + theta dt w)) + 1/2 |U + theta dt w|_G^2
+    E(w) = 1/2 |w - v0|_M^2 + sum_p V_p W(I + grad(U + theta dt w)) + 1/2 |U + theta dt w|_G^2 - theta dt f.w
 
-over nodal velocities: M lumped mass, w* the velocity that free flight would reach, U the displacement since
-anchoring, W the material's energy, G the ghost penalty. With contact, grad E = theta H' r and (r, u = H w + offset)
-obey Signorini's and Coulomb's laws.
+over the nodal velocities that supports admit: M lumped mass, U the displacement since anchoring, W the material's
+energy, G the ghost penalty, f gravity and loads. With contact, grad E = theta H' r and (r, u = H w + offset) obey
+Signorini's and Coulomb's laws. In a quasi-static step the first term is 1/2 |w|^2 with a mass that is next to
+nothing, in bodies that no support holds, and zero in the others.
 """
 
 from skmpm.implicit.bulk import Bulk, Configuration

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.elimination import Elimination
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.linear import Solver
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
+
+DRAG = 1e-8  # of the stiffness, against the rigid motions of a body that nothing holds
 
 
 @dataclass(frozen=True)
@@ -22,13 +26,44 @@ class Increment:
     bulk: Bulk
     start: Array  # U (2 nodes,) [m]
     v0: Array  # (2 nodes,) [m/s]
-    free: Array  # w*, (2 nodes,) [m/s]
+    force: Array  # of gravity and loads, (2 nodes,) [N/m]
     dt: float
     scheme: Scheme
+    supports: Elimination | None = None
+    told: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
 
     @property
     def _reach(self) -> float:
         return self.scheme.theta * self.dt
+
+    @cached_property
+    def mass(self) -> Array:
+        """What resists a change of w: the mass, or next to nothing in a quasi-static step, (2 nodes,) [kg/m]."""
+        return self.bulk.assembly.mass if self.scheme.inertia else self._drag()
+
+    def _drag(self) -> Array:
+        """Holds the rigid motions of floating bodies, as a `DRAG` part of their stiffness would."""
+        sheets, modulus = self.bulk.assembly.sheets, np.empty(self.bulk.assembly.volume.size)
+        for material, points in self.bulk.materials:
+            modulus[points] = material.lame[1]
+        stiffness = sheets.interpolation.T @ (self.bulk.assembly.volume * modulus) / sheets.cell**2
+        if self.supports is not None:
+            stiffness[self.supports.holds[sheets.node_body]] = 0.0
+        return np.repeat(DRAG * self._reach**2 * stiffness, 2)
+
+    @property
+    def rest(self) -> Array:
+        """The velocity that inertia keeps, (2 nodes,) [m/s]."""
+        return self.v0 if self.scheme.inertia else np.zeros_like(self.v0)
+
+    def first(self) -> Array:
+        """The velocity to start from: v0, with the supports as told."""
+        return self.v0 if self.supports is None else self.supports.admissible(self.v0, self.told)
+
+    def told_alone(self) -> Array:
+        """What supports are told, and no motion elsewhere."""
+        still = np.zeros_like(self.v0)
+        return still if self.supports is None else self.supports.admissible(still, self.told)
 
     def at(self, w: Array) -> Configuration:
         """The configuration whose stress drives the step."""
@@ -40,28 +75,42 @@ class Increment:
 
     def energy(self, w: Array, at: Configuration) -> float:
         """The incremental potential E(w) [J/m]."""
-        slip = w - self.free
-        return self.bulk.energy(at) + 0.5 * float(slip @ (self.bulk.assembly.mass * slip))
+        slip = w - self.rest
+        return self.bulk.energy(at) + 0.5 * float(slip @ (self.mass * slip)) - self._reach * float(self.force @ w)
 
     def gradient(self, w: Array, at: Configuration) -> tuple[Array, float]:
         """The imbalance of momentum without contact (2 nodes,) [kg/s], and the size of its terms."""
-        inertia = self.bulk.assembly.mass * (w - self.free)
-        elastic = self._reach * self.bulk.force(at)
+        inertia = self.mass * (w - self.rest)
+        elastic, external = self._reach * self.bulk.force(at), self._reach * self.force
         noise = self.round_off(w, at) / self.scheme.newton_tol
-        return inertia + elastic, max(float(np.linalg.norm(inertia)), float(np.linalg.norm(elastic)), noise)
+        return inertia + elastic - external, max(
+            *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
+        )
+
+    def unsupported(self, gradient: Array) -> Array:
+        """The part of an imbalance that supports do not take, (2 nodes,)."""
+        return gradient if self.supports is None else np.asarray(self.supports.T.T @ gradient)
+
+    def reaction(self, gradient: Array) -> Array:
+        """Impulses that the bodies give their supports, by the work of what is told, (2 supports,) [kg m/s per m]."""
+        if self.supports is None:
+            return np.zeros(0)
+        return np.asarray(self.supports.given.T @ -gradient / self.scheme.theta)
 
     def round_off(self, w: Array, at: Configuration) -> float:
         """The imbalance that round-off of displacements and velocities leaves, whatever w [kg/s]."""
         modulus = self.bulk.modulus
         reach = self.bulk.assembly.sheets.cell + float(np.abs(at.displacement).max(initial=0.0))
-        inertia = float(np.linalg.norm(self.bulk.assembly.mass * w))
+        inertia = float(np.linalg.norm(self.mass * w))
         return float(20.0 * np.finfo(float).eps * (self._reach * modulus * reach * np.sqrt(w.size) + inertia))
 
     def matrix(self, at: Configuration, *, projected: bool = False) -> sp.bsr_array:
         """A = M + theta^2 dt^2 K."""
-        return self.bulk.assembly.matrix(self.bulk.stiffness(at, projected=projected), self._reach**2)
+        return self.bulk.assembly.matrix(self.bulk.stiffness(at, projected=projected), self._reach**2, self.mass)
 
     def factorised(self, at: Configuration, *, projected: bool) -> Solver:
         """The scheme's solver for A; LinAlgError where it sees that A is not positive definite."""
-        sheets = self.bulk.assembly.sheets
-        return self.scheme.linear(self.matrix(at, projected=projected), sheets.blocks, sheets.rigid_motions())
+        sheets, A = self.bulk.assembly.sheets, self.matrix(at, projected=projected)
+        if self.supports is None:
+            return self.scheme.linear(A, sheets.blocks, sheets.rigid_motions())
+        return self.supports.factorised(self.scheme.linear, A, sheets.blocks, sheets.rigid_motions())

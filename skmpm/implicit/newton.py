@@ -32,6 +32,7 @@ class Solution:
     factorised: int
     residual: float  # of the contact law at the end of the step
     imbalance: float  # of momentum
+    reaction: Array  # (2 supports,) impulses that the bodies give their supports
     solver: Solver | None  # of the last iteration
 
 
@@ -56,10 +57,11 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         gradient, size = step.gradient(w, at)
         push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
         size = max(size, float(np.linalg.norm(push)))
-        imbalance = float(np.linalg.norm(gradient - push)) / size if size > 0.0 else 0.0
+        imbalance = float(np.linalg.norm(step.unsupported(gradient - push))) / size if size > 0.0 else 0.0
         exact = iteration == 1 and step.bulk.linear and touching is None
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
-            return Solution(w, touching, iteration, factorised, residual, imbalance, solver)
+            reaction = step.reaction(gradient - push)
+            return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)
         rested = touching is None or (imbalance > 0.5 * before and iteration - newest > REST)
         if solver is None or (rested and not step.bulk.linear):
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
@@ -84,11 +86,20 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
 
 
 def _first(step: Increment) -> Array:
-    """The velocity to start from: v0, or as much of it as turns no point inside out."""
-    w = step.v0
-    while not np.isfinite(step.energy(w, step.at(w))):
-        w = 0.5 * w
-    return w
+    """The velocity to start from, if it turns no point inside out; else what a linear solid would do from rest."""
+    w = step.first()
+    if np.isfinite(step.energy(w, step.at(w))):
+        return w
+    still = np.zeros_like(w)
+    at = step.at(still)
+    gradient, _ = step.gradient(still, at)
+    told = step.told_alone()
+    linear = told - step.factorised(at, projected=True)(gradient + step.matrix(at, projected=True) @ told)
+    if np.isfinite(step.energy(linear, step.at(linear))):
+        return np.asarray(linear)
+    if step.supports is None:
+        return still
+    raise NotConverged("the supports move so far in one step that points turn inside out; use a smaller dt")
 
 
 def _factorised(step: Increment, at: Configuration, projected: bool) -> tuple[Solver, bool]:

@@ -87,8 +87,11 @@ def _check_crossings(x: Floats, outline: Sequence[Integers]) -> str | None:
 
 
 def _side(a: Floats, b: Floats, p: Floats) -> Floats:
-    """Return +1, 0, -1 where p is to the left of, on, to the right of the line from a to b."""
-    side: Floats = np.sign((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]))
+    """Return +1, 0, -1 where p is to the left of, on (but for round-off), to the right of the line from a to b."""
+    left, right = (b[0] - a[0]) * (p[1] - a[1]), (b[1] - a[1]) * (p[0] - a[0])
+    # Positions of size |x| are known to eps |x|, so the products of their differences to eps |x| |b - a|.
+    length = np.abs(b - a).max(axis=0) * np.abs(p).max()
+    side: Floats = np.where(np.abs(left - right) <= 1e-14 * length, 0.0, np.sign(left - right))
     return side
 
 

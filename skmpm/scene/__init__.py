@@ -1,6 +1,6 @@
 """What is simulated (Scene) and where it stands (State), with the checks that speak to the user."""
 
-from skmpm.scene.objects import Body, SceneError, Wall, field_values, motion
+from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepFailed
 
@@ -9,11 +9,13 @@ __all__ = [
     "Contacts",
     "Derived",
     "Energy",
+    "Load",
     "Report",
     "Scene",
     "SceneError",
     "State",
     "StepFailed",
+    "Support",
     "Wall",
     "field_values",
     "motion",

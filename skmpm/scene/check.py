@@ -11,7 +11,8 @@ from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.outline import Outlines, area, overlap
 from skmpm.points import Points
 from skmpm.points import check as check_points
-from skmpm.scene.objects import Body, SceneError, Wall, field_values, motion, numbers, vector
+from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, vector
+from skmpm.scene.places import Place
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -38,6 +39,8 @@ def check(scene: Scene) -> None:
         vector("gravity", scene.gravity)
     for i, wall in enumerate(scene.walls):
         _check_wall(f"wall {i}", wall)
+    _check_supports(scene)
+    _check_loads(scene)
     _check_start(scene)
 
 
@@ -85,6 +88,41 @@ def _check_wall(name: str, wall: Wall) -> None:
         raise SceneError(f"{name}: normal = {normal} has length {length:.6g}; divide it by its length")
     motion(wall.velocity, 0.0, f"{name}: velocity")
     _friction(f"{name}: friction", wall.friction)
+
+
+def _check_supports(scene: Scene) -> None:
+    for i, support in enumerate(scene.supports):
+        if not isinstance(support, Support):
+            raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
+    holder = np.full((2, scene.offsets[-1]), -1)
+    for i, (told, place) in enumerate(zip(scene.told(0.0), scene.held, strict=True)):
+        _check_place(f"support {i}: where", scene, place)
+        for axis in np.flatnonzero(~np.isnan(told)):
+            taken = place.points[holder[axis, place.points] >= 0]
+            if taken.size:
+                raise SceneError(
+                    f"supports {holder[axis, taken[0]]} and {i} both hold the {'xy'[axis]} component of the point at"
+                    f" {scene.initial_positions[:, taken[0]]}; let `where` of one leave it out"
+                )
+            holder[axis, place.points] = i
+
+
+def _check_place(name: str, scene: Scene, place: Place) -> None:
+    if place.points.size == 0:
+        x = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
+        raise SceneError(
+            f"{name} is true at no point of a deformable body; they lie between {x.min(axis=1)} and {x.max(axis=1)},"
+            " the outermost on the rim: allow for round-off in comparisons"
+        )
+
+
+def _check_loads(scene: Scene) -> None:
+    for i, load in enumerate(scene.loads):
+        if not isinstance(load, Load):
+            raise SceneError(f"load {i} is a {type(load).__name__}; use skmpm.Load(where, force)")
+    scene.forces(0.0)
+    for i, place in enumerate(scene.loaded):
+        _check_place(f"load {i}: where", scene, place)
 
 
 def _check_start(scene: Scene, tolerance: float = 1e-3) -> None:

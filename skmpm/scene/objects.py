@@ -1,8 +1,8 @@
-"""What a scene is made of: bodies and walls, and their prescribed motions."""
+"""What a scene is made of: bodies, walls, supports and loads, and their prescribed motions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +13,8 @@ from skmpm.points import Points
 
 Array = NDArray[np.float64]
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
+Components = Sequence[float | None]  # of a support's velocity; None is free
+Where = Callable[[Array], ArrayLike]  # positions (2, n) [m] at t = 0 -> (n,) bool
 
 
 class SceneError(ValueError):
@@ -54,6 +56,50 @@ class Wall:
     normal: ArrayLike
     velocity: ArrayLike | Motion = field(default=(0.0, 0.0), kw_only=True)
     friction: float = field(default=0.0, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Support:
+    """Material that moves as told: the points of deformable bodies where `where(x)` is true at t = 0.
+
+    Parameters
+    ----------
+    where : positions (2, n) [m] -> (n,) bool
+    velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; a component None is free
+    """
+
+    where: Where
+    velocity: Components | ArrayLike | Callable[[float], Components | ArrayLike] = field(
+        default=(0.0, 0.0), kw_only=True
+    )
+
+
+@dataclass(frozen=True)
+class Load:
+    """A dead load on the points of deformable bodies where `where(x)` is true at t = 0.
+
+    It is spread by rim length if only rim points match, else by volume.
+
+    Parameters
+    ----------
+    where : positions (2, n) [m] -> (n,) bool
+    force : (2,) in total [N/m] or a function of time t -> (2,)
+    """
+
+    where: Where
+    force: ArrayLike | Motion
+
+
+def told(support: Support, t: float, name: str) -> Array:
+    """What a support tells at time t, (2,) [m/s], nan where it leaves a component free; SceneError where unclear."""
+    value = support.velocity(t) if callable(support.velocity) else support.velocity
+    remedy = "give two components (x, y), each a finite number or None"
+    if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    filled = numbers(name, [0.0 if v is None else v for v in value], remedy)
+    if filled.shape != (2,) or not np.isfinite(filled).all():
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    return np.where([v is None for v in value], np.nan, filled)
 
 
 def motion(velocity: ArrayLike | Callable[..., ArrayLike], t: float, name: str = "velocity") -> Array:

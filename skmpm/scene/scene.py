@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from skmpm.material import Rigid
 from skmpm.outline import Outlines, outlines
 from skmpm.scene.check import check
-from skmpm.scene.objects import Body, SceneError, Wall, motion
+from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, told
+from skmpm.scene.places import Place, held, spread
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,6 +28,8 @@ class Scene:
     bodies : the bodies
     cell : side h of the cells [m]
     walls : rigid half-planes
+    supports : material that moves as told
+    loads : dead loads
     friction : Coulomb coefficient between bodies
     gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n)
 
@@ -38,11 +42,13 @@ class Scene:
     bodies: Sequence[Body]
     cell: float = field(kw_only=True)
     walls: Sequence[Wall] = field(default=(), kw_only=True)
+    supports: Sequence[Support] = field(default=(), kw_only=True)
+    loads: Sequence[Load] = field(default=(), kw_only=True)
     friction: float = field(default=0.0, kw_only=True)
     gravity: ArrayLike | Callable[[Array, float], ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
 
     def __post_init__(self) -> None:
-        for name in ("bodies", "walls"):
+        for name in ("bodies", "walls", "supports", "loads"):
             several = getattr(self, name)
             if not isinstance(several, Iterable):
                 raise SceneError(f"{name} is a {type(several).__name__}; give a list")
@@ -82,4 +88,24 @@ class Scene:
     def wall_velocities(self, t: float) -> Array:
         """Velocities of the walls at time t, (walls, 2) [m/s]; SceneError where one is not finite."""
         each = [motion(wall.velocity, t, f"wall {i}: velocity") for i, wall in enumerate(self.walls)]
+        return np.array(each).reshape(-1, 2)
+
+    @cached_property
+    def held(self) -> Sequence[Place]:
+        """The points that each support holds."""
+        return [held(self, i, support) for i, support in enumerate(self.supports)]
+
+    @cached_property
+    def loaded(self) -> Sequence[Place]:
+        """The points that share each load."""
+        return [spread(self, i, load) for i, load in enumerate(self.loads)]
+
+    def told(self, t: float) -> Array:
+        """What supports tell at time t, (supports, 2) [m/s], nan where free; SceneError where one is unclear."""
+        each = [told(support, t, f"support {i}: velocity") for i, support in enumerate(self.supports)]
+        return np.array(each).reshape(-1, 2)
+
+    def forces(self, t: float) -> Array:
+        """The loads at time t, (loads, 2) [N/m]; SceneError where one is not finite."""
+        each = [motion(load.force, t, f"load {i}: force") for i, load in enumerate(self.loads)]
         return np.array(each).reshape(-1, 2)

@@ -9,8 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from skmpm.assembly import Assembly
+    from skmpm.elimination import Elimination
     from skmpm.linear import Solver
+    from skmpm.scene.objects import Support
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -49,7 +53,7 @@ class Energy:
 
     kinetic: float = 0.0
     elastic: float = 0.0  # with the ghost penalty's share
-    external: float = 0.0  # work of gravity and walls
+    external: float = 0.0  # work of gravity, loads, walls and supports
     push_out: float = 0.0  # work of contacts that remove an overlap left by an earlier step
     dissipated: float = 0.0  # what is missing: friction, impacts, the time scheme, the transfer
 
@@ -63,6 +67,7 @@ class Report:
     contact: int = 0  # iterations of the contact solver, all Newton iterations together
     residual: float = 0.0  # natural-map residual of the contact law at the end of the step
     imbalance: float = 0.0  # residual of the momentum balance over the largest of its terms
+    drag: float = 0.0  # share of the force balance that holds floating bodies in a quasi-static step
     settled: bool = False  # whether contact normals are those of an earlier Newton iteration
     overlap: float = 0.0  # area shared by bodies / area of all bodies
     energy: Energy = Energy()
@@ -88,6 +93,7 @@ class State:
     displacement: Array  # (2 nodes,) of the nodes since then [m]
     walls: Array  # (walls, 2) a point of each wall [m]
     wall_force: Array  # (walls, 2) exerted by the bodies in the last step [N/m]
+    support_force: Array  # (supports, 2) the same on each support
     contacts: Contacts
     report: Report
     derived: Derived | None = field(default=None, repr=False, compare=False)
@@ -99,5 +105,7 @@ class Derived:
 
     assembly: Assembly
     ghost: Array  # (bodies,) moduli of the ghost penalty in `assembly` [Pa]
+    supports: Elimination | None  # of the unknowns that supports fix
+    made_for: Sequence[Support]  # those of the scene
     key: tuple[object, ...] = ()  # what the kept solver was made for
     solver: Solver | None = None

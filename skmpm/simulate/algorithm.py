@@ -15,7 +15,8 @@ from skmpm.io import save
 from skmpm.progress import Progress
 from skmpm.scene import Scene, State, StepFailed
 from skmpm.scheme import Scheme
-from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, gravity_at, heavy
+from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, derived_of
+from skmpm.simulate.forces import external_force, told
 from skmpm.simulate.report import report_of
 from skmpm.simulate.start import can_touch, initial
 from skmpm.simulate.update import kept_solver, moved
@@ -34,15 +35,16 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     StepFailed
         when the step's equations are not solved; its `state` is the one given here
     ValueError
-        when dt is not a time; SceneError when a prescribed velocity or gravity is not finite
+        when dt is not a time; SceneError when a prescribed velocity, load or gravity is not finite
     """
     _check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, given = Timer(), state
     state = anchored(scene, given, scheme)
     own = scene.deformable[state.body]
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
-    free = v0 + scheme.theta * dt * gravity_at(scene, state, state.t + scheme.theta * dt) if heavy(scene) else v0
-    increment = Increment(bulk_of(scene, state, locking=scheme.locking), state.displacement, v0, free, dt, scheme)
+    force, moved_as = external_force(scene, state, state.t + scheme.theta * dt), told(scene, state.t + 0.5 * dt)
+    bulk, supports = bulk_of(scene, state, locking=scheme.locking), derived_of(state).supports
+    increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, moved_as)
     timer.lap("transfer")
     try:
         touching = _touching(scene, state, increment, timer)

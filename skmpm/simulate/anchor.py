@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.assembly import Assembly, prepare
-from skmpm.grid import lay
+from skmpm.elimination import Elimination, eliminate
+from skmpm.grid import Sheets, lay
 from skmpm.implicit import Bulk
 from skmpm.material import Rigid, determinant, product
-from skmpm.scene import Derived, Scene, State, field_values
+from skmpm.scene import Derived, Scene, State
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -22,7 +24,8 @@ def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
     """The state with sheets: laid anew through the points when they have deformed beyond `scheme.anchor`."""
     modulus, worn = _ghost_moduli(scene, scheme), _worn(scene, state, scheme)
     derived = state.derived
-    if state.displacement.size and derived is not None and not worn and np.array_equal(derived.ghost, modulus):
+    fresh = derived is not None and derived.made_for is scene.supports and np.array_equal(derived.ghost, modulus)
+    if state.displacement.size and fresh and not worn:
         return state
     own = scene.deformable[state.body]
     if state.displacement.size == 0 or worn:
@@ -45,7 +48,26 @@ def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
     )
     assembly = prepare(sheets, volume[own], state.mass[own], modulus)
     displacement = state.displacement if state.displacement.size else np.zeros(2 * sheets.nodes)
-    return replace(state, displacement=displacement, derived=Derived(assembly, modulus))
+    supports = _supports(scene, sheets, np.cumsum(own) - 1)
+    derived = Derived(assembly, modulus, supports, scene.supports)
+    return replace(state, displacement=displacement, derived=derived)
+
+
+def _supports(scene: Scene, sheets: Sheets, number: NDArray[np.int64]) -> Elimination | None:
+    """The unknowns that supports fix: each component told is a row N(c) v = told at every point c held."""
+    if not scene.supports:
+        return None
+    rows, columns = [], []
+    for i, (told, place) in enumerate(zip(scene.told(0.0), scene.held, strict=True)):
+        at = sheets.interpolation[number[place.points]]
+        for axis in np.flatnonzero(~np.isnan(told)).tolist():
+            rows.append(sp.kron(at, np.eye(2)[axis : axis + 1], format="csr"))
+            columns.append(np.full(place.points.size, 2 * i + axis))
+    column = np.concatenate(columns)
+    B = sp.csr_array(
+        (np.ones(column.size), column, np.arange(column.size + 1)), shape=(column.size, 2 * len(scene.supports))
+    )
+    return eliminate(sp.csr_array(sp.vstack(rows)), B, sheets.blocks, sheets.rigid_motions())
 
 
 def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
@@ -104,20 +126,3 @@ def bulk_of(scene: Scene, state: State, *, locking: bool = False) -> Bulk:
     undeformed = bool((np.eye(2)[:, :, None] == F).all())
     known = (None if undeformed else F, stress if stress.any() else None)
     return Bulk(assembly_of(state), groups, *known, locking)
-
-
-def heavy(scene: Scene) -> bool:
-    """Whether there is gravity."""
-    return callable(scene.gravity) or bool(np.any(scene.gravity))
-
-
-def gravity_at(scene: Scene, state: State, t: float) -> Array:
-    """Acceleration of the nodes by gravity at time t, (2 nodes,) [m/s2]."""
-    assembly = assembly_of(state)
-    if not callable(scene.gravity):
-        return np.tile(np.asarray(scene.gravity, dtype=float), assembly.sheets.nodes)
-    own = scene.deformable[state.body]
-    X = scene.initial_positions[:, own]
-    g = field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X, t), X)
-    force = assembly.sheets.interpolation.T @ (state.mass[own] * g).T
-    return np.asarray(force).ravel() / assembly.mass

@@ -32,6 +32,7 @@ def report_of(
         contact=0 if solution.touching is None else solution.touching.iterations,
         residual=solution.residual,
         imbalance=solution.imbalance,
+        drag=0.0 if increment.scheme.inertia else _drag(increment, solution),
         settled=solution.touching is not None and solution.touching.settled is not None,
         overlap=shared,
         energy=energy,
@@ -39,13 +40,19 @@ def report_of(
     )
 
 
+def _drag(increment: Increment, solution: Solution) -> float:
+    """Share of the force balance that holds floating bodies."""
+    _, size = increment.gradient(solution.w, increment.at(solution.w))
+    return float(np.linalg.norm(increment.mass * solution.w)) / size
+
+
 def _energy(old: Energy, after: State, increment: Increment, solution: Solution) -> Energy:
-    """The budget: what gravity, walls and push-out put in and kinetic and elastic energy do not show is lost."""
+    """The budget: what goes in from outside and by push-out, and kinetic and elastic energy do not show, is lost."""
     bulk, w = increment.bulk, solution.w
-    kinetic = kinetic_energy(bulk.assembly, increment.after(w))
+    kinetic = kinetic_energy(bulk.assembly, increment.after(w)) if increment.scheme.inertia else 0.0
     elastic = bulk.energy(bulk.at(after.displacement)) + _at_anchor(bulk)
-    weight = bulk.assembly.mass * (increment.free - increment.v0) / increment.scheme.theta  # impulse of gravity
-    external, push_out = float(weight @ w), 0.0
+    work = increment.force @ w * increment.dt - solution.reaction @ increment.told
+    external, push_out = float(work), 0.0
     if solution.touching is not None:
         rows, r = solution.touching.rows, solution.touching.r
         given = rows.given_components

@@ -12,6 +12,7 @@ from skmpm.linear import Solver
 from skmpm.material import determinant, product
 from skmpm.scene import Contacts, Scene, State, motion
 from skmpm.simulate.anchor import derived_of
+from skmpm.transfer import apic
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,8 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
     x, v, F, C, stress = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress))
     x[:, own] = state.x_anchor[:, own] + sheets.at_points(displacement)
     after = increment.after(solution.w)
-    v[:, own], C[:, :, own] = increment.scheme.transfer(sheets, increment.v0, after, state.v[:, own])
+    transfer = increment.scheme.transfer if increment.scheme.inertia else apic
+    v[:, own], C[:, :, own] = transfer(sheets, increment.v0, after, state.v[:, own])
     F[:, :, own] = product(at.F, state.F_anchor[:, :, own])
     stress[:, :, own] = bulk.cauchy(at)
     _move_rigid(scene, state, dt, x, v)
@@ -44,6 +46,7 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
         displacement=displacement,
         walls=state.walls + dt * scene.wall_velocities(state.t + 0.5 * dt),
         wall_force=wall_force,
+        support_force=solution.reaction.reshape(-1, 2) / dt,
         contacts=contacts,
         derived=replace(derived_of(state), key=key, solver=solver),
     )
@@ -58,7 +61,7 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> Solver | No
 
 
 def _solver_key(scene: Scene, increment: Increment) -> tuple[object, ...]:
-    materials = tuple(body.material for body in scene.bodies)
+    materials, scheme = tuple(body.material for body in scene.bodies), increment.scheme
     scheme = increment.scheme
     return (increment.dt, scheme.theta, scheme.linear, scheme.locking, materials)
 

@@ -309,3 +309,10 @@ def test_points_are_converted_and_frozen():
     assert points.outline[0].dtype == np.int64
     with pytest.raises(AttributeError):
         points.x = points.x
+
+
+def test_a_straight_rim_at_any_angle_does_not_cross_itself():
+    p = box((0, -0.5), (8, 1), spacing=0.0625)
+    for angle in np.linspace(0.0, 3.0, 7):
+        c, s = np.cos(angle), np.sin(angle)
+        assert check(Points(np.array([[c, -s], [s, c]]) @ p.x + 3.0, p.volume, p.outline)) is None
