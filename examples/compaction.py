@@ -184,7 +184,7 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
         writer, checks_writer = csv.DictWriter(file, COLUMNS), csv.DictWriter(checks_file, CHECKS)
         writer.writeheader()
         checks_writer.writeheader()
-        last = perf_counter()
+        last, shown = perf_counter(), 0
         run = skmpm.simulate(
             scene,
             dt=options.dt,
@@ -205,10 +205,12 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
             file.flush()
             if step % options.every == 0:
                 series.write(state)
+                shown = step
             if wanted and table[-1]["solid_fraction_nominal"] >= wanted[0]:
                 stages.append(state)
                 wanted.pop(0)
-        series.write(state)
+        if shown < step:
+            series.write(state)
     draw_stages(scene, [*stages, state], options.out / "stages.png")
     draw_curves(table, options.out / "curves.png")
     transit = round(float(start.walls[LID, 1]) / np.sqrt(WAVE) / options.dt)

@@ -25,6 +25,7 @@ class Scheme:
     transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
     ghost : gamma, the ghost penalty on cells filled less than 0.6, as a share of the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
+    fitted : weigh the points of a cell by the exact moments of its material inside the outline, not by their volumes
     locking : average the change of volume over cells, against locking of nearly incompressible materials
     newton_tol : largest force imbalance, as a share of the largest term of the momentum balance
     contact_tol : largest natural-map residual of a contact solve
@@ -38,6 +39,7 @@ class Scheme:
     contact: ContactLaw = field(default=outlines)
     transfer: Transfer = field(default=_transfer.apic)
     ghost: float = 0.005
+    fitted: bool = True
     locking: bool = False
     inertia: bool = True
     newton_tol: float = 1e-6
@@ -79,4 +81,4 @@ class Scheme:
     @staticmethod
     def seed() -> Scheme:
         """The seed's method: sheets anew at every step, contact at shared nodes without gap, walls as bodies."""
-        return Scheme(anchor=0.0, contact=shared_nodes)
+        return Scheme(anchor=0.0, contact=shared_nodes, fitted=False)

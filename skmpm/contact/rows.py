@@ -107,6 +107,14 @@ class Rows:
             offset_normal=self.offset_normal + turned,
         )
 
+    def among(self, chosen: NDArray[np.bool_]) -> Rows:
+        """The chosen ones of these rows, `chosen` (k,)."""
+        if chosen.all():
+            return self
+        last = ("bodies", "x", "normal", "gap", "friction", "key", "point", "given", "offset_normal", "pushed")
+        fields = {name: getattr(self, name)[..., chosen] for name in last}
+        return replace(self, difference=self.difference[np.flatnonzero(chosen)], **fields)
+
     def forces(self, r: Array, dt: float) -> Array:
         """Mean forces over the step in (n, t), (2, k) [N/m], from impulses r."""
         if self.tangential:

@@ -70,7 +70,7 @@ class Touching:
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
         self.timer.lap("bulk")
-        self.rows = self.linearise(w)
+        self.rows = self._movable(self.linearise(w))
         if self.settled is not None and self.settled.size:
             self.rows = self.rows.along(self.settled, w)
         self.r = self.rows.impulses(self.key, self.force, self.step.dt)
@@ -78,6 +78,13 @@ class Touching:
         residual = self._residual()
         self.timer.lap("detection")
         return self._push(), residual
+
+    def _movable(self, rows: Rows) -> Rows:
+        """Contacts that can move: supports decide where points go that they hold, whatever touches these."""
+        if self.step.supports is None or rows.size == 0:
+            return rows
+        normal = rows.H[:: 2 if rows.tangential else 1]
+        return rows.among(abs(normal @ self.step.supports.T).sum(axis=1) > 1e-12)
 
     def solve(self, solver: Solver, gradient: Array) -> tuple[Array, Array]:
         """Newton direction and push of the new impulses, which obey the contact law on the linearised bulk.

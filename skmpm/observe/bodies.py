@@ -101,5 +101,5 @@ def _shared(rim: Outlines, x: Array, bodies: int) -> Array:
 def _pressure_points(state: State, start: NDArray[np.int64], volume: Array, mass: Array) -> Array:
     v = np.add.reduceat(state.mass * state.v, start, axis=1) / mass
     relative = state.v - v[:, state.body]
-    virial = state.volume * np.trace(state.stress) - state.mass * (relative**2).sum(axis=0)
+    virial = state.weight * np.trace(state.stress) - state.mass * (relative**2).sum(axis=0)
     return -np.add.reduceat(virial, start) / volume / 2.0

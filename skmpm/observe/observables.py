@@ -137,7 +137,7 @@ def _pressure_points(scene: Scene, state: State, box: Region, interior: bool) ->
     if not own.any():
         return 0.0
     relative = state.v - (state.v @ mass / mass.sum())[:, None]
-    virial = np.trace(state.stress) @ (state.volume * own) - (relative**2).sum(axis=0) @ mass
+    virial = np.trace(state.stress) @ (state.weight * own) - (relative**2).sum(axis=0) @ mass
     return -float(virial) / box.area / 2.0
 
 

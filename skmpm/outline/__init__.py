@@ -3,6 +3,7 @@
 In every function `x` (2, m) [m] holds the current positions of the rim points, in the order of `Outlines`.
 """
 
+from skmpm.outline.cells import cell_moments
 from skmpm.outline.curve import Curve, curve
 from skmpm.outline.measures import area, centroid, dimensions, normals, perimeter, second_moments
 from skmpm.outline.near import candidates, closest, inside
@@ -14,6 +15,7 @@ __all__ = [
     "Outlines",
     "area",
     "candidates",
+    "cell_moments",
     "centroid",
     "closest",
     "curve",

@@ -86,6 +86,7 @@ class State:
     stress: Array  # (2, 2, n) Cauchy stress [Pa], tension positive
     mass: Array  # (n,) [kg/m]
     volume: Array  # (n,) current [m2]
+    weight: Array  # (n,) current volumes that the points stand for in integrals over their cells [m2]
     body: Ints  # (n,)
     x_anchor: Array  # (2, n) positions when the sheets were laid [m]
     F_anchor: Array  # (2, 2, n)

@@ -14,6 +14,7 @@ from skmpm.elimination import Elimination, eliminate
 from skmpm.grid import Sheets, lay
 from skmpm.implicit import Bulk
 from skmpm.material import Rigid, determinant, product
+from skmpm.quadrature import fitted
 from skmpm.scene import Derived, Scene, State
 from skmpm.scheme import Scheme
 
@@ -46,11 +47,21 @@ def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
         len(scene.bodies),
         _inward(scene, state.x_anchor)[:, own],
     )
-    assembly = prepare(sheets, volume[own], state.mass[own], modulus)
+    weights = _weights(scene, sheets, volume[own], state.x_anchor) if scheme.fitted else volume[own]
+    assembly = prepare(sheets, weights, state.mass[own], modulus)
     displacement = state.displacement if state.displacement.size else np.zeros(2 * sheets.nodes)
     supports = _supports(scene, sheets, np.cumsum(own) - 1)
     derived = Derived(assembly, modulus, supports, scene.supports)
     return replace(state, displacement=displacement, derived=derived)
+
+
+def _weights(scene: Scene, sheets: Sheets, volume: Array, x: Array) -> Array:
+    """The volumes (n,) of the points, fitted to the parts of cells inside the outlines."""
+    rim = scene.outlines
+    if rim.point.size == 0:
+        return volume
+    moments = outline.cell_moments(rim, x[:, rim.point], scene.cell, sheets.cell_index, sheets.cell_body)
+    return fitted(sheets, volume, moments[:3])
 
 
 def _supports(scene: Scene, sheets: Sheets, number: NDArray[np.int64]) -> Elimination | None:

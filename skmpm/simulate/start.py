@@ -33,6 +33,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         stress=np.zeros((2, 2, n)),
         mass=density[body] * volume,
         volume=volume,
+        weight=volume,
         body=body,
         x_anchor=x,
         F_anchor=np.repeat(np.eye(2)[:, :, None], n, axis=2),
@@ -47,6 +48,9 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     state = anchored(scene, state, scheme)
     assembly, own = assembly_of(state), scene.deformable[body]
     nodal = to_nodes(assembly, state.mass[own], v[:, own], C[:, :, own])
+    weight = volume.copy()
+    weight[own] = assembly.volume
+    state = replace(state, weight=weight)
     at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
     if not can_touch(scene):
         return replace(state, report=at_start)

@@ -24,13 +24,14 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
     displacement = increment.start + dt * solution.w
     at = bulk.at(displacement)
 
-    x, v, F, C, stress = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress))
+    x, v, F, C, stress, weight = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress, state.weight))
     x[:, own] = state.x_anchor[:, own] + sheets.at_points(displacement)
     after = increment.after(solution.w)
     transfer = increment.scheme.transfer if increment.scheme.inertia else apic
     v[:, own], C[:, :, own] = transfer(sheets, increment.v0, after, state.v[:, own])
     F[:, :, own] = product(at.F, state.F_anchor[:, :, own])
     stress[:, :, own] = bulk.cauchy(at)
+    weight[own] = bulk.assembly.volume * determinant(at.F)
     _move_rigid(scene, state, dt, x, v)
     contacts, wall_force = _contacts(scene, solution, dt)
     key, solver = (_solver_key(scene, increment), solution.solver) if bulk.linear else ((), None)
@@ -43,6 +44,7 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
         C=C,
         stress=stress,
         volume=scene.initial_volumes * determinant(F),
+        weight=weight,
         displacement=displacement,
         walls=state.walls + dt * scene.wall_velocities(state.t + 0.5 * dt),
         wall_force=wall_force,

@@ -248,7 +248,7 @@ def test_newer_and_foreign_files_say_so(tmp_path, tiny):
     schemas = rf"schema is {newer}, this version reads {newer - 1}; "
     with pytest.raises(CheckpointError, match=schemas + r".* skmpm 9\.1; load it with"):
         load(path)
-    forged(path, schema=1, format="other")
+    forged(path, schema=checkpoint.SCHEMA, format="other")
     with pytest.raises(CheckpointError, match=r"format is 'other'.*written by skmpm\.save"):
         load(path)
     forged(path, format=checkpoint.FORMAT, state={"t": 0.0})

@@ -51,8 +51,8 @@ def test_the_default_is_outlines_on_sheets_laid_once():
 
 def test_seed_is_shared_nodes_on_sheets_laid_at_every_step():
     seed = Scheme.seed()
-    assert (seed.anchor, seed.contact) == (0.0, contact.shared_nodes)
-    others = {f.name for f in fields(Scheme)} - {"anchor", "contact"}
+    assert (seed.anchor, seed.contact, seed.fitted) == (0.0, contact.shared_nodes, False)
+    others = {f.name for f in fields(Scheme)} - {"anchor", "contact", "fitted"}
     assert all(getattr(seed, name) == getattr(Scheme(), name) for name in others)
 
 

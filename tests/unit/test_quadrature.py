@@ -1,0 +1,71 @@
+"""Fitted weights: they have the moments asked for where the points allow it, and stay positive where not."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skmpm import Body, LinearElastic, Scene, Scheme, disc, initial
+from skmpm.grid import lay
+from skmpm.outline import cell_moments, outlines
+from skmpm.quadrature import LEAST, MOST, fitted
+
+
+def cloud(seed, spacing, h=0.25):
+    """A disc at a random place: (points, sheets, moments of its cells)."""
+    rng = np.random.default_rng(seed)
+    p = disc(rng.random(2), 1.0, spacing=spacing * h)
+    sheets = lay(p.x, np.zeros(p.n, int), h, 1)
+    rim = outlines([p.outline], [0])
+    return p, sheets, cell_moments(rim, p.x[:, rim.point], h, sheets.cell_index, sheets.cell_body)[:3]
+
+
+def moments_of(sheets, weight):
+    w = weight / sheets.cell**2
+    return np.stack([np.bincount(sheets.cell_of_point, w * f, sheets.cells) for f in (1.0, *sheets.local)])
+
+
+@given(seed=st.integers(0, 1000))
+def test_cells_with_many_points_get_their_moments(seed):
+    p, sheets, wanted = cloud(seed, 0.2)
+    got = moments_of(sheets, fitted(sheets, p.volume, wanted))
+    full = wanted[0] > 1 - 1e-12
+    assert full.sum() > 20
+    assert np.abs(got - wanted)[:, full].max() < 1e-12
+    worst = np.abs(got - wanted).max(axis=0)
+    assert np.mean(worst < 1e-10) > 0.75
+    before = np.abs(moments_of(sheets, p.volume) - wanted).max(axis=0)
+    assert worst.sum() < 0.2 * before.sum()
+
+
+@given(seed=st.integers(0, 1000), spacing=st.floats(0.3, 1.5))
+def test_weights_stay_positive_and_near_the_volumes(seed, spacing):
+    p, sheets, wanted = cloud(seed, spacing)
+    factor = fitted(sheets, p.volume, wanted) / p.volume
+    assert factor.min() >= LEAST - 1e-12
+    mean = np.bincount(sheets.cell_of_point, factor * p.volume, sheets.cells)
+    mean /= np.bincount(sheets.cell_of_point, p.volume, sheets.cells)
+    assert mean.max() <= MOST + 1e-12
+
+
+def test_a_good_rule_stays_as_it_is():
+    g = np.arange(8) / 2 + 0.25
+    x = np.stack([np.repeat(g, 8), np.tile(g, 8)])
+    sheets = lay(x, np.zeros(64, int), 1.0, 1)
+    full = np.repeat([[1.0], [0.5], [0.5]], sheets.cells, axis=1)
+    assert np.allclose(fitted(sheets, np.full(64, 0.25), full), 0.25, rtol=1e-12)
+
+
+def test_one_point_in_a_cell_takes_its_area():
+    sheets = lay(np.array([[0.2], [0.3]]), np.zeros(1, int), 1.0, 1)
+    assert fitted(sheets, np.array([0.5]), np.array([[0.6], [0.3], [0.3]])) == pytest.approx(0.6)
+
+
+def test_the_scheme_decides():
+    body = Body(disc((0.1, 0.2), 1.0, spacing=0.1), LinearElastic(1.0, 0.3, 1.0))
+    scene = Scene([body], cell=0.25)
+    by_volume, by_moments = (initial(scene, scheme=Scheme(fitted=f)).derived.assembly for f in (False, True))
+    assert np.array_equal(by_volume.volume, body.points.volume)
+    assert not np.allclose(by_moments.volume, body.points.volume, rtol=0.01)
+    assert np.array_equal(by_volume.mass, by_moments.mass)
+    assert not Scheme.seed().fitted

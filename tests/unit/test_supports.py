@@ -1,0 +1,220 @@
+"""Supports, loads and quasi-static steps: what they do to points, forces and energy, and what users get wrong."""
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from skmpm import (
+    Body,
+    LinearElastic,
+    Load,
+    NeoHookean,
+    Rigid,
+    Scene,
+    SceneError,
+    Scheme,
+    StepFailed,
+    Support,
+    Wall,
+    box,
+    initial,
+    linear,
+    simulate,
+    step,
+)
+
+STATIC = Scheme(inertia=False)
+SOFT = NeoHookean(1e5, 0.3, 1000.0)
+STIFF = LinearElastic(1e5, 0.3, 1000.0)
+
+
+def left(x):
+    return x[0] < 1e-9
+
+
+def right(x):
+    return x[0] > 2.0 - 1e-9
+
+
+def everywhere(x):
+    return np.ones(x.shape[1], dtype=bool)
+
+
+def bar(material=STIFF, cell=0.25, offset=0.0, **scene):
+    body = Body(box((0, offset), (2, 1), spacing=0.125), material)
+    return Scene([body], cell=cell, **scene)
+
+
+def on(scene, where):
+    return where(scene.initial_positions)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_supported_points_move_as_told_and_free_components_do_not(offset):
+    scene = bar(SOFT, offset=offset, supports=[Support(left), Support(right, velocity=lambda t: (0.1 * t, None))])
+    for state in simulate(scene, dt=0.5, until=2.0, scheme=STATIC):
+        moved = state.x - scene.initial_positions
+        assert np.abs(moved[:, on(scene, left)]).max() <= 1e-12
+        assert np.abs(moved[0, on(scene, right)] - 0.05 * state.t**2).max() <= 1e-12
+    assert np.abs(moved[1, on(scene, right)]).max() > 1e-3  # it contracts
+
+
+@pytest.mark.parametrize("material", [STIFF, SOFT])
+@pytest.mark.parametrize("solver", [linear.banded, linear.amg])
+def test_supports_carry_the_loads(material, solver):
+    scene = bar(
+        material, offset=0.07, supports=[Support(left)], loads=[Load(right, (30.0, -20.0))], gravity=(0, -0.1)
+    )
+    scheme = replace(STATIC, linear=solver)
+    state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
+    assert state.support_force[0] == pytest.approx([30.0, -20.0 - 0.1 * 2000.0], rel=1e-5)
+    x = state.x - state.x[:, [np.argmin(scene.initial_positions[0])]]
+    assert np.abs(x[:, on(scene, right)]).max() > 1e-3
+
+
+def test_a_moving_support_puts_in_its_work():
+    scene = bar(SOFT, supports=[Support(left), Support(right, velocity=(0.01, 0))])
+    *_, state = simulate(scene, dt=0.5, until=20.0, scheme=STATIC)
+    energy = state.report.energy
+    assert energy.external == pytest.approx(energy.elastic, rel=0.03)  # backward Euler: half a step's force too much
+    assert energy.kinetic == 0.0
+    halved = list(simulate(scene, dt=0.25, until=20.0, scheme=STATIC))[-1].report.energy
+    assert halved.external - halved.elastic == pytest.approx(0.5 * (energy.external - energy.elastic), rel=0.02)
+
+
+def test_a_dynamic_step_moves_supports_too():
+    scene = bar(SOFT, supports=[Support(left, velocity=(1.0, 0.0))])
+    for scheme in (Scheme(), Scheme(theta=0.5)):
+        state = initial(scene, scheme=scheme)
+        momentum = 0.0
+        for _ in range(5):
+            state = step(scene, state, 1e-4, scheme=scheme)
+            momentum -= 1e-4 * state.support_force[0, 0]
+        held = on(scene, left)
+        assert (state.x - scene.initial_positions)[0, held] == pytest.approx(5e-4, rel=1e-9)
+        assert state.v[0] @ state.mass == pytest.approx(momentum, rel=1e-9)
+
+
+def test_loads_are_spread_by_rim_length_or_volume():
+    rim = bar(loads=[Load(right, (8.0, 0.0))]).loaded[0]
+    scene = bar(loads=[Load(everywhere, (8.0, 0.0))])
+    volume = scene.loaded[0]
+    assert rim.share.sum() == pytest.approx(1.0)
+    y = scene.initial_positions[1, rim.points]
+    assert y @ rim.share == pytest.approx(0.5)
+    assert rim.share[np.isin(y, (0.0, 1.0))] == pytest.approx(1 / 24)  # half of two thirds of 1/8
+    assert volume.share == pytest.approx(scene.initial_volumes / 2.0)
+    single = bar(loads=[Load(lambda x: right(x) & (x[1] == 0.0), (1.0, 0.0))]).loaded[0]
+    assert single.share.tolist() == [1.0]
+
+
+def test_a_load_everywhere_is_gravity():
+    supports = [Support(left)]
+    pulled = bar(SOFT, supports=supports, loads=[Load(everywhere, (0.0, -300.0))])
+    heavy = bar(SOFT, supports=supports, gravity=(0.0, -0.15))
+    a, b = (step(scene, initial(scene), 0.1, scheme=STATIC) for scene in (pulled, heavy))
+    assert np.abs(a.x - b.x).max() <= 1e-9
+
+
+def test_a_floating_body_is_held_by_next_to_nothing():
+    pull = [Load(left, (-50.0, 0.0)), Load(right, (50.0, 0.0))]
+    scene = bar(loads=pull, offset=0.03)
+    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    assert 0.0 < state.report.drag < 1e-7
+    # Plane strain: E / (1 - nu^2) along, nu / (1 - nu) across.
+    strain = 50.0 / 1e5 * (1 - 0.3**2)
+    moved = state.x - scene.initial_positions
+    stretch = moved[0, on(scene, right)].mean() - moved[0, on(scene, left)].mean()
+    assert stretch == pytest.approx(2 * strain, rel=1e-2)
+    held = bar(supports=[Support(left)], loads=pull[1:])
+    assert step(held, initial(held, scheme=STATIC), 1.0, scheme=STATIC).report.drag == 0.0
+
+
+def test_a_quasi_static_linear_step_is_one_factorisation_and_one_solve():
+    scene = bar(supports=[Support(left)], loads=[Load(right, (0.0, -1.0))])
+    report = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC).report
+    assert (report.newton, report.linear) == (1, 1)
+
+
+def test_a_scene_without_supports_eliminates_nothing(monkeypatch):
+    def never(*arguments):
+        raise AssertionError("eliminated")
+
+    monkeypatch.setattr(import_module("skmpm.simulate.anchor"), "eliminate", never)
+    scene = bar()
+    step(scene, initial(scene), 1e-4)
+    with pytest.raises(AssertionError, match="eliminated"):
+        initial(bar(supports=[Support(left)]))
+
+
+def test_contact_and_supports_together():
+    # The floor touches only what is held: it neither pushes nor hinders.
+    walls = [Wall((0, 1.0), (0, -1), velocity=(0, -0.02)), Wall((0, 0), (0, 1), friction=0.5)]
+    scene = bar(SOFT, supports=[Support(lambda x: x[1] < 1e-9)], walls=walls)
+    *_, state = simulate(scene, dt=1.0, until=3.0, scheme=STATIC)
+    assert state.wall_force[0, 1] > 100.0
+    assert state.support_force[0] == pytest.approx(-state.wall_force[0], rel=1e-4, abs=1e-2)
+    assert not state.wall_force[1].any()
+    assert state.x[1].max() <= 1.0 - 0.06 + 1e-6
+
+
+def test_re_anchoring_keeps_the_supports():
+    supports = [Support(left), Support(right, velocity=(0.05, None))]
+    states = []
+    for anchor in (0.1, np.inf):
+        scheme = Scheme(inertia=False, anchor=anchor)
+        *_, state = simulate(bar(SOFT, supports=supports), dt=0.5, until=8.0, scheme=scheme)
+        states.append(state)
+    anew, once = states
+    assert not np.array_equal(anew.x_anchor, once.x_anchor)
+    assert anew.x[0].max() == pytest.approx(2.4, rel=1e-9)
+    assert anew.support_force[1, 0] == pytest.approx(once.support_force[1, 0], rel=0.02)
+
+
+BAD = {
+    "nowhere": ({"supports": [Support(lambda x: x[0] < -1)]}, "support 0: where is true at no point"),
+    "no function": ({"supports": [Support((0, 0))]}, "support 0: where = .*give a function"),
+    "numbers": ({"loads": [Load(lambda x: x[0], (1, 0))]}, "load 0: where returned float64"),
+    "no velocity": ({"supports": [Support(left, velocity=None)]}, r"support 0: velocity = None; give two components"),
+    "three": ({"supports": [Support(left, velocity=(0, None, 0))]}, "give two components"),
+    "nan": ({"supports": [Support(left, velocity=(np.nan, 0))]}, "support 0: velocity = .*give two components"),
+    "no force": ({"loads": [Load(right, lambda t: (t, None))]}, "load 0: force at t = 0"),
+    "twice": ({"supports": [Support(left), Support(everywhere)]}, "supports 0 and 1 both hold the x component"),
+    "no support": ({"supports": [left]}, "support 0 is a function; use skmpm.Support"),
+    "no load": ({"loads": [left]}, "load 0 is a function; use skmpm.Load"),
+    "no list": ({"supports": Support(left)}, "supports is a Support; give a list"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_supports_and_loads_are_named(case):
+    scene, message = BAD[case]
+    with pytest.raises(SceneError, match=message):
+        bar(**scene)
+
+
+def test_rigid_bodies_have_no_supports():
+    slab = Body(box((0, -0.5), (2, 0.25), spacing=0.125), Rigid(1000.0))
+    body = Body(box((0, 0), (2, 1), spacing=0.125), SOFT)
+    with pytest.raises(SceneError, match="at no point of a deformable body"):
+        Scene([slab, body], cell=0.25, supports=[Support(lambda x: x[1] < -0.3)])
+
+
+def test_a_component_is_free_always_or_never():
+    scene = bar(SOFT, supports=[Support(left, velocity=lambda t: (0, 0) if t < 1 else (0, None))])
+    state = step(scene, initial(scene), 1.0, scheme=STATIC)
+    with pytest.raises(SceneError, match=r"support 0: velocity at t = 1\.5 s .*free always or never"):
+        step(scene, state, 1.0, scheme=STATIC)
+
+
+def test_supports_that_turn_the_body_inside_out_fail_clearly():
+    scene = bar(SOFT, supports=[Support(left), Support(right, velocity=(-3.0, 0.0))])
+    with pytest.raises(StepFailed, match="inside out; use a smaller dt"):
+        step(scene, initial(scene), 1.0, scheme=STATIC)
+
+
+def test_quasi_static_steps_need_theta_one():
+    with pytest.raises(ValueError, match=r"theta = 0\.5 without inertia"):
+        Scheme(theta=0.5, inertia=False)
