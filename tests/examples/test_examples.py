@@ -22,6 +22,12 @@ def test_fall():
     assert y == pytest.approx(0.05 + 2.0 * 0.4 - 0.5 * 9.81 * 0.4 * 0.401, abs=1e-9)
 
 
+def test_cantilever():
+    """End deflection against quadratic elements: Q1 cells, eight over the depth, bend 1 % too little."""
+    module = example("cantilever.py")
+    assert module["material_points"]() == pytest.approx(module["finite_elements"](), rel=0.01)
+
+
 def test_squeeze():
     """Two equal discs flattened by 0.1 R at each of three contacts: the force of Hertz's plane contact.
 
