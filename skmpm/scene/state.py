@@ -106,7 +106,8 @@ class Derived:
 
     assembly: Assembly
     ghost: Array  # (bodies,) moduli of the ghost penalty in `assembly` [Pa]
+    fitted: bool  # whether the weights in `assembly` are
     supports: Elimination | None  # of the unknowns that supports fix
-    made_for: Sequence[Support]  # those of the scene
+    supported: Sequence[Support]  # these supports
     key: tuple[object, ...] = ()  # what the kept solver was made for
     solver: Solver | None = None

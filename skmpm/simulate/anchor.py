@@ -23,12 +23,9 @@ Array = NDArray[np.float64]
 
 def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
     """The state with sheets: laid anew through the points when they have deformed beyond `scheme.anchor`."""
-    modulus, worn = _ghost_moduli(scene, scheme), _worn(scene, state, scheme)
-    derived = state.derived
-    fresh = derived is not None and derived.made_for is scene.supports and np.array_equal(derived.ghost, modulus)
-    if state.displacement.size and fresh and not worn:
+    worn = _worn(scene, state, scheme)
+    if state.displacement.size and not worn and _still_valid(scene, state, scheme):
         return state
-    own = scene.deformable[state.body]
     if state.displacement.size == 0 or worn:
         relative = product(state.F, _inverse(state.F_anchor))
         state = replace(
@@ -39,29 +36,46 @@ def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
             stress_anchor=state.stress,
             displacement=np.zeros(0),
         )
-    volume = scene.initial_volumes * determinant(state.F_anchor)
-    sheets = lay(
-        state.x_anchor[:, own],
-        state.body[own],
-        scene.cell,
-        len(scene.bodies),
-        _inward(scene, state.x_anchor)[:, own],
-    )
-    weights = _weights(scene, sheets, volume[own], state.x_anchor) if scheme.fitted else volume[own]
-    assembly = prepare(sheets, weights, state.mass[own], modulus)
-    displacement = state.displacement if state.displacement.size else np.zeros(2 * sheets.nodes)
-    supports = _supports(scene, sheets, np.cumsum(own) - 1)
-    derived = Derived(assembly, modulus, supports, scene.supports)
+    derived = _derived(scene, state, scheme)
+    displacement = state.displacement if state.displacement.size else np.zeros(2 * derived.assembly.sheets.nodes)
     return replace(state, displacement=displacement, derived=derived)
 
 
+def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
+    """Whether what is kept was made for this scene and scheme."""
+    kept = state.derived
+    return (
+        kept is not None
+        and kept.supported is scene.supports
+        and kept.fitted == scheme.fitted
+        and np.array_equal(kept.ghost, _ghost_moduli(scene, scheme))
+    )
+
+
+def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
+    """Sheets through the anchor positions, and what stays as long as they do."""
+    own, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
+    x, inward = state.x_anchor, _inward(scene, state.x_anchor)
+    sheets = lay(x[:, own], state.body[own], scene.cell, len(scene.bodies), inward[:, own])
+    volume = (scene.initial_volumes * determinant(state.F_anchor))[own]
+    weights = _weights(scene, sheets, volume, x) if scheme.fitted else volume
+    return Derived(
+        assembly=prepare(sheets, weights, state.mass[own], modulus),
+        ghost=modulus,
+        fitted=scheme.fitted,
+        supports=_supports(scene, sheets, np.cumsum(own) - 1),
+        supported=scene.supports,
+    )
+
+
 def _weights(scene: Scene, sheets: Sheets, volume: Array, x: Array) -> Array:
-    """The volumes (n,) of the points, fitted to the parts of cells inside the outlines."""
+    """The volumes (n,) of the points, fitted to the parts of cells inside the outlines, where there are any."""
     rim = scene.outlines
-    if rim.point.size == 0:
+    bounded = np.isin(sheets.cell_body, rim.body)[sheets.cell_of_point]
+    if not bounded.any():
         return volume
     moments = outline.cell_moments(rim, x[:, rim.point], scene.cell, sheets.cell_index, sheets.cell_body)
-    return fitted(sheets, volume, moments[:3])
+    return np.where(bounded, fitted(sheets, volume, moments[:3]), volume)
 
 
 def _supports(scene: Scene, sheets: Sheets, number: NDArray[np.int64]) -> Elimination | None:

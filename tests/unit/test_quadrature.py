@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skmpm import Body, LinearElastic, Scene, Scheme, disc, initial
+from skmpm import Body, LinearElastic, Points, Scene, Scheme, contact, disc, initial
 from skmpm.grid import lay
 from skmpm.outline import cell_moments, outlines
 from skmpm.quadrature import LEAST, MOST, fitted
@@ -69,3 +69,13 @@ def test_the_scheme_decides():
     assert not np.allclose(by_moments.volume, body.points.volume, rtol=0.01)
     assert np.array_equal(by_volume.mass, by_moments.mass)
     assert not Scheme.seed().fitted
+
+
+def test_bodies_without_outline_keep_their_volumes():
+    round_ = disc((0.1, 0.2), 1.0, spacing=0.1)
+    bare = Points(round_.x + 3.0, round_.volume)
+    scene = Scene([Body(p, LinearElastic(1.0, 0.3, 1.0)) for p in (round_, bare)], cell=0.25)
+    scheme = Scheme(anchor=0.0, contact=contact.shared_nodes)  # the only one for bodies without outline
+    weight = initial(scene, scheme=scheme).weight
+    assert np.array_equal(weight[round_.n :], bare.volume)
+    assert not np.allclose(weight[: round_.n], round_.volume, rtol=0.01)
