@@ -103,15 +103,13 @@ class Assembly:
         weighted = (modulus / self.cell_sums(rest))[:, None] * growth
         return np.asarray(weighted[:, :, None] * growth[:, None, :]).reshape(-1, 64)
 
-    def matrix(self, stiffness: Array, factor: float, mass: Array | None = None) -> sp.bsr_array:
-        """A = M + factor K, block sparse, (2 nodes, 2 nodes), with the lumped mass or another (2 nodes,)."""
-        mass = self.mass if mass is None else mass
-        data = factor * stiffness
+    def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
+        """A = M + factor K, block sparse, (2 nodes, 2 nodes), or with a block diagonal (nodes, 2, 2) instead of M."""
         nodes = self.sheets.nodes
+        data = factor * stiffness
         rows = np.repeat(np.arange(nodes), np.diff(self.indptr))
-        diagonal = np.flatnonzero(rows == self.indices)
-        data[diagonal, 0, 0] += mass[0::2]
-        data[diagonal, 1, 1] += mass[1::2]
+        own = self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
+        data[np.flatnonzero(rows == self.indices)] += own
         return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
 
 

@@ -172,6 +172,32 @@ class Sheets:
         motions[0::2, 2], motions[1::2, 2] = -arm[1], arm[0]
         return motions
 
+    def pins(self, stiffness: Array) -> Array:
+        """Springs that stop the rigid motions of each body and no other, on the diagonal, (nodes, 2, 2).
+
+        Two hold the node in the middle of a body, one the node farthest from it, across the line to it: under
+        forces that balance each other they carry nothing. `stiffness` (bodies,).
+        """
+        x, body = self.position, self.node_body
+        count = np.maximum(np.bincount(body, minlength=self.bodies), 1)
+        centre = np.stack([np.bincount(body, xi, self.bodies) / count for xi in x])
+        first = self.blocks[:-1] // 2
+        held = np.flatnonzero(stiffness > 0.0)
+
+        def nearest(distance: Array) -> Ints:
+            return np.asarray(np.lexsort((distance, body))[first[held]])
+
+        middle = nearest(np.hypot(*(x - centre[:, body])))
+        place = np.zeros((2, self.bodies))
+        place[:, held] = x[:, middle]
+        outer = nearest(-np.hypot(*(x - place[:, body])))
+        arm = x[:, outer] - x[:, middle]
+        across = np.stack([-arm[1], arm[0]]) / np.hypot(*arm)
+        springs = np.zeros((self.nodes, 2, 2))
+        springs[middle] = stiffness[held, None, None] * np.eye(2)
+        springs[outer] = stiffness[held, None, None] * np.einsum("ib,jb->bij", across, across)
+        return springs
+
 
 def lay(x: Array, body: Ints, cell: float, bodies: int, inward: Array | None = None) -> Sheets:
     """Lay the sheets through points `x` (2, n) [m] of bodies `body` (n,).

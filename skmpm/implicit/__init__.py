@@ -7,8 +7,8 @@ minimises
 
 over the nodal velocities that supports admit: M lumped mass, U the displacement since anchoring, W the material's
 energy, G the ghost penalty, f gravity and loads. With contact, grad E = theta H' r and (r, u = H w + offset) obey
-Signorini's and Coulomb's laws. In a quasi-static step the first term is 1/2 |w|^2 with a mass that is next to
-nothing, in bodies that no support holds, and zero in the others.
+Signorini's and Coulomb's laws. A quasi-static step has no first term; where nothing but contact holds a body, springs
+in A, and in A only, keep each Newton iteration from sending it away: they carry nothing once it is in equilibrium.
 """
 
 from skmpm.implicit.bulk import Bulk, Configuration

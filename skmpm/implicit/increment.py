@@ -16,7 +16,7 @@ from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
 
-DRAG = 1e-8  # of the stiffness, against the rigid motions of a body that nothing holds
+HOLD = 1e-2  # of its shear modulus: the springs that keep a floating body in place in one Newton iteration
 
 
 @dataclass(frozen=True)
@@ -38,18 +38,23 @@ class Increment:
 
     @cached_property
     def mass(self) -> Array:
-        """What resists a change of w: the mass, or next to nothing in a quasi-static step, (2 nodes,) [kg/m]."""
-        return self.bulk.assembly.mass if self.scheme.inertia else self._drag()
+        """What resists a change of w: the mass, nothing in a quasi-static step, (2 nodes,) [kg/m]."""
+        mass = self.bulk.assembly.mass
+        return mass if self.scheme.inertia else np.zeros_like(mass)
 
-    def _drag(self) -> Array:
-        """Holds the rigid motions of floating bodies, as a `DRAG` part of their stiffness would."""
-        sheets, modulus = self.bulk.assembly.sheets, np.empty(self.bulk.assembly.volume.size)
-        for material, points in self.bulk.materials:
-            modulus[points] = material.lame[1]
-        stiffness = sheets.interpolation.T @ (self.bulk.assembly.volume * modulus) / sheets.cell**2
-        if self.supports is not None:
-            stiffness[self.supports.holds[sheets.node_body]] = 0.0
-        return np.repeat(DRAG * self._reach**2 * stiffness, 2)
+    @cached_property
+    def floats(self) -> NDArray[np.bool_]:
+        """Which bodies neither inertia nor supports hold, (bodies,)."""
+        bodies = self.bulk.assembly.sheets.bodies
+        if self.scheme.inertia:
+            return np.zeros(bodies, dtype=bool)
+        present = np.bincount(self.bulk.assembly.sheets.node_body, minlength=bodies) > 0
+        return present if self.supports is None else present & ~self.supports.holds
+
+    @property
+    def exact(self) -> bool:
+        """Whether one solve is the solution, but for contact."""
+        return self.bulk.linear and not self.floats.any()
 
     @property
     def rest(self) -> Array:
@@ -105,8 +110,16 @@ class Increment:
         return float(20.0 * np.finfo(float).eps * (self._reach * modulus * reach * np.sqrt(w.size) + inertia))
 
     def matrix(self, at: Configuration, *, projected: bool = False) -> sp.bsr_array:
-        """A = M + theta^2 dt^2 K."""
-        return self.bulk.assembly.matrix(self.bulk.stiffness(at, projected=projected), self._reach**2, self.mass)
+        """A = M + theta^2 dt^2 K; in a quasi-static step K and what keeps floating bodies from going anywhere."""
+        assembly = self.bulk.assembly
+        K = self.bulk.stiffness(at, projected=projected)
+        if self.scheme.inertia:
+            return assembly.matrix(K, self._reach**2)
+        modulus = np.zeros(assembly.sheets.bodies)
+        for material, points in self.bulk.materials:
+            modulus[assembly.sheets.cell_body[assembly.sheets.cell_of_point[points]]] = material.lame[1]
+        pins = assembly.sheets.pins(HOLD * self._reach**2 * modulus * self.floats)
+        return assembly.matrix(K, self._reach**2, pins)
 
     def factorised(self, at: Configuration, *, projected: bool) -> Solver:
         """The scheme's solver for A; LinAlgError where it sees that A is not positive definite."""

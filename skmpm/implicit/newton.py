@@ -52,13 +52,15 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     """
     scheme, w, solver, factorised = step.scheme, _first(step), kept, 0
     at, projected, before, newest = step.at(w), False, np.inf, 0
+    if touching is None:
+        _check_balance(step)
     mixing, share = Mixing(step.bulk.assembly.mass), 1.0
     for iteration in range(scheme.max_newton + 1):
         gradient, size = step.gradient(w, at)
         push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
         size = max(size, float(np.linalg.norm(push)))
         imbalance = float(np.linalg.norm(step.unsupported(gradient - push))) / size if size > 0.0 else 0.0
-        exact = iteration == 1 and step.bulk.linear and touching is None
+        exact = iteration == 1 and step.exact and touching is None
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
             reaction = step.reaction(gradient - push)
             return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)
@@ -100,6 +102,24 @@ def _first(step: Increment) -> Array:
     if step.supports is None:
         return still
     raise NotConverged("the supports move so far in one step that points turn inside out; use a smaller dt")
+
+
+def _check_balance(step: Increment) -> None:
+    """Raise NotConverged where loads would send a body away for ever that neither inertia nor anything else holds."""
+    if not step.floats.any() or step.supports is not None:
+        return
+    sheets = step.bulk.assembly.sheets
+    body = np.repeat(sheets.node_body, 2)
+    moved = np.stack([np.bincount(body, step.force * m, sheets.bodies) for m in sheets.rigid_motions().T])
+    size = np.bincount(body, np.abs(step.force), sheets.bodies)
+    loose = np.flatnonzero(np.abs(moved[:2]).max(axis=0) > 1e-6 * size)
+    turning = np.flatnonzero(np.abs(moved[2]) > 1e-6 * size * np.sqrt(sheets.nodes))
+    if loose.size or turning.size:
+        b = int(np.concatenate([loose, turning])[0])
+        raise NotConverged(
+            f"body {b} is held by nothing and its loads do not balance (net force {moved[0, b]:.3g},"
+            f" {moved[1, b]:.3g} N/m): add a Support or a wall, or use inertia"
+        )
 
 
 def _factorised(step: Increment, at: Configuration, projected: bool) -> tuple[Solver, bool]:

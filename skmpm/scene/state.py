@@ -67,7 +67,6 @@ class Report:
     contact: int = 0  # iterations of the contact solver, all Newton iterations together
     residual: float = 0.0  # natural-map residual of the contact law at the end of the step
     imbalance: float = 0.0  # residual of the momentum balance over the largest of its terms
-    drag: float = 0.0  # share of the force balance that holds floating bodies in a quasi-static step
     settled: bool = False  # whether contact normals are those of an earlier Newton iteration
     overlap: float = 0.0  # area shared by bodies / area of all bodies
     energy: Energy = Energy()

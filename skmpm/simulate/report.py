@@ -32,18 +32,11 @@ def report_of(
         contact=0 if solution.touching is None else solution.touching.iterations,
         residual=solution.residual,
         imbalance=solution.imbalance,
-        drag=0.0 if increment.scheme.inertia else _drag(increment, solution),
         settled=solution.touching is not None and solution.touching.settled is not None,
         overlap=shared,
         energy=energy,
         seconds=timer.seconds,
     )
-
-
-def _drag(increment: Increment, solution: Solution) -> float:
-    """Share of the force balance that holds floating bodies."""
-    _, size = increment.gradient(solution.w, increment.at(solution.w))
-    return float(np.linalg.norm(increment.mass * solution.w)) / size
 
 
 def _energy(old: Energy, after: State, increment: Increment, solution: Solution) -> Energy:
