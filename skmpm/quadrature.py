@@ -9,7 +9,7 @@ from skmpm.grid import Sheets
 
 Array = NDArray[np.float64]
 
-LEAST, MOST = 0.2, 2.0  # weights over volumes; more lets points on an edge stand for all of a sliver
+LEAST, MOST = 0.02, 5.0  # weights over volumes; more lets points on an edge stand for all of a sliver
 SIGNIFICANT = 1e-3  # smallest eigenvalue, over the largest, of moments that the points of a cell can tell apart
 
 

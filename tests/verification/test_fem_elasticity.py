@@ -2,7 +2,7 @@
 
 Relative L2 errors of displacement and stress, weighted by volume: the method's at its material points, those of Q1
 finite elements at their quadrature points, both against a closed form or, for Cook's membrane, a converged P2
-solution. One quasi-static step, plane strain, nu = 0.3, 36 points to a cell; `rows` says what fewer do.
+solution. One quasi-static step, plane strain, nu = 0.3, 16 points to a cell; `rows` says what fewer do.
 """
 
 from functools import cache
