@@ -157,3 +157,31 @@ def test_reference_ghost_is_the_same_for_both_normals_and_sees_only_jumps_of_the
     # Second difference across the facet, weighted by the mass matrix of linear functions along it.
     second, along = np.array([1.0, -2.0, 1.0]), np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
     assert_close(x, np.kron(along, np.outer(second, second)))
+
+
+def test_reference_gradient_gives_the_gradients_anywhere_in_the_unit_cell():
+    X = np.random.default_rng(0).uniform(size=(2, 7))
+    expected = np.stack([ElementQuad1().lbasis(X, i)[1] for i in range(4)], axis=1)
+    monomials = np.stack([np.ones(7), *X])
+    assert_close(np.einsum("mIa,mp->Iap", forms.reference_gradient(), monomials), expected)
+
+
+# Mean dilatation.
+
+
+@given(SEED)
+def test_mean_dilatation_resists_nothing_but_a_change_of_the_cells_areas(seed):
+    """On the whole grid with a modulus of 1 it stores sum (change of area)^2 / area, exactly."""
+    rng, mesh = np.random.default_rng(seed), rectangle()
+    basis = CellBasis(mesh, ElementVector(ElementQuad1()), quadrature=(np.array([[0.5], [0.5]]), np.ones(1)))
+    n = mesh.nelements
+    slope, one = np.repeat(np.eye(2)[:, :, None], n, axis=2), np.ones(n)
+    K = forms.mean_dilatation_stiffness(basis, slope, one, one)
+    u = rng.normal(size=basis.N)
+    corners = u.reshape(-1, 2).T[:, mesh.t]  # (2, 4, cells); to first order an area grows by the flux through edges
+    x = mesh.p[:, mesh.t]
+    y, move = np.roll(x, -1, axis=1) - x, corners + np.roll(corners, -1, axis=1)
+    flux = 0.5 * (y[1] * move[0] - y[0] * move[1]).sum(axis=0)
+    assert u @ K @ u == pytest.approx((flux**2 / SIZE**2).sum(), rel=1e-11)
+    turn = nodal(mesh, lambda x, y: (-y, x))
+    assert np.abs(K @ turn).max() < 1e-12

@@ -298,3 +298,54 @@ def test_cauchy_stress_is_the_nominal_stress_pushed_forward(seed, nu):
         sigma = product(solid.stress(F, G), transpose(F)) / determinant(F)
         assert np.abs(solid.cauchy(F, G) - sigma).max() <= 1e-11 * (np.abs(sigma).max() + E)
         assert np.abs(sigma - transpose(sigma)).max() <= 1e-11 * (np.abs(sigma).max() + E)
+
+
+# Mean dilatation.
+
+
+def own_dilatation(solid, F, anchor):
+    now, rest = solid.volumes(F, *anchor)
+    return now / rest
+
+
+@pytest.mark.parametrize("anchored", [False, True], ids=["undeformed anchor", "deformed anchor"])
+@pytest.mark.parametrize("law", LAWS)
+@given(seed=SEED, nu=NU)
+def test_told_its_own_dilatation_a_point_answers_as_if_it_was_told_nothing(law, anchored, seed, nu):
+    """The tangent, which takes a dilatation as given, lacks the bulk tangent along the slope of the volume."""
+    rng, solid = np.random.default_rng(seed), law(E, nu, 990.0)
+    F = random_gradients(rng)
+    anchor = (random_gradients(rng), random_stress(rng)) if anchored else (None, None)
+    theta = own_dilatation(solid, F, anchor)
+    for answer in ("energy", "stress", "cauchy"):
+        assert_close(getattr(solid, answer)(F, *anchor, theta), getattr(solid, answer)(F, *anchor), 1e-11)
+    slope, (_, rest) = solid.volume_slope(F, *anchor), solid.volumes(F, *anchor)
+    bulk = solid.bulk_tangent(F, *anchor, theta) / rest * np.einsum("ijp,klp->ijklp", slope, slope)
+    assert_close(solid.tangent(F, *anchor, theta) + bulk, solid.tangent(F, *anchor), 1e-11)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@given(seed=SEED, nu=NU)
+def test_the_volume_slope_is_the_derivative_of_the_volume_and_the_bulk_tangent_that_of_the_energy(law, seed, nu):
+    rng, solid = np.random.default_rng(seed), law(E, nu, 990.0)
+    F, anchor = random_gradients(rng), (random_gradients(rng), random_stress(rng))
+    slope = np.zeros((2, 2, N))
+    for i, j in np.ndindex(2, 2):
+        moved = F.astype(complex)
+        moved[i, j] += 1j * STEP
+        slope[i, j] = solid.volumes(moved, *anchor)[0].imag / STEP
+    assert_close(solid.volume_slope(F, *anchor), slope, 1e-12)
+    theta, step = rng.uniform(0.5, 2.0, N), 1e-4
+    rest = solid.volumes(F, *anchor)[1]
+    low, mid, high = (solid.energy(F, *anchor, theta + s) / rest for s in (-step, 0.0, step))
+    curvature, scale = (high - 2 * mid + low) / step**2, np.abs(mid).max() + solid.lame[0]
+    assert np.abs(solid.bulk_tangent(F, *anchor, theta) - curvature).max() < 1e-6 * scale + 100 * step**2 * scale
+
+
+@given(SEED, NU)
+def test_projected_tangent_at_a_given_dilatation_is_the_exact_one_clipped(seed, nu):
+    rng, solid, F = np.random.default_rng(seed), NeoHookean(E, nu, 990.0), compressed_gradients(seed)
+    theta = rng.uniform(0.3, 3.0, 40)
+    C, projected = (solid.tangent(F, None, None, theta, projected=p) for p in (False, True))
+    error = np.abs(projected - clipped(C)).max(axis=(0, 1, 2, 3))
+    assert (error <= 1e-11 * np.abs(C).max(axis=(0, 1, 2, 3))).all()

@@ -324,7 +324,7 @@ def rows():
             goal = "none: this is what locking is"
             if locking:
                 kept = "met" if ratio.max() <= 2 else MISSED.format(fitted=numbers(fitted_ratios()))
-                goal = f"{GOAL}: {kept}; ratios of u {numbers(ratio[:, 0])}, of stress {numbers(ratio[:, 1])}"
+                goal = f"{GOAL}: {kept}; ratios of u {numbers(ratio[:, 0], 3)}, of stress {numbers(ratio[:, 1], 3)}"
             out.append(
                 Row(
                     problem=f"{names[problem]}, {'with' if locking else 'without'} mean dilatation",
@@ -382,18 +382,20 @@ def figures(folder):
         axis.set(xlabel="0.5 - nu", title={"cook": "Cook's membrane, h = width/16", "disc": "disc, R/h = 8"}[problem])
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("relative L2 error")
-    axes[0].legend(fontsize=7)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncol=4, fontsize=7)
     figure.savefig(folder / "locking.png", dpi=120)
 
+    colours = plt.get_cmap("coolwarm", 12)
     figure, axes = plt.subplots(1, 2, figsize=(7.5, 3.6), layout="constrained")
     for axis, locking in zip(axes, (False, True), strict=True):
-        state = measure("disc", 0.49999, 1 / 8, locking=locking)[2]
+        state = measure("disc", 0.49999, 1 / 6, locking=locking)[2]
         pressure = -(state.stress[0, 0] + state.stress[1, 1]) / 2 / FORCE
-        dots = axis.scatter(*state.x, c=pressure, s=7, cmap="coolwarm", vmin=-1.2, vmax=1.2)
+        dots = axis.scatter(*state.x, c=pressure, s=14, marker="s", lw=0, cmap=colours, vmin=-1.2, vmax=1.2)
         title = "mean dilatation" if locking else f"standard: from {pressure.min():.0f} to {pressure.max():.0f}"
         axis.set(aspect="equal", title=title, xticks=[], yticks=[])
     figure.colorbar(dots, ax=axes, label="pressure / peak of the load", shrink=0.8)
-    figure.savefig(folder / "locking_pressure.png", dpi=120)
+    with plt.rc_context({"lines.antialiased": False, "patch.antialiased": False}):
+        figure.savefig(folder / "locking_pressure.png", dpi=90)
     plt.close("all")
     return {
         "locking.png": "Error against Poisson's ratio for Cook's membrane and a compressed disc: standard"
