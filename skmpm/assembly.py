@@ -162,7 +162,7 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
     component = np.array([[0, 1], [2, 3]])
     place = 4 * in_cells[:, :, None, :, None] + component[:, None, :]
     indptr = np.searchsorted(keys, np.arange(nodes + 1) * nodes)
-    ghost = np.bincount(in_ghost, ghost_values.ravel(), keys.size)
+    ghost = np.bincount(in_ghost, ghost_values.ravel(), keys.size).astype(np.float64)  # of none: integers
 
     n = sheets.local.shape[1]
     weight = volume / sheets.cell**2
