@@ -241,7 +241,9 @@ def draw_disc(path, never, anchored_anew):
     )
     for ax, (title, state) in zip(axes, shown, strict=True):
         x, pressure = state.x / CELL, -0.5 * np.trace(state.stress) * R / FORCE
-        dots = ax.scatter(*x, c=pressure, s=4, cmap="viridis", vmin=0.0, vmax=0.08)
+        dots = ax.scatter(
+            *x, c=pressure, s=5, marker="s", lw=0.0, antialiased=False, cmap="viridis", vmin=0.0, vmax=0.08
+        )
         centre = np.round(x.mean(axis=1))
         ax.set(title=title, aspect="equal", xlim=centre[0] + [-6, 6], ylim=centre[1] + [-6, 6])
         ax.set_xticks(centre[0] + np.arange(-6, 7), minor=True)
