@@ -141,6 +141,8 @@ def _rows(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, sheets: Sheets) -> Rows
         key=_key(scene, nodes, a, b),
         point=np.full(k.size, -1),
         difference=difference,
+        turning=sp.csr_array(difference.shape),
+        curvature=np.zeros(k.size),
         given=given,
         offset_normal=np.einsum("ik,ik->k", normal, given),
         pushed=np.zeros(k.size),

@@ -174,6 +174,8 @@ class _Pairs:
     point: Ints  # (k,) rim vertex
     stencil: Ints  # (4, k) rim vertices that carry the other side; unused for walls
     weights: Array  # (4, k) their shares; zero for walls
+    turning: Array  # (4, k) shares in the curve's unit tangent [1/m]; zero for walls and at corners
+    curvature: Array  # (k,) of the curve, negative where it bulges [1/m]; zero for walls and at corners
     normal: Array  # (2, k) at x + theta dt w
     gap: Array  # (k,) [m] at its end
     before: Array  # (k,) [m] at its start
@@ -188,11 +190,16 @@ def _touching(scene: Scene, near: _Neighbours, start: Array, moved: Array, theta
     end = end[np.flatnonzero((end.gap > -DEPTH * cell) & (end.gap < near.reach) & (facing < FACING))]
     driving = end if theta == 1.0 else _project(curve, start + theta * moved, end.point, end.segment, end.s)
     begin = _project(curve, start, end.point, end.segment, end.s)
+    at = start + theta * moved
+    speed = np.hypot(*curve.at(at, driving.segment, driving.s, 1))
+    bend, smooth = curve.at(at, driving.segment, driving.s, 2), ~curve.at_corner(driving.segment, driving.s)
     return _Pairs(
         bodies=rim.body[np.stack([end.point, end.segment])],
         point=end.point,
         stencil=curve.stencil(driving.segment),
         weights=curve.weights(driving.segment, driving.s),
+        turning=np.where(smooth, curve.weights(driving.segment, driving.s, 1) / speed, 0.0),
+        curvature=np.where(smooth, np.einsum("ik,ik->k", driving.normal, bend) / speed**2, 0.0),
         normal=driving.normal,
         gap=end.gap,
         before=begin.gap,
@@ -214,6 +221,8 @@ def _on_wall(
         point=c,
         stencil=np.repeat(c[None], 4, axis=0),
         weights=np.zeros((4, c.size)),
+        turning=np.zeros((4, c.size)),
+        curvature=np.zeros(c.size),
         normal=np.repeat(normal[:, None], c.size, axis=1),
         gap=gap[c],
         before=before[c],
@@ -246,6 +255,7 @@ def _rows(
     on_wall = pairs.bodies[1] < 0
     prescribed[:, on_wall] -= walls[-1 - pairs.bodies[1, on_wall]].T
     difference = sp.csr_array(relative @ interpolation)
+    turning = sp.csr_array((pairs.turning.ravel(), (np.tile(k, 4), pairs.stencil.ravel())), shape=relative.shape)
     now = np.einsum("ik,ki->k", pairs.normal, difference @ w.reshape(-1, 2))
     allowed = (1.0 - PUSH_OUT) * np.minimum(pairs.before, 0.0)
     return Rows(
@@ -257,6 +267,8 @@ def _rows(
         key=_key(scene, pairs),
         point=rim.point[pairs.point],
         difference=difference,
+        turning=sp.csr_array(turning @ interpolation),
+        curvature=pairs.curvature,
         given=prescribed,
         offset_normal=(pairs.gap - allowed) / dt - now,
         pushed=np.where(pairs.before < 0.0, np.maximum(np.minimum(pairs.gap, 0.0) - pairs.before, 0.0), 0.0),

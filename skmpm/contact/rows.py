@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,6 +33,8 @@ class Rows:
     key: Ints  # (k,) identity from step to step
     point: Ints  # (k,) rim point of the first body, -1 at a grid node
     difference: sp.csr_array  # (k, nodes)
+    turning: sp.csr_array  # (k, nodes) normal . (turning @ w) is how fast the second body's surface turns [1/m]
+    curvature: Array  # (k,) of that surface, negative where it bulges [1/m]
     given: Array  # (2, k) prescribed part of the relative velocity [m/s]
     offset_normal: Array  # (k,) [m/s]
     pushed: Array  # (k,) how much of an overlap left by an earlier step this step removes [m]
@@ -54,20 +57,16 @@ class Rows:
     @cached_property
     def H(self) -> sp.csr_array:
         """Nodal velocities to relative velocities: rows n (k,) or, with friction, n, t, n, t, ... (2 k,)."""
-        D = self.difference
-        count = np.diff(D.indptr)
-        columns = np.stack([2 * D.indices, 2 * D.indices + 1], axis=1).ravel()
         directions = (self.normal, self.tangent) if self.tangential else (self.normal,)
-        rows = [
-            sp.csr_array(
-                ((D.data * np.repeat(n, count, axis=1)).T.ravel(), columns, 2 * D.indptr),
-                shape=(self.size, 2 * D.shape[1]),
-            )
-            for n in directions
-        ]
+        rows = [along(self.difference, direction) for direction in directions]
         if not self.tangential:
             return rows[0]
         return sp.csr_array(sp.vstack(rows, format="csr")[self._interleaved])
+
+    def turned(self, chosen: Ints) -> tuple[sp.csr_array, sp.csr_array]:
+        """Of the chosen contacts (m,) the rows of sliding [m/s] and of turning of the second surface [1/s]."""
+        slide = along(self.difference[chosen], self.tangent[:, chosen])
+        return slide, along(self.turning[chosen], self.normal[:, chosen])
 
     @property
     def _interleaved(self) -> Ints:
@@ -111,9 +110,8 @@ class Rows:
         """The chosen ones of these rows, `chosen` (k,)."""
         if chosen.all():
             return self
-        last = ("bodies", "x", "normal", "gap", "friction", "key", "point", "given", "offset_normal", "pushed")
-        fields = {name: getattr(self, name)[..., chosen] for name in last}
-        return replace(self, difference=self.difference[np.flatnonzero(chosen)], **fields)
+        kept = np.flatnonzero(chosen)
+        return replace(self, **{f.name: _some(getattr(self, f.name), kept) for f in fields(self)})
 
     def forces(self, r: Array, dt: float) -> Array:
         """Mean forces over the step in (n, t), (2, k) [N/m], from impulses r."""
@@ -126,6 +124,18 @@ class Rows:
         found, where = _match(key, self.key)
         r = np.where(found, dt * force[:, where], 0.0) if key.size else np.zeros((2, self.size))
         return np.asarray(r.T.ravel() if self.tangential else r[0])
+
+
+def _some(values: Any, chosen: Ints) -> Any:
+    return values[chosen] if isinstance(values, sp.csr_array) else values[..., chosen]
+
+
+def along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
+    """Rows (k, 2 nodes) that take the component along `direction` (2, k) of what `matrix` (k, nodes) gives."""
+    count = np.diff(matrix.indptr)
+    columns = np.stack([2 * matrix.indices, 2 * matrix.indices + 1], axis=1).ravel()
+    data = (matrix.data * np.repeat(direction, count, axis=1)).T.ravel()
+    return sp.csr_array((data, columns, 2 * matrix.indptr), shape=(matrix.shape[0], 2 * matrix.shape[1]))
 
 
 Linearise = Callable[[Array], Rows]

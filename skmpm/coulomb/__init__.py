@@ -8,6 +8,6 @@ with mu~ = mu sqrt(W_tt / W_nn).
 """
 
 from skmpm.coulomb.law import project, residual
-from skmpm.coulomb.search import Info, solve
+from skmpm.coulomb.search import Info, Linear, solve
 
-__all__ = ["Info", "project", "residual", "solve"]
+__all__ = ["Info", "Linear", "project", "residual", "solve"]

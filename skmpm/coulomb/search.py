@@ -1,6 +1,8 @@
 """The search for the impulses: accelerated projected sweeps, then a semismooth Newton method."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -31,6 +33,21 @@ class Info:
     sweeps: int
     residual: float
     converged: bool
+    linear: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (m,) the further unknowns
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Unknowns s (m,) without a cone: coupling r + compliance s + q = 0, and u = W r + coupling' s + q_contact."""
+
+    coupling: Matrix  # (m, 2k) or (m, k)
+    compliance: Matrix  # (m, m) symmetric, not necessarily definite
+    q: Array  # (m,)
+
+    def join(self, W: Matrix, q: Array) -> tuple[Matrix, Array]:
+        """The matrix and the right-hand side of all unknowns, contacts first."""
+        whole = sp.block_array([[sp.csr_array(W), self.coupling.T], [self.coupling, self.compliance]], format="csr")
+        return whole, np.concatenate([q, self.q])
 
 
 def solve(
@@ -42,6 +59,7 @@ def solve(
     tol: float = 1e-6,
     sweeps: int = 80,
     iterations: int = 100,
+    linear: Linear | None = None,
 ) -> tuple[Array, Info]:
     """Find r with u = W r + q such that every contact obeys Signorini and Coulomb; return (r, info).
 
@@ -58,6 +76,7 @@ def solve(
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
     r0 : like q, impulses to start from [N s]
     sweeps : in the first round, from a poor start; every further round doubles them
+    linear : further unknowns, without a cone, that the impulses act on and that act on them
 
     Raises
     ------
@@ -67,12 +86,17 @@ def solve(
     q, mu = np.asarray(q, dtype=float), np.asarray(mu, dtype=float)
     r0 = np.zeros_like(q) if r0 is None else np.asarray(r0, dtype=float)
     _check(W, q, mu, r0)
+    contacts = q.size
     if not q.size:
         return np.zeros_like(q), Info(0, 0, 0.0, True)
+    if linear is not None:
+        W, q = linear.join(W, q)
+        r0 = np.concatenate([r0, np.zeros(q.size - contacts)])
     with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
-        problem, s = _scale(W, q, mu)
-        best, info = _search(problem, problem.at(clamp(s * r0, problem.mu)), tol, sweeps, iterations)
-        return _unscale(best.r, problem.mu, s, mu), info
+        problem, s = _scale(W, q, mu, contacts)
+        best, info = _search(problem, problem.at(problem.clamp(s * r0)), tol, sweeps, iterations)
+        r = _unscale(best.r[:contacts], problem.mu, s[:contacts], mu)
+        return r, replace(info, linear=best.r[contacts:] / s[contacts:])
 
 
 @dataclass(frozen=True)
@@ -90,24 +114,30 @@ class _Problem:
     q: Array  # (m,)
     mu: Array  # (k,)
     reference: float
+    contacts: int  # rows; those that follow are linear
 
     def at(self, r: Array, u: Array | None = None) -> _Iterate:
         """Return r with its velocities and its error."""
         u = self.W @ r + self.q if u is None else u
-        error = natural(r, u, self.mu) / self.reference
+        k = self.contacts
+        error = float(np.hypot(natural(r[:k], u[:k], self.mu), np.linalg.norm(u[k:]))) / self.reference
         return _Iterate(r, u, error if np.isfinite(error) else np.inf)
+
+    def clamp(self, r: Array) -> Array:
+        """Pull the contacts' impulses into their cones."""
+        return np.concatenate([clamp(r[: self.contacts], self.mu), r[self.contacts :]])
 
     def stray(self, r: Array, u: Array, gain: float) -> float:
         """Alart & Curnier's natural map, whose zero Newton seeks; any gain > 0 has the same zeros."""
-        return float(np.linalg.norm(r - clamp(r - gain * u, self.mu))) / self.reference
+        return float(np.linalg.norm(r - self.clamp(r - gain * u))) / self.reference
 
 
 def _search(p: _Problem, start: _Iterate, tol: float, sweeps: int, limit: int) -> tuple[_Iterate, Info]:
     """Alternate sweeps and Newton steps until the error is below tol or ``limit`` Newton steps are spent."""
     best = x = start
     steps = swept = 0
-    largest = _largest_eigenvalue(p.W)
-    eager = start.error < _NEAR or p.q.size <= _DENSE
+    largest = _largest_eigenvalue(p.W[: p.contacts, : p.contacts])
+    eager = start.error < _NEAR or p.q.size <= _DENSE or p.contacts < p.q.size
     for _ in range(_ROUNDS):
         if not eager and best.error > tol:
             x = _sweep(p, x, largest, sweeps)
@@ -132,7 +162,7 @@ def _sweep(p: _Problem, x: _Iterate, largest: float, sweeps: int) -> _Iterate:
     r, u = y, u_y = x.r, x.u
     theta = 1.0
     for _ in range(sweeps):
-        r_new = clamp(y - u_y / largest, p.mu)
+        r_new = np.concatenate([clamp((y - u_y / largest)[: p.contacts], p.mu), y[p.contacts :]])
         u_new = p.W @ r_new + p.q
         if (y - r_new) @ (r_new - r) > 0.0:
             theta = 1.0
@@ -160,36 +190,37 @@ def _newton(p: _Problem, x: _Iterate, tol: float, limit: int, gain: float, short
                 r, u, stray = r + alpha * d, u + alpha * d_u, new
                 break
             alpha *= 0.5
-        if stray < tol and (end := p.at(clamp(r, p.mu))).error <= tol:
+        if stray < tol and (end := p.at(p.clamp(r))).error <= tol:
             return end, count
-    return p.at(clamp(r, p.mu)), count
+    return p.at(p.clamp(r)), count
 
 
 def _newton_step(p: _Problem, r: Array, u: Array, gain: float) -> Array:
     """Solve u_n = 0 where closed, u_t = 0 where it sticks, r_t = +-mu r_n where it slips, as at (r, u)."""
-    free, B = _states(r - gain * u, p.mu)
+    free, B = _states((r - gain * u)[: p.contacts], p.mu, r.size - p.contacts)
     rows = p.W[free]
     start = B @ r[free]
     correction = B @ _solve_regular(rows @ B, -(rows @ start + p.q[free]))
     return np.asarray(start + correction - r, dtype=float)
 
 
-def _states(a: Array, mu: Array) -> tuple[NDArray[np.intp], Matrix]:
+def _states(a: Array, mu: Array, springs: int) -> tuple[NDArray[np.intp], Matrix]:
     """Return the rows that are unknowns at a = r - gain u, and the map B from them to all rows."""
+    size = a.size + springs
     a_n, a_t, mu = split(a, mu)
     closed, stick = a_n > 0.0, np.abs(a_t) < mu * a_n
-    free = np.hstack([closed, stick]).ravel()
+    free = np.concatenate([np.hstack([closed, stick]).ravel(), np.ones(springs, dtype=bool)])
     number = np.cumsum(free) - 1
     slipping = np.flatnonzero((closed & ~stick).ravel()) if a_t.size else np.zeros(0, dtype=np.intp)
     rows, stride = np.flatnonzero(free), a.size // mu.size
     entries = np.concatenate([np.ones(rows.size), (np.sign(a_t) * mu).ravel()[slipping]])
     at_row = np.concatenate([rows, stride * slipping + 1])
     at_column = np.concatenate([number[rows], number[stride * slipping]])
-    if a.size <= _DENSE:
-        B = np.zeros((a.size, rows.size))
+    if size <= _DENSE:
+        B = np.zeros((size, rows.size))
         B[at_row, at_column] = entries
         return rows, B
-    return rows, sp.csr_array((entries, (at_row, at_column)), shape=(a.size, rows.size))
+    return rows, sp.csr_array((entries, (at_row, at_column)), shape=(size, rows.size))
 
 
 def _solve_regular(A: Matrix, b: Array) -> Array:
@@ -221,20 +252,21 @@ def _largest_eigenvalue(W: Matrix) -> float:
     return bound if bound > 0.0 else 1.0
 
 
-def _scale(W: Matrix, q: Array, mu: Array) -> tuple[_Problem, Array]:
+def _scale(W: Matrix, q: Array, mu: Array, contacts: int) -> tuple[_Problem, Array]:
     """Return the problem with unit diag(W), and s = sqrt(diag W)."""
     if _is_sparse(W) and q.size > _DENSE:
         W = sp.csr_array(W, dtype=float).sorted_indices()  # a copy: scaled in place
-        s = root(W.diagonal())
+        s = root(np.abs(W.diagonal()))
         W.data /= np.repeat(s, np.diff(W.indptr)) * s[W.indices]
     else:
         W = np.asarray(sp.coo_array(W).toarray() if _is_sparse(W) else W, dtype=float)
-        s = root(W.diagonal())
+        s = root(np.abs(W.diagonal()))
         W = W / (s[:, None] * s)
     q = q / s
-    if q.size > mu.size:
-        q[1::2][mu == 0.0] = 0.0  # rows without an unknown
-    return _Problem(W, q, scaled_friction(mu, s), max(float(np.linalg.norm(q)), _FLOOR)), s
+    if contacts > mu.size:
+        q[1:contacts:2][mu == 0.0] = 0.0  # rows without an unknown
+    slope = scaled_friction(mu, s[:contacts])
+    return _Problem(W, q, slope, max(float(np.linalg.norm(q)), _FLOOR), contacts), s
 
 
 def _unscale(x: Array, slope: Array, s: Array, mu: Array) -> Array:

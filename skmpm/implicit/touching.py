@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
@@ -13,6 +13,7 @@ from skmpm import coulomb
 from skmpm.contact import Linearise, Rows
 from skmpm.contact.rows import lookup
 from skmpm.implicit.increment import Increment
+from skmpm.implicit.turning import Turning, loaded, turning
 from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
@@ -43,9 +44,15 @@ class Contrast:
 
     solver: Solver
     key: Ints  # (k,) of the rows W was made for
-    W: sp.csr_array  # (k, k) or (2 k, 2 k)
-    scale: Array  # (2, k) its diagonal
+    turned: Ints  # (m,) those of them whose turning W knows
+    W: sp.csr_array  # (k or 2 k + 2 m)^2
+    scale: Array  # (2, k) the diagonal of its contacts
     reference: float = 1.0  # size of the right-hand side
+
+    def knows(self, solver: Solver, key: Ints, turned: Ints) -> bool:
+        """Whether W is that of these rows, among others."""
+        same = self.solver is solver and np.array_equal(self.key, key)
+        return same and bool(np.isin(turned, self.turned).all())
 
 
 @dataclass
@@ -61,6 +68,7 @@ class Touching:
     force: Array  # (2, k) [N/m]
     timer: Timer
     iterations: int = 0
+    stopped: float = 0.0  # residual of the last solve
     rows: Rows = field(init=False)
     r: Array = field(init=False)
     u: Array = field(init=False)
@@ -92,39 +100,77 @@ class Touching:
         u = u(w) + H [A^-1 (push - gradient)] + W (r_new - r): as long as solver and rows stay the same W is kept,
         although H turns a little, because it multiplies a difference that vanishes with convergence.
         """
-        rows, known = self.rows, self.r
-        if rows.size == 0:
+        if self.rows.size == 0:
             return -solver(gradient), self._push()
-        moved = solver(self._push() - gradient)
-        self.timer.lap("linear")
-        W = self._compliance(solver)
-        q = self.u + rows.H @ moved - W @ known
-        self.r, info = coulomb.solve(W, q, rows.friction, r0=known, tol=self.step.scheme.contact_tol)
-        self.iterations += info.iterations
-        self.timer.lap("contact")
-        if not info.converged:
+        step = self.step
+        turns = None if self.settled is not None else turning(self.rows, self.r, step.dt, step.scheme.theta)
+        impulses = self._impulses(solver, gradient, turns)
+        if impulses is None and turns is not None:
+            impulses = self._impulses(solver, gradient, None)
+        if impulses is None:
             raise NotConverged(
-                f"the contact solver stopped at a residual of {info.residual:.2g} with {rows.size} contacts"
-                f" (wanted {self.step.scheme.contact_tol:g}); use a smaller dt"
+                f"the contact solver stopped at a residual of {self.stopped:.2g} with {self.rows.size} contacts"
+                f" (wanted {step.scheme.contact_tol:g}); use a smaller dt"
             )
-        diagonal = W.diagonal()
-        scale = diagonal.reshape(-1, 2).T if rows.tangential else np.stack([diagonal, diagonal])
-        size = float(np.linalg.norm(q / np.sqrt(np.maximum(diagonal, 1e-300))))
-        self.last = Contrast(solver, rows.key, W, scale, max(size, 1e-300))
-        self.key, self.force = rows.key, rows.forces(self.r, self.step.dt)
+        self.r, turned = impulses
+        self.key, self.force = self.rows.key, self.rows.forces(self.r, step.dt)
         push = self._push()
-        direction = solver(push - gradient)
+        direction = solver(push - gradient + turned)
         self.timer.lap("linear")
         return direction, push
 
-    def _compliance(self, solver: Solver) -> sp.csr_array:
-        last = self.last
-        same = last is not None and last.solver is solver and np.array_equal(last.key, self.rows.key)
-        if last is not None and same and last.W.shape[0] == self.rows.H.shape[0]:
-            return last.W
-        W = sp.csr_array(self.step.scheme.theta * solver.compliance(self.rows.H))
+    def _impulses(self, solver: Solver, gradient: Array, turns: Turning | None) -> tuple[Array, Array] | None:
+        """The new impulses, and the push of those by which loaded contacts turn; None where there is no solution."""
+        rows, known, theta = self.rows, self.r, self.step.scheme.theta
+        moved = solver(self._push() - gradient)
+        self.timer.lap("linear")
+        W, k = self._compliance(solver, turns), known.size
+        q, linear = self.u + rows.H @ moved - W[:k, :k] @ known, None
+        if turns is not None:
+            rest = turns.Z @ moved - W[k:, :k] @ known
+            linear = coulomb.Linear(W[k:, :k], W[k:, k:] + turns.compliance, rest)
+        self._measure_by(q)
+        tol = self.step.scheme.contact_tol
+        r, info = coulomb.solve(W[:k, :k], q, rows.friction, r0=known, tol=tol, linear=linear)
+        self.iterations, self.stopped = self.iterations + info.iterations, info.residual
+        self.timer.lap("contact")
+        if not info.converged:
+            return None
+        return r, np.zeros_like(gradient) if turns is None else np.asarray(theta * (turns.Z.T @ info.linear))
+
+    def _compliance(self, solver: Solver, turns: Turning | None) -> sp.csr_array:
+        """W = theta H A^-1 H' of the contacts, followed by the rows that turn; kept while rows and solver stay."""
+        rows, none = self.rows, np.zeros(0, dtype=np.int64)
+        turned = none if turns is None else turns.contacts
+        if self.last is None or not self.last.knows(solver, rows.key, turned):
+            self.last = self._contrast(solver, none if turns is None else np.union1d(turned, loaded(rows, self.r)))
+        k, place = rows.H.shape[0], np.searchsorted(self.last.turned, turned)
+        if turned.size == self.last.turned.size == 0:
+            return self.last.W
+        added = k + np.arange(self.last.W.shape[0] - k).reshape(-1, self.last.turned.size)[:, place].ravel()
+        # With friction the rows of sliding are there already.
+        chosen = np.concatenate([np.arange(k), 2 * turned + 1 if rows.tangential else turned[:0], added])
+        return sp.csr_array(self.last.W[chosen][:, chosen])
+
+    def _contrast(self, solver: Solver, turned: Ints) -> Contrast:
+        """W with the rows of all contacts that may turn."""
+        rows = self.rows
+        extended = [rows.H]
+        if turned.size:
+            extended += rows.turned(turned)[1:] if rows.tangential else rows.turned(turned)
+        W = sp.csr_array(self.step.scheme.theta * solver.compliance(sp.csr_array(sp.vstack(extended))))
+        diagonal = W.diagonal()[: rows.H.shape[0]]
+        scale = diagonal.reshape(-1, 2).T if rows.tangential else np.stack([diagonal, diagonal])
         self.timer.lap("compliance")
-        return W
+        return Contrast(solver, rows.key, turned, W, scale)
+
+    def _measure_by(self, q: Array) -> None:
+        """Make residuals relative to the size of q."""
+        if self.last is None:
+            return
+        scale = self.last.scale.T.ravel() if self.rows.tangential else self.last.scale[0]
+        size = float(np.linalg.norm(q / np.sqrt(np.maximum(scale, 1e-300))))
+        self.last = replace(self.last, reference=max(size, 1e-300))
 
     def _push(self) -> Array:
         return np.asarray(self.step.scheme.theta * (self.rows.H.T @ self.r))
