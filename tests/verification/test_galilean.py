@@ -233,7 +233,7 @@ def draw_disc(path, never, anchored_anew):
     """Points coloured by their pressure, with outline and grid."""
     from matplotlib import pyplot as plt
 
-    fig, axes = plt.subplots(1, 3, figsize=(7, 2.6), layout="constrained")
+    fig, axes = plt.subplots(1, 3, figsize=(8.5, 2.9), sharey=True, layout="constrained")
     shown = (
         ("at rest", never.states[0]),
         ("after six cells, anchored once", never.states[1]),
@@ -242,16 +242,18 @@ def draw_disc(path, never, anchored_anew):
     for ax, (title, state) in zip(axes, shown, strict=True):
         x, pressure = state.x / CELL, -0.5 * np.trace(state.stress) * R / FORCE
         dots = ax.scatter(
-            *x, c=pressure, s=5, marker="s", lw=0.0, antialiased=False, cmap="viridis", vmin=0.0, vmax=0.08
+            *x, c=pressure, s=9, marker="s", lw=0.0, antialiased=False, cmap="viridis", vmin=0.0, vmax=0.08
         )
         centre = np.round(x.mean(axis=1))
         ax.set(title=title, aspect="equal", xlim=centre[0] + [-6, 6], ylim=centre[1] + [-6, 6])
+        ax.set_xticks(centre[0] + np.arange(-6, 7, 3))
         ax.set_xticks(centre[0] + np.arange(-6, 7), minor=True)
         ax.set_yticks(centre[1] + np.arange(-6, 7), minor=True)
         ax.grid(which="minor", lw=0.3)
         for i, point in zip((0, 0, 1, 1), state.walls / CELL, strict=True):
             (ax.axhline if i else ax.axvline)(point[i], color="k", lw=1.0)
         ax.title.set_fontsize(8)
-    fig.colorbar(dots, ax=axes, label="pressure / E*", shrink=0.7)
+    axes[0].set(ylabel="cells")
+    fig.colorbar(dots, ax=axes, label="pressure / E*")
     fig.savefig(path, dpi=120)
     plt.close(fig)
