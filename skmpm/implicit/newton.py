@@ -40,10 +40,10 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     """Solve one step from w = v0.
 
     Every iteration measures the gaps where the current w ends and solves the contacts against the linearised bulk.
-    The matrix of the first iteration serves the step as long as the imbalance at least halves; how loaded contacts turn
-    is part of the contact problem. Anderson's acceleration helps over what is left. Where a contact is about to snap
-    from one place to another its normals never settle; after `PATIENCE` iterations they stay as they are, and gaps,
-    Signorini's and Coulomb's laws are solved along them.
+    The matrix of the first iteration serves the step as long as the imbalance at least halves; how loaded contacts
+    turn is part of the contact problem, and Anderson's acceleration helps over the rest. Where a contact is about to
+    snap from one place to another its normals never settle; after `PATIENCE` iterations they stay as they are, and
+    gaps, Signorini's and Coulomb's laws are solved along them.
 
     Raises
     ------

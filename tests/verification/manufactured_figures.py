@@ -26,7 +26,7 @@ def draw_space(file):
         for k, error in enumerate(offsets(per_cell)):
             label = f"cut, {per_cell} x {per_cell} points" if k == 0 else None
             left.loglog(1.0 / np.array(coarse), error, color=colour, lw=0.8, alpha=0.7, label=label)
-    aligned = in_space("square", GRIDS, 2, 64)[:, 0]
+    aligned = in_space("square", GRIDS, 2, 32)[:, 0]
     left.loglog(1.0 / np.array(GRIDS), aligned, "ko-", ms=4, label="aligned, 2 x 2 points")
     _slope(left, 1.0 / np.array(GRIDS), 0.7 * aligned[-1], 2)
     for per_cell, fitted, style in ((3, True, "ko-"), (2, False, "C1s--"), (3, False, "C2^--")):

@@ -100,12 +100,12 @@ def offsets(per_cell, cells=(8, 16, 32)):
 def rows_in_space():
     """Order in h: aligned, cut, and what fitted weights do."""
     listed = [
-        _row(f"manufactured {name}, aligned", GRIDS, in_space(name, GRIDS, 2, 64), "rate >= 1.8", ALIGNED)
+        _row(f"manufactured {name}, aligned", GRIDS, in_space(name, GRIDS, 2, 32), "rate >= 1.8", ALIGNED)
         for name in ("bar", "square")
     ]
     found = in_space("square", GRIDS, 3, 32, offset=CUT)
     listed.append(_row("manufactured square, cut at (0.3, 0.45) h", GRIDS, found, "rate >= 1.5", BY_CUT))
-    for per_cell in (3, 4, 6):
+    for per_cell in (3, 4):
         found = offsets(per_cell)
         of = np.array([rate(1.0 / np.array((8, 16, 32)), e) for e in found])
         missed = "" if of.min() >= 1.5 else f"; missed at {np.sum(of < 1.5)} of 12: cells that hold rim points only"
@@ -157,7 +157,7 @@ def rows_in_time():
 
 def rows_of_loss():
     """What a transfer takes from a coarse grid in many steps."""
-    listed, steps = [], (32, 128, 512, 2048)
+    listed, steps = [], (32, 128, 512)
     for by in (transfer.apic, transfer.flip):
         error = [errors(PROBLEMS["vortex"], 1 / 16, 3, n, transfer=by)[0] for n in steps]
         listed.append(
