@@ -64,8 +64,14 @@ class Scheme:
                 raise ValueError(f"Scheme: {name} = {value!r}; use {remedy}")
         if self.max_newton != int(self.max_newton):
             raise ValueError(f"Scheme: max_newton = {self.max_newton!r}; use a whole number")
-        if self.locking not in (False, True):
-            raise ValueError(f"Scheme: locking = {self.locking!r}; use True or False")
+        for name in ("fitted", "locking", "inertia"):
+            if getattr(self, name) not in (False, True):
+                raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use True or False")
+        if self.gap_tol < self.contact_tol:
+            raise ValueError(
+                f"Scheme: gap_tol = {self.gap_tol} is below contact_tol = {self.contact_tol}, the residual that a solve"
+                " leaves; raise the one or lower the other"
+            )
         for name in ("contact", "transfer", "linear"):
             if not callable(getattr(self, name)):
                 example = {"contact": "outlines", "transfer": "apic", "linear": "banded"}[name]

@@ -63,3 +63,15 @@ def test_schemes_are_frozen_and_compare_by_value():
         Scheme().theta = 0.5
     with pytest.raises(TypeError):
         Scheme(0.5)
+
+
+def test_gaps_cannot_be_better_than_the_contact_solves():
+    with pytest.raises(ValueError, match=r"gap_tol = 1e-08 is below contact_tol = 1e-06"):
+        Scheme(gap_tol=1e-8)
+    Scheme(gap_tol=1e-8, contact_tol=1e-9)
+
+
+def test_locking_is_yes_or_no():
+    assert Scheme(locking=True).locking
+    with pytest.raises(ValueError, match="locking = 'mean'; use True or False"):
+        Scheme(locking="mean")
