@@ -54,7 +54,8 @@ def page():
         if not (KEPT / f"{name}.csv").exists():
             continue
         with (KEPT / f"{name}.csv").open(newline="") as file:
-            lines += ["| " + " | ".join(row[c].replace("|", "\\|") for c in columns) + " |" for row in csv.DictReader(file)]
+            rows = list(csv.DictReader(file))
+        lines += ["| " + " | ".join(row[c].replace("|", "\\|") for c in columns) + " |" for row in rows]
         captions = json.loads((KEPT / f"{name}.json").read_text())
         pictures += [f"![{text}](verification/{file})\n\n*{text}*\n" for file, text in captions.items()]
     (DOCS / "verification.md").write_text("\n".join([HEAD, *lines, "", *pictures]).rstrip() + "\n")
