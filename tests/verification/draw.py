@@ -37,11 +37,11 @@ that is missed says so, with its true figure and the reason.
 def measure(name):
     """Run one module and keep what it found."""
     module = import_module(f"test_{name}")
+    rows, captions = module.rows(), module.figures(KEPT) if hasattr(module, "figures") else {}
     with (KEPT / f"{name}.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, [f.name for f in fields(Row)], lineterminator="\n")
         writer.writeheader()
-        writer.writerows(asdict(row) for row in module.rows())
-    captions = module.figures(KEPT) if hasattr(module, "figures") else {}
+        writer.writerows(asdict(row) for row in rows)
     (KEPT / f"{name}.json").write_text(json.dumps(captions, indent=1) + "\n")
 
 
@@ -51,7 +51,7 @@ def page():
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     pictures = []
     for name in MODULES:
-        if not (KEPT / f"{name}.csv").exists():
+        if not (KEPT / f"{name}.json").exists():
             continue
         with (KEPT / f"{name}.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))
