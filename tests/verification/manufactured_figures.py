@@ -2,6 +2,7 @@
 
 import numpy as np
 from manufactured_rates import GRIDS, RING, in_space, in_time, offsets
+from pictures import canvas, keep, ticks
 
 from skmpm import transfer
 
@@ -10,17 +11,12 @@ def _slope(panel, x, y, order):
     """A line of this order through the last point."""
     x = np.asarray(x, dtype=float)
     panel.plot(x, y * (x / x[-1]) ** order, "k:", lw=0.8)
-    panel.annotate(f"order {order}", (x[0], y * (x[0] / x[-1]) ** order), fontsize=7, va="bottom", ha="right")
+    panel.annotate(f"order {order}", (x[0], y * (x[0] / x[-1]) ** order), fontsize=6, va="bottom", ha="right")
 
 
 def draw_space(file):
     """Error over h: the square and the ring."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4), layout="constrained")
+    figure, (left, right) = canvas()
     coarse = (8, 16, 32)
     for per_cell, colour in ((3, "C1"), (4, "C2")):
         for k, error in enumerate(offsets(per_cell)):
@@ -34,21 +30,16 @@ def draw_space(file):
         label = f"{per_cell} x {per_cell} points, {'fitted' if fitted else 'volumes as'} weights"
         right.loglog(1.0 / np.array(RING), error, style, ms=4, label=label)
     _slope(right, 1.0 / np.array(RING), 0.7 * in_space("vortex", RING, 3, 32)[-1, 0], 2)
-    for panel, title in ((left, "square between sliding walls"), (right, "generalised vortex")):
+    for panel, cells, title in ((left, GRIDS, "square between sliding walls"), (right, RING, "generalised vortex")):
+        ticks(panel, 1.0 / np.array(cells), [f"1/{n}" for n in cells])
         panel.set(xlabel="cell size h [m]", ylabel="relative L2 error of the displacement", title=title)
-        panel.legend(fontsize=7)
-    figure.savefig(file, dpi=120)
-    plt.close(figure)
+        panel.legend(fontsize=6)
+    keep(figure, file)
 
 
 def draw_time(file):
     """Error over dt: the bar and the square."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, panels = plt.subplots(1, 2, figsize=(8, 4), layout="constrained", sharey=True)
+    figure, panels = canvas()
     for panel, name in zip(panels, ("bar", "square"), strict=True):
         for by, style in ((transfer.apic, "o-"), (transfer.flip, "s--")):
             for theta, steps, colour in ((0.5, (8, 16, 32, 64), "C0"), (1.0, (64, 128, 256, 512), "C3")):
@@ -58,7 +49,6 @@ def draw_time(file):
                 panel.loglog(dt, found[:, 1, 0], colour + style[1:], lw=0.6)
         _slope(panel, 0.02 / np.array((8, 64)), 0.7 * in_time(name, (8, 16, 32, 64), 0.5)[-1, 0, 0], 2)
         panel.set(xlabel="time step [s]", title=f"{name}, h = 1/16")
-        panel.legend(fontsize=7)
+        panel.legend(fontsize=6)
     panels[0].set_ylabel("relative L2 error of the displacement")
-    figure.savefig(file, dpi=120)
-    plt.close(figure)
+    keep(figure, file)

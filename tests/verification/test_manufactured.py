@@ -14,7 +14,6 @@ from manufactured_figures import draw_space, draw_time
 from manufactured_rates import (
     CUT,
     PROBLEMS,
-    WORST,
     in_space,
     in_time,
     orders,
@@ -72,13 +71,15 @@ def test_order_in_space_with_cut_cells(name, offset, cells, solver):
     assert velocity >= 1.5
 
 
-def test_order_where_the_grid_cuts_worst():
-    """Of twelve offsets the worst for four points per cell: goal 1.5, missed by a little (see the table).
+@pytest.mark.parametrize(("per_cell", "offset", "reached"), [(4, (0.9, 0.15), 1.5), (3, (0.5, 0.5), 1.0)])
+def test_order_where_the_grid_cuts_worst(per_cell, offset, reached):
+    """The worst of twelve offsets: goal 1.5, reached with four points per cell, missed with three: 1.1 here.
 
-    Strips of cells that hold rim points only, whose weights must not grow without bound, keep too little stiffness.
+    There the points lie on the grid lines, towards one corner of each cell: weights linear in the position that had
+    the cell's moments would be negative, and are cut.
     """
-    displacement, _ = orders((1 / 8, 1 / 16), in_space("square", (8, 16), 4, 32, offset=WORST))
-    assert displacement >= 1.4
+    displacement, _ = orders((1 / 8, 1 / 16), in_space("square", (8, 16), per_cell, 32, offset=offset))
+    assert displacement >= reached
 
 
 def test_points_that_weigh_their_volumes_are_of_first_order_with_cut_cells():
