@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from ledger import Row, numbers
+from ledger import Row
 
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
@@ -49,15 +49,15 @@ def places(count, seed=3):
 
 def incline(points, material, *, cell, friction, place, ramp):
     """A body on a wall; the part of gravity along the wall rises from nothing in the times `ramp` [s]."""
-    Q, offset = rotation(place.turn), cell * np.array(place.offset)
-    along, down = Q @ [G * np.sin(SLOPE), 0.0], Q @ [0.0, -G * np.cos(SLOPE)]
+    turn, offset = rotation(place.turn), cell * np.array(place.offset)
+    along, down = turn @ [G * np.sin(SLOPE), 0.0], turn @ [0.0, -G * np.cos(SLOPE)]
 
     def gravity(X, t):
         share = np.clip((t - ramp[0]) / (ramp[1] - ramp[0]), 0.0, 1.0)
         return np.repeat((down + share * along)[:, None], X.shape[1], axis=1)
 
-    body = Body(Points(Q @ points.x + offset[:, None], points.volume, points.outline), material)
-    return Scene([body], cell=cell, walls=[Wall(offset, Q[:, 1], friction=friction)], gravity=gravity)
+    body = Body(Points(turn @ points.x + offset[:, None], points.volume, points.outline), material)
+    return Scene([body], cell=cell, walls=[Wall(offset, turn[:, 1], friction=friction)], gravity=gravity)
 
 
 @dataclass(frozen=True)
@@ -77,14 +77,14 @@ class Motion:
 
 def follow(scene, place, stages, **options):
     """The motion through stages (dt, until, options)."""
-    Q, state, found = rotation(place.turn).T, initial(scene, scheme=Scheme(**options)), []
-    share = state.mass / state.mass.sum()
+    back, last, found = rotation(place.turn).T, initial(scene, scheme=Scheme(**options)), []
+    share = last.mass / last.mass.sum()
     for dt, until, more in stages:
-        scheme = Scheme(**{**options, **more})
-        for state in simulate(scene, dt=dt, until=until, scheme=scheme, start=state):
+        for state in simulate(scene, dt=dt, until=until, scheme=Scheme(**{**options, **more}), start=last):
             arm = state.x - (state.x @ share)[:, None]
             spin = share @ (arm[0] * state.v[1] - arm[1] * state.v[0]) / (share @ (arm**2).sum(axis=0))
-            found.append((state.t, *(Q @ state.v @ share), spin, *(-Q @ state.wall_force[0])))
+            found.append((state.t, *(back @ state.v @ share), spin, *(-back @ state.wall_force[0])))
+            last = state
     t, along, normal, spin, *force = np.array(found).T
     return Motion(t, np.stack([along, normal]), spin, np.array(force))
 
@@ -128,7 +128,7 @@ def slide_error(motion, friction):
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("place", [*places(5)], ids=["aligned", "inclined", *"abc"])
 def test_block_slides_without_lift(place, solver):
-    """mu = 0.3 on 30 degrees: a = g (sin - mu cos) within 1 %, normal velocity below 1e-8 of the sliding speed.
+    """Friction 0.3 on 30 degrees: a = g (sin - mu cos) within 1 %, normal velocity below 1e-8 of the sliding speed.
 
     Asserted to 1e-6: Coulomb's law holds in every contact, so it holds in their sum to the contact tolerance (1e-9).
     """
@@ -141,7 +141,7 @@ def test_block_slides_without_lift(place, solver):
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("place", [*places(3)], ids=["aligned", "inclined", "a"])
 def test_block_sticks(place, solver):
-    """mu = 1.1 tan(slope): at rest, its speed below 1e-6 of what it would have fallen to along the wall."""
+    """Friction 1.1 tan(slope): at rest, its speed below 1e-6 of what it would have fallen to along the wall."""
     motion = block(STICKS, place, solver)
     assert np.abs(motion.v[:, motion.t > 0.5]).max() < 1e-6 * G * np.sin(SLOPE) * 0.25
     assert motion.force[0, -1] == pytest.approx(-0.02 * DENSITY * G * np.sin(SLOPE), rel=1e-6)
@@ -151,12 +151,12 @@ def test_block_sticks(place, solver):
 
 RADIUS, REST = 0.1, 0.5
 LIMIT = np.tan(SLOPE) / 3.0
-ROLLS, SLIPS = 0.5, 0.1
+ROLLS, SLIPS, NEAR = 0.5, 0.1, 0.97 * np.tan(SLOPE) / 3.0
 
 
 @cache
 def round_body(friction, place, solver="banded", cells=10):
-    """NeoHookean; midpoint rule once gravity along the wall sets in, over 20 ms, dt = 2 ms, 0.3 s."""
+    """NeoHookean; midpoint rule once gravity along the wall sets in, over 20 ms, dt = 2.5 ms, 0.25 s."""
     cell = RADIUS / cells
     scene = incline(
         disc((0.0, RADIUS), RADIUS, spacing=0.5 * cell),
@@ -166,7 +166,7 @@ def round_body(friction, place, solver="banded", cells=10):
         place=place,
         ramp=(REST, REST + 0.02),
     )
-    stages = [(0.1, REST, {}), (2e-3, REST + 0.3, {"theta": 0.5})]
+    stages = [(0.02, REST, {}), (2.5e-3, REST + 0.25, {"theta": 0.5})]
     return follow(scene, place, stages, linear=SOLVERS[solver])
 
 
@@ -185,12 +185,110 @@ def disc_errors(motion, friction):
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_disc_rolls(solver):
-    """mu = 0.5 on 30 degrees, R/h = 10: a = 2/3 g sin(slope), spin a / R, within 1 %."""
+    """Friction 0.5 on 30 degrees, R/h = 10: a = 2/3 g sin(slope), spin a / R, within 1 %."""
     errors = disc_errors(round_body(ROLLS, INCLINED, solver), ROLLS)
     assert np.abs(errors).max() < 0.01
 
 
 def test_disc_slides():
-    """mu = 0.1 on 30 degrees, R/h = 10: a = g (sin - mu cos) within 1 %."""
+    """Friction 0.1 on 30 degrees, R/h = 10: a = g (sin - mu cos) within 1 %.
+
+    Goal 1 % for the spin's acceleration: missed, 1 to 4 % too small (asserted: 5 %). Lumped mass makes the moment of
+    inertia larger by 2/3 (h/R)^2, 0.7 %; the arm is shorter than R by the 0.5 % that the disc sinks in; the rest is
+    unexplained (it is the same for dt = 1 and 2 ms, theta = 1, FLIP and a rim twice as fine) and largest where the
+    disc bounces most.
+    """
     errors = disc_errors(round_body(SLIPS, INCLINED), SLIPS)
     assert abs(errors[0]) < 0.01
+    assert -0.05 < errors[1] < 0.0
+
+
+def slip(friction, place):
+    """Acceleration of the disc's rim along the wall over that of rolling."""
+    along, _, spin = round_body(friction, place).acceleration(REST + 0.1)
+    return float((along + RADIUS * spin) / disc_exact(1.0)[0])
+
+
+def stick_limit(place):
+    """The friction at which slip vanishes, from two discs that slide, over tan(slope) / 3."""
+    friction = np.array([SLIPS, NEAR])
+    slips = np.array([slip(mu, place) for mu in friction])
+    return float((friction[1] - slips[1] * np.diff(friction) / np.diff(slips))[0] / LIMIT)
+
+
+def test_the_limit_of_rolling_is_a_third_of_the_slope():
+    """R/h = 10: slip grows linearly with mu below tan(slope) / 3 and vanishes there, within 2 %.
+
+    And 3 % above it the rim creeps by less than the elastic bound mu a / R = 1 % of Carter's theory (Proc. R. Soc.
+    Lond. A 112, 1926), while 3 % below it slips.
+    """
+    assert stick_limit(INCLINED) == pytest.approx(1.0, abs=0.02)
+    assert slip(1.03 * LIMIT, INCLINED) < 0.015 < 0.04 < slip(NEAR, INCLINED)
+
+
+# The table and its figures.
+
+
+def spread(values):
+    """Mean and largest size."""
+    values = np.asarray(values)
+    return f"mean {values.mean():.2g}, worst {values[np.abs(values).argmax()]:.2g}"
+
+
+def rows():
+    """What docs/verification.md shows of this module."""
+    where = places(CASES)
+    slides, sticks = ([block(mu, place) for place in where] for mu in (SLIDES, STICKS))
+    rolls, slips = (np.array([disc_errors(round_body(mu, p), mu) for p in where]) for mu in (ROLLS, SLIPS))
+    limits = np.array([stick_limit(place) for place in where]) - 1.0
+    errors = [slide_error(motion, SLIDES) for motion in slides]
+    lifts = [lift(motion) for motion in slides]
+    drift = [np.abs(m.v[:, m.t > 0.5]).max() / (G * np.sin(SLOPE) * 0.25) for m in sticks]
+    block_grid, disc_grid = f"10 x 5 cells, {CASES} places", f"R/h = 10, {CASES} places"
+    limited = "test_the_limit_of_rolling_is_a_third_of_the_slope"
+    return [
+        Row("block slides on an incline: acceleration", "g (sin - mu cos)", block_grid, spread(errors), "-",
+            "1 %: met", "test_block_slides_without_lift"),
+        Row("the same: normal over sliding velocity", "0", block_grid, f"{max(lifts):.1g} at most", "-",
+            "1e-8: met (contact_tol 1e-9; it is as small as that)", "test_block_slides_without_lift"),
+        Row("block sticks: speed over that without friction", "0", block_grid, f"{max(drift):.1g} at most", "-",
+            "rest: met", "test_block_sticks"),
+        Row("disc rolls: acceleration; of the spin", "2/3 g sin; a / R", disc_grid,
+            f"{spread(rolls[:, 0])}; {spread(rolls[:, 1])}", "-", "1 %: met in the mean", "test_disc_rolls"),
+        Row("disc slides: acceleration", "g (sin - mu cos)", disc_grid, spread(slips[:, 0]), "-", "1 %: met",
+            "test_disc_slides"),
+        Row("the same: acceleration of the spin", "2 mu g cos / R", disc_grid, spread(slips[:, 1]), "-",
+            "1 %: missed: lumped mass 0.7 %, shorter arm 0.5 %, the rest unexplained, larger where the disc bounces",
+            "test_disc_slides"),
+        Row("stick limit of a disc", "tan / 3", disc_grid, spread(limits), "-", "2 %: met", limited),
+    ]  # fmt: skip
+
+
+def figures(folder):
+    """Draw accelerations of block and disc over friction."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    fig, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+    mu, scale = np.linspace(0.0, 0.8, 400), G * np.sin(SLOPE)
+    axes.plot(mu, np.maximum(block_slides(mu), 0.0) / scale, "k", lw=1, label="block, closed form")
+    axes.plot(mu, [disc_exact(m)[0] / scale for m in mu], "k--", lw=1, label="disc, closed form")
+    axes.plot(mu, [-disc_exact(m)[1] * RADIUS / scale for m in mu], "C1:", lw=1, label="disc, spin x R, closed form")
+    shown = np.array([0.05, 0.2, 0.35, 0.5, 0.55, 0.6, 0.75])
+    found = [block(m, INCLINED).acceleration(0.4)[0] / scale for m in shown]
+    axes.plot(shown, found, "C0s", label="block, 10 x 5 cells")
+    shown = np.array([0.03, SLIPS, 0.15, NEAR, 1.03 * LIMIT, 0.3, ROLLS])
+    found = np.array([round_body(m, INCLINED).acceleration(REST + 0.1) for m in shown]) / scale
+    axes.plot(shown, found[:, 0], "C2o", label="disc, R/h = 10")
+    axes.plot(shown, -RADIUS * found[:, 2], "C1^", label="disc, spin x R")
+    axes.axvline(LIMIT, color="0.7", lw=0.8)
+    axes.set(xlabel="friction coefficient", ylabel="acceleration over g sin(slope)", ylim=(-0.03, 1.03))
+    axes.legend(fontsize=7)
+    fig.savefig(folder / "friction_incline.png", dpi=120)
+    plt.close(fig)
+    return {
+        "friction_incline.png": "Accelerations of a block and a disc on an incline of 30 degrees under vertical"
+        " gravity, against friction; the grey line is the stick limit tan / 3 of the disc."
+    }
