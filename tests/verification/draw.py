@@ -25,6 +25,9 @@ MODULES = (
     "manufactured",
     "dynamics",
     "galilean",
+    "friction",
+    "collision",
+    "pile",
 )
 HEAD = """# Verification
 

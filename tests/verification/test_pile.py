@@ -30,10 +30,10 @@ def pile(seed):
     for i, radius in enumerate(R * draw.uniform(0.8, 1.0, DISCS)):
         reach = 1.02 * radius
         x = np.clip(0.12 + 0.24 * (i % 3) + draw.uniform(-0.01, 0.01), reach, WIDTH - reach)
-        points = disc(shift + (x, top[i % 3] + reach), radius, spacing=0.5 * PILE_CELL)
+        points = disc(shift + np.array([x, top[i % 3] + reach]), radius, spacing=0.5 * PILE_CELL)
         bodies.append(Body(points, NeoHookean(PILE_E, 0.3, DENSITY)))
         top[i % 3] += 2.0 * reach
-    side = shift + (WIDTH, 0.0)
+    side = shift + np.array([WIDTH, 0.0])
     walls = [Wall(shift, (0, 1), friction=0.5), Wall(shift, (1, 0)), Wall(side, (-1, 0))]
     return Scene(bodies, cell=PILE_CELL, walls=walls, friction=0.5, gravity=(0.0, -G))
 
@@ -103,8 +103,11 @@ def burden(solver="banded", offset=(0.3, 0.6), cells=5, steps=80, dt=5e-3):
     cell = R / cells
     light, heavy = (NeoHookean(3e6, 0.3, density) for density in (0.1, 0.1 * RATIO))
     shift = cell * np.array(offset)
-    bodies = [Body(disc(shift + (0.0, y * R), R, spacing=cell / 2), m) for y, m in ((1.0, light), (3.0, heavy))]
-    sides = [Wall(shift - (R, 0.0), (1, 0)), Wall(shift + (R, 0.0), (-1, 0))]
+    bodies = [
+        Body(disc(shift + np.array([0.0, y * R]), R, spacing=cell / 2), m) for y, m in ((1.0, light), (3.0, heavy))
+    ]
+    right = np.array([R, 0.0])
+    sides = [Wall(shift - right, (1, 0)), Wall(shift + right, (-1, 0))]
     walls = [Wall(shift, (0, 1), friction=0.5), *sides]
     scene = Scene(bodies, cell=cell, walls=walls, friction=0.5, gravity=(0.0, -G))
     start = initial(scene)
