@@ -69,8 +69,8 @@ class Scheme:
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use True or False")
         if self.gap_tol < self.contact_tol:
             raise ValueError(
-                f"Scheme: gap_tol = {self.gap_tol} is below contact_tol = {self.contact_tol}, the residual that a solve"
-                " leaves; raise the one or lower the other"
+                f"Scheme: gap_tol = {self.gap_tol} is below contact_tol = {self.contact_tol}, the residual that a"
+                " solve leaves; raise the one or lower the other"
             )
         for name in ("contact", "transfer", "linear"):
             if not callable(getattr(self, name)):
