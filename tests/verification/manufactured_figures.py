@@ -11,7 +11,8 @@ def _slope(panel, x, y, order):
     """A line of this order through the last point."""
     x = np.asarray(x, dtype=float)
     panel.plot(x, y * (x / x[-1]) ** order, "k:", lw=0.8)
-    panel.annotate(f"order {order}", (x[0], y * (x[0] / x[-1]) ** order), fontsize=6, va="bottom", ha="right")
+    middle = np.sqrt(x[0] * x[-1])
+    panel.annotate(f"order {order}", (middle, y * (middle / x[-1]) ** order), fontsize=7, va="top", ha="left")
 
 
 def draw_space(file):
@@ -22,10 +23,10 @@ def draw_space(file):
         for k, error in enumerate(offsets(per_cell)):
             label = f"cut, {per_cell} x {per_cell} points" if k == 0 else None
             left.loglog(1.0 / np.array(coarse), error, color=colour, lw=0.8, alpha=0.7, label=label)
-    aligned = in_space("square", GRIDS, 2, 32)[:, 0]
+    aligned = in_space("square", GRIDS, 2, 128)[:, 0]
     left.loglog(1.0 / np.array(GRIDS), aligned, "ko-", ms=4, label="aligned, 2 x 2 points")
     _slope(left, 1.0 / np.array(GRIDS), 0.7 * aligned[-1], 2)
-    for per_cell, fitted, style in ((3, True, "ko-"), (2, False, "C1s--"), (3, False, "C2^--")):
+    for per_cell, fitted, style in ((3, True, "ko-"), (2, False, "C1s--")):
         error = in_space("vortex", RING, per_cell, 32, fitted=fitted)[:, 0]
         label = f"{per_cell} x {per_cell} points, {'fitted' if fitted else 'volumes as'} weights"
         right.loglog(1.0 / np.array(RING), error, style, ms=4, label=label)

@@ -51,18 +51,16 @@ def test_the_sign_printed_elsewhere_does_not_balance():
 
 
 @pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS)
-@pytest.mark.parametrize("name", ["bar", "square"])
-def test_second_order_in_space_on_aligned_grids(name, solver):
-    """On h = 1/8, 1/16, 1/32 with two points per cell and direction: the displacement at a rate of 1.8 at least."""
-    displacement, velocity = orders((1 / 8, 1 / 16, 1 / 32), in_space(name, (8, 16, 32), 2, 32, solver=solver))
+@pytest.mark.parametrize(("name", "cells"), [("bar", (8, 16, 32)), ("square", (8, 16))])
+def test_second_order_in_space_on_aligned_grids(name, cells, solver):
+    """Two points per cell and direction: displacement and velocity at a rate of 1.8 at least."""
+    displacement, velocity = orders(1.0 / np.array(cells), in_space(name, cells, 2, 64, solver=solver))
     assert displacement >= 1.8
     assert velocity >= 1.8
 
 
 @pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS)
-@pytest.mark.parametrize(
-    ("name", "offset", "cells"), [("square", CUT, (8, 16, 32)), ("vortex", (0.0, 0.0), (16, 32))]
-)
+@pytest.mark.parametrize(("name", "offset", "cells"), [("square", CUT, (8, 16)), ("vortex", (0.0, 0.0), (16, 32))])
 def test_order_in_space_with_cut_cells(name, offset, cells, solver):
     """The square 0.3 and 0.45 cells off the grid, and the ring: three points per cell, at a rate of 1.5 at least."""
     found = in_space(name, cells, 3, 32, offset=offset, solver=solver)
