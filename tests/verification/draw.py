@@ -28,6 +28,8 @@ MODULES = (
     "friction",
     "collision",
     "pile",
+    "onset",
+    "hertz",
 )
 HEAD = """# Verification
 

@@ -93,14 +93,14 @@ def finite_elements(stroke, cap=None, n=32):
     held, top = np.flatnonzero(held), np.flatnonzero(rim & (y > 0.8) & vertical)
     told = np.zeros(basis.N)
     told[top] = 1 - stroke - np.sqrt(1 - x[top] ** 2)
-    touching = top[x[top] < 0.1]
+    touching = top[x[top] < half_width(formula(stroke if cap is None else 0.53 * stroke))]
     for _ in range(30):
         before, fixed = touching, np.concatenate([held, touching])
         u = solve(*condense(K, np.zeros(basis.N), x=np.where(np.isin(np.arange(basis.N), fixed), told, 0), D=fixed))
         push = -(K @ u)
         joining = np.setdiff1d(top[u[top] > told[top] + 1e-12], touching)
         touching = np.sort(np.append(touching[push[touching] > 0], joining))
-        if np.array_equal(touching, np.sort(before)):
+        if np.array_equal(touching, before):
             break
     force = 2 * push[touching].sum()
     centre = u[vertical & (np.hypot(x, y) < 1e-9)][0]
