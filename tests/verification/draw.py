@@ -25,6 +25,8 @@ MODULES = (
     "manufactured",
     "dynamics",
     "galilean",
+    "onset",
+    "hertz",
     "friction",
     "collision",
     "pile",
