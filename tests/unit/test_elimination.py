@@ -23,7 +23,8 @@ def solid(offset=(0.0, 0.0)):
     sheets = lay(p.x, np.zeros(p.n, int), 1.0, 1)
     assembly = prepare(sheets, p.volume, np.ones(p.n), np.array([1.0]))
     F = np.repeat(np.eye(2)[:, :, None], p.n, axis=2)
-    return p, sheets, assembly.matrix(assembly.stiffness(SOLID.tangent(F)), 1.0, 1e-3 * assembly.mass)
+    inertia = 1e-3 * assembly.mass.reshape(-1, 2, 1) * np.eye(2)
+    return p, sheets, assembly.matrix(assembly.stiffness(SOLID.tangent(F)), 1.0, inertia)
 
 
 def rows(sheets, points, axes=(0, 1)):
