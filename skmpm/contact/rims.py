@@ -12,24 +12,21 @@ p V (omega dt)^2 a step; only normals and stress of one configuration cancel eac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.contact.pairs import Pairs, neighbours, touching_bodies, touching_wall
 from skmpm.contact.rows import Linearise, Rows, given_velocities
 from skmpm.grid import Sheets
-from skmpm.outline import Curve, Outlines
+from skmpm.outline import Outlines
 from skmpm.scene import Scene, SceneError, State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 REACH = 0.25  # contacts with gaps up to this many cells are known to the solver
-DEPTH = 1.0  # a point deeper than this many cells belongs to the other side of the body
-FACING = -0.3  # largest cosine between the normals of two surfaces in contact
 PUSH_OUT = 0.2  # share of an overlap left by an earlier step that a step removes
 
 
@@ -58,23 +55,20 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float
     rank, reach, start = _rank(scene, rim, initial), REACH * sheets.cell, state.x[:, rim.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
     curve = outline.curve(rim, initial)
-    near = _neighbours(scene, curve, rank, start, reach, margin)
+    near = neighbours(scene, curve, rank, start, reach, margin)
+
+    def touching(moved: Array) -> Pairs:
+        walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
+        on_walls = (touching_wall(scene, rim, i, start, moved, *wall, reach) for i, wall in walls)
+        return Pairs.joined([touching_bodies(scene, near, start, moved, theta, sheets.cell), *on_walls])
 
     def linearise(w: Array) -> Rows:
         nonlocal near
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + given)
         farthest = float(np.abs(moved).max(initial=0.0))
         if 2.0 * farthest > near.margin:
-            near = _neighbours(scene, curve, rank, start, reach, 4.0 * farthest)
-        pairs = [_touching(scene, near, start, moved, theta, sheets.cell)]
-        pairs += [
-            _on_wall(scene, rim, i, start, moved, state.walls[i], dt * v, reach)
-            for i, v in enumerate(wall_velocities)
-        ]
-        joined = _Pairs(
-            *(np.concatenate(parts, axis=-1) for parts in zip(*(p.__dict__.values() for p in pairs), strict=True))
-        )
-        return _rows(scene, joined, rim, start + moved, interpolation, w, given, wall_velocities, dt)
+            near = neighbours(scene, curve, rank, start, reach, 4.0 * farthest)
+        return _rows(scene, touching(moved), start + moved, interpolation, w, given, wall_velocities, dt)
 
     return linearise
 
@@ -103,142 +97,14 @@ def _rank(scene: Scene, rim: Outlines, x: Array) -> Ints:
     return rank
 
 
-@dataclass(frozen=True)
-class _Neighbours:
-    """Points and segments that stay all there can be as long as no rim point moves by more than half the margin."""
-
-    curve: Curve
-    reach: float
-    margin: float
-    point: Ints
-    segment: Ints
-
-
-def _neighbours(scene: Scene, curve: Curve, rank: Ints, x: Array, reach: float, margin: float) -> _Neighbours:
-    rim = curve.outlines
-    point, segment = outline.candidates(rim, x, reach + margin)
-    free = scene.deformable
-    first, second = rim.body[point], rim.body[segment]
-    kept = (rank[first] < rank[second]) & (free[first] | free[second])
-    return _Neighbours(curve, reach, margin, point[kept], segment[kept])
-
-
-def _nearest(near: _Neighbours, x: Array, farthest: float) -> tuple[Ints, Ints, Array]:
-    """Of every point and every body near it the nearest segment, and where on it, if not farther than `farthest`."""
-    rim, c, i = near.curve.outlines, near.point, near.segment
-    s, distance = outline.closest(x[:, c], x[:, i], x[:, rim.next[i]])
-    along = x[:, rim.next[i]] - x[:, i]
-    # Of two segments that meet in the nearest point, a corner, the one that faces the point's own surface more.
-    facing = np.einsum("ik,ik->k", outline.normals(rim, x)[:, c], np.stack([along[1], -along[0]]))
-    order = np.lexsort((distance + 1e-6 * facing, rim.body[i], c))
-    order = order[distance[order] < farthest]
-    pair = np.stack([c[order], rim.body[i][order]])
-    first = np.ones(order.size, dtype=bool)
-    first[1:] = (pair[:, 1:] != pair[:, :-1]).any(axis=0)
-    kept = order[first]
-    return c[kept], i[kept], s[kept]
-
-
-@dataclass(frozen=True)
-class _Projections:
-    """Rim points projected on the curves of other bodies."""
-
-    point: Ints  # (k,) rim vertex
-    segment: Ints  # (k,)
-    s: Array  # (k,)
-    normal: Array  # (2, k) from the curve to the point
-    gap: Array  # (k,) [m]
-
-    def __getitem__(self, chosen: Ints) -> _Projections:
-        return _Projections(*(a[..., chosen] for a in self.__dict__.values()))
-
-
-def _project(curve: Curve, x: Array, c: Ints, segment: Ints, s: Array) -> _Projections:
-    """Project points c (k,) on curves, from a start nearby; a point off a corner sees the corner itself."""
-    segment, s = curve.project(x, x[:, c], segment, s)
-    apart, normal = x[:, c] - curve.at(x, segment, s), curve.normals(x, segment, s)
-    gap, distance = np.einsum("ik,ik->k", apart, normal), np.hypot(*apart)
-    # By the length of the segment, not of the gap: a point right on the corner has no direction of its own.
-    along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
-    off_corner = curve.at_corner(segment, s) & (along > 1e-6 * np.hypot(*curve.at(x, segment, s, 1)))
-    beside = off_corner & (gap > 0.0)
-    normal = np.where(beside, apart / np.where(beside, distance, 1.0), normal)
-    return _Projections(c, segment, s, normal, np.where(beside, distance, gap))
-
-
-@dataclass(frozen=True)
-class _Pairs:
-    """The contacts of a configuration."""
-
-    bodies: Ints  # (2, k)
-    point: Ints  # (k,) rim vertex
-    stencil: Ints  # (4, k) rim vertices that carry the other side; unused for walls
-    weights: Array  # (4, k) their shares; zero for walls
-    turning: Array  # (4, k) shares in the curve's unit tangent [1/m]; zero for walls and at corners
-    curvature: Array  # (k,) of the curve, negative where it bulges [1/m]; zero for walls and at corners
-    normal: Array  # (2, k) at x + theta dt w
-    gap: Array  # (k,) [m] at its end
-    before: Array  # (k,) [m] at its start
-    friction: Array  # (k,)
-
-
-def _touching(scene: Scene, near: _Neighbours, start: Array, moved: Array, theta: float, cell: float) -> _Pairs:
-    """Contacts between bodies."""
-    curve, rim, after = near.curve, near.curve.outlines, start + moved
-    end = _project(curve, after, *_nearest(near, after, DEPTH * cell))
-    facing = np.einsum("ik,ik->k", outline.normals(rim, after)[:, end.point], end.normal)
-    end = end[np.flatnonzero((end.gap > -DEPTH * cell) & (end.gap < near.reach) & (facing < FACING))]
-    driving = end if theta == 1.0 else _project(curve, start + theta * moved, end.point, end.segment, end.s)
-    begin = _project(curve, start, end.point, end.segment, end.s)
-    at = start + theta * moved
-    speed = np.hypot(*curve.at(at, driving.segment, driving.s, 1))
-    bend, smooth = curve.at(at, driving.segment, driving.s, 2), ~curve.at_corner(driving.segment, driving.s)
-    return _Pairs(
-        bodies=rim.body[np.stack([end.point, end.segment])],
-        point=end.point,
-        stencil=curve.stencil(driving.segment),
-        weights=curve.weights(driving.segment, driving.s),
-        turning=np.where(smooth, curve.weights(driving.segment, driving.s, 1) / speed, 0.0),
-        curvature=np.where(smooth, np.einsum("ik,ik->k", driving.normal, bend) / speed**2, 0.0),
-        normal=driving.normal,
-        gap=end.gap,
-        before=begin.gap,
-        friction=np.full(end.point.size, float(scene.friction)),
-    )
-
-
-def _on_wall(
-    scene: Scene, rim: Outlines, i: int, start: Array, moved: Array, point: Array, step: Array, reach: float
-) -> _Pairs:
-    """Contacts with wall i, which moves from `point` by `step`."""
-    wall = scene.walls[i]
-    normal = np.asarray(wall.normal, dtype=float)
-    before = normal @ (start - point[:, None])
-    gap = before + normal @ (moved - step[:, None])
-    c = np.flatnonzero((gap < reach) & scene.deformable[rim.body])
-    return _Pairs(
-        bodies=np.stack([rim.body[c], np.full(c.size, -1 - i)]),
-        point=c,
-        stencil=np.repeat(c[None], 4, axis=0),
-        weights=np.zeros((4, c.size)),
-        turning=np.zeros((4, c.size)),
-        curvature=np.zeros(c.size),
-        normal=np.repeat(normal[:, None], c.size, axis=1),
-        gap=gap[c],
-        before=before[c],
-        friction=np.full(c.size, float(wall.friction)),
-    )
-
-
-def _key(scene: Scene, pairs: _Pairs) -> Ints:
+def _key(scene: Scene, pairs: Pairs) -> Ints:
     other = np.where(pairs.bodies[1] < 0, len(scene.bodies) - 1 - pairs.bodies[1], pairs.bodies[1])
     return np.asarray(pairs.point * (len(scene.bodies) + len(scene.walls)) + other)
 
 
 def _rows(
     scene: Scene,
-    pairs: _Pairs,
-    rim: Outlines,
+    pairs: Pairs,
     x: Array,
     interpolation: sp.csr_array,
     w: Array,
@@ -250,7 +116,7 @@ def _rows(
     k = np.arange(pairs.gap.size)
     data = np.concatenate([np.ones(k.size), -pairs.weights.ravel()])
     place = (np.tile(k, 5), np.concatenate([pairs.point, pairs.stencil.ravel()]))
-    relative = sp.csr_array((data, place), shape=(k.size, rim.point.size))
+    relative = sp.csr_array((data, place), shape=(k.size, x.shape[1]))
     prescribed = (relative @ given.T).T
     on_wall = pairs.bodies[1] < 0
     prescribed[:, on_wall] -= walls[-1 - pairs.bodies[1, on_wall]].T
@@ -265,7 +131,7 @@ def _rows(
         gap=pairs.gap,
         friction=pairs.friction,
         key=_key(scene, pairs),
-        point=rim.point[pairs.point],
+        point=scene.outlines.point[pairs.point],
         difference=difference,
         turning=sp.csr_array(turning @ interpolation),
         curvature=pairs.curvature,
