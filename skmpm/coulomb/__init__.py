@@ -8,6 +8,7 @@ with mu~ = mu sqrt(W_tt / W_nn).
 """
 
 from skmpm.coulomb.law import project, residual
-from skmpm.coulomb.search import Info, Linear, solve
+from skmpm.coulomb.problem import Linear
+from skmpm.coulomb.search import Info, solve
 
 __all__ = ["Info", "Linear", "project", "residual", "solve"]

@@ -1,0 +1,114 @@
+"""The problem in variables scaled by diag(W)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+
+from skmpm.coulomb.law import Array, clamp, natural, root, scaled_friction, split
+
+Matrix: TypeAlias = Any  # dense or CSR, with @
+
+FLOOR = 1e-300  # a problem with |q~| below it is at rest
+DENSE = 200  # rows up to which dense algebra beats sparse bookkeeping
+SHIFT = 1e-6
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Unknowns s (m,) without a cone: coupling r + compliance s + q = 0, and u = W r + coupling' s + q_contact."""
+
+    coupling: Matrix  # (m, 2k) or (m, k)
+    compliance: Matrix  # (m, m) symmetric, not necessarily definite
+    q: Array  # (m,)
+
+    def join(self, W: Matrix, q: Array) -> tuple[Matrix, Array]:
+        """The matrix and the right-hand side of all unknowns, contacts first."""
+        whole = sp.block_array([[sp.csr_array(W), self.coupling.T], [self.coupling, self.compliance]], format="csr")
+        return whole, np.concatenate([q, self.q])
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Impulses, their velocities and the natural map's residual relative to |q~|."""
+
+    r: Array  # (m,)
+    u: Array  # (m,)
+    error: float
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The scaled problem; what its methods return is in scaled variables too."""
+
+    W: Matrix  # (m, m), unit diagonal
+    q: Array  # (m,)
+    mu: Array  # (k,)
+    reference: float
+    contacts: int  # rows; those that follow are linear
+    largest: float  # bound of the largest eigenvalue of the contacts' W
+    shift: float = SHIFT  # of the diagonal of a Newton step's matrix: keeps redundant contacts in hand
+
+    def at(self, r: Array, u: Array | None = None) -> Iterate:
+        """Return r with its velocities and its error."""
+        u = self.W @ r + self.q if u is None else u
+        k = self.contacts
+        error = float(np.hypot(natural(r[:k], u[:k], self.mu), np.linalg.norm(u[k:]))) / self.reference
+        return Iterate(r, u, error if np.isfinite(error) else np.inf)
+
+    def clamp(self, r: Array) -> Array:
+        """Pull the contacts' impulses into their cones."""
+        return np.concatenate([clamp(r[: self.contacts], self.mu), r[self.contacts :]])
+
+    def stray(self, r: Array, u: Array, gain: float) -> float:
+        """Alart & Curnier's natural map, whose zero Newton seeks; any gain > 0 has the same zeros."""
+        return float(np.linalg.norm(r - self.clamp(r - gain * u))) / self.reference
+
+    def near(self, r: Array, weight: float) -> Problem:
+        """The proximal problem at r: the same with velocities u + weight (r_new - r) of the contacts."""
+        diagonal = np.where(np.arange(self.q.size) < self.contacts, weight, 0.0)
+        added = sp.diags_array(diagonal, format="csr") if is_sparse(self.W) else np.diag(diagonal)
+        return replace(self, W=self.W + added, q=self.q - diagonal * r, shift=min(self.shift, 1e-3 * weight))
+
+
+def is_sparse(W: Matrix) -> bool:
+    """Whether W is a sparse matrix."""
+    return bool(sp.issparse(W))
+
+
+def scaled(W: Matrix, q: Array, mu: Array, contacts: int) -> tuple[Problem, Array]:
+    """Return the problem with unit diag(W), and s = sqrt(diag W)."""
+    if is_sparse(W) and q.size > DENSE:
+        W = sp.csr_array(W, dtype=float).sorted_indices()  # a copy: scaled in place
+        s = root(np.abs(W.diagonal()))
+        W.data /= np.repeat(s, np.diff(W.indptr)) * s[W.indices]
+    else:
+        W = np.asarray(sp.coo_array(W).toarray() if is_sparse(W) else W, dtype=float)
+        s = root(np.abs(W.diagonal()))
+        W = W / (s[:, None] * s)
+    q = q / s
+    if contacts > mu.size:
+        q[1:contacts:2][mu == 0.0] = 0.0  # rows without an unknown
+    slope, reference = scaled_friction(mu, s[:contacts]), max(float(np.linalg.norm(q)), FLOOR)
+    return Problem(W, q, slope, reference, contacts, _largest_eigenvalue(W[:contacts, :contacts])), s
+
+
+def _largest_eigenvalue(W: Matrix) -> float:
+    """Bound the largest eigenvalue of W~: power iterations with a margin, at most the largest row sum."""
+    x = 1.0 + np.sin(np.arange(W.shape[0]))  # any vector without symmetry will do
+    for _ in range(8):
+        x = W @ (x / max(float(np.linalg.norm(x)), FLOOR))
+    bound = min(1.2 * float(np.linalg.norm(x)), float(abs(W).sum(axis=1).max()))
+    return bound if bound > 0.0 else 1.0
+
+
+def unscaled(x: Array, slope: Array, s: Array, mu: Array) -> Array:
+    """Return r = x / s with slipping contacts on the cone mu r_n to the last bit."""
+    x_n, x_t, slope = split(x, slope)
+    r_n, r_t, mu = split(x / s, mu)
+    edge = mu * r_n
+    slips = np.abs(x_t) >= slope * x_n
+    return np.hstack([r_n, np.where(slips, np.sign(x_t) * edge, np.clip(r_t, -edge, edge))]).ravel()
