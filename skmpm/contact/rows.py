@@ -33,7 +33,7 @@ class Rows:
     key: Ints  # (k,) identity from step to step
     point: Ints  # (k,) rim point of the first body, -1 at a grid node
     difference: sp.csr_array  # (k, nodes)
-    turning: sp.csr_array  # (k, nodes) normal . (turning @ w) is how fast the second body's surface turns [1/m]
+    turning: sp.csr_array  # (k, nodes) turning @ w is how fast the second body's unit tangent turns and grows [1/m]
     curvature: Array  # (k,) of that surface, negative where it bulges [1/m]
     given: Array  # (2, k) prescribed part of the relative velocity [m/s]
     offset_normal: Array  # (k,) [m/s]
@@ -63,10 +63,10 @@ class Rows:
             return rows[0]
         return sp.csr_array(sp.vstack(rows, format="csr")[self._interleaved])
 
-    def turned(self, chosen: Ints) -> tuple[sp.csr_array, sp.csr_array]:
-        """Of the chosen contacts (m,) the rows of sliding [m/s] and of turning of the second surface [1/s]."""
-        slide = along(self.difference[chosen], self.tangent[:, chosen])
-        return slide, along(self.turning[chosen], self.normal[:, chosen])
+    def turned(self, chosen: Ints) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        """Rows of the chosen contacts (m,): sliding [m/s], turning and stretch of the second surface [1/s]."""
+        slide, surface = along(self.difference[chosen], self.tangent[:, chosen]), self.turning[chosen]
+        return slide, along(surface, self.normal[:, chosen]), along(surface, self.tangent[:, chosen])
 
     @property
     def _interleaved(self) -> Ints:

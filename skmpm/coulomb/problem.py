@@ -19,15 +19,17 @@ SHIFT = 1e-6
 
 @dataclass(frozen=True)
 class Linear:
-    """Unknowns s (m,) without a cone: coupling r + compliance s + q = 0, and u = W r + coupling' s + q_contact."""
+    """Unknowns s (m,) without a cone: coupling r + compliance s + q = 0, and u = W r + back s + q_contact."""
 
     coupling: Matrix  # (m, 2k) or (m, k)
-    compliance: Matrix  # (m, m) symmetric, not necessarily definite
+    compliance: Matrix  # (m, m) not necessarily definite
     q: Array  # (m,)
+    back: Matrix | None = None  # (2k, m) or (k, m); coupling' if not given
 
     def join(self, W: Matrix, q: Array) -> tuple[Matrix, Array]:
         """The matrix and the right-hand side of all unknowns, contacts first."""
-        whole = sp.block_array([[sp.csr_array(W), self.coupling.T], [self.coupling, self.compliance]], format="csr")
+        back = self.coupling.T if self.back is None else self.back
+        whole = sp.block_array([[sp.csr_array(W), back], [self.coupling, self.compliance]], format="csr")
         return whole, np.concatenate([q, self.q])
 
 

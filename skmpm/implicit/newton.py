@@ -19,7 +19,8 @@ DEPTH = 15  # directions that acceleration remembers
 CAUTION = 0.5  # share of a direction that is gone once the iteration converges slowly
 PATIENCE = 20  # iterations after which normals turn no more
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
-REST = 3  # iterations between two factorisations in one step
+SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration sets in
+FAR = 20.0  # imbalance over `newton_tol` above which a new matrix is worth its price
 
 
 @dataclass(frozen=True)
@@ -40,10 +41,10 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     """Solve one step from w = v0.
 
     Every iteration measures the gaps where the current w ends and solves the contacts against the linearised bulk.
-    The matrix of the first iteration serves the step as long as the imbalance at least halves; how loaded contacts
-    turn is part of the contact problem, and Anderson's acceleration helps over the rest. Where a contact is about to
-    snap from one place to another its normals never settle; after `PATIENCE` iterations they stay as they are, and
-    gaps, Signorini's and Coulomb's laws are solved along them.
+    How the forces of loaded contacts turn is part of the contact problem, so convergence is quadratic with a new
+    matrix in every iteration; close to the solution the last one does. Anderson's acceleration helps where states
+    of contacts keep changing. Where a contact is about to snap from one place to another its normals never settle;
+    after `PATIENCE` iterations they stay as they are, and gaps, Signorini's and Coulomb's laws are solved along them.
 
     Raises
     ------
@@ -51,7 +52,7 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         after `max_newton` iterations, or when the contact solver or the line search fails
     """
     scheme, w, solver, factorised = step.scheme, _first(step), kept, 0
-    at, projected, before, newest = step.at(w), False, np.inf, 0
+    at, projected, before = step.at(w), False, np.inf
     if touching is None:
         _check_balance(step)
     mixing, share = Mixing(step.bulk.assembly.mass), 1.0
@@ -64,20 +65,20 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
             reaction = step.reaction(gradient - push)
             return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)
-        rested = touching is None or (imbalance > 0.5 * before and iteration - newest > REST)
-        if solver is None or (rested and not step.bulk.linear):
+        far = touching is None or imbalance > FAR * scheme.newton_tol
+        if solver is None or (far and not step.bulk.linear):
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
-            factorised, newest = factorised + 1, iteration
+            factorised += 1
             timer.lap("factorisation")
         share = CAUTION if touching and imbalance > 0.8 * before and iteration > 2 else share
-        before = imbalance
+        slow, before = imbalance > SLOW * before, imbalance
         if touching and iteration == PATIENCE:
             touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
         if touching:
-            direction, push = touching.solve(solver, gradient)
+            direction, push = touching.solve(solver, gradient, afresh=far)
         else:
             direction = -solver(gradient)
-        mixed = mixing.mixed(w, direction, share)
+        mixed = mixing.mixed(w, direction, share, wanted=slow)
         w, at = _move(step, w, at, direction, mixed, gradient - push, push)
         timer.lap("bulk")
     raise NotConverged(
@@ -142,8 +143,8 @@ class Mixing:
     points: list[Array] = field(default_factory=list)
     directions: list[Array] = field(default_factory=list)
 
-    def mixed(self, w: Array, direction: Array, share: float) -> Array:
-        """The direction to the combination of all points so far whose combined direction is the smallest.
+    def mixed(self, w: Array, direction: Array, share: float, *, wanted: bool) -> Array:
+        """If wanted, the direction to the combination of all points so far whose combined direction is the smallest.
 
         Of that combined direction it goes a `share`: all of it, or less where the iteration overshoots. Then it
         also alternates with plain steps (Pratapa, Suryanarayana & Pask, J. Comput. Phys. 306, 2016).
@@ -153,7 +154,7 @@ class Mixing:
             [*self.directions, direction][-self.depth :],
         )
         self.count += 1
-        if len(self.points) == 1:
+        if len(self.points) == 1 or not wanted:
             return direction
         if share < 1.0 and self.count % PERIOD:
             return share * direction

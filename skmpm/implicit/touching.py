@@ -13,7 +13,7 @@ from skmpm import coulomb
 from skmpm.contact import Linearise, Rows
 from skmpm.contact.rows import lookup
 from skmpm.implicit.increment import Increment
-from skmpm.implicit.turning import Turning, loaded, turning
+from skmpm.implicit.turning import Turning, loaded, sticking, turning
 from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Timer:
 class Contrast:
     """What the last contact solve knew: its matrix and the measures of its residual."""
 
-    solver: Solver
+    solver: Solver | None  # that W was made with
     key: Ints  # (k,) of the rows W was made for
     turned: Ints  # (m,) those of them whose turning W knows
     W: sp.csr_array  # (k or 2 k + 2 m)^2
@@ -74,6 +74,7 @@ class Touching:
     u: Array = field(init=False)
     last: Contrast | None = None
     settled: Rows | None = None  # rows whose normals are kept from now on
+    normal: Array | None = None  # (2, k) along which the forces act, if this step found them
 
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
@@ -81,11 +82,23 @@ class Touching:
         self.rows = self._movable(self.linearise(w))
         if self.settled is not None and self.settled.size:
             self.rows = self.rows.along(self.settled, w)
-        self.r = self.rows.impulses(self.key, self.force, self.step.dt)
+        self.r = self._known()
         self.u = self.rows.H @ w + self.rows.offset
         residual = self._residual()
         self.timer.lap("detection")
         return self._push(), residual
+
+    def _known(self) -> Array:
+        """The impulses known so far on the current rows: as they stand in the frame, as vectors where they stick."""
+        rows, dt = self.rows, self.step.dt
+        r = rows.impulses(self.key, self.force, dt)
+        if not rows.tangential or self.normal is None:
+            return r
+        n, t = self.normal, np.stack([-self.normal[1], self.normal[0]])
+        vector = rows.impulses(self.key, self.force[0] * n + self.force[1] * t, dt).reshape(-1, 2).T
+        turned = np.stack([np.einsum("ik,ik->k", a, vector) for a in (rows.normal, rows.tangent)], axis=1).ravel()
+        sticks = sticking(r, rows.friction) & sticking(turned, rows.friction)
+        return np.where(np.repeat(sticks, 2), turned, r)
 
     def _movable(self, rows: Rows) -> Rows:
         """Contacts that can move: supports decide where points go that they hold, whatever touches these."""
@@ -94,12 +107,14 @@ class Touching:
         normal = rows.H[:: 2 if rows.tangential else 1]
         return rows.among(abs(normal @ self.step.supports.T).sum(axis=1) > 1e-12)
 
-    def solve(self, solver: Solver, gradient: Array) -> tuple[Array, Array]:
+    def solve(self, solver: Solver, gradient: Array, *, afresh: bool = False) -> tuple[Array, Array]:
         """Newton direction and push of the new impulses, which obey the contact law on the linearised bulk.
 
-        u = u(w) + H [A^-1 (push - gradient)] + W (r_new - r): as long as solver and rows stay the same W is kept,
-        although H turns a little, because it multiplies a difference that vanishes with convergence.
+        u = u(w) + H [A^-1 (push - gradient)] + W (r_new - r): unless asked for afresh W is kept while solver and rows
+        stay the same, although H turns a little: it multiplies a difference that vanishes with convergence.
         """
+        if afresh and self.last is not None:
+            self.last = replace(self.last, solver=None)
         if self.rows.size == 0:
             return -solver(gradient), self._push()
         step = self.step
@@ -112,23 +127,26 @@ class Touching:
                 f"the contact solver stopped at a residual of {self.stopped:.2g} with {self.rows.size} contacts"
                 f" (wanted {step.scheme.contact_tol:g}); use a smaller dt"
             )
-        self.r, turned = impulses
-        self.key, self.force = self.rows.key, self.rows.forces(self.r, step.dt)
+        self.r, rho = impulses
         push = self._push()
-        direction = solver(push - gradient + turned)
+        if turns is not None and rho.size:
+            push += step.scheme.theta * (turns.pushed.T @ rho)
+            self.r = turns.settled(self.r, rho) if self.rows.tangential else self.r
+        self.key, self.force, self.normal = self.rows.key, self.rows.forces(self.r, step.dt), self.rows.normal
+        direction = solver(push - gradient)
         self.timer.lap("linear")
         return direction, push
 
     def _impulses(self, solver: Solver, gradient: Array, turns: Turning | None) -> tuple[Array, Array] | None:
-        """The new impulses, and the push of those by which loaded contacts turn; None where there is no solution."""
-        rows, known, theta = self.rows, self.r, self.step.scheme.theta
+        """The new impulses and those by which loaded contacts turn; None where there is no solution."""
+        rows, known = self.rows, self.r
         moved = solver(self._push() - gradient)
         self.timer.lap("linear")
         W, k = self._compliance(solver, turns), known.size
         q, linear = self.u + rows.H @ moved - W[:k, :k] @ known, None
         if turns is not None:
             rest = turns.Z @ moved - W[k:, :k] @ known
-            linear = coulomb.Linear(W[k:, :k], W[k:, k:] + turns.compliance, rest)
+            linear = coulomb.Linear(W[k:, :k], W[k:, k:] + turns.compliance, rest, W[:k, k:])
         self._measure_by(q)
         tol = self.step.scheme.contact_tol
         r, info = coulomb.solve(W[:k, :k], q, rows.friction, r0=known, tol=tol, linear=linear)
@@ -136,28 +154,34 @@ class Touching:
         self.timer.lap("contact")
         if not info.converged:
             return None
-        return r, np.zeros_like(gradient) if turns is None else np.asarray(theta * (turns.Z.T @ info.linear))
+        return r, info.linear
 
     def _compliance(self, solver: Solver, turns: Turning | None) -> sp.csr_array:
-        """W = theta H A^-1 H' of the contacts, followed by the rows that turn; kept while rows and solver stay."""
+        """W = theta H A^-1 H' of the contacts, and of the rows that turn with those along which these act."""
         rows, none = self.rows, np.zeros(0, dtype=np.int64)
         turned = none if turns is None else turns.contacts
         if self.last is None or not self.last.knows(solver, rows.key, turned):
             self.last = self._contrast(solver, none if turns is None else np.union1d(turned, loaded(rows, self.r)))
-        k, place = rows.H.shape[0], np.searchsorted(self.last.turned, turned)
-        if turned.size == self.last.turned.size == 0:
-            return self.last.W
-        added = k + np.arange(self.last.W.shape[0] - k).reshape(-1, self.last.turned.size)[:, place].ravel()
+        k, W, known = rows.H.shape[0], self.last.W, self.last.turned
+        if known.size == 0:
+            return W
+        place = np.searchsorted(known, turned)
         # With friction the rows of sliding are there already.
-        chosen = np.concatenate([np.arange(k), 2 * turned + 1 if rows.tangential else turned[:0], added])
-        return sp.csr_array(self.last.W[chosen][:, chosen])
+        added = (2 * turned + 1, k + place) if rows.tangential else (k + place, k + known.size + place)
+        chosen = np.concatenate([np.arange(k), *added])
+        whole = W[chosen][:, chosen]
+        if turns is not None and rows.tangential:
+            stretch = (turns.slope, (k + known.size + place, k + turned.size + np.arange(turned.size)))
+            whole = whole + W[chosen] @ sp.csr_array(stretch, shape=(W.shape[0], chosen.size))
+        return sp.csr_array(whole)
 
     def _contrast(self, solver: Solver, turned: Ints) -> Contrast:
         """W with the rows of all contacts that may turn."""
         rows = self.rows
         extended = [rows.H]
         if turned.size:
-            extended += rows.turned(turned)[1:] if rows.tangential else rows.turned(turned)
+            slide, turn, stretch = rows.turned(turned)
+            extended += [turn, stretch] if rows.tangential else [slide, turn]
         W = sp.csr_array(self.step.scheme.theta * solver.compliance(sp.csr_array(sp.vstack(extended))))
         diagonal = W.diagonal()[: rows.H.shape[0]]
         scale = diagonal.reshape(-1, 2).T if rows.tangential else np.stack([diagonal, diagonal])

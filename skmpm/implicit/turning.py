@@ -1,13 +1,17 @@
-"""How loaded contacts turn: what the second derivative of the gaps adds to A, in contact space.
+"""How the forces of loaded contacts turn: what the geometry of contact adds to A, in contact space.
 
 The gap of a point that slides by tau along a curve whose tangent turns by beta changes, to second order, by
 
     d2 g = -c (kappa tau^2 + 2 tau beta + g beta^2),    c = 1 / (1 - g kappa),
 
-kappa the curve's curvature, negative where it bulges. A contact with impulse r therefore adds Z' D Z to the Hessian
-of the Lagrangian, Z the rows of tau and beta, D = theta^2 dt r c [[kappa, 1], [1, g]]. It couples bodies and is not
-definite, so it stays out of A: the impulses rho = -D Z dw / theta are unknowns of the contact problem, linear rows
-with the compliance theta D^-1.
+kappa the curve's curvature, negative where it bulges. A contact with normal impulse r therefore adds Z' D Z to the
+Hessian of the Lagrangian, Z the rows of tau and beta, D = theta^2 dt r c [[kappa, 1], [1, g]]: its force turns by
+phi = c (kappa tau + beta) and moves along the curve by tau. Friction of slope m = r_t / r does the same where it
+slips, and has no potential: phi r m along the normal, which seen from the frame before is phi r m^2 more along the
+tangent, and m r tau on the stretch of the curve. A contact that sticks turns nothing: its force is a vector.
+
+All this couples bodies and is not definite, so it stays out of A: the impulses rho = -D Z dw / theta are unknowns of
+the contact problem, linear rows with the compliance theta D^-1. They vanish with convergence.
 """
 
 from __future__ import annotations
@@ -25,14 +29,17 @@ Ints = NDArray[np.int64]
 
 FAINT = 1e-3  # share of the largest impulse below which a contact turns nothing
 TIGHTEST = 0.1  # smallest 1 - g kappa: the point must not come near the centre of curvature
+ROUNDING = 1e-9  # share of the edge of a cone by which impulses on it may miss it
 
 
 @dataclass(frozen=True)
 class Turning:
-    """The loaded contacts between bodies, m of them."""
+    """The loaded contacts between bodies that slide, m of them."""
 
     contacts: Ints  # (m,) places among the rows
+    slope: Array  # (m,) of their forces, tangential over normal; zero without friction
     Z: sp.csr_array  # (2 m, 2 nodes) rows of sliding, then of turning
+    pushed: sp.csr_array  # (2 m, 2 nodes) rows along which rho acts: Z but for friction
     compliance: sp.csr_array  # (2 m, 2 m) theta D^-1
 
     @property
@@ -40,25 +47,50 @@ class Turning:
         """Number of linear rows."""
         return self.Z.shape[0]
 
+    def settled(self, r: Array, rho: Array) -> Array:
+        """The impulses (2 k,) along the frames as they have turned, from those along the frames before and rho."""
+        i, m, out = self.contacts, self.slope, r.copy()
+        normal = r[2 * i] + m / (1.0 + m**2) * rho[: i.size]
+        on_edge = np.abs(r[2 * i + 1] - m * r[2 * i]) <= ROUNDING * np.abs(m) * r[2 * i]
+        slips = on_edge & (np.minimum(normal, r[2 * i]) > 0.0)
+        out[2 * i] = np.where(slips, normal, r[2 * i])
+        out[2 * i + 1] = np.where(slips, m * normal, r[2 * i + 1])
+        return out
+
 
 def turning(rows: Rows, r: Array, dt: float, theta: float) -> Turning | None:
-    """What contacts with impulses r turn; None where none does. One that sticks turns nothing."""
+    """What contacts with impulses r turn; None where none does."""
     chosen = loaded(rows, r)
-    normal = r
     if rows.tangential:
-        normal = r[::2]
-        chosen = chosen[np.abs(r[1::2])[chosen] > 0.999 * (rows.friction * normal)[chosen]]
+        chosen = chosen[~sticking(r, rows.friction)[chosen]]
     if chosen.size == 0:
         return None
+    normal, slope = r[chosen], np.zeros(chosen.size)
+    if rows.tangential:
+        normal = r[2 * chosen]
+        slope = r[2 * chosen + 1] / normal
+    slide, turn, stretch = rows.turned(chosen)
+    Z = sp.csr_array(sp.vstack([slide, turn], format="csr"))
+    pushed = sp.csr_array(sp.vstack([slide, turn + sp.diags_array(slope) @ stretch], format="csr"))
+    return Turning(chosen, slope, Z, pushed, _compliance(rows, chosen, normal, slope, dt, theta))
+
+
+def _compliance(rows: Rows, chosen: Ints, normal: Array, slope: Array, dt: float, theta: float) -> sp.csr_array:
+    """Theta D^-1 with the share of friction, (2 m, 2 m)."""
     gap, kappa = rows.gap[chosen], rows.curvature[chosen]
     c = 1.0 / np.maximum(1.0 - gap * kappa, TIGHTEST)
-    factor = theta / (theta**2 * dt * normal[chosen] * c * (gap * kappa - 1.0))
-    diagonals = [sp.diags_array(factor * values) for values in (gap, -np.ones_like(gap), kappa)]
-    compliance = sp.block_array([[diagonals[0], diagonals[1]], [diagonals[1], diagonals[2]]], format="csr")
-    return Turning(chosen, sp.csr_array(sp.vstack(rows.turned(chosen), format="csr")), compliance)
+    factor = theta / (theta**2 * dt * normal * c * (gap * kappa - 1.0))
+    lean = 1.0 / (1.0 + slope**2)
+    entries = ((gap * lean, -np.ones_like(gap)), (-lean, kappa))
+    return sp.block_array([[sp.diags_array(factor * e) for e in row] for row in entries], format="csr")
 
 
 def loaded(rows: Rows, r: Array) -> Ints:
     """The contacts on curves that carry a share of the load."""
     normal = r[::2] if rows.tangential else r
     return np.flatnonzero((normal > FAINT * normal.max(initial=0.0)) & (np.diff(rows.turning.indptr) > 0))
+
+
+def sticking(r: Array, friction: Array) -> NDArray[np.bool_]:
+    """Whether impulses (2 k,) are inside their cones, (k,)."""
+    return np.asarray(np.abs(r[1::2]) < (1.0 - ROUNDING) * friction * r[::2])

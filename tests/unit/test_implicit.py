@@ -46,7 +46,7 @@ def test_mixing_converges_where_plain_iteration_diverges():
     G, fixed = basis @ (values[:, None] * basis.T), rng.normal(size=20)
     w, mixing = np.zeros(20), Mixing(np.ones(20))
     for _ in range(6):
-        w = w + mixing.mixed(w, G @ (w - fixed) + fixed - w, 1.0)
+        w = w + mixing.mixed(w, G @ (w - fixed) + fixed - w, 1.0, wanted=True)
     assert np.abs(w - fixed).max() < 1e-9
 
 
@@ -61,7 +61,7 @@ def test_an_indefinite_matrix_is_replaced_by_the_projected_one():
 
     scene = squeezed()
     state = last(scene, 1, Scheme(linear=refuses_the_first))
-    assert len(calls) == 2
+    assert len(calls) == state.report.linear + 1
     assert state.v == pytest.approx(last(scene, 1).v, abs=1e-5)
 
 

@@ -49,7 +49,7 @@ def test_the_second_derivative_of_the_gap(seed, apart):
         gaps.append(other.gap)
     measured = (gaps[0] - 2.0 * gaps[1] + gaps[2]) / (step * DT) ** 2
     everywhere = np.arange(rows.size)
-    tau, beta = (Z @ direction for Z in rows.turned(everywhere))
+    tau, beta, _ = (Z @ direction for Z in rows.turned(everywhere))
     kappa, g = rows.curvature, rows.gap
     expected = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
     size = np.abs(expected).max()
@@ -69,6 +69,29 @@ def test_the_compliance_is_the_inverse_of_that_derivative():
     second = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
     rho = -np.linalg.solve(turns.compliance.toarray(), zeta)
     assert -zeta @ rho == pytest.approx(-DT * r @ second, rel=1e-12)
+
+
+@given(seed=st.integers(0, 10_000), slope=st.sampled_from([-0.8, -0.3, 0.3, 0.8]))
+def test_forces_that_slip_turn_as_foretold(seed, slope):
+    """Impulses on the cone after a small motion, along rows laid anew, against those before and rho: second order."""
+    linearise, unknowns = linearised(pair(1.776, friction=abs(slope)))
+    rng = np.random.default_rng(seed)
+    at, direction = rng.standard_normal((2, unknowns)) * [[0.02], [0.2]]
+    rows = linearise(at)
+    r = np.outer(rng.uniform(0.5, 1.0, rows.size), [1.0, slope]).ravel()
+    turns = turning(rows, r, DT, 1.0)
+    assert turns.contacts.size == rows.size
+    rho = -np.linalg.solve(turns.compliance.toarray(), turns.Z @ direction)
+    errors = []
+    for step in (1e-2, 1e-3):
+        other = linearise(at + step * direction)
+        if not np.array_equal(other.key, rows.key):
+            return
+        foretold = rows.H.T @ r + turns.pushed.T @ (step * rho)
+        turned = other.H.T @ turns.settled(r, step * rho)
+        errors.append(np.abs(turned - foretold).max() / np.abs(turned - rows.H.T @ r).max())
+    assert errors[1] < 1e-3
+    assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-6
 
 
 def test_walls_and_unloaded_or_sticking_contacts_turn_nothing():
