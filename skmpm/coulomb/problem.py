@@ -65,6 +65,12 @@ class Problem:
         """Pull the contacts' impulses into their cones."""
         return np.concatenate([clamp(r[: self.contacts], self.mu), r[self.contacts :]])
 
+    def pressed(self, push: float) -> Iterate:
+        """The iterate with normal impulses of push |q~| on every contact."""
+        normal = np.arange(self.q.size) % (self.contacts // self.mu.size) == 0
+        normal[self.contacts :] = False
+        return self.at(push * self.reference * normal)
+
     def stray(self, r: Array, u: Array, gain: float) -> float:
         """Alart & Curnier's natural map, whose zero Newton seeks; any gain > 0 has the same zeros."""
         return float(np.linalg.norm(r - self.clamp(r - gain * u))) / self.reference

@@ -25,6 +25,7 @@ _DOWN, _UP = 0.1, 30.0  # the weight's factors where Newton solved the problem, 
 _SOLVED = 0.5  # share of the residual that must be gone
 _INNER = 30  # Newton steps for each, and gain
 _PATIENCE = 150  # Newton steps that must halve the residual
+_PUSHES = 1.0, 10.0  # |q~| on every contact: where small problems start once more
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def solve(
     r0: ArrayLike | None = None,
     tol: float = 1e-6,
     sweeps: int = 80,
-    iterations: int = 400,
+    iterations: int = 600,
     linear: Linear | None = None,
 ) -> tuple[Array, Info]:
     """Find r with u = W r + q such that every contact obeys Signorini and Coulomb; return (r, info).
@@ -56,8 +57,8 @@ def solve(
     nearly so, it goes on with proximal problems. It stops on `residual` below tol |q~|, never on an increment;
     rows without an unknown do not count in q~. ``info.converged`` is False, and r the best found, after
     ``iterations`` Newton steps or when 150 of them do not halve the residual: the usual reason is that no solution
-    exists (a rigid jam). If W is singular u is the same for all solutions, as long as friction allows only one,
-    but r is not. What u can be known to, eps |W| |r|, bounds the residual from below.
+    exists (a rigid jam). Where W is singular r is one of many; round-off, about 1e-16 |W~| |r~|, bounds the
+    residual from below.
 
     Parameters
     ----------
@@ -100,8 +101,11 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> 
             x, swept = _sweep(p, x, sweeps << round_), swept + (sweeps << round_)
             x, count = _steps(p, x, tol, limit - steps, _GAINS, _SHORTEST)
             best, steps = _better(best, x), steps + count
-    best, count = _proximal(p, best, tol, limit - steps)
-    return best, Info(steps + count, swept, best.error, best.error <= tol)
+    for start in (best, *(p.pressed(push) for push in _PUSHES if p.q.size <= DENSE)):
+        if best.error > tol and steps < limit:
+            x, count = _proximal(p, start, tol, limit - steps)
+            best, steps = _better(best, x), steps + count
+    return best, Info(steps, swept, best.error, best.error <= tol)
 
 
 def _better(x: Iterate, y: Iterate) -> Iterate:
@@ -129,7 +133,7 @@ def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, 
     """
     best, weight, steps = x, _FIRST, 0
     mark, marked = x.error, 0
-    while best.error > tol and steps < limit and steps - marked < _PATIENCE:
+    while tol < best.error < np.inf and steps < limit and steps - marked < _PATIENCE:
         near, wanted = p.near(x.r, weight), max(_SOLVED * x.error, 0.3 * tol)
         new, count = _steps(near, near.at(x.r), wanted, min(_INNER, limit - steps), _PROXIMAL_GAINS, _SHORTEST)
         solved, steps = new.error <= wanted, steps + count
