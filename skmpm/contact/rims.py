@@ -3,7 +3,7 @@
 A rim point c of one body is projected on the smooth outline of another (`outline.Curve`): a combination of four rim
 points with shares z(s). The row of the pair is N(c) w_a - sum_m z_m N(m) w_b along the curve's normal, which is the
 exact derivative of the gap: momentum is exact, forces meet on one line, and a frictionless contact is conservative.
-One body of a pair gives the points (the finer rim, then position), the other the curve.
+One body of a pair gives the points (the finer rim, then position), the other the curve, and its corners as points.
 
 Gaps are those of the end of the step. Forces act along the normals of the configuration whose stress drives the
 step, x + theta dt w: a disc that turns under pressure is driven by its stress, and braked by its contacts, by
@@ -17,8 +17,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.contact.pairs import Pairs, neighbours, touching_bodies, touching_wall
+from skmpm.contact.pairs import Pairs, touching_bodies, touching_wall
 from skmpm.contact.rows import Linearise, Rows, given_velocities
+from skmpm.contact.sides import neighbours
 from skmpm.grid import Sheets
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, SceneError, State
@@ -55,19 +56,19 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float
     rank, reach, start = _rank(scene, rim, initial), REACH * sheets.cell, state.x[:, rim.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
     curve = outline.curve(rim, initial)
-    near = neighbours(scene, curve, rank, start, reach, margin)
+    near = neighbours(scene, curve, rank, start, sheets.cell, reach, margin)
 
     def touching(moved: Array) -> Pairs:
         walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
-        on_walls = (touching_wall(scene, rim, i, start, moved, *wall, reach) for i, wall in walls)
-        return Pairs.joined([touching_bodies(scene, near, start, moved, theta, sheets.cell), *on_walls])
+        on_walls = (touching_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
+        return Pairs.joined([touching_bodies(scene, near, start, moved, theta), *on_walls])
 
     def linearise(w: Array) -> Rows:
         nonlocal near
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + given)
         farthest = float(np.abs(moved).max(initial=0.0))
         if 2.0 * farthest > near.margin:
-            near = neighbours(scene, curve, rank, start, reach, 4.0 * farthest)
+            near = neighbours(scene, curve, rank, start, sheets.cell, reach, 4.0 * farthest)
         return _rows(scene, touching(moved), start + moved, interpolation, w, given, wall_velocities, dt)
 
     return linearise
@@ -95,11 +96,6 @@ def _rank(scene: Scene, rim: Outlines, x: Array) -> Ints:
     rank = np.empty(len(scene.bodies), dtype=np.int64)
     rank[np.lexsort((centre[1], centre[0], rounded))] = np.arange(rank.size)
     return rank
-
-
-def _key(scene: Scene, pairs: Pairs) -> Ints:
-    other = np.where(pairs.bodies[1] < 0, len(scene.bodies) - 1 - pairs.bodies[1], pairs.bodies[1])
-    return np.asarray(pairs.point * (len(scene.bodies) + len(scene.walls)) + other)
 
 
 def _rows(
@@ -130,7 +126,7 @@ def _rows(
         normal=pairs.normal,
         gap=pairs.gap,
         friction=pairs.friction,
-        key=_key(scene, pairs),
+        key=pairs.key,
         point=scene.outlines.point[pairs.point],
         difference=difference,
         turning=sp.csr_array(turning @ interpolation),

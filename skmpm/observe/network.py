@@ -98,18 +98,32 @@ def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int
     contact = np.flatnonzero(~at_node)
     place = np.zeros(int(outlines.point.max(initial=-1)) + 1, dtype=np.int64)
     place[outlines.point] = np.arange(outlines.m)
+    share = _share(*contacts.bodies[:, contact])
+    contact, share = contact[share > 0.0], share[share > 0.0]
     c, (first, second) = place[contacts.point[contact]], contacts.bodies[:, contact]
     held = _between(c, second - second.min(initial=0), forced(contacts)[contact], outlines)
     closed = np.flatnonzero((contacts.gap[contact] < CLOSED * cell) | held)
-    c, first, second = c[closed], first[closed], second[closed]
+    c, first, second, share = c[closed], first[closed], second[closed], share[closed]
     length = np.zeros(c.size)
     for neighbour in (outlines.next, outlines.previous):
         length += _halves(c, contacts.normal[:, contact[closed]], x[:, neighbour[c]] - x[:, c], outlines.m)
-    both = second >= 0
+    length, both = share * length, second >= 0
     ends, twice = np.append(first, second[both]), np.append(length, length[both])
     total = np.bincount(ends, twice, bodies).astype(np.float64)  # integer if there are none
     total[touched[touched >= 0]] = np.nan
     return total
+
+
+def _share(first: Ints, second: Ints) -> Array:
+    """1 where contacts are points of the body that gives most of its pair's points, of the other, its corners, 0."""
+    width = int(max(first.max(initial=0), second.max(initial=0))) + 1
+    wall = second < 0
+    pair, reverse = (np.where(wall, -1, a * width + b) for a, b in ((first, second), (second, first)))
+    there, count = np.unique(pair, return_counts=True)
+    place = np.minimum(np.searchsorted(there, reverse), max(there.size - 1, 0))
+    own = count[np.searchsorted(there, pair)]
+    other = np.where(there[place] == reverse, count[place], 0)
+    return np.where(wall, 1.0, 0.5 + 0.5 * np.sign(own - other))
 
 
 def _halves(c: Ints, normal: Array, edge: Array, m: int) -> Array:

@@ -3,7 +3,9 @@
 On each segment the curve is a cubic whose end tangents are those of the parabolas through three neighbouring rim
 points (Catmull & Rom 1974, with the reference lengths of the segments as knots). It is linear in the rim points, its
 normal is continuous, and it leaves the circle through the points by a fourth power of their spacing where the polygon
-leaves it by a square. Corners, where the rim turns by more than 50 degrees, stay corners.
+leaves it by a square. Corners, where the rim turns by more than 50 degrees, stay corners, and cut the outline into
+sides. A side that ends in a corner that goes in, a notch, goes on behind it for a little: so it still bounds what is
+in front of it there.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from skmpm.outline.topology import Floats, Integers, Outlines
 
 CORNER = np.cos(np.deg2rad(50.0))
+BEHIND = 0.5  # of a segment: how far sides go on behind a notch
 
 
 @dataclass(frozen=True)
@@ -24,8 +27,15 @@ class Curve:
 
     outlines: Outlines
     corner: NDArray[np.bool_]  # (m,) whether the rim has a corner there
+    convex: NDArray[np.bool_]  # (m,) whether that is one that sticks out
+    side: Integers  # (m,) the side that each segment belongs to
     first: Floats  # (3, m) tangent at the start of segment i -> next[i]: shares of previous[i], i, next[i]
     last: Floats  # (3, m) tangent at its end: shares of i, next[i], next[next[i]]
+
+    @property
+    def sides(self) -> int:
+        """Sides have numbers below this."""
+        return int(self.side.max(initial=-1)) + 1
 
     def stencil(self, segment: Integers) -> Integers:
         """The four rim points (4, k) that carry the segments (k,)."""
@@ -63,16 +73,22 @@ class Curve:
             ahead, behind = s > 1.0, s < 0.0
             onward = ahead & ~self.corner[rim.next[segment]]
             backward = behind & ~self.corner[segment]
-            s = np.where(onward, s - 1.0, np.where(backward, s + 1.0, np.clip(s, 0.0, 1.0)))
+            s = np.where(onward, s - 1.0, np.where(backward, s + 1.0, self._kept(segment, s)))
             segment = np.where(onward, rim.next[segment], np.where(backward, rim.previous[segment], segment))
             if np.abs(step).max(initial=0.0) < 1e-12:
                 break
-        return segment, np.clip(s, 0.0, 1.0)
+        return segment, self._kept(segment, s)
+
+    def _kept(self, segment: Integers, s: Floats) -> Floats:
+        """Keep parameters on their segments, or a little behind where these end in a notch."""
+        notch = self.corner & ~self.convex
+        low, high = notch[segment], notch[self.outlines.next[segment]]
+        return np.asarray(np.clip(s, np.where(low, -BEHIND, 0.0), np.where(high, 1.0 + BEHIND, 1.0)))
 
     def at_corner(self, segment: Integers, s: Floats) -> NDArray[np.bool_]:
-        """Whether places on the curve are corners, (k,)."""
+        """Whether places on the curve are corners, or behind notches, (k,)."""
         start, end = self.corner[segment], self.corner[self.outlines.next[segment]]
-        return np.asarray((start & (s == 0.0)) | (end & (s == 1.0)))
+        return np.asarray((start & (s <= 0.0)) | (end & (s >= 1.0)))
 
     def normals(self, x: Floats, segment: Integers, s: Floats) -> Floats:
         """Unit outward normals (2, k)."""
@@ -87,13 +103,23 @@ def curve(outlines: Outlines, x: Floats) -> Curve:
     length = np.maximum(np.hypot(*ahead), 1e-300)
     straight = np.einsum("im,im->m", ahead, ahead[:, before]) / (length * length[before])
     corner = straight < CORNER
+    convex = corner & (ahead[0, before] * ahead[1] > ahead[1, before] * ahead[0])
     here, back, front = length, length[before], length[after]
     # The derivative at the middle one of three points by the parabola through them, times this segment's length.
     far, near = here**2 / (back * (back + here)), back / (back + here)
     first = np.where(corner, [[0.0], [-1.0], [1.0]], np.stack([-far, far - near, near]))
     far, near = here**2 / (front * (front + here)), front / (front + here)
     last = np.where(corner[after], [[-1.0], [1.0], [0.0]], np.stack([-near, near - far, far]))
-    return Curve(outlines, corner, first, last)
+    return Curve(outlines, corner, convex, _sides(outlines, corner), first, last)
+
+
+def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
+    """Number the runs of segments (m,) from corner to corner; a loop without corners is one."""
+    begins = outlines.previous >= np.arange(outlines.m)  # a loop
+    run = np.cumsum(corner | begins) - 1
+    number = np.arange(int(run.max(initial=-1)) + 1)
+    number[run[begins & ~corner]] = run[outlines.previous[begins & ~corner]]
+    return np.asarray(number[run])
 
 
 def _hermite(s: Floats, derivative: int) -> tuple[Floats, Floats, Floats, Floats]:

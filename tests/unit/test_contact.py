@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from skmpm import contact, coulomb
 from skmpm.contact.rows import lookup
+from skmpm.contact.sides import TIP
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.scene import Body, Scene, SceneError, Wall
@@ -242,6 +243,79 @@ def test_forces_and_impulses_find_their_contacts_again():
         force[0, i] if i in shuffled else 7.0 for i in range(rows.size)
     ]
     assert lookup(rows.key[:0], force[0, :0], rows.key, 7.0).tolist() == [7.0] * rows.size
+
+
+# --- corners and notches
+
+
+def turned_square(angle, corner, *, side=8 * CELL, per=CELL / 2):
+    """A square whose corner nearest to the origin of its own frame is put at `corner`, its sides along the angle."""
+    points = box((0, 0), (side, side), spacing=per)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return Points(turn @ points.x + np.reshape(corner, (2, 1)), points.volume, points.outline)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("per", [CELL / 2, CELL / 3])
+def test_the_corner_of_a_body_is_a_point_whoever_gives_the_points(order, per):
+    """Between two points of the side of a square, finer or as fine; the gap is the true one."""
+    face = Body(box((-4 * CELL, -8 * CELL), (8 * CELL, 8 * CELL), spacing=per), GEL)
+    corner = Body(turned_square(0.6, (0.13 * CELL, 0.1 * CELL)), GEL)
+    rows, _ = rows_of(Scene([face, corner][::order], cell=CELL))
+    lowest = np.flatnonzero(np.hypot(*(rows.x - np.array([[0.13], [0.1]]) * CELL)) < 1e-12)
+    assert lowest.size == 1
+    assert rows.gap[lowest] == pytest.approx(0.1 * CELL, rel=1e-9)
+    assert np.abs(np.abs(rows.normal[:, lowest].ravel()) - [0, 1]).max() < 1e-9
+
+
+def test_a_corner_in_a_notch_touches_both_sides():
+    """Also where it is a little behind one of them: both gaps are those of the lines."""
+    L = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]]
+    x = [np.linspace(a, b, 12, endpoint=False) for a, b in zip(L, L[1:] + L[:1], strict=True)]
+    rim = 4 * CELL * np.concatenate(x).T
+    notch = Body(Points(rim, np.full(rim.shape[1], 5 * (4 * CELL) ** 2 / rim.shape[1]), (np.arange(72),)), GEL)
+    for shift in ((0.05, 0.1), (0.05, -0.02), (-0.01, -0.02)):
+        at = 4 * CELL + CELL * np.array(shift)
+        scene = Scene([notch, Body(turned_square(0.0, (4.5 * CELL, 4.5 * CELL)), GEL)], cell=CELL)
+        state = initial(scene)
+        state = replace(state, x=state.x - (4.5 * CELL - at)[:, None] * (state.body == 1))
+        rows, _ = rows_of(scene, state=state)
+        here = np.flatnonzero(np.hypot(*(rows.x - at[:, None])) < 1e-12)
+        assert here.size == 2
+        across = np.argsort(-np.abs(rows.normal[0, here]))
+        assert np.allclose(rows.gap[here[across]], CELL * np.array(shift), rtol=0, atol=1e-9 * CELL)
+
+
+def tips_at(apart):
+    """The only row of two squares that stand on their corners, the upper one's at `apart` from the lower one's."""
+    start = np.array([0.0, 0.2 * CELL])
+    squares = [turned_square(0.25 * np.pi, start), turned_square(1.25 * np.pi, (0, 0))]
+    scene = Scene([Body(s, GEL) for s in squares], cell=CELL)
+    state = initial(scene)
+    state = replace(state, x=state.x + (apart - start)[:, None] * (state.body == 0))
+    rows, _ = rows_of(scene, state=state)
+    near = np.argmin(rows.gap)
+    count = np.sum(rows.gap < rows.gap[near] + 1e-9 * CELL)
+    return rows.gap[near], rows.normal[:, near] * (1 if rows.bodies[0, near] == 0 else -1), count
+
+
+@pytest.mark.parametrize("gap", [0.1, 0.0, -0.03])
+def test_tips_that_meet_head_on_push_each_other_straight_apart(gap):
+    """One contact, along the line of symmetry, wherever the tips are on it; off it the normal turns by degrees."""
+    found, normal, count = tips_at(np.array([0.0, gap * CELL]))
+    assert count == 1
+    assert np.allclose(normal, [0, 1], rtol=0, atol=1e-9)
+    assert found / CELL == pytest.approx(gap + TIP * (1 - np.sqrt(0.5)), abs=1e-9)
+
+
+@pytest.mark.parametrize("height", [0.05, -0.02, -0.05])
+def test_the_gap_of_passing_tips_has_no_jump(height):
+    """Across the wedge and over its ends, where sides take over: steps of 1e-3 cells, changes of that size."""
+    at = [tips_at(CELL * np.array([x, height])) for x in np.arange(-0.12, 0.12, 1e-3)]
+    gaps, normals = np.array([a[0] for a in at]) / CELL, np.array([a[1] for a in at])
+    assert np.abs(np.diff(gaps)).max() < 1.5e-3
+    assert np.abs(np.diff(normals, axis=0)).max() < 0.05
+    assert np.allclose(normals[[0, -1]], np.array([[-1, 1], [1, 1]]) * np.sqrt(0.5), atol=0.2)
 
 
 # --- shared nodes

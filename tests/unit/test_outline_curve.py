@@ -78,6 +78,41 @@ def test_corners_stay_and_sides_stay_straight():
     assert c.at(x, segment, s)[:, 0] == pytest.approx([1.0, 1.0]), "a point off a corner is nearest to the corner"
 
 
+def test_corners_cut_outlines_into_sides_and_notches_are_told_from_what_sticks_out():
+    """An L between two rings: six sides, numbered around even where the loop begins in the middle of one."""
+    L = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
+    rim = np.concatenate(
+        [np.linspace(a, b, 4, endpoint=False) for a, b in zip(L, np.roll(L, -1, axis=0), strict=True)]
+    )
+    rim = np.roll(rim, -2, axis=0).T
+    x = np.concatenate([ring(20) - 5.0, rim, ring(30) + 9.0], axis=1)
+    c = curve(outlines([[np.arange(20)], [np.arange(24)], [np.arange(30)]], [0, 20, 44]), x)
+    corners = 20 + np.array([2, 6, 10, 14, 18, 22])
+    assert np.flatnonzero(c.corner).tolist() == corners.tolist()
+    assert np.flatnonzero(c.corner & ~c.convex).tolist() == [30]
+    assert np.unique(c.side).size == 8 and c.side.max() < c.sides
+    assert np.unique(c.side[:20]).size == np.unique(c.side[44:]).size == 1
+    for first in corners:
+        its = 20 + (first - 20 + np.arange(4)) % 24
+        assert np.unique(c.side[its]).size == 1
+
+
+@pytest.mark.parametrize(("segment", "s"), [(1, 1.2), (2, -0.2)])
+def test_a_side_goes_on_behind_a_notch_but_not_beyond_a_corner(segment, s):
+    """Half a segment at most; the foot of a point behind the notch is on the side's own line."""
+    x = np.array([[0.0, 0.5, 1.0, 1.0, 1.0, 2.0, 2.0, 0.0], [0.0, 0.0, 0.0, -0.5, -1.0, -1.0, 2.0, 2.0]])
+    c = curve(one_body(x), x)
+    assert (c.corner & ~c.convex).nonzero()[0].tolist() == [2]
+    y = c.at(x, np.array([segment]), np.array([s])) + 0.1 * c.normals(x, np.array([segment]), np.array([0.5]))
+    there, at = c.project(x, y, np.array([segment]), np.array([0.5]))
+    assert there[0] == segment and at[0] == pytest.approx(s)
+    _, far = c.project(x, y + 10 * (s - 0.5) * c.at(x, there, at, 1), there, at)
+    assert far[0] == (1.5 if s > 1.0 else -0.5)
+    other = np.array([0 if segment == 1 else 3])
+    _, corner = c.project(x, x[:, [0]] - 1.0 if segment == 1 else x[:, [4]] - 1.0, other, np.array([0.5]))
+    assert 0.0 <= corner[0] <= 1.0
+
+
 def test_projection_is_the_nearest_point_even_from_a_neighbouring_segment():
     x = ring(24)
     c = curve(one_body(x), x)

@@ -1,0 +1,181 @@
+"""Where contact points meet the sides of other outlines: corners, notches and all.
+
+Corners cut an outline into sides, smooth curves. A point may touch several sides of one body: in a notch those to
+both hands bound it. Where sides meet in a corner that sticks out it is enough to be in front of one of them.
+Whatever a body's points are, its corners are among them: a side may touch a corner between two of its own points.
+
+A contact of a vertex has a normal along which both edges of the vertex lead away from the other side (a vertex of the
+Minkowski difference of the two bodies); what edges that point into it touch is touched by other points. See `tips`
+for two corners that meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.contact.tips import dot, edges, wedge
+from skmpm.outline import Curve
+from skmpm.scene import Scene
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+DEPTH = 1.0  # a point deeper than this many cells belongs to the other side of the body
+FACING = -0.3  # largest cosine between the normals of two surfaces in contact; of a corner 0
+DIP = 0.5  # sine of the angle by which the rim beside a contact point may dip into the other surface
+TIP = 0.05  # depth below a tip of the centre of the disc that rounds it [cells]
+OFF = 1e-6  # of a segment: how far beside the end of a side a point is still in front of it
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """Points and segments that stay all there can be as long as no rim point moves by more than half the margin."""
+
+    curve: Curve
+    cell: float
+    reach: float
+    margin: float
+    point: Ints
+    segment: Ints
+    tips: Ints  # (2, k) pairs of corners
+
+
+def neighbours(
+    scene: Scene, curve: Curve, rank: Ints, x: Array, cell: float, reach: float, margin: float
+) -> Neighbours:
+    """Which points may touch which segments: all of the body of lower rank, of the other one its corners."""
+    rim = curve.outlines
+    point, segment = outline.candidates(rim, x, reach + margin)
+    first, second = rim.body[point], rim.body[segment]
+    gives, free = rank[first] < rank[second], scene.deformable[first] | scene.deformable[second]
+    ends = np.concatenate([np.stack([point, end]) for end in (segment, rim.next[segment])], axis=1)
+    tips = np.unique(ends[:, np.tile(gives & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
+    kept = (gives | curve.convex[point]) & free
+    return Neighbours(curve, cell, reach, margin, point[kept], segment[kept], tips)
+
+
+@dataclass(frozen=True)
+class Feet:
+    """Contact points and their feet on sides, or on corners, of other bodies."""
+
+    point: Ints  # (k,) rim vertex
+    segment: Ints  # (k,)
+    s: Array  # (k,)
+    tip: Bools  # (k,) whether two corners meet there, that of the segment at its start
+    normal: Array  # (2, k) from the foot to the point
+    gap: Array  # (k,) [m]
+    beside: Bools  # (k,) whether the point is off the end of the side, or sees no tip
+    key: Ints  # (k,) identity
+
+    def __getitem__(self, chosen: NDArray[np.int64] | Bools) -> Feet:
+        return Feet(*(a[..., chosen] for a in self.__dict__.values()))
+
+
+def feet(near: Neighbours, x: Array) -> Feet:
+    """All contacts within reach of rim points x (2, m)."""
+    curve = near.curve
+    point, segment, s = _nearest(near, x)
+    found = project(near, x, point, segment, s, np.zeros(point.size, dtype=bool))
+    deep = near.cell * DEPTH
+    found = found[~found.beside & (found.gap > -deep) & (found.gap < near.reach) & _faces(curve, x, found)]
+    found = found[_outermost(curve, found)]
+    tips = _tips(near, x)
+    return _joined(found[~_superseded(curve, found, tips)], tips)
+
+
+def _nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
+    """Of every point and every side near it the nearest segment, and where on it."""
+    curve, c, i = near.curve, near.point, near.segment
+    s, distance = outline.closest(x[:, c], x[:, i], x[:, curve.outlines.next[i]])
+    order = np.lexsort((distance, curve.side[i], c))
+    order = order[distance[order] < DEPTH * near.cell]
+    pair = np.stack([c[order], curve.side[i][order]])
+    first = np.ones(order.size, dtype=bool)
+    first[1:] = (pair[:, 1:] != pair[:, :-1]).any(axis=0)
+    kept = order[first]
+    return c[kept], i[kept], s[kept]
+
+
+def project(near: Neighbours, x: Array, c: Ints, segment: Ints, s: Array, tip: Bools) -> Feet:
+    """Project points c (k,) on the sides of segments (k,), from a start nearby; tips on their corners."""
+    curve = near.curve
+    there, at = curve.project(x, x[:, c], segment, s)
+    segment, s = np.where(tip, segment, there), np.where(tip, 0.0, at)
+    apart, normal = x[:, c] - curve.at(x, segment, s), curve.normals(x, segment, s)
+    gap = np.einsum("ik,ik->k", apart, normal)
+    along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
+    key = c * curve.sides + curve.side[segment]
+    # What is right on a corner is touched by it; two corners at the same place may be flush sides.
+    on_corner = _on_corner(curve, segment, s) & ~curve.convex[c]
+    off_end = curve.at_corner(segment, s) & (along > OFF * np.hypot(*curve.at(x, segment, s, 1)))
+    beside = ~tip & (off_end | on_corner)
+    tips = wedge(curve, x, c[tip], segment[tip], TIP * near.cell)
+    normal[:, tip], gap[tip], beside[tip], key[tip] = tips.normal, tips.gap, ~tips.seen, tips.key
+    return Feet(c, segment, s, tip, normal, gap, beside, key)
+
+
+def _on_corner(curve: Curve, segment: Ints, s: Array) -> Bools:
+    """Whether places are corners that stick out, (k,)."""
+    start, end = curve.convex[segment], curve.convex[curve.outlines.next[segment]]
+    return np.asarray((start & (s <= OFF)) | (end & (s >= 1.0 - OFF)))
+
+
+def shape(near: Neighbours, x: Array, at: Feet) -> tuple[Array, Array]:
+    """Shares (4, k) of the stencils in the unit tangents of the surfaces under the feet; their curvatures [1/m]."""
+    curve, i = near.curve, at.segment
+    speed = np.hypot(*curve.at(x, i, at.s, 1))
+    smooth = ~curve.at_corner(i, at.s)
+    turning = np.where(smooth, curve.weights(i, at.s, 1) / speed, 0.0)
+    curvature = np.where(smooth, dot(at.normal, curve.at(x, i, at.s, 2)) / speed**2, 0.0)
+    return turning, curvature
+
+
+def _faces(curve: Curve, x: Array, found: Feet) -> Bools:
+    """Whether points face the surfaces of their feet and their edges do not dip into these."""
+    c, n = found.point, found.normal
+    facing = dot(outline.normals(curve.outlines, x)[:, c], n)
+    dip = np.minimum(*(dot(edge, n) for edge in edges(curve, x, c)))
+    return np.asarray((facing < np.where(curve.convex[c], 0.0, FACING)) & (dip > -DIP))
+
+
+def _outermost(curve: Curve, found: Feet) -> Bools:
+    """Where two sides meet in a corner that sticks out: only the one that the point is more in front of."""
+    rim, sides = curve.outlines, curve.sides
+    corner = np.flatnonzero(curve.convex)
+    before, after = curve.side[rim.previous[corner]], curve.side[corner]
+    key = found.key  # sorted, as points and sides are
+    kept = np.ones(key.size, dtype=bool)
+    for own, other in ((before, after), (after, before)):
+        across = np.full(sides, -1)
+        across[own] = other
+        there = across[curve.side[found.segment]]
+        place = np.minimum(np.searchsorted(key, found.point * sides + there), max(key.size - 1, 0))
+        rival = (there >= 0) & (key[place] == found.point * sides + there)
+        kept &= ~(rival & (found.gap[place] > found.gap))
+    return kept
+
+
+def _tips(near: Neighbours, x: Array) -> Feet:
+    """Corners that see each other tip to tip."""
+    c, j = near.tips
+    found = project(near, x, c, j, np.zeros(c.size), np.ones(c.size, dtype=bool))
+    return found[~found.beside & (np.abs(found.gap) < near.reach)]
+
+
+def _superseded(curve: Curve, found: Feet, tips: Feet) -> Bools:
+    """Whether feet are of one of two tips on a side beside the other, (k,)."""
+    rim, sides = curve.outlines, curve.sides
+    c, j = tips.point, tips.segment
+    pairs = [(a, curve.side[b]) for p, q in ((c, j), (j, c)) for a, b in ((p, q), (p, rim.previous[q]))]
+    keys = np.concatenate([a * sides + b for a, b in pairs])
+    return np.isin(found.key, keys)
+
+
+def _joined(first: Feet, second: Feet) -> Feet:
+    both = zip(first.__dict__.values(), second.__dict__.values(), strict=True)
+    return Feet(*(np.concatenate(parts, axis=-1) for parts in both))
