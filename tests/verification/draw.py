@@ -32,6 +32,7 @@ MODULES = (
     "pile",
     "onset",
     "hertz",
+    "corners",
 )
 HEAD = """# Verification
 
