@@ -118,5 +118,5 @@ def unscaled(x: Array, slope: Array, s: Array, mu: Array) -> Array:
     x_n, x_t, slope = split(x, slope)
     r_n, r_t, mu = split(x / s, mu)
     edge = mu * r_n
-    slips = np.abs(x_t) >= slope * x_n
+    slips = np.abs(x_t) >= (1.0 - 1e-15) * slope * x_n  # Newton's last step may round it inwards
     return np.hstack([r_n, np.where(slips, np.sign(x_t) * edge, np.clip(r_t, -edge, edge))]).ravel()

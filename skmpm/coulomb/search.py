@@ -136,7 +136,7 @@ def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, 
     while tol < best.error < np.inf and steps < limit and steps - marked < _PATIENCE:
         near, wanted = p.near(x.r, weight), max(_SOLVED * x.error, 0.3 * tol)
         new, count = _steps(near, near.at(x.r), wanted, min(_INNER, limit - steps), _PROXIMAL_GAINS, _SHORTEST)
-        solved, steps = new.error <= wanted, steps + count
+        solved, steps = new.error <= wanted, steps + max(count, 1)  # 0 at the limit of round-off
         there = p.at(new.r)
         x = there if solved else _better(x, there)
         best = _better(best, x)

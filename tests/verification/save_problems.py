@@ -1,0 +1,280 @@
+"""Save contact problems of real runs to tests/verification/problems: `python save_problems.py [name ...]`.
+
+The library that test_contact_solver.py solves: what `Scheme` steps hand to `coulomb.solve`, of every run the problem
+that takes the solver the most Newton steps. Without names all runs are made, which takes some minutes. The matrix is
+kept as its lower triangle; r0 are the impulses that the run started from.
+"""
+
+import sys
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+import skmpm
+from skmpm import coulomb
+
+FOLDER = Path(__file__).resolve().parent / "problems"
+TOL = 1e-10
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What `coulomb.solve` is called with."""
+
+    W: sp.csr_array
+    q: np.ndarray
+    mu: np.ndarray
+    r0: np.ndarray
+    linear: coulomb.Linear | None = None
+
+    def solve(self, *, warm, tol=TOL):
+        """Impulses and info, from the run's own impulses or from nothing."""
+        r0 = self.r0 if warm else None
+        return coulomb.solve(self.W, self.q, self.mu, r0=r0, tol=tol, linear=self.linear)
+
+
+# Files.
+
+
+def triangle(A):
+    """The lower triangle of a symmetric matrix, as arrays to keep."""
+    A = sp.csr_array(sp.tril(A))
+    A.sort_indices()
+    small = np.int16 if A.shape[0] < 2**15 else np.int32
+    data = A.data.view(np.uint8).reshape(-1, 8).T  # signs and exponents together, which compress
+    return {"data": data, "indices": A.indices.astype(small), "indptr": A.indptr.astype(np.int32)}
+
+
+def whole(arrays):
+    """The symmetric matrix of a lower triangle."""
+    size = arrays["indptr"].size - 1
+    data = np.ascontiguousarray(arrays["data"].T).view(float).ravel()
+    L = sp.csr_array((data, arrays["indices"].astype(np.int32), arrays["indptr"]), shape=(size, size))
+    return sp.csr_array(L + sp.tril(L, -1).T)
+
+
+def save(name, problem):
+    """Write one problem; with linear unknowns W is that of all unknowns, the contacts first."""
+    W, q = problem.W, problem.q
+    if problem.linear is not None:
+        W, q = problem.linear.join(W, q)
+    FOLDER.mkdir(exist_ok=True)
+    np.savez_compressed(FOLDER / f"{name}.npz", q=q, mu=problem.mu, r0=problem.r0, **triangle(W))
+
+
+def load(path):
+    """Read one problem."""
+    with np.load(path) as arrays:
+        W, q, mu, r0 = whole(arrays), arrays["q"], arrays["mu"], arrays["r0"]
+    k = r0.size
+    if q.size == k:
+        return Problem(W, q, mu, r0)
+    linear = coulomb.Linear(W[k:, :k].tocsr(), W[k:, k:].tocsr(), q[k:])
+    return Problem(W[:k, :k].tocsr(), q[:k], mu, r0, linear)
+
+
+# Runs.
+
+
+@contextmanager
+def recorded():
+    """Within, every call of `coulomb.solve` leaves its problem in the list."""
+    problems, solve = [], coulomb.solve
+
+    def record(W, q, mu, *, r0=None, linear=None, **options):
+        start = np.zeros_like(q) if r0 is None else np.array(r0)
+        problems.append(Problem(sp.csr_array(W).copy(), np.array(q), np.array(mu, dtype=float), start, linear))
+        return solve(W, q, mu, r0=r0, linear=linear, **options)
+
+    coulomb.solve = record
+    try:
+        yield problems
+    finally:
+        coulomb.solve = solve
+
+
+def run(scene, dt, steps, scheme, state=None):
+    """The problems of some steps; those of a step that fails are among them."""
+    state = skmpm.initial(scene, scheme=scheme) if state is None else state
+    with recorded() as problems:
+        try:
+            for _ in range(steps):
+                state = skmpm.step(scene, state, dt, scheme=scheme)
+        except skmpm.StepFailed:
+            pass
+    return problems
+
+
+def compaction(discs, ratio, friction, fraction, dt, *, start=0.55, law=skmpm.NeoHookean, scheme=None):
+    """Two steps dt of the main job's discs, R/h = ratio, once the lid has squeezed them to a solid fraction."""
+    scheme = skmpm.Scheme() if scheme is None else scheme
+    radii = np.random.default_rng(discs).uniform(0.7e-3, 1.2e-3, discs)
+    solid = np.pi * (radii**2).sum()
+    width, cell = float(np.sqrt(solid / 0.72)), 0.95e-3 / ratio
+    packed = skmpm.packing(radii, width, solid_fraction=start, seed=discs)
+    material = law(E=10e6, nu=0.45, density=990.0)
+    placed = zip(packed.centres.T, packed.radii, strict=True)
+    bodies = [skmpm.Body(skmpm.disc(c, r, spacing=0.74 * cell), material) for c, r in placed]
+    lid = skmpm.Wall((0.0, packed.height), (0.0, -1.0), velocity=(0.0, -2.0))
+    walls = [skmpm.Wall((0, 0), (0, 1)), lid, skmpm.Wall((0, 0), (1, 0)), skmpm.Wall((width, 0), (-1, 0))]
+    scene = skmpm.Scene(bodies, cell=cell, walls=walls, friction=friction)
+    until = (packed.height - solid / (width * fraction)) / 2.0
+    *_, state = skmpm.simulate(scene, dt=8e-6, until=until, scheme=scheme)
+    return run(scene, dt, 2, scheme, state)
+
+
+def seed(discs, ratio, friction, fraction, dt):
+    """The same with the seed's shared nodes."""
+    return compaction(discs, ratio, friction, fraction, dt, law=skmpm.LinearElastic, scheme=skmpm.Scheme.seed())
+
+
+CORNERS = {
+    "four": [(-1, -1), (0, -1), (0, 0), (-1, 0)],
+    "three": [(-1, -1), (0, -1), (-0.5, 0)],
+    "wall corner": [(-1, -1), (0, -1)],
+}
+
+
+def boxes(kind, shift, friction, scheme, *, ratio=5, steps=4):
+    """Boxes that run into each other at one node, shifted against the grid, or into a corner of two walls."""
+    cell = 0.02
+    side, place = ratio * cell, cell * np.array(shift)
+    material = skmpm.LinearElastic(E=1e6, nu=0.3, density=1000.0)
+    bodies = []
+    for corner in side * np.array(CORNERS[kind]):
+        velocity = tuple(-np.sign(corner + 0.5 * side + 1e-9))
+        bodies.append(
+            skmpm.Body(skmpm.box(place + corner, (side, side), spacing=cell / 2), material, velocity=velocity)
+        )
+    walls = []
+    if kind == "wall corner":
+        walls = [skmpm.Wall(place - side, (0, 1), friction=friction), skmpm.Wall(place - side, (1, 0))]
+    return run(skmpm.Scene(bodies, cell=cell, walls=walls, friction=friction), 2e-4, steps, scheme)
+
+
+def block(shift, gravity, dt, scheme, *, friction=0.3, law=skmpm.NeoHookean, steps=4):
+    """A block on a wall."""
+    cell = 0.02
+    body = skmpm.Body(skmpm.box(cell * np.array(shift), (0.2, 0.1), spacing=cell / 2), law(1e6, 0.3, 1000.0))
+    wall = skmpm.Wall((0.0, shift[1] * cell), (0.0, 1.0), friction=friction)
+    return run(skmpm.Scene([body], cell=cell, walls=[wall], friction=friction, gravity=gravity), dt, steps, scheme)
+
+
+def heavy(below, dt, *, offset=(0.3, 0.6), ratio=1e4):
+    """A disc on one or two that are 1e4 times lighter, falling under gravity; no walls at the sides."""
+    radius, cell = 0.1, 0.02
+    shift = cell * np.array(offset)
+    centres = [(2.1 * radius * i, radius) for i in range(below)]
+    centres.append((1.05 * radius * (below - 1), 3.001 * radius if below == 1 else 2.75 * radius))
+    densities = [0.1] * below + [0.1 * ratio]
+    bodies = [
+        skmpm.Body(skmpm.disc(shift + np.array(c), radius, spacing=cell / 2), skmpm.NeoHookean(3e6, 0.3, density))
+        for c, density in zip(centres, densities, strict=True)
+    ]
+    scene = skmpm.Scene(
+        bodies, cell=cell, walls=[skmpm.Wall(shift, (0, 1), friction=0.5)], friction=0.5, gravity=(0.0, -10.0)
+    )
+    return run(scene, dt, 12, skmpm.Scheme())
+
+
+def ride(fitted, rings=15):
+    """A disc squeezed by four plates and taken along by them, its sheet laid anew at every step."""
+    radius, squeeze, ride = 1e-3, 4e-4, 4e-3
+
+    def plate(normal):
+        n = np.array(normal, dtype=float)
+
+        def velocity(t):
+            s, moved = np.clip(t / squeeze, 0.0, 1.0), np.clip((t - 6e-4) / ride, 0.0, 1.0)
+            pressed = 0.05 * radius * 30.0 * s**2 * (1.0 - s) ** 2 / squeeze
+            return pressed * n + np.array([6.0 * radius / 5 * 30.0 * moved**2 * (1.0 - moved) ** 2 / ride, 0.0])
+
+        return skmpm.Wall(centre - radius * n, normal, velocity=velocity, friction=0.3)
+
+    centre = radius * np.array([0.013, 0.007])
+    walls = [plate(n) for n in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    material = skmpm.NeoHookean(1e7, 0.45, 990.0)
+    body = skmpm.Body(skmpm.disc(centre, radius, spacing=radius / rings), material)
+    scene = skmpm.Scene([body], cell=radius / 5, walls=walls)
+    return run(scene, 2e-5, 120, skmpm.Scheme(anchor=0.0, fitted=fitted))
+
+
+def rigid(discs, fraction, friction):
+    """The rigid discs of an initial packing."""
+    radii = np.random.default_rng(7).uniform(0.7e-3, 1.2e-3, discs)
+    width = float(np.sqrt(np.pi * (radii**2).sum() / 0.72))
+    with recorded() as problems:
+        skmpm.packing(radii, width, solid_fraction=fraction, friction=friction, seed=1)
+    return problems
+
+
+def plain(make):
+    """The run's problems without the linear unknowns of contacts that turn."""
+    return [replace(problem, linear=None) for problem in make()]
+
+
+SEED, RIMS, ANEW = skmpm.Scheme.seed(), skmpm.Scheme(), skmpm.Scheme(anchor=0.0, contact_tol=1e-10)
+TIMES = {"0.5us": 0.5e-6, "5us": 5e-6, "50us": 50e-6}
+RUNS = {
+    **{
+        f"discs_mu{mu}_fraction{fraction}_{name}": partial(compaction, 4, 5, mu, fraction, TIMES[name])
+        for mu in (0.5, 0.0)
+        for fraction, names in ((0.75, TIMES), (0.88, ("50us",)), (0.97, ("0.5us", "50us")))
+        for name in names
+    },
+    **{
+        f"fine_mu{mu}_fraction{fraction}_{name}": partial(compaction, 3, 8, mu, fraction, TIMES[name])
+        for mu, (fraction, name) in product((0.5, 0.0), ((0.8, "50us"), (0.95, "5us")))
+    },
+    "dense_mu0.5_30": partial(compaction, 30, 5, 0.5, 0.8, 50e-6, start=0.68),
+    "dense_mu0.0_100": partial(plain, partial(compaction, 100, 5, 0.0, 0.8, 5e-6, start=0.72)),
+    **{
+        f"seed_mu{mu}_R{ratio}h": partial(seed, 3, ratio, mu, 0.8, 5e-6)
+        for mu, ratio in ((0.5, 5), (0.0, 5), (0.0, 8))
+    },
+    **{
+        f"{kind.replace(' ', '_')}_{name}_mu{mu}_R{ratio}h": partial(boxes, kind, (0.3, 0.7), mu, scheme, ratio=ratio)
+        for kind, (name, scheme), mu, ratio in product(
+            ("four", "three", "wall corner"), (("nodes", SEED), ("rims", RIMS)), (0.5, 0.0), (5, 8)
+        )
+        if ratio == 5 or (kind == "three" and name == "nodes" and mu > 0.0)
+    },
+    "block_anew_1ms": partial(block, (0.0, 0.0), (0.0, -10.0), 1e-3, ANEW),
+    "block_slow_10ms": partial(block, (0.3, 0.6), (3.0, -10.0), 1e-2, skmpm.Scheme(inertia=False), friction=0.35),
+    "block_slow_smooth_10ms": partial(
+        block, (0.3, 0.6), (0.0, -10.0), 1e-2, skmpm.Scheme(inertia=False), friction=0.0, law=skmpm.LinearElastic
+    ),
+    "heavy_on_one_10ms": partial(heavy, 1, 1e-2),
+    "heavy_on_one_20ms": partial(heavy, 1, 2e-2),
+    "heavy_on_two_10ms": partial(heavy, 2, 1e-2),
+    "heavy_on_two_20ms": partial(heavy, 2, 2e-2),
+    "ride": partial(ride, False),
+    "rigid_mu0.0": partial(rigid, 40, 0.7, 0.0),
+    "rigid_mu0.5": partial(rigid, 40, 0.7, 0.5),
+}
+
+
+def solvable(problem):
+    """Cold and warm to 1e-10: the harder start's Newton steps, or -1 if one of them fails."""
+    infos = [problem.solve(warm=warm)[1] for warm in (False, True)]
+    return max(info.iterations for info in infos) if all(info.converged for info in infos) else -1
+
+
+def main(names):
+    """Make the runs and keep of each the problem that takes the most steps."""
+    for name in names:
+        problems = RUNS[name]()
+        steps = [solvable(problem) for problem in problems]
+        failed, most = steps.count(-1), max(steps, default=-1)
+        sys.stdout.write(f"{name}: {len(problems)} problems, {failed} not solved, at most {most} Newton steps\n")
+        if most >= 0:
+            save(name, problems[int(np.argmax(steps))])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or RUNS)

@@ -1,0 +1,349 @@
+"""The contact solver alone: all contact states enumerated, closed forms, and a library of problems from real runs.
+
+No answer is judged by the solver's own residual: `violation` checks Signorini and Coulomb contact by contact, as they
+are written. The library in tests/verification/problems is made by save_problems.py. Frictionless contacts against
+non-negative least squares, projections, units and jams are unit tests (tests/unit/test_coulomb.py).
+"""
+
+from functools import cache
+from itertools import combinations, product
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from save_problems import FOLDER, load
+
+from skmpm import coulomb
+
+TOL = 1e-10
+FRICTION = st.one_of(st.just(0.0), st.floats(0.0, 2.0))
+SEED = st.integers(0, 2**32 - 1)
+HOOKED = np.sqrt(3.0) / 2.0  # cos 30 degrees
+
+
+# The laws as they are written, in variables scaled by diag(W).
+
+
+def rows_of(x, mu):
+    """Normal and tangential rows; without friction the latter are zero."""
+    return (x[::2], x[1::2]) if x.size == 2 * mu.size else (x, np.zeros_like(x))
+
+
+def violation(W, q, mu, r):
+    """The largest violation of r_n >= 0, u_n >= 0, r_n u_n = 0, |r_t| <= mu r_n and r_t against u_t, over |q|."""
+    s = np.sqrt(W.diagonal())
+    (s_n, s_t), moving = rows_of(s, mu), mu > 0.0
+    u = (W @ r + q) / s
+    (r_n, r_t), (u_n, u_t) = rows_of(s * r, mu), rows_of(u, mu)
+    slope = mu * s_t / s_n if r.size > mu.size else mu
+    counted = np.ones(q.size, dtype=bool)
+    counted[1::2] = np.repeat(moving, 1) if r.size > mu.size else True
+    laws = [-r_n, -u_n, np.minimum(r_n, u_n), np.abs(r_t) - slope * r_n]
+    against = np.abs(r_t + np.sign(u_t) * slope * r_n)
+    laws.append(np.where(moving, np.minimum(np.abs(u_t), against / np.maximum(slope, 1.0)), 0.0))
+    return float(max(law.max() for law in laws) / np.linalg.norm((q / s)[counted]))
+
+
+# All states of a few contacts.
+
+
+def random_problem(seed, mu, *, rank=None):
+    """W of random rows, by default definite, diag(W) over four decades; with fewer than full rank a solution exists.
+
+    It does if some motion opens every contact without sliding (Acary, Cadoux, Lemarechal & Malick, Z. Angew. Math.
+    Mech. 91 (2011) 155-175): q = H v plus a gap, which -v opens.
+    """
+    draw, mu = np.random.default_rng(seed), np.array(mu)
+    m, k = 2 * mu.size, mu.size
+    if rank is None:
+        H = draw.normal(size=(m, m + 1)) * 10.0 ** draw.uniform(-1, 1, size=(m, 1))
+        return H @ H.T, H @ draw.normal(size=m + 1) if draw.random() < 0.5 else draw.normal(size=m), mu
+    H = draw.normal(size=(m, rank)) * np.repeat(10.0 ** draw.uniform(-1, 1, size=k), 2)[:, None]
+    s, q = np.linalg.norm(H, axis=1), H @ draw.normal(size=rank)
+    q[::2] += 0.05 * s[::2] * np.linalg.norm(q / s)
+    return H @ H.T, q, mu
+
+
+def enumerated(W, q, mu, tol=1e-8):
+    """All solutions: open, sticking and slipping contacts tried in every combination, by dense least squares."""
+    solutions, unit = [], np.eye(q.size)
+    for states in product(*("os+-" if m > 0.0 else "o+" for m in mu)):
+        columns, rows = [], []
+        for c, (state, m) in enumerate(zip(states, mu, strict=True)):
+            n, t = 2 * c, 2 * c + 1
+            if state == "s":
+                columns, rows = [*columns, unit[n], unit[t]], [*rows, n, t]
+            elif state != "o":
+                columns, rows = [*columns, unit[n] + (m if state == "+" else -m) * unit[t]], [*rows, n]
+        B = np.array(columns).T.reshape(q.size, -1)
+        r = B @ np.linalg.lstsq(W[rows] @ B, -q[rows], rcond=None)[0] if rows else np.zeros(q.size)
+        if violation(W, q, mu, r) < tol:
+            solutions.append(r)
+    return solutions
+
+
+@given(SEED, st.lists(FRICTION, min_size=1, max_size=5))
+def test_finds_one_of_the_enumerated_solutions(seed, mu):
+    """Up to five contacts, W definite, mu in [0, 2]: every state of every contact is tried; all laws to 1e-9 |q|.
+
+    With much friction there may be several solutions; the solver's must be one of them, to 1e-6: 1e-10 over the
+    smallest eigenvalue of W.
+    """
+    W, q, mu = random_problem(seed, mu)
+    r, info = coulomb.solve(W, q, mu, tol=TOL)
+    assert info.converged
+    assert violation(W, q, mu, r) < 1e-9
+    s = np.sqrt(np.diag(W))
+    near = min(np.abs(s * (r - x)).max() for x in enumerated(W, q, mu))
+    assert near < 1e-6 * (np.linalg.norm(q / s) + np.abs(s * r).max())
+
+
+@settings(derandomize=True)
+@given(SEED, st.lists(FRICTION, min_size=2, max_size=5), st.integers(3, 6))
+def test_solves_what_has_a_solution_when_contacts_are_redundant(seed, mu, rank):
+    """W of rank 3 (the rigid motions of one body) to 6 for up to ten rows, mu in [0, 2]: all laws to 1e-8 |q|.
+
+    Impulses are not unique. Of 20,000 such problems the solver fails at about one: hence always the same examples.
+    """
+    W, q, mu = random_problem(seed, mu, rank=min(rank, 2 * len(mu)))
+    r, info = coulomb.solve(W, q, mu, tol=TOL)
+    assert info.converged
+    assert violation(W, q, mu, r) < 1e-8
+
+
+# Bodies at one node, in corners, in stacks: W = H M^-1 H'.
+
+
+def delassus(H, mass, velocity):
+    """W and q of rows H (m, dofs) on bodies that move with `velocity` (dofs,)."""
+    return H / mass @ H.T, H @ velocity
+
+
+def pair(normal, a, b, bodies):
+    """Rows n and t of body a, minus those of b if there is one, both without rotation."""
+    n = np.array(normal, dtype=float)
+    H = np.zeros((2, bodies, 2))
+    H[:, a] = [n, [-n[1], n[0]]]
+    if b is not None:
+        H[:, b] = -H[:, a]
+    return H.reshape(2, -1)
+
+
+def node(directions, mass, speed):
+    """Bodies in these directions of a node which all pairs share, moving towards it; normals between them."""
+    d, pairs = np.array(directions), list(combinations(range(len(directions)), 2))
+    H = np.vstack([pair((d[a] - d[b]) / np.linalg.norm(d[a] - d[b]), a, b, len(d)) for a, b in pairs])
+    return *delassus(H, np.repeat(mass, 2), -speed * (d / np.array(mass)[:, None]).ravel()), H
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("bodies", [3, 4])
+def test_bodies_that_meet_at_one_node_all_stop(bodies, mu):
+    """Momentum is nil and every pair approaches: the closest admissible motion is rest, with all pairs in contact.
+
+    Equal and opposite momenta towards the node, masses 1 to 4; with four bodies six pairs on eight unknowns, of
+    which two translations are free: W is singular, and the impulses are not unique. Velocities to 1e-9.
+    """
+    angle = 2.0 * np.pi * (np.arange(bodies) + 0.5) / bodies
+    mass = 1.0 + np.arange(bodies)
+    W, q, H = node(np.stack([np.cos(angle), np.sin(angle)], axis=1), mass, 1.0)
+    contacts = np.full(q.size // 2, mu)
+    r, info = coulomb.solve(W, q, contacts, tol=TOL)
+    assert info.converged
+    assert violation(W, q, contacts, r) < 1e-9
+    momentum = H.T @ r - np.stack([np.cos(angle), np.sin(angle)], axis=1).ravel()
+    np.testing.assert_allclose(momentum, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("angles", [(0.0, 90.0), (30.0, 120.0), (-20.0, 80.0)])
+def test_a_body_pressed_into_a_corner_of_two_walls_without_friction(angles):
+    """Its momentum is shared by the two normals: r = -m N^-1 v, to 1e-10; away from one wall the other takes all."""
+    N = np.array([[np.cos(a), np.sin(a)] for a in np.radians(angles)])
+    mass, into = 3.0, -(0.7 * N[0] + 0.4 * N[1])
+    for velocity in (into, -N[0] + 3.0 * np.array([-N[0, 1], N[0, 0]])):
+        H = np.vstack([pair(n, 0, None, 1) for n in N])
+        W, q = delassus(H, mass, velocity)
+        r, info = coulomb.solve(W, q, np.zeros(2), tol=1e-12)
+        both = np.linalg.solve(N.T, -mass * velocity)
+        exact = both if both.min() > 0.0 else np.maximum(-mass * (N @ velocity), 0.0) * (N @ velocity < 0.0)
+        assert info.converged
+        np.testing.assert_allclose(r[::2], exact, atol=1e-10)
+        assert not r[1::2].any()
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.7, 2.0])
+def test_a_body_pressed_into_a_corner_with_friction_stops(mu):
+    """Walls at right angles, the way in within both: it stops, and its momentum is what the walls take, to 1e-10."""
+    H = np.vstack([pair(n, 0, None, 1) for n in ((1.0, 0.0), (0.0, 1.0))])
+    W, q = delassus(H, 2.0, np.array([-1.0, -0.6]))
+    r, info = coulomb.solve(W, q, np.full(2, mu), tol=1e-12)
+    assert info.converged
+    assert violation(W, q, np.full(2, mu), r) < 1e-10
+    np.testing.assert_allclose(H.T @ r, [2.0, 1.2], atol=1e-10)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0, 1e2])
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_a_stack_bears_what_lies_above(ratio, mu):
+    """Four bodies that fall upon each other and a floor: each contact takes the momentum of all above, to 1e-9.
+
+    Also with masses that grow upwards, by 1e6 in all: impulses are 1e6 times what stops the lowest body alone, and
+    round-off of W r, 1e-16 of that, keeps the residual from falling below 1e-10.
+    """
+    mass = ratio ** np.arange(4.0)
+    H = np.vstack([pair((0.0, 1.0), i, i - 1 if i else None, 4) for i in range(4)])
+    W, q = delassus(H, np.repeat(mass, 2), np.tile([0.0, -1.0], 4))
+    r, info = coulomb.solve(W, q, np.full(4, mu), tol=TOL)
+    assert info.converged
+    np.testing.assert_allclose(r[::2], np.cumsum(mass[::-1])[::-1], rtol=1e-9)
+    np.testing.assert_allclose(r[1::2], 0.0, atol=1e-9 * mass.sum())
+
+
+def pyramid(mu_discs, mu_floor):
+    """Two equal discs on a floor, a third on them, falling: unit radii, masses and speed, with rotations."""
+    n = np.array([[0.5, HOOKED], [-0.5, HOOKED]])  # on the third, from either disc
+    H = np.zeros((4, 2, 3, 3))  # contacts, rows, discs, (x, y, angle)
+    for i in range(2):
+        frame = np.array([n[i], [-n[i, 1], n[i, 0]]])
+        H[i, :, 2, :2], H[i, :, i, :2] = frame, -frame
+        H[i, 1, :, 2] = [-1.0 if j in (i, 2) else 0.0 for j in range(3)]
+        H[2 + i, :, i, :2], H[2 + i, 1, i, 2] = [[0.0, 1.0], [-1.0, 0.0]], -1.0
+    mu = np.array([mu_discs, mu_discs, mu_floor, mu_floor])
+    return *delassus(H.reshape(8, 9), np.tile([1.0, 1.0, 0.5], 3), np.tile([0.0, -1.0, 0.0], 3)), mu
+
+
+def test_three_discs_stand_if_friction_allows():
+    """Forces of a pyramid of three: N = 1/2, F = N tan 15 between discs; 3/2 and F on the floor, times the momentum.
+
+    It stands iff mu >= tan 15 between discs and mu >= tan 15 / 3 on the floor (textbook statics); impulses to 1e-9.
+    """
+    F = 0.5 * np.tan(np.pi / 12)
+    r, info = coulomb.solve(*pyramid(1.001 * 2.0 * F, 1.001 * F / 1.5), tol=TOL)
+    assert info.converged
+    np.testing.assert_allclose(r[::2], [0.5, 0.5, 1.5, 1.5], rtol=1e-9)
+    np.testing.assert_allclose(np.abs(r[1::2]), F, rtol=1e-9)
+    for mu in ((0.999 * 2.0 * F, 1.0), (1.0, 0.999 * F / 1.5)):
+        W, q, friction = pyramid(*mu)
+        r, info = coulomb.solve(W, q, friction, tol=TOL)
+        assert info.converged
+        assert violation(W, q, friction, r) < 1e-9
+        assert np.abs(W @ r + q).max() > 1e-5  # it slips
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3, 2.0])
+@pytest.mark.parametrize("supports", [(-1.0, 0.0, 1.0), (-1.0, -0.2, 0.1, 0.7, 1.0), (0.5, 0.5, -1.0)])
+def test_redundant_supports_of_a_rigid_body(supports, mu):
+    """A block falls upon three or five supports: W has rank 3. Sum and moment of the impulses are unique, to 1e-9."""
+    at, mass, inertia = np.array(supports), 2.0, 0.5
+    H = np.zeros((2 * at.size, 3))
+    H[::2, 1], H[::2, 2], H[1::2, 0], H[1::2, 2] = 1.0, at, -1.0, -0.4
+    W, q = delassus(H, np.array([mass, mass, inertia]), np.array([0.0, -1.0, 0.0]))
+    friction = np.full(at.size, mu)
+    r, info = coulomb.solve(W, q, friction, tol=TOL)
+    assert info.converged
+    assert violation(W, q, friction, r) < 1e-9
+    np.testing.assert_allclose(H.T @ r, [0.0, mass, 0.0], atol=1e-9)
+
+
+# Cones saturated exactly.
+
+
+def slipping(mu, r, u, scale):
+    """Contacts that slide for certain."""
+    return (np.abs(u[1::2]) > 1e-6 * scale) & (r[::2] > 0.0) & (mu > 0.0)
+
+
+@given(SEED, st.lists(st.floats(0.01, 2.0), min_size=1, max_size=30))
+def test_slipping_contacts_lie_on_the_cone_to_the_last_bit(seed, mu):
+    """|r_t| == mu r_n as floating-point numbers where a contact slides, never more where it does not."""
+    W, q, mu = random_problem(seed, mu)
+    r, _ = coulomb.solve(W, q, mu, tol=TOL)
+    edge, u = mu * r[::2], W @ r + q
+    assert (np.abs(r[1::2]) <= edge).all()
+    slides = slipping(mu, r, u, np.linalg.norm(q))
+    np.testing.assert_array_equal(r[1::2][slides], -np.sign(u[1::2][slides]) * edge[slides])
+
+
+@pytest.mark.parametrize("mu", [0.5, 0.3, 2.0])
+@pytest.mark.parametrize("ulp", [-1, 0, 1])
+def test_a_push_of_exactly_mu_p(mu, ulp):
+    """On the edge of sliding, and one floating-point number to either side: r = (p, -mu p), u = 0, to 1e-12."""
+    push = mu if ulp == 0 else np.nextafter(mu, ulp * np.inf)
+    r, info = coulomb.solve(np.eye(2), np.array([-1.0, push]), np.array([mu]), tol=1e-12)
+    assert info.converged
+    np.testing.assert_allclose(r, [1.0, -mu], atol=1e-12)
+    assert abs(r[1]) <= mu * r[0]
+
+
+# The library.
+
+GROUPS = {
+    "discs": "packings, R/h = 5, solid fractions 0.75 to 0.97, dt = 0.5, 5, 50 us",
+    "fine": "packings, R/h = 8, solid fractions 0.80 and 0.95, dt = 5 and 50 us",
+    "dense": "packings of 30 and 100 discs, dt = 5 and 50 us",
+    "seed": "packings on shared nodes, R/h = 5 and 8",
+    "nodes": "two to four boxes at one node or in a wall corner, shared nodes",
+    "rims": "the same, rims against outlines (W singular)",
+    "block": "a block on a wall (W singular or nearly so)",
+    "heavy": "a disc on one or two that are 1e4 times lighter, dt = 10 and 20 ms",
+    "ride": "a disc carried along by four plates, sheet laid anew at every step (W singular)",
+    "rigid": "rigid discs of an initial packing (W singular)",
+}
+STEPS = {  # at most so many Newton steps, cold and warm: what it takes today plus some
+    "discs": 120,
+    "fine": 120,
+    "dense": 40,
+    "seed": 20,
+    "nodes": 20,
+    "rims": 450,
+    "block": 450,
+    "heavy": 450,
+    "ride": 450,
+    "rigid": 450,
+}
+LIBRARY = sorted(path.stem for path in FOLDER.glob("*.npz"))
+
+
+def group(name):
+    """The group of a problem."""
+    return next(g for g in GROUPS if g in name)
+
+
+@cache
+def solved(name, warm):
+    """Contacts, Newton steps, sweeps, whether it converged, violation of the laws, milliseconds."""
+    p = load(Path(FOLDER) / f"{name}.npz")
+    began = process_time()
+    r, info = p.solve(warm=warm, tol=TOL)
+    took, q = 1e3 * (process_time() - began), p.q
+    worst = 0.0
+    if p.linear is not None:
+        q = q + p.linear.coupling.T @ info.linear
+        rest = p.linear.coupling @ r + p.linear.compliance @ info.linear + p.linear.q
+        scale = np.sqrt(np.abs(p.linear.compliance.diagonal()))
+        size = np.linalg.norm(p.q / np.sqrt(p.W.diagonal()))
+        worst = float(np.linalg.norm(rest / np.where(scale > 0.0, scale, 1.0)) / size)
+    worst = max(worst, violation(p.W, q, p.mu, r))
+    return p.mu.size, info.iterations, info.sweeps, info.converged, worst, took
+
+
+@pytest.mark.parametrize("warm", [False, True])
+@pytest.mark.parametrize("name", LIBRARY)
+def test_library(name, warm):
+    """Saved problems of real runs, cold and from the run's own impulses: to 1e-10, the laws themselves to 1e-9.
+
+    Newton steps stay below those of STEPS, which is about half as much again as they take.
+    """
+    _, steps, _, converged, worst, _ = solved(name, warm)
+    assert converged
+    assert worst < 1e-9
+    assert steps <= STEPS[group(name)]
+
+
+def test_library_is_there():
+    """Of every group at least one problem; all together less than 1.5 MB."""
+    assert {group(name) for name in LIBRARY} == set(GROUPS)
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.npz")) < 1.5e6
