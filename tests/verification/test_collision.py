@@ -201,7 +201,7 @@ def one_dimensional(law, reach, until):
 
 
 @cache
-def chain(place, dt=0.05, until=9.0):
+def chain(place, dt=0.05, until=12.0):
     """Final velocities of the discs and of the one-dimensional chain, over that of the impact, (2, CHAIN); APIC."""
     scene, scheme = row(CHAIN, place, [CHAIN_SPEED, 0.0, 0.0, 0.0, 0.0]), Scheme(theta=0.5)
     *_, state = simulate(scene, dt=dt, until=until, scheme=scheme)

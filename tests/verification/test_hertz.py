@@ -379,7 +379,7 @@ def _force_row(problem, every):
         texts.append(
             f"R/h = {size}: "
             + ", ".join(
-                f"{100 * e.mean():+.1f} ({100 * np.abs(e).max():.1f}){'*' * b}"
+                f"{100 * e.mean():+.1f} ({100 * np.abs(e).max():.1f}){'*' * int(b)}"
                 for e, b in zip(off, below, strict=True)
             )
         )

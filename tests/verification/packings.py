@@ -1,0 +1,152 @@
+"""Packings of soft discs squeezed in a box, looked at step by step: what the long verification runs are made of.
+
+`python tests/verification/packings.py [name ...]` runs the members of `MEMBERS` (all: two hours on two cores) in two
+processes and writes one table each to docs/verification/packings/; those that are there are not run again.
+"""
+
+import csv
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+import skmpm
+
+TABLES = Path(__file__).resolve().parents[2] / "docs" / "verification" / "packings"
+RADII, YOUNG, POISSON, DENSITY = (0.7e-3, 1.2e-3), 10e6, 0.45, 990.0  # the seed's discs
+E_STAR = YOUNG / (1.0 - POISSON**2)
+
+
+def packed(discs, friction, cells, *, start, speed, seed=0, material=skmpm.NeoHookean):
+    """Discs of `cells` grid cells per mean radius at rest under a lid, (scene, solid area over width)."""
+    radii = np.random.default_rng(seed).uniform(*RADII, discs)
+    cell, solid = float(np.mean(RADII)) / cells, np.pi * (radii**2).sum()
+    width = float(np.sqrt(solid / 0.72))
+    placed = skmpm.packing(radii, width, solid_fraction=start, seed=seed)
+    gel = material(YOUNG, POISSON, DENSITY)
+    bodies = [
+        skmpm.Body(skmpm.disc(centre, radius, spacing=0.74 * cell), gel)
+        for centre, radius in zip(placed.centres.T, placed.radii, strict=True)
+    ]
+    walls = [
+        skmpm.Wall((0.0, 0.0), (0.0, 1.0)),
+        skmpm.Wall((0.0, placed.height), (0.0, -1.0), velocity=(0.0, -speed)),
+        skmpm.Wall((0.0, 0.0), (1.0, 0.0)),
+        skmpm.Wall((width, 0.0), (-1.0, 0.0)),
+    ]
+    return skmpm.Scene(bodies, cell=cell, walls=walls, friction=friction), solid / width
+
+
+@dataclass(frozen=True)
+class Squeeze:
+    """After every step."""
+
+    fraction: np.ndarray  # (steps,) nominal solid fraction
+    overlap: np.ndarray  # (steps,) share of the area
+    gap: np.ndarray  # (steps,) the smallest [cells]
+    spin: np.ndarray  # (steps,) turn of the fastest disc in the step [rad]
+    newton: np.ndarray  # (steps,) iterations
+    settled: np.ndarray  # (steps,) whether normals had to be kept
+    pressure: np.ndarray  # (steps,) on the lid [Pa]
+
+
+def squeeze(discs, friction, cells, *, start=0.70, until=0.97, dt=8e-6, speed=2.0):
+    """Squeeze to a nominal solid fraction and look at every step."""
+    scene, filled = packed(discs, friction, cells, start=start, speed=speed)
+    first = skmpm.initial(scene)
+    found = []
+    for state in skmpm.simulate(scene, dt=dt, until=(first.walls[1, 1] - filled / until) / speed, start=first):
+        report, gap = state.report, state.contacts.gap
+        turning = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / np.bincount(state.body)
+        smallest = gap.min(initial=scene.cell) / scene.cell
+        lid = state.wall_force[1, 1] / scene.walls[3].point[0]
+        found.append((filled / state.walls[1, 1], report.overlap, smallest, dt * np.abs(turning).max(),
+                      report.newton, report.settled, lid))  # fmt: skip
+    return Squeeze(*np.array(found, dtype=float).T)
+
+
+@dataclass(frozen=True)
+class Compression:
+    """Of the interior, two mean diameters from every wall, after every second step."""
+
+    nominal: np.ndarray  # (n,) solid fraction by initial volumes
+    fraction: np.ndarray  # (n,) by outlines
+    pressure: np.ndarray  # (n,) over E*
+    coordination: np.ndarray  # (n,)
+    inertial: np.ndarray  # (n,) strain rate x mean diameter x sqrt(density / pressure)
+
+
+def compress(discs, cells, *, start, until, speed, dt=32e-6, seeds_way=False):
+    """Lower a slow lid on smooth discs; `seeds_way` with the shared-node law, a new grid a step, and a linear law."""
+    material = skmpm.LinearElastic if seeds_way else skmpm.NeoHookean
+    scheme = skmpm.Scheme.seed() if seeds_way else skmpm.Scheme()
+    scene, filled = packed(discs, 0.0, cells, start=start, speed=speed, material=material)
+    first = skmpm.initial(scene, scheme=scheme)
+    found, height = [], first.walls[1, 1]
+    run = skmpm.simulate(scene, dt=dt, until=(height - filled / until) / speed, start=first, scheme=scheme)
+    for step, state in enumerate(run):
+        if step % 2:
+            continue
+        seen = skmpm.observe(scene, state, interior=True)
+        pressure = max(seen.pressure, 1e-6 * E_STAR)
+        rate = speed / state.walls[1, 1]
+        inertial = rate * 2.0 * np.mean(RADII) * np.sqrt(DENSITY / pressure)
+        found.append(
+            (seen.solid_fraction_nominal, seen.solid_fraction, pressure / E_STAR, seen.coordination, inertial)
+        )
+    return Compression(*np.array(found).T)
+
+
+MEMBERS = {
+    **{
+        f"squeeze_mu{friction:g}_r{cells}": (squeeze, (100, friction, cells), {})
+        for cells in (5, 8)
+        for friction in (0.0, 0.1, 0.5)
+    },
+    **{
+        f"jamming_r{cells}": (compress, (300, cells), {"start": 0.78, "until": 0.885, "speed": 0.25})
+        for cells in (5, 8)
+    },
+    **{
+        f"jamming_seed_r{cells}": (
+            compress, (100, cells), {"start": 0.55, "until": 0.84, "speed": 0.5, "seeds_way": True},
+        )
+        for cells in (6, 8, 10)
+    },
+}  # fmt: skip
+
+
+def write(name, table):
+    """One column for every field."""
+    TABLES.mkdir(parents=True, exist_ok=True)
+    names = [field.name for field in fields(table)]
+    with (TABLES / f"{name}.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        writer.writerows([f"{value:.6g}" for value in row] for row in zip(*(getattr(table, n) for n in names)))  # noqa: B905
+
+
+def read(name):
+    """The table of a member, `Squeeze` or `Compression`."""
+    kind = Squeeze if MEMBERS[name][0] is squeeze else Compression
+    with (TABLES / f"{name}.csv").open() as file:
+        names, *rows = csv.reader(file)
+    if names != [field.name for field in fields(kind)]:
+        raise ValueError(f"{name}.csv has columns {names}; delete it and run packings.py again")
+    return kind(*np.array(rows, dtype=float).T)
+
+
+def run(name):
+    """Run one member and keep its table."""
+    function, arguments, options = MEMBERS[name]
+    write(name, function(*arguments, **options))
+    return name
+
+
+if __name__ == "__main__":
+    missing = [name for name in sys.argv[1:] or MEMBERS if not (TABLES / f"{name}.csv").exists()]
+    with ProcessPoolExecutor(2) as processes:
+        for name in processes.map(run, missing):
+            print(name)  # noqa: T201

