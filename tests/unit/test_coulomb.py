@@ -1,11 +1,9 @@
-"""Signorini-Coulomb: against enumeration of all contact states, closed forms, and the definition itself."""
-
-from itertools import product
+"""Signorini-Coulomb: projection, residual, closed forms, lattices; verification/test_contact_solver.py has the rest."""
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
@@ -15,48 +13,12 @@ MU = st.sampled_from([0.0, 0.1, 0.3, 0.5, 1.0, 2.0])
 SEED = st.integers(0, 2**32 - 1)
 
 
-def random_problem(seed, mu, *, rank=None, consistent=True):
-    """W of the given rank; a consistent q = H v lies in its range."""
+def random_problem(seed, mu):
+    """W of full rank."""
     rng = np.random.default_rng(seed)
     m = 2 * len(mu)
-    H = rng.normal(size=(m, rank or m + 1)) * 10.0 ** rng.uniform(-1, 1, size=(m, 1))  # diag(W): four decades
-    q = H @ rng.normal(size=H.shape[1]) if consistent else rng.normal(size=m)
-    return H @ H.T, q, np.array(mu)
-
-
-def enumerate_states(W, q, mu, tol=1e-8):
-    """All solutions with open, sticking and slipping contacts tried in every combination."""
-    solutions = []
-    for states in product("os+-", repeat=len(mu)):
-        columns, rows = [], []
-        for c, state in enumerate(states):
-            if state == "o":
-                continue
-            e = np.zeros(q.size)
-            e[2 * c] = 1.0
-            e[2 * c + 1] = {"s": 0.0, "+": mu[c], "-": -mu[c]}[state]
-            columns, rows = [*columns, e], [*rows, 2 * c]
-            if state == "s":
-                columns, rows = [*columns, np.eye(q.size)[2 * c + 1]], [*rows, 2 * c + 1]
-        B = np.array(columns).T.reshape(q.size, -1)
-        r = B @ np.linalg.lstsq(W[rows] @ B, -q[rows], rcond=None)[0] if rows else np.zeros(q.size)
-        if obeys(W, q, mu, r, tol):
-            solutions.append(r)
-    return solutions
-
-
-def obeys(W, q, mu, r, tol):
-    """Check the laws as they are written, contact by contact, with r and u scaled by diag(W)."""
-    s = np.sqrt(np.diag(W))
-    r, u, size = r * s, (W @ r + q) / s, np.linalg.norm(q / s) + 1e-30
-    mu = mu * s[1::2] / s[::2]
-    small = tol * size
-    for (r_n, r_t), (u_n, u_t), m in zip(r.reshape(-1, 2), u.reshape(-1, 2), mu, strict=True):
-        if r_n < -small or u_n < -small or min(r_n, u_n) > small or abs(r_t) > m * r_n + small:
-            return False
-        if m > 0.0 and abs(u_t) > small and abs(r_t + np.sign(u_t) * m * r_n) > 10 * small * (1 + m):
-            return False
-    return True
+    H = rng.normal(size=(m, m + 1)) * 10.0 ** rng.uniform(-1, 1, size=(m, 1))  # diag(W): four decades
+    return H @ H.T, H @ rng.normal(size=m + 1), np.array(mu)
 
 
 def lattice(side, *, per_pair=4, mu=0.5, seed=0, redundant=False):
@@ -98,26 +60,6 @@ def lattice(side, *, per_pair=4, mu=0.5, seed=0, redundant=False):
 def certificate(W, q, mu, r):
     d = W.diagonal()
     return coulomb.residual(r, W @ r + q, mu, d, reference=np.linalg.norm(q / np.sqrt(d)))
-
-
-@given(SEED, st.lists(MU, min_size=1, max_size=4), st.booleans())
-def test_finds_one_of_the_enumerated_solutions(seed, mu, consistent):
-    W, q, mu = random_problem(seed, mu, consistent=consistent)
-    r, info = coulomb.solve(W, q, mu, tol=1e-10)
-    assert info.converged
-    assert obeys(W, q, mu, r, 1e-8)
-    solutions = enumerate_states(W, q, mu)
-    assert min(np.abs(r - x).max() for x in solutions) < 1e-6 * (1.0 + np.abs(r).max())
-
-
-@given(SEED, st.lists(st.sampled_from([0.0, 0.1, 0.3, 0.5, 1.0]), min_size=2, max_size=3))
-def test_redundant_contacts(seed, mu):
-    """Rank 3, the rigid motions of one body, for up to six rows; whatever has a solution must be solved."""
-    W, q, mu = random_problem(seed, mu, rank=3)
-    assume(enumerate_states(W, q, mu))
-    r, info = coulomb.solve(W, q, mu, tol=1e-8)
-    assert info.converged
-    assert obeys(W, q, mu, r, 1e-6)
 
 
 @given(SEED, st.integers(1, 30), st.booleans())
@@ -243,6 +185,18 @@ def test_a_jam_is_reported_not_raised(friction, copies):
     q = np.tile([-1.0, 0.0, -1.0, 0.0], copies)
     r, info = coulomb.solve(W, q, np.full(2 * copies, friction))
     assert not info.converged and info.residual > 0.1 and np.isfinite(r).all()
+
+
+def test_what_is_not_a_number_ends():
+    _, info = coulomb.solve(np.eye(2), np.array([np.nan, 1.0]), np.array([0.5]))
+    assert not info.converged and info.residual == np.inf
+
+
+def test_a_tolerance_below_round_off_ends():
+    mass = 1e4 ** np.arange(4.0)
+    H = np.eye(4) - np.eye(4, k=-1)
+    r, info = coulomb.solve(H / mass @ H.T, np.array([-1.0, 0.0, 0.0, 0.0]), np.zeros(4), tol=1e-15)
+    assert not info.converged and np.isfinite(r).all()
 
 
 def test_leaves_the_callers_arrays_alone():

@@ -30,9 +30,8 @@ MODULES = (
     "friction",
     "collision",
     "pile",
-    "onset",
-    "hertz",
     "corners",
+    "contact_solver",
 )
 HEAD = """# Verification
 
