@@ -224,7 +224,7 @@ RUNS = {
     **{
         f"discs_mu{mu}_fraction{fraction}_{name}": partial(compaction, 4, 5, mu, fraction, TIMES[name])
         for mu in (0.5, 0.0)
-        for fraction, names in ((0.75, TIMES), (0.88, ("50us",)), (0.97, ("0.5us", "50us")))
+        for fraction, names in ((0.65, ("50us",)), (0.75, TIMES), (0.88, ("50us",)), (0.97, ("0.5us", "50us")))
         for name in names
     },
     **{
@@ -233,16 +233,17 @@ RUNS = {
     },
     "dense_mu0.5_30": partial(compaction, 30, 5, 0.5, 0.8, 50e-6, start=0.68),
     "dense_mu0.0_100": partial(plain, partial(compaction, 100, 5, 0.0, 0.8, 5e-6, start=0.72)),
+    **{f"seed_mu{mu}_R{ratio}h": partial(seed, 3, ratio, mu, 0.8, 5e-6) for mu, ratio in ((0.5, 5), (0.0, 8))},
     **{
-        f"seed_mu{mu}_R{ratio}h": partial(seed, 3, ratio, mu, 0.8, 5e-6)
-        for mu, ratio in ((0.5, 5), (0.0, 5), (0.0, 8))
-    },
-    **{
-        f"{kind.replace(' ', '_')}_{name}_mu{mu}_R{ratio}h": partial(boxes, kind, (0.3, 0.7), mu, scheme, ratio=ratio)
-        for kind, (name, scheme), mu, ratio in product(
-            ("four", "three", "wall corner"), (("nodes", SEED), ("rims", RIMS)), (0.5, 0.0), (5, 8)
+        f"{kind.replace(' ', '_')}_{name}_mu{mu}_R{ratio}h": partial(boxes, kind, shift, mu, scheme, ratio=ratio)
+        for kind in CORNERS
+        for name, scheme, mu, ratio, shift in (
+            ("nodes", SEED, 0.5, 5, (0.3, 0.7)),
+            ("nodes", SEED, 0.0, 5, (0.3, 0.7)),
+            ("nodes", SEED, 0.5, 8, (0.0, 0.0)),
+            ("rims", RIMS, 0.5, 5, (0.3, 0.7)),
+            ("rims", RIMS, 0.0, 5, (0.3, 0.7)),
         )
-        if ratio == 5 or (kind == "three" and name == "nodes" and mu > 0.0)
     },
     "block_anew_1ms": partial(block, (0.0, 0.0), (0.0, -10.0), 1e-3, ANEW),
     "block_slow_10ms": partial(block, (0.3, 0.6), (3.0, -10.0), 1e-2, skmpm.Scheme(inertia=False), friction=0.35),

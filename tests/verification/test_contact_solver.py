@@ -109,7 +109,7 @@ def test_finds_one_of_the_enumerated_solutions(seed, mu):
 def test_solves_what_has_a_solution_when_contacts_are_redundant(seed, mu, rank):
     """W of rank 3 (the rigid motions of one body) to 6 for up to ten rows, mu in [0, 2]: all laws to 1e-8 |q|.
 
-    Impulses are not unique. Of 20,000 such problems the solver fails at about one: hence always the same examples.
+    Impulses are not unique. Of 32,000 such problems the solver failed at one: hence always the same examples.
     """
     W, q, mu = random_problem(seed, mu, rank=min(rank, 2 * len(mu)))
     r, info = coulomb.solve(W, q, mu, tol=TOL)
@@ -284,7 +284,7 @@ def test_a_push_of_exactly_mu_p(mu, ulp):
 # The library.
 
 GROUPS = {
-    "discs": "packings, R/h = 5, solid fractions 0.75 to 0.97, dt = 0.5, 5, 50 us",
+    "discs": "packings, R/h = 5, solid fractions 0.65 to 0.97, dt = 0.5, 5, 50 us",
     "fine": "packings, R/h = 8, solid fractions 0.80 and 0.95, dt = 5 and 50 us",
     "dense": "packings of 30 and 100 discs, solid fraction 0.80, dt = 50 and 5 us",
     "seed": "packings on shared nodes, R/h = 5 and 8",
@@ -300,7 +300,7 @@ STEPS = {  # at most so many Newton steps, from either start: about half as much
     "fine": 150,
     "dense": 25,
     "seed": 15,
-    "nodes": 20,
+    "nodes": 30,
     "rims": 300,
     "block": 100,
     "heavy": 90,
