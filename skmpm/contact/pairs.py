@@ -39,11 +39,10 @@ class Pairs:
 def touching_bodies(scene: Scene, near: Neighbours, start: Array, moved: Array, theta: float) -> Pairs:
     """Contacts between bodies whose rim points move from `start` by `moved` (2, m)."""
     curve, rim = near.curve, near.curve.outlines
-    end = feet(near, start + moved)
-    place = (end.point, end.segment, end.s, end.tip)
-    driving = end if theta == 1.0 else project(near, start + theta * moved, *place)
-    begin = project(near, start, *place)
-    turning, curvature = shape(near, start + theta * moved, driving)
+    end, begin = feet(near, start + moved)
+    at = start + theta * moved
+    driving = end if theta == 1.0 else project(near, at, end.point, end.segment, end.s, end.tip)
+    turning, curvature = shape(near, at, driving)
     return Pairs(
         bodies=rim.body[np.stack([end.point, end.segment])],
         point=end.point,

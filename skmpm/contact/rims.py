@@ -55,7 +55,7 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float
     initial = scene.initial_positions[:, rim.point]
     rank, reach, start = _rank(scene, rim, initial), REACH * sheets.cell, state.x[:, rim.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
-    curve = outline.curve(rim, initial)
+    curve = outline.curve(rim, initial, start)
     near = neighbours(scene, curve, rank, start, sheets.cell, reach, margin)
 
     def touching(moved: Array) -> Pairs:

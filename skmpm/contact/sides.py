@@ -2,7 +2,8 @@
 
 Corners cut an outline into sides, smooth curves. A point may touch several sides of one body: in a notch those to
 both hands bound it. Where sides meet in a corner that sticks out it is enough to be in front of one of them.
-Whatever a body's points are, its corners are among them: a side may touch a corner between two of its own points.
+Corners are points whichever body gives them: a side may touch a corner between two of its own points. So are places
+that deformation has made as sharp.
 
 A contact of a vertex has a normal along which both edges of the vertex lead away from the other side (a vertex of the
 Minkowski difference of the two bodies); what edges that point into it touch is touched by other points. See `tips`
@@ -37,6 +38,7 @@ class Neighbours:
     """Points and segments that stay all there can be as long as no rim point moves by more than half the margin."""
 
     curve: Curve
+    start: Array  # (2, m) rim points at the start of the step [m]
     cell: float
     reach: float
     margin: float
@@ -55,8 +57,8 @@ def neighbours(
     gives, free = rank[first] < rank[second], scene.deformable[first] | scene.deformable[second]
     ends = np.concatenate([np.stack([point, end]) for end in (segment, rim.next[segment])], axis=1)
     tips = np.unique(ends[:, np.tile(gives & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
-    kept = (gives | curve.convex[point]) & free
-    return Neighbours(curve, cell, reach, margin, point[kept], segment[kept], tips)
+    kept = (gives | curve.sharp[point]) & free
+    return Neighbours(curve, x, cell, reach, margin, point[kept], segment[kept], tips)
 
 
 @dataclass(frozen=True)
@@ -76,16 +78,19 @@ class Feet:
         return Feet(*(a[..., chosen] for a in self.__dict__.values()))
 
 
-def feet(near: Neighbours, x: Array) -> Feet:
-    """All contacts within reach of rim points x (2, m)."""
-    curve = near.curve
+def feet(near: Neighbours, x: Array) -> tuple[Feet, Feet]:
+    """All contacts within reach of rim points x (2, m); where their feet were at the start of the step."""
     point, segment, s = _nearest(near, x)
-    found = project(near, x, point, segment, s, np.zeros(point.size, dtype=bool))
-    deep = near.cell * DEPTH
-    found = found[~found.beside & (found.gap > -deep) & (found.gap < near.reach) & _faces(curve, x, found)]
-    found = found[_outermost(curve, found)]
+    no_tips = np.zeros(point.size, dtype=bool)
+    found = project(near, x, point, segment, s, no_tips)
+    before = project(near, near.start, point, found.segment, found.s, no_tips)
+    close = (found.gap > -DEPTH * near.cell) & (found.gap < near.reach)
+    chosen = np.flatnonzero(~found.beside & close & _faces(near, before))
+    chosen = chosen[_outermost(near.curve, found[chosen])]
     tips = _tips(near, x)
-    return _joined(found[~_superseded(curve, found, tips)], tips)
+    chosen = chosen[~_superseded(near.curve, found[chosen], tips)]
+    tips_before = project(near, near.start, tips.point, tips.segment, tips.s, tips.tip)
+    return _joined(found[chosen], tips), _joined(before[chosen], tips_before)
 
 
 def _nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
@@ -111,7 +116,7 @@ def project(near: Neighbours, x: Array, c: Ints, segment: Ints, s: Array, tip: B
     along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
     key = c * curve.sides + curve.side[segment]
     # What is right on a corner is touched by it; two corners at the same place may be flush sides.
-    on_corner = _on_corner(curve, segment, s) & ~curve.convex[c]
+    on_corner = _on_corner(curve, segment, s) & ~curve.sharp[c]
     off_end = curve.at_corner(segment, s) & (along > OFF * np.hypot(*curve.at(x, segment, s, 1)))
     beside = ~tip & (off_end | on_corner)
     tips = wedge(curve, x, c[tip], segment[tip], TIP * near.cell)
@@ -135,12 +140,15 @@ def shape(near: Neighbours, x: Array, at: Feet) -> tuple[Array, Array]:
     return turning, curvature
 
 
-def _faces(curve: Curve, x: Array, found: Feet) -> Bools:
-    """Whether points face the surfaces of their feet and their edges do not dip into these."""
-    c, n = found.point, found.normal
+def _faces(near: Neighbours, before: Feet) -> Bools:
+    """Whether points face the surfaces of their feet and their edges do not dip into these.
+
+    At the start of the step: who touches whom does not hang on how edges turn from iterate to iterate.
+    """
+    curve, x, c, n = near.curve, near.start, before.point, before.normal
     facing = dot(outline.normals(curve.outlines, x)[:, c], n)
     dip = np.minimum(*(dot(edge, n) for edge in edges(curve, x, c)))
-    return np.asarray((facing < np.where(curve.convex[c], 0.0, FACING)) & (dip > -DIP))
+    return np.asarray((facing < np.where(curve.sharp[c], 0.0, FACING)) & (dip > -DIP))
 
 
 def _outermost(curve: Curve, found: Feet) -> Bools:

@@ -27,7 +27,8 @@ class Curve:
 
     outlines: Outlines
     corner: NDArray[np.bool_]  # (m,) whether the rim has a corner there
-    convex: NDArray[np.bool_]  # (m,) whether that is one that sticks out
+    convex: NDArray[np.bool_]  # (m,) whether that is one that sticks out now
+    sharp: NDArray[np.bool_]  # (m,) these, and what deformation has made as sharp
     side: Integers  # (m,) the side that each segment belongs to
     first: Floats  # (3, m) tangent at the start of segment i -> next[i]: shares of previous[i], i, next[i]
     last: Floats  # (3, m) tangent at its end: shares of i, next[i], next[next[i]]
@@ -96,21 +97,31 @@ class Curve:
         return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
 
 
-def curve(outlines: Outlines, x: Floats) -> Curve:
-    """The curve whose corners and knots are those of the reference positions x (2, m) [m]."""
+def curve(outlines: Outlines, x: Floats, now: Floats | None = None) -> Curve:
+    """The curve whose corners and knots are those of the reference positions x (2, m) [m].
+
+    `now` (2, m) are the positions that say which corners stick out: a corner may be folded in. By default x.
+    """
     after, before = outlines.next, outlines.previous
-    ahead = x[:, after] - x
-    length = np.maximum(np.hypot(*ahead), 1e-300)
-    straight = np.einsum("im,im->m", ahead, ahead[:, before]) / (length * length[before])
+    length, straight, _ = _turns(outlines, x)
+    _, bent, left = _turns(outlines, x if now is None else now)
     corner = straight < CORNER
-    convex = corner & (ahead[0, before] * ahead[1] > ahead[1, before] * ahead[0])
+    convex = corner & left
     here, back, front = length, length[before], length[after]
     # The derivative at the middle one of three points by the parabola through them, times this segment's length.
     far, near = here**2 / (back * (back + here)), back / (back + here)
     first = np.where(corner, [[0.0], [-1.0], [1.0]], np.stack([-far, far - near, near]))
     far, near = here**2 / (front * (front + here)), front / (front + here)
     last = np.where(corner[after], [[-1.0], [1.0], [0.0]], np.stack([-near, near - far, far]))
-    return Curve(outlines, corner, convex, _sides(outlines, corner), first, last)
+    return Curve(outlines, corner, convex, convex | (left & (bent < CORNER)), _sides(outlines, corner), first, last)
+
+
+def _turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Lengths of segments (m,), cosines of the turns at their starts, and whether these are to the left."""
+    ahead = x[:, outlines.next] - x
+    length, back = np.maximum(np.hypot(*ahead), 1e-300), ahead[:, outlines.previous]
+    cosine = np.einsum("im,im->m", ahead, back) / (length * length[outlines.previous])
+    return length, cosine, np.asarray(back[0] * ahead[1] > back[1] * ahead[0])
 
 
 def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:

@@ -97,6 +97,20 @@ def test_corners_cut_outlines_into_sides_and_notches_are_told_from_what_sticks_o
         assert np.unique(c.side[its]).size == 1
 
 
+def test_deformation_folds_corners_in_and_makes_other_places_sharp():
+    """Which places are corners is said by the reference shape, which of them stick out by the present one."""
+    x = np.array([[0.0, 0.5, 1.0, 1.0, 1.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0, 0.5]])
+    now = x.copy()
+    now[:, 2], now[:, 5] = (0.6, 0.4), (0.5, 1.7)
+    c = curve(one_body(x), x, now)
+    assert np.flatnonzero(c.corner).tolist() == [0, 2, 4, 6]
+    assert np.flatnonzero(c.convex).tolist() == [0, 4, 6]
+    assert np.flatnonzero(c.sharp).tolist() == [0, 1, 3, 4, 5, 6]
+    same = curve(one_body(x), x)
+    assert np.flatnonzero(same.convex).tolist() == np.flatnonzero(same.sharp).tolist() == [0, 2, 4, 6]
+    assert np.array_equal(c.weights(*everywhere(8)), same.weights(*everywhere(8)))
+
+
 @pytest.mark.parametrize(("segment", "s"), [(1, 1.2), (2, -0.2)])
 def test_a_side_goes_on_behind_a_notch_but_not_beyond_a_corner(segment, s):
     """Half a segment at most; the foot of a point behind the notch is on the side's own line."""
