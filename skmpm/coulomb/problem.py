@@ -113,10 +113,10 @@ def _largest_eigenvalue(W: Matrix) -> float:
     return bound if bound > 0.0 else 1.0
 
 
-def unscaled(x: Array, slope: Array, s: Array, mu: Array) -> Array:
-    """Return r = x / s with slipping contacts on the cone mu r_n to the last bit."""
-    x_n, x_t, slope = split(x, slope)
+def unscaled(x: Array, u: Array, slope: Array, s: Array, mu: Array) -> Array:
+    """Return r = x / s with slipping contacts on the cone mu r_n to the last bit; u are the scaled velocities."""
+    x_n, a_t, slope = split(x, slope)[0], split(x - u, slope)[1], slope[:, None]
     r_n, r_t, mu = split(x / s, mu)
     edge = mu * r_n
-    slips = np.abs(x_t) >= (1.0 - 1e-15) * slope * x_n  # Newton's last step may round it inwards
-    return np.hstack([r_n, np.where(slips, np.sign(x_t) * edge, np.clip(r_t, -edge, edge))]).ravel()
+    slips = np.abs(a_t) >= slope * x_n
+    return np.hstack([r_n, np.where(slips, np.sign(a_t) * edge, np.clip(r_t, -edge, edge))]).ravel()

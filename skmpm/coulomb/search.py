@@ -86,7 +86,7 @@ def solve(
     with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
         problem, s = scaled(W, q, mu, contacts)
         best, info = _search(problem, problem.at(problem.clamp(s * r0)), tol, sweeps, iterations)
-        r = unscaled(best.r[:contacts], problem.mu, s[:contacts], mu)
+        r = unscaled(best.r[:contacts], best.u[:contacts], problem.mu, s[:contacts], mu)
         return r, replace(info, linear=best.r[contacts:] / s[contacts:])
 
 
@@ -101,9 +101,9 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> 
             x, swept = _sweep(p, x, sweeps << round_), swept + (sweeps << round_)
             x, count = _steps(p, x, tol, limit - steps, _GAINS, _SHORTEST)
             best, steps = _better(best, x), steps + count
-    for start in (best, *(p.pressed(push) for push in _PUSHES if p.q.size <= DENSE)):
+    for push in (None, *_PUSHES) if p.q.size <= DENSE else (None,):
         if best.error > tol and steps < limit:
-            x, count = _proximal(p, start, tol, limit - steps)
+            x, count = _proximal(p, best if push is None else p.pressed(push), tol, limit - steps)
             best, steps = _better(best, x), steps + count
     return best, Info(steps, swept, best.error, best.error <= tol)
 
