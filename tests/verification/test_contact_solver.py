@@ -443,7 +443,7 @@ def figures(folder):
             axis.semilogy(place, steps, marker, color="C0" if marker == "o" else "C1", ms=5, mfc="none", label=label)
         axis.hlines(STEPS[name], i - 0.4, i + 0.4, color="k", lw=1, ls=":")
     axis.set(xticks=range(len(GROUPS)), xticklabels=GROUPS, ylabel="Newton steps to 1e-10")
-    axis.legend(*(x[:2] for x in axis.get_legend_handles_labels()), fontsize=8, loc="upper center")
+    axis.legend(*(x[:2] for x in axis.get_legend_handles_labels()), fontsize=8, loc=(0.36, 0.85))
     fig.savefig(folder / "contact_solver.png", dpi=120)
     plt.close(fig)
     return {
