@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.contact.tips import dot, edges, wedge
+from skmpm.contact.tips import dot, wedge
 from skmpm.outline import Curve
 from skmpm.scene import Scene
 
@@ -30,6 +30,7 @@ DEPTH = 1.0  # a point deeper than this many cells belongs to the other side of 
 FACING = -0.3  # largest cosine between the normals of two surfaces in contact; of a corner 0
 DIP = 0.5  # sine of the angle by which the rim beside a contact point may dip into the other surface
 TIP = 0.05  # depth below a tip of the centre of the disc that rounds it [cells]
+SHALLOW = 0.1  # by how much it may always do so [cells]
 OFF = 1e-6  # of a segment: how far beside the end of a side a point is still in front of it
 
 
@@ -147,8 +148,12 @@ def _faces(near: Neighbours, before: Feet) -> Bools:
     """
     curve, x, c, n = near.curve, near.start, before.point, before.normal
     facing = dot(outline.normals(curve.outlines, x)[:, c], n)
-    dip = np.minimum(*(dot(edge, n) for edge in edges(curve, x, c)))
-    return np.asarray((facing < np.where(curve.sharp[c], 0.0, FACING)) & (dip > -DIP))
+    keeps_off = np.ones(c.size, dtype=bool)
+    for neighbour in (curve.outlines.next, curve.outlines.previous):
+        edge = x[:, neighbour[c]] - x[:, c]
+        # Squeezed together, rim points are at heights that say little about the slope between them.
+        keeps_off &= dot(edge, n) > -np.maximum(DIP * np.hypot(*edge), SHALLOW * near.cell)
+    return np.asarray((facing < np.where(curve.sharp[c], 0.0, FACING)) & keeps_off)
 
 
 def _outermost(curve: Curve, found: Feet) -> Bools:
