@@ -37,7 +37,7 @@ from corners import (
 )
 from ledger import Row, numbers
 
-from skmpm import Body, LinearElastic, Scene, Scheme, initial, simulate
+from skmpm import Body, LinearElastic, Scene, Scheme, StepFailed, initial, simulate
 
 PLACES = 20  # of the table
 OVERLAP, GAP, NEWTON, CAP = 5e-4, -0.05, 3.0, 60
@@ -246,13 +246,17 @@ def compressed(name, k, steps=10):
     h, rng = 0.1, np.random.default_rng(300 + k)
     radii, spacings = (h * np.array(a) for a in UNLIKE[name])
     scene = stack(rng, cell=h, radii=radii, spacings=spacings)
-    ratios, newton, gap, start = [], [], 0.0, initial(scene)
-    for state in simulate(scene, dt=1.0 / steps, until=1.0, scheme=QUASI_STATIC, start=start):
-        force = float(np.hypot(*state.wall_force[1]))
-        ratios.append(approach(force, radii) / (0.2 * radii.min() * state.t))
-        newton.append(state.report.newton)
-        gap = min(gap, deepest(scene, state))
-    return np.array(ratios), np.array(newton), gap, state.report.overlap
+    ratios, newton, gap, start = np.full(steps, np.nan), np.zeros(steps), 0.0, initial(scene)
+    state = start
+    try:
+        for i, state in enumerate(simulate(scene, dt=1.0 / steps, until=1.0, scheme=QUASI_STATIC, start=start)):
+            force = float(np.hypot(*state.wall_force[1]))
+            ratios[i] = approach(force, radii) / (0.2 * radii.min() * state.t)
+            newton[i] = state.report.newton
+            gap = min(gap, deepest(scene, state))
+    except StepFailed:  # what is missing stays nan
+        pass
+    return ratios, newton, gap, state.report.overlap
 
 
 @pytest.mark.parametrize("name", [pytest.param("R ratio 20", marks=pytest.mark.slow), "spacing ratio 4"])
@@ -352,10 +356,11 @@ def unlike():
     found = [compressed("spacing ratio 4", k) for k in range(PLACES)]
     like = np.array([compressed("spacing ratio 1", k)[0] for k in range(PLACES)])
     ratios = np.array([f[0] for f in found])
-    mean, of_like = (numbers(a.mean(axis=0)[[1, 4, 9]], 3) for a in (ratios, like))
+    mean, of_like = (numbers(np.nanmean(a, axis=0)[[1, 4, 9]], 3) for a in (ratios, like))
+    failed = int(np.isnan(ratios[:, -1]).sum())
     text = (
         f"approach by the law over the true one, d/R = 0.01, 0.025, 0.05: mean {mean} (like resolution: {of_like});"
-        f" lowest gap {min(f[2] for f in found):.1g} h"
+        f" lowest gap {min(f[2] for f in found):.1g} h; runs that failed: {failed}"
     )
     goal = "shown: as like discs; R/h = 5 is stiff, see Hertz"
     name = "test_discs_of_unlike_resolution_obey_hertz_as_those_of_like_do"
