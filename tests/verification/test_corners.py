@@ -397,9 +397,10 @@ def figures(folder):
         ax.set(xlim=(x[0].min() - 0.01, x[0].max() + 0.01), ylim=(x[1].min() - 0.01, x[1].max() + 0.01))
         ax.set(aspect="equal", xticks=[], yticks=[])
         ax.set_title(name, fontsize=9)
-    fig.savefig(folder / "corners.png", dpi=120)
+    fig.savefig(folder / "corners.png", dpi=80)
     plt.close(fig)
     return {
         "corners.png": "End states: a corner pressed into a face, squares after they met tip to tip, a disc in a"
-        " notch, a peg in a slot, heaps of twelve polygons at a nominal solid fraction of 0.9. Dots: loaded contacts."
+        " notch, a peg in a slot, heaps of twelve polygons at a nominal solid fraction of 0.9 (a body does not"
+        " touch itself: the C folds). Dots: loaded contacts."
     }
