@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,6 +19,9 @@ Array = NDArray[np.float64]
 DEPTH = 15  # directions that acceleration remembers
 CAUTION = 0.5  # share of a direction that is gone once the iteration converges slowly
 PATIENCE = 20  # iterations after which normals turn no more
+HASTE = 8  # iterations of quadratic convergence, before it is tried with more care
+STUCK = 0.8  # share of the imbalance left by an iteration that tells of a contact about to snap
+REST = 3  # iterations between two factorisations in one careful step
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration sets in
 FAR = 20.0  # imbalance over `newton_tol` above which a new matrix is worth its price
@@ -42,21 +46,44 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
 
     Every iteration measures the gaps where the current w ends and solves the contacts against the linearised bulk.
     How the forces of loaded contacts turn is part of the contact problem, so convergence is quadratic with a new
-    matrix in every iteration; close to the solution the last one does. Anderson's acceleration helps where states
-    of contacts keep changing. Where a contact is about to snap from one place to another its normals never settle;
-    after `PATIENCE` iterations they stay as they are, and gaps, Signorini's and Coulomb's laws are solved along them.
+    matrix in every iteration; close to the solution the last one does. Where a contact is about to snap there may be
+    nothing to converge to: then normals stay as they are, and gaps, Signorini's and Coulomb's laws are solved along
+    them. What has not converged after `HASTE` iterations starts again with more care: with Anderson's acceleration,
+    few matrices, and normals that settle only after `PATIENCE` iterations.
 
     Raises
     ------
     NotConverged
         after `max_newton` iterations, or when the contact solver or the line search fails
     """
-    scheme, w, solver, factorised = step.scheme, _first(step), kept, 0
-    at, projected, before = step.at(w), False, np.inf
     if touching is None:
         _check_balance(step)
+        return _iterate(step, None, kept, timer, Effort(), careful=False)
+    hasty, effort = copy(touching), Effort()
+    try:
+        return _iterate(step, hasty, kept, timer, effort, careful=False)
+    except NotConverged:
+        touching.iterations = hasty.iterations
+        return _iterate(step, touching, kept, timer, effort, careful=True)
+
+
+@dataclass
+class Effort:
+    """What the iterations of a step cost so far."""
+
+    newton: int = 0
+    factorised: int = 0
+
+
+def _iterate(
+    step: Increment, touching: Touching | None, kept: Solver | None, timer: Timer, effort: Effort, *, careful: bool
+) -> Solution:
+    """Newton's iteration, in haste or with care."""
+    scheme, w, solver = step.scheme, _first(step), kept
+    at, projected, before, newest = step.at(w), False, np.inf, 0
     mixing, share = Mixing(step.bulk.assembly.mass), 1.0
-    for iteration in range(scheme.max_newton + 1):
+    limit = scheme.max_newton if careful or touching is None else min(HASTE, scheme.max_newton)
+    for iteration in range(limit + 1):
         gradient, size = step.gradient(w, at)
         push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
         size = max(size, float(np.linalg.norm(push)))
@@ -64,25 +91,28 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         exact = iteration == 1 and step.exact and touching is None
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
             reaction = step.reaction(gradient - push)
-            return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)
-        far = touching is None or imbalance > FAR * scheme.newton_tol
+            return Solution(w, touching, effort.newton, effort.factorised, residual, imbalance, reaction, solver)
+        rested = imbalance > 0.5 * before and iteration - newest > REST
+        far = touching is None or (rested if careful else imbalance > FAR * scheme.newton_tol)
         if solver is None or (far and not step.bulk.linear):
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
-            factorised += 1
+            effort.factorised, newest = effort.factorised + 1, iteration
             timer.lap("factorisation")
         share = CAUTION if touching and imbalance > 0.8 * before and iteration > 2 else share
-        slow, before = imbalance > SLOW * before, imbalance
-        if touching and iteration == PATIENCE:
+        snaps = touching and (touching.lost > 0 or (iteration > 2 and imbalance > STUCK * before))
+        if touching and touching.settled is None and (iteration == PATIENCE if careful else snaps):
             touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
+        slow, before = imbalance > SLOW * before, imbalance
         if touching:
             direction, push = touching.solve(solver, gradient, afresh=far)
         else:
             direction = -solver(gradient)
-        mixed = mixing.mixed(w, direction, share, wanted=slow)
+        mixed = mixing.mixed(w, direction, share, wanted=slow or careful)
         w, at = _move(step, w, at, direction, mixed, gradient - push, push)
+        effort.newton += 1
         timer.lap("bulk")
     raise NotConverged(
-        f"no convergence in {scheme.max_newton} Newton iterations: momentum imbalance {imbalance:.2g}"
+        f"no convergence in {limit} Newton iterations: momentum imbalance {imbalance:.2g}"
         f" (wanted {scheme.newton_tol:g}), contact residual {residual:.2g} (wanted {scheme.gap_tol:g});"
         " use a smaller dt"
     )

@@ -20,6 +20,12 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+SOFT = (
+    0.5  # share of what A resists that turning may take along a direction, where impulses are those of the last step
+)
+UNSTABLE = 0.95  # the same where they are of this step
+
+
 class NotConverged(RuntimeError):  # noqa: N818
     """The step's equations were not solved; the message says which."""
 
@@ -69,6 +75,7 @@ class Touching:
     timer: Timer
     iterations: int = 0
     stopped: float = 0.0  # residual of the last solve
+    lost: int = 0  # solves without a solution, because loaded contacts turn
     rows: Rows = field(init=False)
     r: Array = field(init=False)
     u: Array = field(init=False)
@@ -117,25 +124,45 @@ class Touching:
             self.last = replace(self.last, solver=None)
         if self.rows.size == 0:
             return -solver(gradient), self._push()
-        step = self.step
-        turns = None if self.settled is not None else turning(self.rows, self.r, step.dt, step.scheme.theta)
+        turns = None if self.settled is not None else turning(self.rows, self.r, self.step.dt, self.step.scheme.theta)
+        found = None if turns is None else self._turned(solver, gradient, turns)
+        if found is None:
+            found = self._straight(solver, gradient)
+        self.key, self.force, self.normal = self.rows.key, self.rows.forces(self.r, self.step.dt), self.rows.normal
+        self.timer.lap("linear")
+        return found
+
+    def _turned(self, solver: Solver, gradient: Array, turns: Turning) -> tuple[Array, Array] | None:
+        """Direction and push where loaded contacts turn; None if there are none, or none that can be trusted.
+
+        What turns is not definite. Where it takes most of what A resists along the direction, a contact is about to
+        snap and the direction leads far away.
+        """
         impulses = self._impulses(solver, gradient, turns)
-        if impulses is None and turns is not None:
-            impulses = self._impulses(solver, gradient, None)
+        if impulses is None:
+            self.lost += 1
+            return None
+        r, rho = impulses
+        theta = self.step.scheme.theta
+        push = theta * (self.rows.H.T @ r + turns.pushed.T @ rho)
+        direction = solver(push - gradient)
+        softened = theta * float((turns.Z @ direction) @ rho)
+        if softened > (SOFT if self.normal is None else UNSTABLE) * float(direction @ (push - gradient)):
+            return None
+        self.r = turns.settled(r, rho) if self.rows.tangential else r
+        return direction, push
+
+    def _straight(self, solver: Solver, gradient: Array) -> tuple[Array, Array]:
+        """Direction and push where no contact turns."""
+        impulses = self._impulses(solver, gradient, None)
         if impulses is None:
             raise NotConverged(
                 f"the contact solver stopped at a residual of {self.stopped:.2g} with {self.rows.size} contacts"
-                f" (wanted {step.scheme.contact_tol:g}); use a smaller dt"
+                f" (wanted {self.step.scheme.contact_tol:g}); use a smaller dt"
             )
-        self.r, rho = impulses
+        self.r = impulses[0]
         push = self._push()
-        if turns is not None and rho.size:
-            push += step.scheme.theta * (turns.pushed.T @ rho)
-            self.r = turns.settled(self.r, rho) if self.rows.tangential else self.r
-        self.key, self.force, self.normal = self.rows.key, self.rows.forces(self.r, step.dt), self.rows.normal
-        direction = solver(push - gradient)
-        self.timer.lap("linear")
-        return direction, push
+        return solver(push - gradient), push
 
     def _impulses(self, solver: Solver, gradient: Array, turns: Turning | None) -> tuple[Array, Array] | None:
         """The new impulses and those by which loaded contacts turn; None where there is no solution."""

@@ -30,6 +30,7 @@ def test_settled_normals_give_nearly_the_same_step(monkeypatch, friction):
     scene = squeezed(friction)
     expected = last(scene)
     monkeypatch.setattr(newton, "PATIENCE", 1)
+    monkeypatch.setattr(newton, "HASTE", 0)
     state = last(scene)
     assert state.report.settled
     assert not expected.report.settled
