@@ -32,6 +32,8 @@ MODULES = (
     "pile",
     "corners",
     "contact_solver",
+    "interpenetration",
+    "jamming",
 )
 HEAD = """# Verification
 
