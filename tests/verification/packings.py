@@ -138,6 +138,11 @@ def read(name):
     return kind(*np.array(rows, dtype=float).T)
 
 
+def has(name):
+    """Whether a member has been run."""
+    return (TABLES / f"{name}.csv").exists()
+
+
 def run(name):
     """Run one member and keep its table."""
     function, arguments, options = MEMBERS[name]
@@ -146,7 +151,7 @@ def run(name):
 
 
 if __name__ == "__main__":
-    missing = [name for name in sys.argv[1:] or MEMBERS if not (TABLES / f"{name}.csv").exists()]
+    missing = [name for name in sys.argv[1:] or MEMBERS if not has(name)]
     with ProcessPoolExecutor(2) as processes:
         for name in processes.map(run, missing):
             print(name)  # noqa: T201
