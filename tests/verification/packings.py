@@ -106,7 +106,7 @@ MEMBERS = {
         for friction in (0.0, 0.1, 0.5)
     },
     **{
-        f"jamming_r{cells}": (compress, (300, cells), {"start": 0.78, "until": 0.885, "speed": 0.25})
+        f"jamming_r{cells}": (compress, (300, cells), {"start": 0.80, "until": 0.875, "speed": 0.5})
         for cells in (5, 8)
     },
     **{

@@ -84,7 +84,7 @@ def rows():
     one, two = (np.array([too_early(cells, gap) for cells in by_nodes]) for gap in (1.0, ONSET_GAP))
     over = [np.interp(ABOVE, run.nominal - jammed(run), run.pressure) / MEAN_FIELD for run in ours]
     grids, test = numbers(by_outlines), "test_a_gap_of_one_cell_jams_early"
-    lid = "300 frictionless discs, lid at 0.25 m/s"
+    lid = "300 frictionless discs, lid at 0.5 m/s"
     return [
         Row(f"{lid}: jamming fraction of the interior", "0.842 (0.83-0.86)", f"R/h = {grids}",
             f"{numbers(found, 4)}; inertial number {numbers(inertial)} at P = 1e-3 E*", "-",
