@@ -2,7 +2,7 @@
 
 Discs of radii 0.7-1.2 mm, 10 MPa, Poisson's ratio 0.45, in a box of smooth walls whose lid comes down slowly (runs of
 packings.py). The jamming fraction is where the pressure in the interior (two mean diameters from every wall), a
-straight line in the nominal solid fraction just above it, leaves zero. References: 0.842 in the mean, 0.83 to 0.86 by
+straight line in the nominal solid fraction above it, would leave zero. References: 0.842 in the mean, 0.83 to 0.86 by
 protocol, and Z - 4 = (3.6 +- 0.5) sqrt(Phi - Phi_J) (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68, 2003); pressure
 in mean field (affine approach, Hertz' law of the plane). At shared nodes bodies touch one cell too early: every disc
 is larger by h/2, and the box is full at 0.842 / (1 + h / 2R)^2.
@@ -16,7 +16,10 @@ import pytest
 from ledger import Row, numbers
 
 JAMMED = 0.842
-ONSET = 3e-4, 4e-3  # pressures over E* between which the line is laid
+ONSET = (
+    4e-3,
+    1.1e-2,
+)  # pressures over E* between which the line is laid; below, moving discs with Z < 4 carry some too
 ONSET_GAP = 1.9  # cells between bodies at their first force at shared nodes, see test_onset
 NEW, SEED = (5, 8), (6, 8, 10)
 ABOVE = np.array([0.005, 0.01, 0.02, 0.04])  # solid fractions above that of jamming, and P / E* there in mean field
@@ -64,7 +67,7 @@ def test_a_gap_of_one_cell_jams_early():
 def test_the_jamming_fraction_is_that_of_the_line():
     """On a made-up curve with noise below the onset."""
     nominal = np.linspace(0.80, 0.88, 81)
-    pressure = np.maximum(nominal - 0.84, 0.0) * 0.2 + 1e-5 * np.sin(900.0 * nominal) ** 2
+    pressure = np.maximum(nominal - 0.84, 0.0) * 0.3 + 1e-5 * np.sin(900.0 * nominal) ** 2
     coordination = 4.0 + 3.6 * np.sqrt(np.maximum(nominal - 0.84, 0.0))
     run = packings.Compression(nominal, nominal, pressure, coordination, 0.0 * nominal)
     assert jammed(run) == pytest.approx(0.84, abs=2e-4)
@@ -88,7 +91,7 @@ def rows():
     return [
         Row(f"{lid}: jamming fraction of the interior", "0.842 (0.83-0.86)", f"R/h = {grids}",
             f"{numbers(found, 4)}; inertial number {numbers(inertial)} at P = 1e-3 E*", "-",
-            f"0.83-0.86, closer than 0.01 to each other: {'met' if met else 'missed'}{missing}", test),
+            f"0.83-0.86{', 0.01 apart' if len(ours) > 1 else ''}: {'met' if met else 'missed'}{missing}", test),
         Row(f"{lid}: (Z - 4) / sqrt(Phi - Phi_J)", "3.6 +- 0.5", f"R/h = {grids}", numbers(slopes, 3), "-", "shown",
             test),
         Row(f"{lid}: pressure at Phi - Phi_J = {numbers(ABOVE)} over that of mean field", "1, an upper estimate",
