@@ -98,8 +98,9 @@ def _iterate(
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
             effort.factorised, newest = effort.factorised + 1, iteration
             timer.lap("factorisation")
-        share = CAUTION if touching and imbalance > 0.8 * before and iteration > 2 else share
-        snaps = touching and (touching.lost > 0 or (iteration > 2 and imbalance > STUCK * before))
+        stuck = iteration > 2 and imbalance > STUCK * before
+        share = CAUTION if touching and stuck else share
+        snaps = touching and (touching.lost > 0 or stuck)
         if touching and touching.settled is None and (iteration == PATIENCE if careful else snaps):
             touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
         slow, before = imbalance > SLOW * before, imbalance

@@ -20,10 +20,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-SOFT = (
-    0.5  # share of what A resists that turning may take along a direction, where impulses are those of the last step
-)
-UNSTABLE = 0.95  # the same where they are of this step
+# Share of what A resists that turning may take along a direction, with the impulses of the last step or of this one.
+SOFT, UNSTABLE = 0.5, 0.95
 
 
 class NotConverged(RuntimeError):  # noqa: N818

@@ -2,10 +2,11 @@
 
 Discs of radii 0.7-1.2 mm, 10 MPa, Poisson's ratio 0.45, in a box of smooth walls whose lid comes down slowly (runs of
 packings.py). The jamming fraction is where the pressure in the interior (two mean diameters from every wall), a
-straight line in the nominal solid fraction above it, would leave zero. References: 0.842 in the mean, 0.83 to 0.86 by
-protocol, and Z - 4 = (3.6 +- 0.5) sqrt(Phi - Phi_J) (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68, 2003); pressure
-in mean field (affine approach, Hertz' law of the plane). At shared nodes bodies touch one cell too early: every disc
-is larger by h/2, and the box is full at 0.842 / (1 + h / 2R)^2.
+straight line in the nominal solid fraction just above it, leaves zero. The window of that line was set before these
+runs and is what the goal is judged by; a second one, laid higher after they had been seen, is shown beside it.
+References: 0.842 in the mean, 0.83 to 0.86 by protocol, and Z - 4 = (3.6 +- 0.5) sqrt(Phi - Phi_J) (O'Hern, Silbert,
+Liu & Nagel, Phys. Rev. E 68, 2003); pressure in mean field (affine approach, Hertz' law of the plane). At shared
+nodes bodies touch one cell too early: every disc is larger by h/2, the box is full at 0.842 / (1 + h / 2R)^2.
 """
 
 from dataclasses import replace
@@ -16,27 +17,26 @@ import pytest
 from ledger import Row, numbers
 
 JAMMED = 0.842
-ONSET = (
-    4e-3,
-    1.1e-2,
-)  # pressures over E* between which the line is laid; below, moving discs with Z < 4 carry some too
+ONSET = 3e-4, 4e-3  # pressures over E* between which the line is laid
+# The same above the pressure that moving discs with Z < 4 carry: chosen in hindsight, so it decides nothing.
+HIGHER = 4e-3, 1.1e-2
 ONSET_GAP = 1.9  # cells between bodies at their first force at shared nodes, see test_onset
 NEW, SEED = (5, 8), (6, 8, 10)
 ABOVE = np.array([0.005, 0.01, 0.02, 0.04])  # solid fractions above that of jamming, and P / E* there in mean field
 MEAN_FIELD = np.array([0.0006, 0.0015, 0.0034, 0.0083])
 
 
-def jammed(run):
-    """Nominal solid fraction at which the line through the onset of pressure leaves zero."""
-    first = int(np.argmax(run.pressure > ONSET[1]))
-    since = int(np.flatnonzero(run.pressure[:first] < ONSET[0])[-1]) + 1
+def jammed(run, window=ONSET):
+    """Nominal solid fraction at which the line through the pressures of the window leaves zero."""
+    first = int(np.argmax(run.pressure > window[1]))
+    since = int(np.flatnonzero(run.pressure[:first] < window[0])[-1]) + 1
     slope, level = np.polyfit(run.nominal[since:first], run.pressure[since:first], 1)
     return float(-level / slope)
 
 
 def coordination_slope(run):
     """Factor of sqrt(Phi - Phi_J) in Z - 4, by least squares from 0.005 to 0.04 above jamming."""
-    above = run.nominal - jammed(run)
+    above = run.nominal - jammed(run, HIGHER)
     near = (above > 0.005) & (above < 0.04)
     root = np.sqrt(above[near])
     return float(root @ (run.coordination[near] - 4.0) / (root @ root))
@@ -71,6 +71,7 @@ def test_the_jamming_fraction_is_that_of_the_line():
     coordination = 4.0 + 3.6 * np.sqrt(np.maximum(nominal - 0.84, 0.0))
     run = packings.Compression(nominal, nominal, pressure, coordination, 0.0 * nominal)
     assert jammed(run) == pytest.approx(0.84, abs=2e-4)
+    assert jammed(run, HIGHER) == pytest.approx(0.84, abs=2e-4)
     assert coordination_slope(run) == pytest.approx(3.6, rel=0.02)
     assert jammed(replace(run, nominal=nominal - 0.1)) == pytest.approx(0.74, abs=2e-4)
 
@@ -79,28 +80,37 @@ def rows():
     """What docs/verification.md shows of this module."""
     by_outlines, by_nodes = measured(NEW, "jamming_r{}"), measured(SEED, "jamming_seed_r{}")
     ours, early = list(by_outlines.values()), list(by_nodes.values())
-    found, slopes = np.array([jammed(run) for run in ours]), [coordination_slope(run) for run in ours]
+    found, high = (np.array([jammed(run, window) for run in ours]) for window in (ONSET, HIGHER))
+    slopes = [coordination_slope(run) for run in ours]
     inertial = [run.inertial[np.argmax(run.pressure > 1e-3)] for run in ours]
     met = np.all((found > 0.83) & (found < 0.86)) and np.ptp(found) < 0.01
     missing = "".join(f"; R/h = {cells}: not run yet" for cells in NEW if cells not in by_outlines)
-    apparent = np.array([jammed(run) for run in early])
+    apparent, later = (np.array([jammed(run, window) for run in early]) for window in (ONSET, HIGHER))
     one, two = (np.array([too_early(cells, gap) for cells in by_nodes]) for gap in (1.0, ONSET_GAP))
-    over = [np.interp(ABOVE, run.nominal - jammed(run), run.pressure) / MEAN_FIELD for run in ours]
+    over = [np.interp(ABOVE, run.nominal - jammed(run, HIGHER), run.pressure) / MEAN_FIELD for run in ours]
     grids, test = numbers(by_outlines), "test_a_gap_of_one_cell_jams_early"
     lid = "300 frictionless discs, lid at 0.5 m/s"
+    windows = (
+        f"line through P = {numbers(ONSET)} E*",
+        f"with the higher window {numbers(HIGHER)} E*, chosen in hindsight,",
+    )
     return [
         Row(f"{lid}: jamming fraction of the interior", "0.842 (0.83-0.86)", f"R/h = {grids}",
-            f"{numbers(found, 4)}; inertial number {numbers(inertial)} at P = 1e-3 E*", "-",
-            f"0.83-0.86{', 0.01 apart' if len(ours) > 1 else ''}: {'met' if met else 'missed'}{missing}", test),
-        Row(f"{lid}: (Z - 4) / sqrt(Phi - Phi_J)", "3.6 +- 0.5", f"R/h = {grids}", numbers(slopes, 3), "-", "shown",
-            test),
-        Row(f"{lid}: pressure at Phi - Phi_J = {numbers(ABOVE)} over that of mean field", "1, an upper estimate",
-            f"R/h = {grids}", "; ".join(numbers(o) for o in over), "-", "shown", test),
+            f"{windows[0]}: {numbers(found, 4)}; {windows[1]} {numbers(high, 4)};"
+            f" inertial number {numbers(inertial)} at P = 1e-3 E*", "-",
+            f"0.83-0.86{', 0.01 apart' if len(ours) > 1 else ''}: "
+            + ("met" if met else "missed: discs that still move (Z < 4) carry pressure; a slower lid was not run")
+            + missing, test),
+        Row(f"{lid}: (Z - 4) / sqrt(Phi - Phi_J), Phi_J of the higher window", "3.6 +- 0.5", f"R/h = {grids}",
+            numbers(slopes, 3), "-", "shown", test),
+        Row(f"{lid}: pressure at Phi - Phi_J = {numbers(ABOVE)} (higher window) over that of mean field",
+            "1, an upper estimate", f"R/h = {grids}", "; ".join(numbers(o) for o in over), "-", "shown", test),
         Row("100 discs the seed's way (shared nodes): apparent jamming",
             f"0.842 / (1 + g/2R)^2: {numbers(one, 3)} with g = h, {numbers(two, 3)} with {ONSET_GAP} h (see onset)",
-            f"R/h = {numbers(by_nodes)}", numbers(apparent, 3), "-",
-            "near that with g = h: " + ("met" if np.abs(apparent - one).max() < 0.02 else "earlier: nodes are shared"
-            " up to two and a half cells too early"), test),
+            f"R/h = {numbers(by_nodes)}",
+            f"{windows[0]}: {numbers(apparent, 3)}; {windows[1]} {numbers(later, 3)}", "-",
+            "near that with g = h: " + ("met" if np.abs(apparent - one).max() < 0.02 else "missed: between both gaps"),
+            test),
     ]  # fmt: skip
 
 
@@ -117,7 +127,7 @@ def figures(folder):
         left.axvline(too_early(cells), color=f"C{i}", lw=0.5)
     for i, (cells, run) in enumerate(measured(NEW, "jamming_r{}").items()):
         left.plot(run.nominal, run.pressure, f"C{i + 3}", lw=1.2, label=f"outlines, R/h = {cells}")
-        above = run.nominal - jammed(run)
+        above = run.nominal - jammed(run, HIGHER)
         some = above > 0.0
         right.plot(
             np.sqrt(above[some]), run.coordination[some] - 4.0, f"C{i + 3}.", ms=3, label=f"outlines, R/h = {cells}"
@@ -127,12 +137,12 @@ def figures(folder):
     left.set(xlabel="nominal solid fraction of the interior", ylabel="P / E*", ylim=(0.0, 0.012), xlim=(0.55, 0.89))
     root = np.array([0.0, 0.2])
     right.plot(root, 3.6 * root, "k--", lw=0.8, label="3.6 sqrt")
-    right.set(xlabel="sqrt(Phi - Phi_J)", ylabel="Z - 4", ylim=(-1.0, 1.5))
+    right.set(xlabel="sqrt(Phi - Phi_J), higher window", ylabel="Z - 4", ylim=(-1.0, 1.5))
     left.legend(fontsize=7)
     right.legend(fontsize=7)
     fig.savefig(folder / "jamming.png", dpi=120)
     plt.close(fig)
     return {
         "jamming.png": "Where frictionless discs first resist: at shared nodes one cell too early (thin lines:"
-        " 0.842 / (1 + h/2R)^2), with the gap between outlines where they jam (grey: 0.83 to 0.86)."
+        " 0.842 / (1 + h/2R)^2), with the gap between outlines from 0.81 on, steeply from 0.85 (grey: 0.83 to 0.86)."
     }
