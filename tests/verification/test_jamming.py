@@ -109,8 +109,8 @@ def rows():
             f"0.842 / (1 + g/2R)^2: {numbers(one, 3)} with g = h, {numbers(two, 3)} with {ONSET_GAP} h (see onset)",
             f"R/h = {numbers(by_nodes)}",
             f"{windows[0]}: {numbers(apparent, 3)}; {windows[1]} {numbers(later, 3)}", "-",
-            "near that with g = h: " + ("met" if np.abs(apparent - one).max() < 0.02 else "missed: between both gaps"),
-            test),
+            "near that with g = h: "
+            + ("met" if np.abs(apparent - one).max() < 0.02 else "missed: between the two gaps"), test),
     ]  # fmt: skip
 
 
