@@ -208,7 +208,7 @@ def test_amg_leaves_the_random_state_alone_when_it_fails(monkeypatch):
         np.random.random()  # noqa: NPY002
         raise ValueError("no hierarchy")
 
-    monkeypatch.setattr(linear.pyamg, "smoothed_aggregation_solver", fails)
+    monkeypatch.setattr(linear.multigrid.pyamg, "smoothed_aggregation_solver", fails)
     expected = np.random.get_state()[2]  # noqa: NPY002
     with pytest.raises(ValueError, match="no hierarchy"):
         linear.amg(*system(1e-3))
@@ -266,7 +266,7 @@ def bands(nodes, distance):
 )
 def test_default_takes_banded_for_small_bodies_and_amg_for_large_ones(monkeypatch, nodes, distance, chosen):
     for name in ("banded", "amg"):
-        monkeypatch.setattr(linear, name, lambda A, blocks, motions, name=name: name)
+        monkeypatch.setattr(linear.choice, name, lambda A, blocks, motions, name=name: name)
     assert linear.default(bands(nodes, distance), np.array([0, 2 * nodes]), np.ones((2 * nodes, 3))) == chosen
 
 

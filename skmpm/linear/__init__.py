@@ -1,0 +1,26 @@
+"""Solvers of A v = b, A symmetric positive definite and block diagonal, one block per body.
+
+Each solver is a function (A, blocks, rigid_motions) -> solve; `solve(b)` returns A^-1 b, and
+`solve.compliance(H)` returns H A^-1 H', which contact needs. `blocks` (bodies + 1,) are the bodies' first unknowns,
+`rigid_motions` (n, 3) the motions that store no energy. `default` picks between `banded` and `amg` by size.
+"""
+
+from skmpm.linear.band import Banded, banded
+from skmpm.linear.choice import CROSSOVER, default
+from skmpm.linear.lu import Direct, direct
+from skmpm.linear.multigrid import Amg, amg
+from skmpm.linear.solver import Linear, Solver, half_bandwidth
+
+__all__ = [
+    "CROSSOVER",
+    "Amg",
+    "Banded",
+    "Direct",
+    "Linear",
+    "Solver",
+    "amg",
+    "banded",
+    "default",
+    "direct",
+    "half_bandwidth",
+]
