@@ -140,6 +140,7 @@ def _rows(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, sheets: Sheets) -> Rows
         friction=friction,
         key=_key(scene, nodes, a, b),
         point=np.full(k.size, -1),
+        base=sp.eye_array(sheets.nodes, format="csr"),
         difference=difference,
         turning=sp.csr_array(difference.shape),
         curvature=np.zeros(k.size),

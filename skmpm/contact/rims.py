@@ -116,9 +116,9 @@ def _rows(
     prescribed = (relative @ given.T).T
     on_wall = pairs.bodies[1] < 0
     prescribed[:, on_wall] -= walls[-1 - pairs.bodies[1, on_wall]].T
-    difference = sp.csr_array(relative @ interpolation)
     turning = sp.csr_array((pairs.turning.ravel(), (np.tile(k, 4), pairs.stencil.ravel())), shape=relative.shape)
-    now = np.einsum("ik,ki->k", pairs.normal, difference @ w.reshape(-1, 2))
+    turning.eliminate_zeros()
+    now = np.einsum("ik,ki->k", pairs.normal, relative @ (interpolation @ w.reshape(-1, 2)))
     allowed = (1.0 - PUSH_OUT) * np.minimum(pairs.before, 0.0)
     return Rows(
         bodies=pairs.bodies,
@@ -128,8 +128,9 @@ def _rows(
         friction=pairs.friction,
         key=pairs.key,
         point=scene.outlines.point[pairs.point],
-        difference=difference,
-        turning=sp.csr_array(turning @ interpolation),
+        base=interpolation,
+        difference=relative,
+        turning=turning,
         curvature=pairs.curvature,
         given=prescribed,
         offset_normal=(pairs.gap - allowed) / dt - now,

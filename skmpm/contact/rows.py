@@ -20,9 +20,10 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Rows:
-    """k contacts; the relative velocity (first minus second body) is `difference @ w + given`.
+    """k contacts; the relative velocity (first minus second body) is `difference @ base @ w + given`.
 
-    `offset` holds what completes it in the contact law: u = H w + offset, with 0 <= u_n perp r_n >= 0.
+    `offset` holds what completes it in the contact law: u = H w + offset, with 0 <= u_n perp r_n >= 0. Contacts
+    combine the velocities of places (rim points, grid nodes), which combine those of nodes: H = D (base x I).
     """
 
     bodies: Ints  # (2, k); walls are -1, -2, ...
@@ -32,8 +33,9 @@ class Rows:
     friction: Array  # (k,) Coulomb coefficients
     key: Ints  # (k,) identity from step to step
     point: Ints  # (k,) rim point of the first body, -1 at a grid node
-    difference: sp.csr_array  # (k, nodes)
-    turning: sp.csr_array  # (k, nodes) turning @ w is how fast the second body's unit tangent turns and grows [1/m]
+    base: sp.csr_array  # (m, nodes) from nodal velocities to those of places
+    difference: sp.csr_array  # (k, m)
+    turning: sp.csr_array  # (k, m) of places: how fast the second body's unit tangent turns and grows [1/m]
     curvature: Array  # (k,) of that surface, negative where it bulges [1/m]
     given: Array  # (2, k) prescribed part of the relative velocity [m/s]
     offset_normal: Array  # (k,) [m/s]
@@ -55,18 +57,38 @@ class Rows:
         return np.stack([-self.normal[1], self.normal[0]])
 
     @cached_property
-    def H(self) -> sp.csr_array:
-        """Nodal velocities to relative velocities: rows n (k,) or, with friction, n, t, n, t, ... (2 k,)."""
+    def D(self) -> sp.csr_array:
+        """Velocities of places (2 m,) to relative ones: rows n (k,) or, with friction, n, t, n, t, ... (2 k,)."""
         directions = (self.normal, self.tangent) if self.tangential else (self.normal,)
         rows = [along(self.difference, direction) for direction in directions]
         if not self.tangential:
             return rows[0]
         return sp.csr_array(sp.vstack(rows, format="csr")[self._interleaved])
 
+    @property
+    def H(self) -> sp.csr_array:
+        """Nodal velocities (2 nodes,) to relative velocities."""
+        return sp.csr_array(self.D @ sp.kron(self.base, np.eye(2), format="csr"))
+
+    def at_places(self, w: Array) -> Array:
+        """Velocities of the places (2 m,) from those of the nodes (2 nodes,)."""
+        return np.asarray(self.base @ w.reshape(-1, 2)).ravel()
+
+    def at_nodes(self, impulses: Array) -> Array:
+        """What impulses at places (2 m,) are at nodes, (2 nodes,)."""
+        return np.asarray(self.base.T @ impulses.reshape(-1, 2)).ravel()
+
     def turned(self, chosen: Ints) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
-        """Rows of the chosen contacts (m,): sliding [m/s], turning and stretch of the second surface [1/s]."""
+        """Rows of the chosen contacts, by places: sliding [m/s], turning and stretch of the second surface [1/s]."""
         slide, surface = along(self.difference[chosen], self.tangent[:, chosen]), self.turning[chosen]
         return slide, along(surface, self.normal[:, chosen]), along(surface, self.tangent[:, chosen])
+
+    @cached_property
+    def turns(self) -> NDArray[np.bool_]:
+        """Whether the second surface is curved and of a body with unknowns, (k,)."""
+        unknown = np.diff(self.base.indptr) > 0
+        row = np.repeat(np.arange(self.size), np.diff(self.turning.indptr))
+        return np.asarray(np.bincount(row, unknown[self.turning.indices], self.size) > 0)
 
     @property
     def _interleaved(self) -> Ints:
@@ -96,7 +118,8 @@ class Rows:
         kept = sp.diags_array((~found).astype(float))
         normal = np.where(found, earlier.normal[:, where], self.normal)
         difference = sp.csr_array(kept @ self.difference + taken @ earlier.difference)
-        speeds = [(D @ w.reshape(-1, 2)).T for D in (self.difference, difference)]
+        there = self.base @ w.reshape(-1, 2)
+        speeds = [(combined @ there).T for combined in (self.difference, difference)]
         turned = np.einsum("ik,ik->k", self.normal, speeds[0]) - np.einsum("ik,ik->k", normal, speeds[1])
         return replace(
             self,
@@ -111,7 +134,8 @@ class Rows:
         if chosen.all():
             return self
         kept = np.flatnonzero(chosen)
-        return replace(self, **{f.name: _some(getattr(self, f.name), kept) for f in fields(self)})
+        some = {f.name: _some(getattr(self, f.name), kept) for f in fields(self) if f.name != "base"}
+        return replace(self, **some)
 
     def forces(self, r: Array, dt: float) -> Array:
         """Mean forces over the step in (n, t), (2, k) [N/m], from impulses r."""
@@ -131,7 +155,7 @@ def _some(values: Any, chosen: Ints) -> Any:
 
 
 def along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
-    """Rows (k, 2 nodes) that take the component along `direction` (2, k) of what `matrix` (k, nodes) gives."""
+    """Rows (k, 2 m) that take the component along `direction` (2, k) of what `matrix` (k, m) gives."""
     count = np.diff(matrix.indptr)
     columns = np.stack([2 * matrix.indices, 2 * matrix.indices + 1], axis=1).ravel()
     data = (matrix.data * np.repeat(direction, count, axis=1)).T.ravel()

@@ -105,7 +105,7 @@ def _iterate(
             touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
         slow, before = imbalance > SLOW * before, imbalance
         if touching:
-            direction, push = touching.solve(solver, gradient, afresh=far)
+            direction, push = touching.solve(solver, gradient)
         else:
             direction = -solver(gradient)
         mixed = mixing.mixed(w, direction, share, wanted=slow or careful)

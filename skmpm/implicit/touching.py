@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
@@ -13,7 +13,8 @@ from skmpm import coulomb
 from skmpm.contact import Linearise, Rows
 from skmpm.contact.rows import lookup
 from skmpm.implicit.increment import Increment
-from skmpm.implicit.turning import Turning, loaded, sticking, turning
+from skmpm.implicit.response import Response
+from skmpm.implicit.turning import Turning, sticking, turning
 from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
@@ -43,20 +44,12 @@ class Timer:
 
 
 @dataclass(frozen=True)
-class Contrast:
-    """What the last contact solve knew: its matrix and the measures of its residual."""
+class Measure:
+    """What residuals are relative to: that of the last contact solve."""
 
-    solver: Solver | None  # that W was made with
-    key: Ints  # (k,) of the rows W was made for
-    turned: Ints  # (m,) those of them whose turning W knows
-    W: sp.csr_array  # (k or 2 k + 2 m)^2
-    scale: Array  # (2, k) the diagonal of its contacts
-    reference: float = 1.0  # size of the right-hand side
-
-    def knows(self, solver: Solver, key: Ints, turned: Ints) -> bool:
-        """Whether W is that of these rows, among others."""
-        same = self.solver is solver and np.array_equal(self.key, key)
-        return same and bool(np.isin(turned, self.turned).all())
+    key: Ints  # (k,)
+    scale: Array  # (2, k) the diagonal of W
+    reference: float  # size of the right-hand side
 
 
 @dataclass
@@ -77,7 +70,8 @@ class Touching:
     rows: Rows = field(init=False)
     r: Array = field(init=False)
     u: Array = field(init=False)
-    last: Contrast | None = None
+    last: Measure | None = None
+    response: Response | None = None  # for the last solver
     settled: Rows | None = None  # rows whose normals are kept from now on
     normal: Array | None = None  # (2, k) along which the forces act, if this step found them
 
@@ -88,7 +82,7 @@ class Touching:
         if self.settled is not None and self.settled.size:
             self.rows = self.rows.along(self.settled, w)
         self.r = self._known()
-        self.u = self.rows.H @ w + self.rows.offset
+        self.u = self.rows.D @ self.rows.at_places(w) + self.rows.offset
         residual = self._residual()
         self.timer.lap("detection")
         return self._push(), residual
@@ -112,47 +106,68 @@ class Touching:
         normal = rows.H[:: 2 if rows.tangential else 1]
         return rows.among(abs(normal @ self.step.supports.T).sum(axis=1) > 1e-12)
 
-    def solve(self, solver: Solver, gradient: Array, *, afresh: bool = False) -> tuple[Array, Array]:
+    def solve(self, solver: Solver, gradient: Array) -> tuple[Array, Array]:
         """Newton direction and push of the new impulses, which obey the contact law on the linearised bulk.
 
-        u = u(w) + H [A^-1 (push - gradient)] + W (r_new - r): unless asked for afresh W is kept while solver and rows
-        stay the same, although H turns a little: it multiplies a difference that vanishes with convergence.
+        u = u(w) + H [A^-1 (push - gradient)] + W (r_new - r).
         """
-        if afresh and self.last is not None:
-            self.last = replace(self.last, solver=None)
-        if self.rows.size == 0:
+        rows = self.rows
+        if rows.size == 0:
             return -solver(gradient), self._push()
-        turns = None if self.settled is not None else turning(self.rows, self.r, self.step.dt, self.step.scheme.theta)
-        found = None if turns is None else self._turned(solver, gradient, turns)
+        if self.response is None or self.response.solver is not solver:
+            self.response = Response(solver, rows.base, self._owners(rows.base))
+        turns = None if self.settled is not None else turning(rows, self.r, self.step.dt, self.step.scheme.theta)
+        moved = rows.at_places(solver(self._push() - gradient))
+        self.timer.lap("linear")
+        W = self._compliance(self.response, turns)
+        self.timer.lap("compliance")
+        found = None if turns is None else self._turned(solver, gradient, W, moved, turns)
         if found is None:
-            found = self._straight(solver, gradient)
-        self.key, self.force, self.normal = self.rows.key, self.rows.forces(self.r, self.step.dt), self.rows.normal
+            found = self._straight(solver, gradient, W, moved)
+        self.key, self.force, self.normal = rows.key, rows.forces(self.r, self.step.dt), rows.normal
         self.timer.lap("linear")
         return found
 
-    def _turned(self, solver: Solver, gradient: Array, turns: Turning) -> tuple[Array, Array] | None:
+    def _owners(self, base: sp.csr_array) -> Ints:
+        """The bodies of the places, (m,); those of rigid bodies do not matter."""
+        owner = np.zeros(base.shape[0], dtype=np.int64)
+        moves = np.flatnonzero(np.diff(base.indptr))
+        owner[moves] = self.step.bulk.assembly.sheets.node_body[base.indices[base.indptr[moves]]]
+        return owner
+
+    def _compliance(self, response: Response, turns: Turning | None) -> sp.csr_array:
+        """W = theta H A^-1 H' of the contacts, then of the rows that turn with those along which these act."""
+        D, theta = self.rows.D, self.step.scheme.theta
+        if turns is None:
+            return theta * response.between(D, D)
+        left, right = (sp.csr_array(sp.vstack([D, rows], format="csr")) for rows in (turns.Z, turns.pushed))
+        return theta * response.between(left, right)
+
+    def _turned(
+        self, solver: Solver, gradient: Array, W: sp.csr_array, moved: Array, turns: Turning
+    ) -> tuple[Array, Array] | None:
         """Direction and push where loaded contacts turn; None if there are none, or none that can be trusted.
 
         What turns is not definite. Where it takes most of what A resists along the direction, a contact is about to
         snap and the direction leads far away.
         """
-        impulses = self._impulses(solver, gradient, turns)
+        impulses = self._impulses(W, moved, turns)
         if impulses is None:
             self.lost += 1
             return None
         r, rho = impulses
-        theta = self.step.scheme.theta
-        push = theta * (self.rows.H.T @ r + turns.pushed.T @ rho)
+        theta, rows = self.step.scheme.theta, self.rows
+        push = theta * rows.at_nodes(rows.D.T @ r + turns.pushed.T @ rho)
         direction = solver(push - gradient)
-        softened = theta * float((turns.Z @ direction) @ rho)
+        softened = theta * float((turns.Z @ rows.at_places(direction)) @ rho)
         if softened > (SOFT if self.normal is None else UNSTABLE) * float(direction @ (push - gradient)):
             return None
-        self.r = turns.settled(r, rho) if self.rows.tangential else r
+        self.r = turns.settled(r, rho) if rows.tangential else r
         return direction, push
 
-    def _straight(self, solver: Solver, gradient: Array) -> tuple[Array, Array]:
+    def _straight(self, solver: Solver, gradient: Array, W: sp.csr_array, moved: Array) -> tuple[Array, Array]:
         """Direction and push where no contact turns."""
-        impulses = self._impulses(solver, gradient, None)
+        impulses = self._impulses(W, moved, None)
         if impulses is None:
             raise NotConverged(
                 f"the contact solver stopped at a residual of {self.stopped:.2g} with {self.rows.size} contacts"
@@ -162,67 +177,35 @@ class Touching:
         push = self._push()
         return solver(push - gradient), push
 
-    def _impulses(self, solver: Solver, gradient: Array, turns: Turning | None) -> tuple[Array, Array] | None:
-        """The new impulses and those by which loaded contacts turn; None where there is no solution."""
+    def _impulses(self, W: sp.csr_array, moved: Array, turns: Turning | None) -> tuple[Array, Array] | None:
+        """The new impulses and those by which loaded contacts turn; None where there is no solution.
+
+        `moved` is how places would move on under the impulses known so far.
+        """
         rows, known = self.rows, self.r
-        moved = solver(self._push() - gradient)
-        self.timer.lap("linear")
-        W, k = self._compliance(solver, turns), known.size
-        q, linear = self.u + rows.H @ moved - W[:k, :k] @ known, None
+        k = known.size
+        contacts = W[:k, :k]
+        q, linear = self.u + rows.D @ moved - contacts @ known, None
         if turns is not None:
             rest = turns.Z @ moved - W[k:, :k] @ known
             linear = coulomb.Linear(W[k:, :k], W[k:, k:] + turns.compliance, rest, W[:k, k:])
-        self._measure_by(q)
+        self._measure_by(contacts.diagonal(), q)
         tol = self.step.scheme.contact_tol
-        r, info = coulomb.solve(W[:k, :k], q, rows.friction, r0=known, tol=tol, linear=linear)
+        r, info = coulomb.solve(contacts, q, rows.friction, r0=known, tol=tol, linear=linear)
         self.iterations, self.stopped = self.iterations + info.iterations, info.residual
         self.timer.lap("contact")
         if not info.converged:
             return None
         return r, info.linear
 
-    def _compliance(self, solver: Solver, turns: Turning | None) -> sp.csr_array:
-        """W = theta H A^-1 H' of the contacts, and of the rows that turn with those along which these act."""
-        rows, none = self.rows, np.zeros(0, dtype=np.int64)
-        turned = none if turns is None else turns.contacts
-        if self.last is None or not self.last.knows(solver, rows.key, turned):
-            self.last = self._contrast(solver, none if turns is None else np.union1d(turned, loaded(rows, self.r)))
-        k, W, known = rows.H.shape[0], self.last.W, self.last.turned
-        if known.size == 0:
-            return W
-        place = np.searchsorted(known, turned)
-        # With friction the rows of sliding are there already.
-        added = (2 * turned + 1, k + place) if rows.tangential else (k + place, k + known.size + place)
-        chosen = np.concatenate([np.arange(k), *added])
-        whole = W[chosen][:, chosen]
-        if turns is not None and rows.tangential:
-            stretch = (turns.slope, (k + known.size + place, k + turned.size + np.arange(turned.size)))
-            whole = whole + W[chosen] @ sp.csr_array(stretch, shape=(W.shape[0], chosen.size))
-        return sp.csr_array(whole)
-
-    def _contrast(self, solver: Solver, turned: Ints) -> Contrast:
-        """W with the rows of all contacts that may turn."""
-        rows = self.rows
-        extended = [rows.H]
-        if turned.size:
-            slide, turn, stretch = rows.turned(turned)
-            extended += [turn, stretch] if rows.tangential else [slide, turn]
-        W = sp.csr_array(self.step.scheme.theta * solver.compliance(sp.csr_array(sp.vstack(extended))))
-        diagonal = W.diagonal()[: rows.H.shape[0]]
-        scale = diagonal.reshape(-1, 2).T if rows.tangential else np.stack([diagonal, diagonal])
-        self.timer.lap("compliance")
-        return Contrast(solver, rows.key, turned, W, scale)
-
-    def _measure_by(self, q: Array) -> None:
+    def _measure_by(self, diagonal: Array, q: Array) -> None:
         """Make residuals relative to the size of q."""
-        if self.last is None:
-            return
-        scale = self.last.scale.T.ravel() if self.rows.tangential else self.last.scale[0]
-        size = float(np.linalg.norm(q / np.sqrt(np.maximum(scale, 1e-300))))
-        self.last = replace(self.last, reference=max(size, 1e-300))
+        size = float(np.linalg.norm(q / np.sqrt(np.maximum(diagonal, 1e-300))))
+        scale = diagonal.reshape(-1, 2).T if self.rows.tangential else np.stack([diagonal, diagonal])
+        self.last = Measure(self.rows.key, scale, max(size, 1e-300))
 
     def _push(self) -> Array:
-        return np.asarray(self.step.scheme.theta * (self.rows.H.T @ self.r))
+        return self.step.scheme.theta * self.rows.at_nodes(self.rows.D.T @ self.r)
 
     def _residual(self) -> float:
         rows, last = self.rows, self.last

@@ -38,8 +38,8 @@ class Turning:
 
     contacts: Ints  # (m,) places among the rows
     slope: Array  # (m,) of their forces, tangential over normal; zero without friction
-    Z: sp.csr_array  # (2 m, 2 nodes) rows of sliding, then of turning
-    pushed: sp.csr_array  # (2 m, 2 nodes) rows along which rho acts: Z but for friction
+    Z: sp.csr_array  # (2 m, 2 places) rows of sliding, then of turning
+    pushed: sp.csr_array  # (2 m, 2 places) rows along which rho acts: Z but for friction
     compliance: sp.csr_array  # (2 m, 2 m) theta D^-1
 
     @property
@@ -88,7 +88,7 @@ def _compliance(rows: Rows, chosen: Ints, normal: Array, slope: Array, dt: float
 def loaded(rows: Rows, r: Array) -> Ints:
     """The contacts on curves that carry a share of the load."""
     normal = r[::2] if rows.tangential else r
-    return np.flatnonzero((normal > FAINT * normal.max(initial=0.0)) & (np.diff(rows.turning.indptr) > 0))
+    return np.flatnonzero((normal > FAINT * normal.max(initial=0.0)) & rows.turns)
 
 
 def sticking(r: Array, friction: Array) -> NDArray[np.bool_]:

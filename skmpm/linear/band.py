@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.linalg.lapack import dtrtrs
+from scipy.linalg.blas import dtrmm, dtrsm
 
 from skmpm.linear.compliance import by_body
 from skmpm.linear.solver import Solver, half_bandwidth
@@ -21,7 +21,7 @@ Ints = NDArray[np.int64]
 class Banded:
     """Cholesky factor of all bodies as one band: bodies do not couple, so neither do their bands."""
 
-    factor: Array  # (bandwidth + 1, n), lower form
+    factor: Array  # (bandwidth + 1, n), lower form, columns contiguous
     blocks: Ints
     name: str = "banded"
 
@@ -30,16 +30,35 @@ class Banded:
         return np.asarray(cho_solve_banded((self.factor, True), b, check_finite=False))
 
     def compliance(self, H: sp.csr_array) -> sp.csr_array:
-        """H A^-1 H' = sum over bodies of Z'Z, Z = L^-1 H_b', with each body's factor made dense."""
+        """H A^-1 H' = sum over bodies of Z'Z, Z = L^-1 H_b'."""
         return by_body(self.blocks, H, self._squares)
 
-    def _squares(self, start: int, stop: int, right: Array) -> Array:
-        size, width = stop - start, self.factor.shape[0]
-        column = np.arange(size)
-        L = np.zeros((size + width, size), order="F")
-        L[column + np.arange(width)[:, None], column] = self.factor[:, start:stop]
-        Z, _ = dtrtrs(L[:size], right, lower=1)
-        return np.asarray(Z.T @ Z)
+    def _squares(self, start: int, stop: int, right: Array, first: Ints) -> Array:
+        """Z'Z of one body by forward substitution, block row after block row, each as high as the band is wide.
+
+        What L has in a block row is a lower and an upper triangle; columns are left alone until they begin.
+        """
+        width, out = self.factor.shape[0] - 1, np.zeros((first.size, first.size))
+        carried = np.zeros((width, 0), order="F")
+        for begin in range(start, stop, width):
+            end = min(begin + width, stop)
+            active = int(np.searchsorted(first, end - start))
+            block = np.asfortranarray(right[begin - start : end - start, :active])
+            if carried.shape[1]:
+                above = dtrmm(1.0, self._square(begin - width, width, width), carried)
+                block[:, : carried.shape[1]] -= above[: end - begin]
+            carried = dtrsm(1.0, self._square(begin, 0, end - begin), block, lower=1)
+            out[:active, :active] += carried.T @ carried
+        return out
+
+    def _square(self, column: int, below: int, size: int) -> Array:
+        """L from this column and `below` its diagonal on: entry (i, j) of L is i + j bandwidths into the factor.
+
+        One triangle of it; what is stored in the place of the other belongs to other columns.
+        """
+        width, entries = self.factor.shape[0] - 1, self.factor.ravel(order="K")
+        begin = column * (width + 1) + below
+        return entries[begin : begin + width * size].reshape((width, size), order="F")[:size]
 
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
@@ -47,7 +66,7 @@ def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     width, n = half_bandwidth(A), A.shape[0]
     rows = np.repeat(np.arange(n // 2), np.diff(A.indptr))
     distance = 2 * (rows - A.indices)
-    band = np.zeros((width + 1, n))
+    band = np.zeros((width + 1, n), order="F")
     for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
         lower = distance + a - b >= 0
         band[distance[lower] + a - b, 2 * A.indices[lower] + b] = A.data[lower, a, b]

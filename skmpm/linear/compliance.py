@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,31 +13,58 @@ from skmpm.linear.solver import Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Squares = Callable[[int, int, Array, Ints], Array]
 
 
-def _split(blocks: Ints, H: sp.csr_array) -> tuple[Any, ...]:
-    """Entries of H by body: (body, dof, local row, value) and each body's rows as (offsets, rows)."""
-    entries = H.tocoo()
-    body = np.searchsorted(blocks, entries.col, side="right") - 1
-    key = body.astype(np.int64) * H.shape[0] + entries.row
-    keys, local = np.unique(key, return_inverse=True)
-    offsets = np.searchsorted(keys, np.arange(blocks.size) * H.shape[0])
-    return body, entries.col, local - offsets[body], entries.data, offsets, keys % max(H.shape[0], 1)
+@dataclass(frozen=True)
+class _Parts:
+    """The parts of rows that belong to one body each, body after body, those of a body by their first unknown."""
+
+    row: Ints  # (parts,)
+    ends: Ints  # (bodies + 1,) first part of each body
+    first: Ints  # (parts,) first unknown
+    dof: Ints  # (entries,) part after part
+    part: Ints
+    value: Array
+
+    @property
+    def local(self) -> Ints:
+        """Number of each part (parts,) within its body."""
+        return np.arange(self.row.size) - np.repeat(self.ends[:-1], np.diff(self.ends))
 
 
-def by_body(blocks: Ints, H: sp.csr_array, squares: Callable[[int, int, Array], Array]) -> sp.csr_array:
-    """Sum of the bodies' dense H_b A_b^-1 H_b', computed by `squares(start, stop, H_b')`."""
-    body, dof, local, value, offsets, rows = _split(blocks, H)
-    order = np.argsort(body, kind="stable")
-    dof, local, value = dof[order], local[order], value[order]
-    ends = np.searchsorted(body[order], np.arange(blocks.size))
+def _parts(blocks: Ints, H: sp.csr_array) -> _Parts:
+    H = H.sorted_indices()
+    dof = H.indices.astype(np.int64)
+    row = np.repeat(np.arange(H.shape[0]), np.diff(H.indptr))
+    body = np.searchsorted(blocks, dof, side="right") - 1
+    begins = np.ones(dof.size, dtype=bool)
+    begins[1:] = (row[1:] != row[:-1]) | (body[1:] != body[:-1])
+    start = np.flatnonzero(begins)
+    order = np.lexsort((dof[start], body[start]))
+    number = np.empty_like(order)
+    number[order] = np.arange(order.size)
+    ends = np.searchsorted(body[start[order]], np.arange(blocks.size))
+    part = number[np.cumsum(begins) - 1]
+    by_part = np.argsort(part, kind="stable")
+    return _Parts(row[start[order]], ends, dof[start[order]], dof[by_part], part[by_part], H.data[by_part])
+
+
+def by_body(blocks: Ints, H: sp.csr_array, squares: Squares) -> sp.csr_array:
+    """Sum of the bodies' dense H_b A_b^-1 H_b' by `squares(start, stop, H_b', first)`.
+
+    Columns of H_b' are sorted by the first row `first` where they are not zero.
+    """
+    parts = _parts(blocks, H)
+    local, entries = parts.local, np.searchsorted(parts.part, parts.ends)
     data, row, column = [], [], []
-    for b in np.flatnonzero(np.diff(offsets)):
-        start, stop, mine = int(blocks[b]), int(blocks[b + 1]), slice(ends[b], ends[b + 1])
-        right = np.zeros((stop - start, offsets[b + 1] - offsets[b]), order="F")
-        right[dof[mine] - start, local[mine]] = value[mine]
-        data.append(squares(start, stop, right).ravel())
-        here = rows[offsets[b] : offsets[b + 1]]
+    for b in np.flatnonzero(np.diff(parts.ends)).tolist():
+        start, stop = int(blocks[b]), int(blocks[b + 1])
+        own, mine = slice(parts.ends[b], parts.ends[b + 1]), slice(entries[b], entries[b + 1])
+        here = parts.row[own]
+        right = np.zeros((stop - start, here.size), order="F")
+        right[parts.dof[mine] - start, local[parts.part[mine]]] = parts.value[mine]
+        data.append(squares(start, stop, right, parts.first[own] - start).ravel())
         row.append(np.repeat(here, here.size))
         column.append(np.tile(here, here.size))
     return _collect(data, row, column, H.shape[0])
@@ -45,24 +72,25 @@ def by_body(blocks: Ints, H: sp.csr_array, squares: Callable[[int, int, Array], 
 
 def by_columns(solve: Solver, blocks: Ints, H: sp.csr_array) -> sp.csr_array:
     """H A^-1 H' by solving for one row of every body at a time: rows of different bodies share a right side."""
-    body, dof, local, value, offsets, rows = _split(blocks, H)
-    data, row, column = [], [], []
-    count = np.diff(offsets)
+    parts = _parts(blocks, H)
+    local, count = parts.local, np.diff(parts.ends)
+    of_entry = local[parts.part]
+    data: list[Array] = []
+    row: list[Ints] = []
+    column: list[Ints] = []
     for j in range(int(count.max(initial=0))):
-        chosen = local == j
+        chosen = of_entry == j
         b = np.zeros(H.shape[1])
-        b[dof[chosen]] = value[chosen]
-        product = np.bincount(offsets[body] + local, value * solve(b)[dof], rows.size)
-        has = count > j
-        source = np.repeat(np.where(has, rows[np.minimum(offsets[:-1] + j, rows.size - 1)], 0), count)
-        kept = np.repeat(has, count)
-        data.append(product[kept])
-        row.append(rows[kept])
-        column.append(source[kept])
+        b[parts.dof[chosen]] = parts.value[chosen]
+        products = parts.value * solve(b)[parts.dof]
+        kept = np.repeat(count > j, count)
+        data.append(np.bincount(parts.part, products, parts.row.size).astype(np.float64)[kept])
+        row.append(parts.row[kept])
+        column.append(np.repeat(parts.row[local == j], count[count > j]))
     return _collect(data, row, column, H.shape[0])
 
 
-def _collect(data: list[Any], row: list[Any], column: list[Any], size: int) -> sp.csr_array:
+def _collect(data: list[Array], row: list[Ints], column: list[Ints], size: int) -> sp.csr_array:
     if not data:
         return sp.csr_array((size, size))
     entries = (np.concatenate(data), (np.concatenate(row), np.concatenate(column)))

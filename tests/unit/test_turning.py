@@ -49,7 +49,7 @@ def test_the_second_derivative_of_the_gap(seed, apart):
         gaps.append(other.gap)
     measured = (gaps[0] - 2.0 * gaps[1] + gaps[2]) / (step * DT) ** 2
     everywhere = np.arange(rows.size)
-    tau, beta, _ = (Z @ direction for Z in rows.turned(everywhere))
+    tau, beta, _ = (Z @ rows.at_places(direction) for Z in rows.turned(everywhere))
     kappa, g = rows.curvature, rows.gap
     expected = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
     size = np.abs(expected).max()
@@ -63,7 +63,7 @@ def test_the_compliance_is_the_inverse_of_that_derivative():
     turns = turning(rows, r, DT, 1.0)
     assert turns.contacts.tolist() == list(range(rows.size))
     direction = np.random.default_rng(0).standard_normal(unknowns)
-    zeta = turns.Z @ direction
+    zeta = turns.Z @ rows.at_places(direction)
     tau, beta = np.split(zeta, 2)
     g, kappa = rows.gap, rows.curvature
     second = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
@@ -81,13 +81,13 @@ def test_forces_that_slip_turn_as_foretold(seed, slope):
     r = np.outer(rng.uniform(0.5, 1.0, rows.size), [1.0, slope]).ravel()
     turns = turning(rows, r, DT, 1.0)
     assert turns.contacts.size == rows.size
-    rho = -np.linalg.solve(turns.compliance.toarray(), turns.Z @ direction)
+    rho = -np.linalg.solve(turns.compliance.toarray(), turns.Z @ rows.at_places(direction))
     errors = []
     for step in (1e-2, 1e-3):
         other = linearise(at + step * direction)
         if not np.array_equal(other.key, rows.key):
             return
-        foretold = rows.H.T @ r + turns.pushed.T @ (step * rho)
+        foretold = rows.at_nodes(rows.D.T @ r + turns.pushed.T @ (step * rho))
         turned = other.H.T @ turns.settled(r, step * rho)
         errors.append(np.abs(turned - foretold).max() / np.abs(turned - rows.H.T @ r).max())
     assert errors[1] < 1e-3
