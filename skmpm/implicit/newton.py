@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 DEPTH = 15  # directions that acceleration remembers
 CAUTION = 0.5  # share of a direction that is gone once the iteration converges slowly
 PATIENCE = 20  # iterations after which normals turn no more
-HASTE = 8  # iterations of quadratic convergence, before it is tried with more care
+HASTE = 8  # iterations of fast convergence, before it is tried with more care
 STUCK = 0.8  # share of the imbalance left by an iteration that tells of a contact about to snap
 REST = 3  # iterations between two factorisations in one careful step
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
-SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration sets in
+SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
 FAR = 20.0  # imbalance over `newton_tol` above which a new matrix is worth its price
 
 
@@ -45,8 +45,8 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     """Solve one step from w = v0.
 
     Every iteration measures the gaps where the current w ends and solves the contacts against the linearised bulk.
-    How the forces of loaded contacts turn is part of the contact problem, so convergence is quadratic with a new
-    matrix in every iteration; close to the solution the last one does. Where a contact is about to snap there may be
+    How the forces of loaded contacts turn is part of the contact problem, so convergence is fast with the matrix of
+    the velocity to start from; a new one is made where it is not. Where a contact is about to snap there may be
     nothing to converge to: then normals stay as they are, and gaps, Signorini's and Coulomb's laws are solved along
     them. What has not converged after `HASTE` iterations starts again with more care: with Anderson's acceleration,
     few matrices, and normals that settle only after `PATIENCE` iterations.
@@ -92,18 +92,19 @@ def _iterate(
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
             reaction = step.reaction(gradient - push)
             return Solution(w, touching, effort.newton, effort.factorised, residual, imbalance, reaction, solver)
+        slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         rested = imbalance > 0.5 * before and iteration - newest > REST
-        far = touching is None or (rested if careful else imbalance > FAR * scheme.newton_tol)
+        worn = iteration == 0 or (slow and imbalance > FAR * scheme.newton_tol)
+        far = touching is None or (rested if careful else worn)
         if solver is None or (far and not step.bulk.linear):
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
             effort.factorised, newest = effort.factorised + 1, iteration
             timer.lap("factorisation")
-        stuck = iteration > 2 and imbalance > STUCK * before
         share = CAUTION if touching and stuck else share
         snaps = touching and (touching.lost > 0 or stuck)
         if touching and touching.settled is None and (iteration == PATIENCE if careful else snaps):
             touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
-        slow, before = imbalance > SLOW * before, imbalance
+        before = imbalance
         if touching:
             direction, push = touching.solve(solver, gradient)
         else:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pyamg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
+from pyamg.relaxation.smoothing import change_smoothers
 from threadpoolctl import threadpool_limits
 
 from skmpm.linear.compliance import by_columns
@@ -16,6 +18,8 @@ from skmpm.linear.solver import Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+THRESHOLD = 0.08  # of strong connections
 
 
 @dataclass(frozen=True)
@@ -62,15 +66,40 @@ class Amg:
 def amg(A: sp.bsr_array, blocks: Ints, rigid_motions: Array, *, tol: float = 1e-10) -> Solver:
     """Conjugate gradients with pyamg's smoothed aggregation, the three rigid motions as near-null space.
 
-    Vanek, Mandel & Brezina, Computing 56 (1996). Bodies do not couple, so aggregates do not cross them.
+    W cycles with Gauss-Seidel sweeps of single unknowns: the sparse product in rows is four times as fast as that in
+    blocks, and the smaller coarse levels are nearly free. Bodies do not couple, so aggregates do not cross them.
     """
     state = np.random.get_state()  # noqa: NPY002  (pyamg draws from the global generator)
     try:
         np.random.seed(0)  # noqa: NPY002
         with threadpool_limits(1, user_api="blas"):
-            levels = pyamg.smoothed_aggregation_solver(
-                sp.bsr_matrix(A.copy()), B=rigid_motions, strength="symmetric", max_coarse=200
-            )
+            hierarchy = _hierarchy(sp.bsr_matrix((A.data, A.indices, A.indptr), shape=A.shape), rigid_motions)
     finally:
         np.random.set_state(state)  # noqa: NPY002
-    return Amg(A.tocsr(), levels.aspreconditioner(), blocks, tol)
+    return Amg(hierarchy.levels[0].A, hierarchy.aspreconditioner(cycle="W"), blocks, tol)
+
+
+def _hierarchy(A: sp.bsr_matrix, rigid_motions: Array) -> Any:
+    """Pyamg's levels, aggregated in blocks and then stored in rows.
+
+    Vanek, Mandel & Brezina, Computing 56 (1996): two nodes are strongly connected where their block exceeds `THRESHOLD`,
+    halved from level to level, of the diagonal ones. Without a threshold the third level has half as many unknowns,
+    and iterations grow with the body's size.
+    """
+    hierarchy = pyamg.smoothed_aggregation_solver(
+        A,
+        B=rigid_motions,
+        strength=[("symmetric", {"theta": THRESHOLD * 0.5**level}) for level in range(10)],
+        smooth=("jacobi", {"weighting": "block"}),
+        improve_candidates=None,
+        presmoother=None,
+        postsmoother=None,
+        max_coarse=200,
+    )
+    for level in hierarchy.levels:
+        level.A = level.A.tocsr()
+    for level in hierarchy.levels[:-1]:
+        level.P, level.R = level.P.tocsr(), level.R.tocsr()
+    sweeps = ("gauss_seidel", {"sweep": "symmetric"})
+    change_smoothers(hierarchy, sweeps, sweeps)
+    return hierarchy
