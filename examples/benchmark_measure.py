@@ -1,0 +1,181 @@
+"""One workload of `benchmark.py`, measured in a process of its own: what it was, its times and its memory.
+
+python examples/benchmark_measure.py '{"kind": "dense", "discs": 10, ...}' result.json cache
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter, process_time
+from typing import Any
+
+import benchmark_scenes as scenes
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+import skmpm
+from skmpm import linear
+
+WARM = 2  # steps before those that are measured
+LARGEST_LU = 800_000  # unknowns; beyond, one LU takes longer than all the rest
+WITHOUT = ("transfer", "factorisation", "bulk", "report", "overlap")  # phases of a step without contact
+Result = dict[str, Any]
+
+
+def peak() -> float:
+    """Largest memory of this process so far [MB]."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+
+
+def resident() -> float:
+    """Memory of this process now [MB]; its largest so far where the system does not tell."""
+    statm = Path("/proc/self/statm")
+    return int(statm.read_text().split()[1]) * resource.getpagesize() / 1e6 if statm.exists() else peak()
+
+
+IMPORTED = peak()
+
+
+@dataclass
+class Recorder:
+    """A linear solver that keeps what it was given and made."""
+
+    solver: linear.Linear
+    matrices: list[sp.bsr_array] = field(default_factory=list)
+    made: list[linear.Solver] = field(default_factory=list)
+
+    def __call__(self, A: sp.bsr_array, blocks: np.ndarray, rigid_motions: np.ndarray) -> linear.Solver:
+        """As the solver does."""
+        self.matrices.append(A)
+        self.made.append(self.solver(A, blocks, rigid_motions))
+        return self.made[-1]
+
+
+def lu(A: sp.bsr_array) -> dict[str, float]:
+    """Time of one sparse LU [s]: with pivots on the diagonal, which is all that A needs, and as `linear.direct`."""
+    columns, spent = A.tocsc(), {}
+    for name, threshold in (("lu", 0.0), ("lu_direct", 1.0)):
+        began = perf_counter()
+        spla.splu(columns, "MMD_AT_PLUS_A", diag_pivot_thresh=threshold, options={"SymmetricMode": True})
+        spent[name] = perf_counter() - began
+    return spent
+
+
+def steps(scene: skmpm.Scene, state: skmpm.State, repeats: int) -> tuple[skmpm.State, Result]:
+    """Medians over `repeats` steps, each beside an LU of the same matrix."""
+    for _ in range(WARM):
+        state = skmpm.step(scene, state, scenes.DT)
+    memory = peak() - IMPORTED
+    recorder = Recorder(linear.default)
+    skmpm.step(scene, state, scenes.DT, scheme=skmpm.Scheme(linear=recorder))
+    A, found = recorder.matrices[-1], []
+    recorder.matrices, recorder.made = [], []
+    for _ in range(repeats):
+        wall, cpu = perf_counter(), process_time()
+        state = skmpm.step(scene, state, scenes.DT)
+        spent = {"step": perf_counter() - wall, "cpu": process_time() - cpu}
+        factor = lu(A) if A.shape[0] <= LARGEST_LU else {}
+        found.append({**spent, **factor, "newton": state.report.newton, "phases": state.report.seconds})
+    phases = {name: 0.0 for line in found for name in line["phases"]}
+    for name in phases:
+        phases[name] = float(np.median([line["phases"].get(name, 0.0) for line in found]))
+    medians = {name: float(np.median([line[name] for line in found])) for name in found[0] if name != "phases"}
+    return state, {
+        **medians,
+        "phases": phases,
+        "newton_mean": float(np.mean([line["newton"] for line in found])),
+        "unknowns": A.shape[0],
+        "memory": memory,
+        "points": state.x.shape[1],
+    }
+
+
+def free(setup: Result, cache: Path) -> Result:
+    """Steps of discs that touch nothing."""
+    scene, state = scenes.free(setup["discs"], setup["cells"], setup["law"])
+    return steps(scene, state, setup["repeats"])[1]
+
+
+def dense(setup: Result, cache: Path) -> Result:
+    """Steps of a dense packing."""
+    scene, state = scenes.dense(setup["discs"], setup["cells"], setup["friction"], setup["tile"], cache)
+    state, found = steps(scene, state, setup["repeats"])
+    pressed = state.contacts.force[0] > 0.0
+    pairs = np.sort(state.contacts.bodies[:, pressed], axis=0)
+    return {
+        **found,
+        "fraction": scenes.fraction(scene, state),
+        "contacts": int(state.contacts.gap.size),
+        "forced": int(pressed.sum()),
+        "pairs": int(np.unique(pairs, axis=1).shape[1]),
+        "contact_phases": found["step"] - sum(found["phases"].get(name, 0.0) for name in WITHOUT),
+    }
+
+
+def tile(setup: Result, cache: Path) -> Result:
+    """Make a tile."""
+    _, state = scenes.squeezed(setup["discs"], setup["cells"], setup["friction"], cache)
+    return {"points": state.x.shape[1]}
+
+
+def single(setup: Result, cache: Path) -> Result:
+    """One body of that many points by pyamg: a quasi-static step and a dynamic one."""
+    found: Result = {}
+    for name in ("quasi-static", "dynamic"):
+        scene, recorder = scenes.single(setup["about"], pulled=name == "quasi-static"), Recorder(linear.amg)
+        scheme = skmpm.Scheme(inertia=name == "dynamic", linear=recorder)
+        gel = scene.bodies[0].material
+        wave = np.sqrt((gel.lame[0] + 2.0 * gel.lame[1]) / gel.density)
+        state = skmpm.initial(scene, scheme=scheme)
+        wall, cpu = perf_counter(), process_time()
+        state = skmpm.step(scene, state, 10.0 * scene.cell / wave, scheme=scheme)
+        spent = {"step": perf_counter() - wall, "cpu": process_time() - cpu}
+        made = [solver for solver in recorder.made if isinstance(solver, linear.Amg)]
+        found[name] = {
+            **spent,
+            "newton": state.report.newton,
+            "iterations": max(max(solver.iterations) for solver in made),
+            "setups": len(made),
+            "phases": state.report.seconds,
+            "imbalance": state.report.imbalance,
+        }
+        A = recorder.matrices[-1]
+        found.update(unknowns=A.shape[0], points=state.x.shape[1], memory=peak() - IMPORTED)
+        if A.shape[0] <= 200_000:
+            found[name].update(lu(A))
+    return found
+
+
+def memory(setup: Result, cache: Path) -> Result:
+    """Resident memory after a tenth of many steps of a small scene, and after all of them [MB]."""
+    scene = scenes.breathing(setup["discs"], setup["cells"], period=setup["steps"] / 8 * scenes.DT)
+    state, touched, early = skmpm.initial(scene), 0, 0.0
+    for k in range(1, setup["steps"] + 1):
+        state = skmpm.step(scene, state, scenes.DT)
+        touched += bool(state.contacts.force.any())
+        if k == setup["steps"] // 10:
+            early = resident()
+    return {"early": early, "late": resident(), "touched": touched, "points": state.x.shape[1]}
+
+
+KINDS = {"free": free, "dense": dense, "tile": tile, "single": single, "memory": memory}
+
+
+def main(setup: Result, cache: Path) -> Result:
+    """The result of one workload."""
+    began = perf_counter()
+    found = KINDS[setup["kind"]](setup, cache)
+    return {**setup, **found, "total": perf_counter() - began, "imported": IMPORTED}
+
+
+if __name__ == "__main__":
+    result = main(json.loads(sys.argv[1]), Path(sys.argv[3]))
+    partial = Path(sys.argv[2]).with_suffix(".part")
+    partial.write_text(json.dumps(result, indent=1) + "\n")
+    partial.replace(sys.argv[2])

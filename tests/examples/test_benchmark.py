@@ -1,0 +1,80 @@
+"""The benchmark in small: it runs, resumes, writes its page; and what it says of mirror images is true."""
+
+import csv
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skmpm
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MODULES = ("benchmark", "benchmark_goals", "benchmark_measure", "benchmark_page", "benchmark_scenes")
+
+
+@pytest.fixture
+def benchmark(monkeypatch):
+    """The modules of the benchmark, by name."""
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    yield {name: import_module(name) for name in MODULES}
+    for name in MODULES:
+        del sys.modules[name]
+
+
+def test_images_move_as_the_tile(benchmark, tmp_path):
+    """A frictional packing at 0.90, and it with five images and no walls between: every disc makes the same steps.
+
+    Reference: the packing itself, reflected. Tolerance 1e-5 of the motion and of the stress, ten times the share of
+    the forces to which a step is solved; wrong signs or places of an image are of order one.
+    """
+    scenes = benchmark["benchmark_scenes"]
+    scene, state = scenes.squeezed(10, 3.0, 0.5, tmp_path)
+    assert scenes.fraction(scene, state) == pytest.approx(scenes.SQUEEZED, rel=1e-9)
+    after, (whole, images) = state, scenes.tiled(scene, state, 3, 2)
+    for _ in range(2):
+        after, images = skmpm.step(scene, after, scenes.DT), skmpm.step(whole, images, scenes.DT)
+        assert images.report.newton == after.report.newton
+    size, speed = np.array([after.walls[3, 0], after.walls[1, 1]]), np.array(scene.walls[1].velocity)
+    fields = (("x", size, np.abs(after.x - state.x).max()), ("v", speed, np.abs(after.v).max()))
+    for k, place in enumerate(np.array([i, j]) for j in (0, 1) for i in (0, 1, 2)):
+        own, turned = slice(k * state.body.size, (k + 1) * state.body.size), scenes.Image(place)
+        for name, far, scale in fields:
+            expected = turned(getattr(after, name), far)
+            np.testing.assert_allclose(getattr(images, name)[:, own], expected, rtol=0.0, atol=1e-5 * scale)
+        for name in ("F", "stress"):
+            expected = turned.tensor(getattr(after, name))
+            atol = 1e-5 * np.abs(expected).max()
+            np.testing.assert_allclose(getattr(images, name)[..., own], expected, rtol=0.0, atol=atol)
+
+
+def test_sizes_are_tiles(benchmark):
+    """Larger packings are whole numbers of tiles, as square as they can be."""
+    layout = benchmark["benchmark_scenes"].layout
+    assert [layout(n, 100) for n in (30, 100, 300, 1000, 3000)] == [
+        (30, 1, 1), (100, 1, 1), (100, 3, 1), (100, 5, 2), (100, 6, 5)
+    ]  # fmt: skip
+    with pytest.raises(ValueError, match="multiple"):
+        layout(250, 100)
+
+
+@pytest.mark.slow
+def test_benchmark(benchmark, tmp_path):
+    """Everything in small; a second run measures nothing anew."""
+    module = benchmark["benchmark"]
+    options = ["--quick", "--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
+    module.main(module.parser().parse_args(options))
+    results = sorted((tmp_path / "out").glob("*.json"))
+    assert len(results) == 10
+    dense = json.loads((tmp_path / "out" / "dense_20_3_0.5.json").read_text())
+    assert dense["fraction"] == pytest.approx(0.90, abs=2e-3)
+    assert 0.0 < dense["contact_phases"] < dense["step"]
+    page = (tmp_path / "docs" / "performance.md").read_text()
+    assert page.count(" LU | ") == 6  # goal and measured; "shown" has no goal
+    with (tmp_path / "docs" / "performance" / "results.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == len(results)
+    times = [path.stat().st_mtime_ns for path in results]
+    module.main(module.parser().parse_args(options))
+    assert [path.stat().st_mtime_ns for path in results] == times
