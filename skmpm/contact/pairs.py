@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.contact.sides import Neighbours, feet, project, shape
+from skmpm.contact.sides import Neighbours, feet, project, turning
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
@@ -39,17 +39,18 @@ class Pairs:
 def touching_bodies(scene: Scene, near: Neighbours, start: Array, moved: Array, theta: float) -> Pairs:
     """Contacts between bodies whose rim points move from `start` by `moved` (2, m)."""
     curve, rim = near.curve, near.curve.outlines
-    end, begin = feet(near, start + moved)
-    at = start + theta * moved
+    now = curve.through(start + moved)
+    end, begin = feet(near, now)
+    at = now if theta == 1.0 else curve.through(start + theta * moved)
     driving = end if theta == 1.0 else project(near, at, end.point, end.segment, end.s, end.tip)
-    turning, curvature = shape(near, at, driving)
+    shares, curvature = turning(at, driving)
     return Pairs(
         bodies=rim.body[np.stack([end.point, end.segment])],
         point=end.point,
         key=end.key,
         stencil=curve.stencil(driving.segment),
         weights=curve.weights(driving.segment, driving.s),
-        turning=turning,
+        turning=shares,
         curvature=curvature,
         normal=driving.normal,
         gap=end.gap,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact.tips import dot, wedge
-from skmpm.outline import Curve
+from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
@@ -38,14 +38,19 @@ OFF = 1e-6  # of a segment: how far beside the end of a side a point is still in
 class Neighbours:
     """Points and segments that stay all there can be as long as no rim point moves by more than half the margin."""
 
-    curve: Curve
-    start: Array  # (2, m) rim points at the start of the step [m]
+    start: Cubics  # the outlines at the start of the step
     cell: float
     reach: float
     margin: float
-    point: Ints
-    segment: Ints
+    point: Ints  # (n,) sorted by point, then by side
+    segment: Ints  # (n,)
+    begins: Ints  # where those of another point or side begin
     tips: Ints  # (2, k) pairs of corners
+
+    @property
+    def curve(self) -> Curve:
+        """The outlines' curve."""
+        return self.start.curve
 
 
 def neighbours(
@@ -59,7 +64,12 @@ def neighbours(
     ends = np.concatenate([np.stack([point, end]) for end in (segment, rim.next[segment])], axis=1)
     tips = np.unique(ends[:, np.tile(gives & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
     kept = (gives | curve.sharp[point]) & free
-    return Neighbours(curve, x, cell, reach, margin, point[kept], segment[kept], tips)
+    point, segment = point[kept], segment[kept]
+    order = np.lexsort((curve.side[segment], point))
+    point, segment = point[order], segment[order]
+    begins = np.ones(point.size, dtype=bool)
+    begins[1:] = (point[1:] != point[:-1]) | (np.diff(curve.side[segment]) != 0)
+    return Neighbours(curve.through(x), cell, reach, margin, point, segment, np.flatnonzero(begins), tips)
 
 
 @dataclass(frozen=True)
@@ -79,16 +89,16 @@ class Feet:
         return Feet(*(a[..., chosen] for a in self.__dict__.values()))
 
 
-def feet(near: Neighbours, x: Array) -> tuple[Feet, Feet]:
-    """All contacts within reach of rim points x (2, m); where their feet were at the start of the step."""
-    point, segment, s = _nearest(near, x)
-    no_tips = np.zeros(point.size, dtype=bool)
-    found = project(near, x, point, segment, s, no_tips)
-    before = project(near, near.start, point, found.segment, found.s, no_tips)
+def feet(near: Neighbours, now: Cubics) -> tuple[Feet, Feet]:
+    """All contacts within reach of outlines as they are now; where their feet were at the start of the step."""
+    point, segment, s = _nearest(near, now.x)
+    found = project(near, now, point, segment, s, np.zeros(point.size, dtype=bool))
     close = (found.gap > -DEPTH * near.cell) & (found.gap < near.reach)
-    chosen = np.flatnonzero(~found.beside & close & _faces(near, before))
+    found = found[np.flatnonzero(~found.beside & close)]
+    before = project(near, near.start, found.point, found.segment, found.s, found.tip)
+    chosen = np.flatnonzero(_faces(near, before))
     chosen = chosen[_outermost(near.curve, found[chosen])]
-    tips = _tips(near, x)
+    tips = _tips(near, now)
     chosen = chosen[~_superseded(near.curve, found[chosen], tips)]
     tips_before = project(near, near.start, tips.point, tips.segment, tips.s, tips.tip)
     return _joined(found[chosen], tips), _joined(before[chosen], tips_before)
@@ -96,29 +106,32 @@ def feet(near: Neighbours, x: Array) -> tuple[Feet, Feet]:
 
 def _nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
     """Of every point and every side near it the nearest segment, and where on it."""
-    curve, c, i = near.curve, near.point, near.segment
-    s, distance = outline.closest(x[:, c], x[:, i], x[:, curve.outlines.next[i]])
-    order = np.lexsort((distance, curve.side[i], c))
-    order = order[distance[order] < DEPTH * near.cell]
-    pair = np.stack([c[order], curve.side[i][order]])
-    first = np.ones(order.size, dtype=bool)
-    first[1:] = (pair[:, 1:] != pair[:, :-1]).any(axis=0)
-    kept = order[first]
+    c, i = near.point, near.segment
+    s, distance = outline.closest(x[:, c], x[:, i], x[:, near.curve.outlines.next[i]])
+    if c.size == 0:
+        return c, i, s
+    smallest = np.minimum.reduceat(distance, near.begins)
+    group = np.repeat(np.arange(smallest.size), np.diff(near.begins, append=c.size))
+    nearest = np.flatnonzero(distance == smallest[group])
+    nearest = nearest[np.unique(group[nearest], return_index=True)[1]]
+    kept = nearest[distance[nearest] < DEPTH * near.cell]
     return c[kept], i[kept], s[kept]
 
 
-def project(near: Neighbours, x: Array, c: Ints, segment: Ints, s: Array, tip: Bools) -> Feet:
+def project(near: Neighbours, shape: Cubics, c: Ints, segment: Ints, s: Array, tip: Bools) -> Feet:
     """Project points c (k,) on the sides of segments (k,), from a start nearby; tips on their corners."""
-    curve = near.curve
-    there, at = curve.project(x, x[:, c], segment, s)
+    curve, x = near.curve, shape.x
+    there, at = shape.project(x[:, c], segment, s)
     segment, s = np.where(tip, segment, there), np.where(tip, 0.0, at)
-    apart, normal = x[:, c] - curve.at(x, segment, s), curve.normals(x, segment, s)
-    gap = np.einsum("ik,ik->k", apart, normal)
+    slope = shape.at(segment, s, 1)
+    speed = np.maximum(np.hypot(*slope), 1e-300)
+    apart, normal = x[:, c] - shape.at(segment, s), np.stack([slope[1], -slope[0]]) / speed
+    gap = dot(apart, normal)
     along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
     key = c * curve.sides + curve.side[segment]
     # What is right on a corner is touched by it; two corners at the same place may be flush sides.
     on_corner = _on_corner(curve, segment, s) & ~curve.sharp[c]
-    off_end = curve.at_corner(segment, s) & (along > OFF * np.hypot(*curve.at(x, segment, s, 1)))
+    off_end = curve.at_corner(segment, s) & (along > OFF * speed)
     beside = ~tip & (off_end | on_corner)
     tips = wedge(curve, x, c[tip], segment[tip], TIP * near.cell)
     normal[:, tip], gap[tip], beside[tip], key[tip] = tips.normal, tips.gap, ~tips.seen, tips.key
@@ -131,14 +144,14 @@ def _on_corner(curve: Curve, segment: Ints, s: Array) -> Bools:
     return np.asarray((start & (s <= OFF)) | (end & (s >= 1.0 - OFF)))
 
 
-def shape(near: Neighbours, x: Array, at: Feet) -> tuple[Array, Array]:
+def turning(shape: Cubics, at: Feet) -> tuple[Array, Array]:
     """Shares (4, k) of the stencils in the unit tangents of the surfaces under the feet; their curvatures [1/m]."""
-    curve, i = near.curve, at.segment
-    speed = np.hypot(*curve.at(x, i, at.s, 1))
+    curve, i = shape.curve, at.segment
+    speed = np.hypot(*shape.at(i, at.s, 1))
     smooth = ~curve.at_corner(i, at.s)
-    turning = np.where(smooth, curve.weights(i, at.s, 1) / speed, 0.0)
-    curvature = np.where(smooth, dot(at.normal, curve.at(x, i, at.s, 2)) / speed**2, 0.0)
-    return turning, curvature
+    shares = np.where(smooth, curve.weights(i, at.s, 1) / speed, 0.0)
+    curvature = np.where(smooth, dot(at.normal, shape.at(i, at.s, 2)) / speed**2, 0.0)
+    return shares, curvature
 
 
 def _faces(near: Neighbours, before: Feet) -> Bools:
@@ -146,7 +159,7 @@ def _faces(near: Neighbours, before: Feet) -> Bools:
 
     At the start of the step: who touches whom does not hang on how edges turn from iterate to iterate.
     """
-    curve, x, c, n = near.curve, near.start, before.point, before.normal
+    curve, x, c, n = near.curve, near.start.x, before.point, before.normal
     facing = dot(outline.normals(curve.outlines, x)[:, c], n)
     keeps_off = np.ones(c.size, dtype=bool)
     for neighbour in (curve.outlines.next, curve.outlines.previous):
@@ -173,10 +186,10 @@ def _outermost(curve: Curve, found: Feet) -> Bools:
     return kept
 
 
-def _tips(near: Neighbours, x: Array) -> Feet:
+def _tips(near: Neighbours, now: Cubics) -> Feet:
     """Corners that see each other tip to tip."""
     c, j = near.tips
-    found = project(near, x, c, j, np.zeros(c.size), np.ones(c.size, dtype=bool))
+    found = project(near, now, c, j, np.zeros(c.size), np.ones(c.size, dtype=bool))
     return found[~found.beside & (np.abs(found.gap) < near.reach)]
 
 

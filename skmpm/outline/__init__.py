@@ -4,6 +4,7 @@ In every function `x` (2, m) [m] holds the current positions of the rim points, 
 """
 
 from skmpm.outline.cells import cell_moments
+from skmpm.outline.cubics import Cubics
 from skmpm.outline.curve import Curve, curve
 from skmpm.outline.measures import area, centroid, dimensions, normals, perimeter, second_moments
 from skmpm.outline.near import candidates, closest, inside
@@ -11,6 +12,7 @@ from skmpm.outline.overlaps import overlap
 from skmpm.outline.topology import Outlines, outlines
 
 __all__ = [
+    "Cubics",
     "Curve",
     "Outlines",
     "area",

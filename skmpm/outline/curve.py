@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.outline.cubics import Cubics
 from skmpm.outline.topology import Floats, Integers, Outlines
 
 CORNER = np.cos(np.deg2rad(50.0))
@@ -53,35 +54,18 @@ class Curve:
         out[1:] += last * self.last[:, segment]
         return out
 
-    def at(self, x: Floats, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
-        """Points of the curve (2, k) [m] or its derivatives by s, for rim points x (2, m)."""
-        return np.asarray(np.einsum("mk,imk->ik", self.weights(segment, s, derivative), x[:, self.stencil(segment)]))
+    def through(self, x: Floats) -> Cubics:
+        """The curve through rim points x (2, m) [m]."""
+        before, after = x[:, self.outlines.previous], x[:, self.outlines.next]
+        beyond = after[:, self.outlines.next]
+        rise = after - x
+        start = self.first[0] * before + self.first[1] * x + self.first[2] * after
+        end = self.last[0] * x + self.last[1] * after + self.last[2] * beyond
+        c = np.stack([x, start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise])
+        return Cubics(self, x, np.ascontiguousarray(c.T.transpose(0, 2, 1)))
 
-    def project(self, x: Floats, y: Floats, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
-        """Segments (k,) and parameters (k,) of the curve's points nearest to y (2, k), from a start nearby.
-
-        Newton on (y - X(s)) . X'(s) = 0; it walks from segment to segment and stops at corners.
-        """
-        rim = self.outlines
-        segment, s = segment.copy(), s.copy()
-        for _ in range(8):
-            apart = y - self.at(x, segment, s)
-            slope, bend = self.at(x, segment, s, 1), self.at(x, segment, s, 2)
-            square = np.einsum("ik,ik->k", slope, slope)
-            curvature = square - np.einsum("ik,ik->k", apart, bend)
-            step = np.einsum("ik,ik->k", apart, slope) / np.maximum(curvature, 0.25 * square + 1e-300)
-            s = s + np.clip(step, -0.75, 0.75)
-            ahead, behind = s > 1.0, s < 0.0
-            onward = ahead & ~self.corner[rim.next[segment]]
-            backward = behind & ~self.corner[segment]
-            s = np.where(onward, s - 1.0, np.where(backward, s + 1.0, self._kept(segment, s)))
-            segment = np.where(onward, rim.next[segment], np.where(backward, rim.previous[segment], segment))
-            if np.abs(step).max(initial=0.0) < 1e-12:
-                break
-        return segment, self._kept(segment, s)
-
-    def _kept(self, segment: Integers, s: Floats) -> Floats:
-        """Keep parameters on their segments, or a little behind where these end in a notch."""
+    def kept(self, segment: Integers, s: Floats) -> Floats:
+        """Parameters on their segments, or a little behind where these end in a notch."""
         notch = self.corner & ~self.convex
         low, high = notch[segment], notch[self.outlines.next[segment]]
         return np.asarray(np.clip(s, np.where(low, -BEHIND, 0.0), np.where(high, 1.0 + BEHIND, 1.0)))
@@ -90,11 +74,6 @@ class Curve:
         """Whether places on the curve are corners, or behind notches, (k,)."""
         start, end = self.corner[segment], self.corner[self.outlines.next[segment]]
         return np.asarray((start & (s <= 0.0)) | (end & (s >= 1.0)))
-
-    def normals(self, x: Floats, segment: Integers, s: Floats) -> Floats:
-        """Unit outward normals (2, k)."""
-        slope = self.at(x, segment, s, 1)
-        return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
 
 
 def curve(outlines: Outlines, x: Floats, now: Floats | None = None) -> Curve:

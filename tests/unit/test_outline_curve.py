@@ -27,7 +27,7 @@ def test_leaves_the_circle_by_the_fourth_power_of_the_spacing():
     for n in (16, 32, 64):
         x = ring(n)
         c = curve(one_body(x), x)
-        errors.append(np.abs(np.hypot(*c.at(x, *everywhere(n))) - 1.0).max())
+        errors.append(np.abs(np.hypot(*c.through(x).at(*everywhere(n))) - 1.0).max())
     rates = np.log2(np.divide(errors[:-1], errors[1:]))
     assert (rates > 3.9).all()
     assert errors[1] < 0.01 * (1.0 - np.cos(np.pi / 32))
@@ -45,8 +45,10 @@ def test_shares_are_a_partition_of_unity_and_normals_are_continuous(seed):
     assert np.allclose(c.weights(segment, s, 1).sum(axis=0), 0.0, atol=1e-12)
     i = np.flatnonzero(~c.corner)
     before = c.outlines.previous[i]
-    assert np.allclose(c.at(x, before, np.ones(i.size)), x[:, i], atol=1e-12)
-    assert np.allclose(c.normals(x, before, np.ones(i.size)), c.normals(x, i, np.zeros(i.size)), atol=1e-9)
+    assert np.allclose(c.through(x).at(before, np.ones(i.size)), x[:, i], atol=1e-12)
+    assert np.allclose(
+        c.through(x).normals(before, np.ones(i.size)), c.through(x).normals(i, np.zeros(i.size)), atol=1e-9
+    )
 
 
 @given(st.floats(0.05, 0.95))
@@ -55,8 +57,8 @@ def test_derivatives_by_differences(s):
     c = curve(one_body(x), x)
     segment, s, e = np.arange(20), np.full(20, s), 1e-6
     for order in (0, 1):
-        difference = (c.at(x, segment, s + e, order) - c.at(x, segment, s - e, order)) / (2.0 * e)
-        assert np.allclose(difference, c.at(x, segment, s, order + 1), atol=1e-8)
+        difference = (c.through(x).at(segment, s + e, order) - c.through(x).at(segment, s - e, order)) / (2.0 * e)
+        assert np.allclose(difference, c.through(x).at(segment, s, order + 1), atol=1e-8)
 
 
 def test_corners_stay_and_sides_stay_straight():
@@ -72,10 +74,12 @@ def test_corners_stay_and_sides_stay_straight():
     )
     c = curve(one_body(x), x)
     assert np.flatnonzero(c.corner).tolist() == [0, 5, 10, 15]
-    on = c.at(x, *everywhere(20))
+    on = c.through(x).at(*everywhere(20))
     assert np.allclose(np.minimum(np.abs(on - 0.0), np.abs(on - 1.0)).min(axis=0), 0.0, atol=1e-14)
-    segment, s = c.project(x, np.array([[1.3], [1.2]]), np.array([9]), np.array([0.5]))
-    assert c.at(x, segment, s)[:, 0] == pytest.approx([1.0, 1.0]), "a point off a corner is nearest to the corner"
+    segment, s = c.through(x).project(np.array([[1.3], [1.2]]), np.array([9]), np.array([0.5]))
+    assert c.through(x).at(segment, s)[:, 0] == pytest.approx([1.0, 1.0]), (
+        "a point off a corner is nearest to the corner"
+    )
 
 
 def test_corners_cut_outlines_into_sides_and_notches_are_told_from_what_sticks_out():
@@ -117,13 +121,15 @@ def test_a_side_goes_on_behind_a_notch_but_not_beyond_a_corner(segment, s):
     x = np.array([[0.0, 0.5, 1.0, 1.0, 1.0, 2.0, 2.0, 0.0], [0.0, 0.0, 0.0, -0.5, -1.0, -1.0, 2.0, 2.0]])
     c = curve(one_body(x), x)
     assert (c.corner & ~c.convex).nonzero()[0].tolist() == [2]
-    y = c.at(x, np.array([segment]), np.array([s])) + 0.1 * c.normals(x, np.array([segment]), np.array([0.5]))
-    there, at = c.project(x, y, np.array([segment]), np.array([0.5]))
+    y = c.through(x).at(np.array([segment]), np.array([s])) + 0.1 * c.through(x).normals(
+        np.array([segment]), np.array([0.5])
+    )
+    there, at = c.through(x).project(y, np.array([segment]), middle)
     assert there[0] == segment and at[0] == pytest.approx(s)
-    _, far = c.project(x, y + 10 * (s - 0.5) * c.at(x, there, at, 1), there, at)
+    _, far = c.through(x).project(y + 10 * (s - 0.5) * c.through(x).at(there, at, 1), there, at)
     assert far[0] == (1.5 if s > 1.0 else -0.5)
     other = np.array([0 if segment == 1 else 3])
-    _, corner = c.project(x, x[:, [0]] - 1.0 if segment == 1 else x[:, [4]] - 1.0, other, np.array([0.5]))
+    _, corner = c.through(x).project(x[:, [0]] - 1.0 if segment == 1 else x[:, [4]] - 1.0, other, np.array([0.5]))
     assert 0.0 <= corner[0] <= 1.0
 
 
@@ -134,12 +140,12 @@ def test_projection_is_the_nearest_point_even_from_a_neighbouring_segment():
     angle, radius = rng.uniform(0.0, 2.0 * np.pi, 300), rng.uniform(0.9, 1.1, 300)
     y = radius * np.stack([np.cos(angle), np.sin(angle)])
     start = ((angle / (2.0 * np.pi) * 24).astype(int) + rng.integers(-1, 2, 300)) % 24
-    segment, s = c.project(x, y, start, np.full(300, 0.5))
-    dense = c.at(x, *everywhere(24, 400))
+    segment, s = c.through(x).project(y, start, np.full(300, 0.5))
+    dense = c.through(x).at(*everywhere(24, 400))
     nearest = np.sqrt(((y[:, :, None] - dense[:, None]) ** 2).sum(axis=0)).min(axis=1)
-    distance = np.hypot(*(y - c.at(x, segment, s)))
+    distance = np.hypot(*(y - c.through(x).at(segment, s)))
     assert (distance <= nearest + 1e-12).all()
-    apart, normal = y - c.at(x, segment, s), c.normals(x, segment, s)
+    apart, normal = y - c.through(x).at(segment, s), c.through(x).normals(segment, s)
     assert np.abs(apart[0] * normal[1] - apart[1] * normal[0]).max() < 1e-10
 
 
@@ -152,11 +158,11 @@ def test_the_normal_and_the_shares_are_the_derivative_of_the_gap():
     dx, dy = rng.normal(size=x.shape), rng.normal(size=y.shape)
 
     def gap(e):
-        segment, s = c.project(x + e * dx, y + e * dy, np.array([1]), np.array([0.5]))
-        return ((y + e * dy - c.at(x + e * dx, segment, s)) * c.normals(x + e * dx, segment, s)).sum()
+        segment, s = c.through(x + e * dx).project(y + e * dy, np.array([1]), np.array([0.5]))
+        return ((y + e * dy - c.through(x + e * dx).at(segment, s)) * c.through(x + e * dx).normals(segment, s)).sum()
 
-    segment, s = c.project(x, y, np.array([1]), np.array([0.5]))
+    segment, s = c.through(x).project(y, np.array([1]), np.array([0.5]))
     moved = dy[:, 0] - dx[:, c.stencil(segment)[:, 0]] @ c.weights(segment, s)[:, 0]
-    expected = c.normals(x, segment, s)[:, 0] @ moved
+    expected = c.through(x).normals(segment, s)[:, 0] @ moved
     e = 1e-6
     assert (gap(e) - gap(-e)) / (2.0 * e) == pytest.approx(expected, rel=1e-7)

@@ -1,0 +1,73 @@
+"""The curve through given rim points: one cubic per segment, ready to be evaluated in many places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skmpm.outline.topology import Floats, Integers
+
+if TYPE_CHECKING:
+    from skmpm.outline.curve import Curve
+
+STEPS, LONGEST, CLOSE = 8, 0.75, 1e-12  # of Newton's method, in the parameter
+
+
+@dataclass(frozen=True)
+class Cubics:
+    """The cubics X(s) = c0 + c1 s + c2 s^2 + c3 s^3 of the segments, 0 <= s <= 1."""
+
+    curve: Curve
+    x: Floats  # (2, m) rim points [m]
+    c: Floats  # (m, 4, 2) [m]
+
+    def at(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
+        """Points of the curve (2, k) [m] or their derivatives by s."""
+        return _value(self.c[segment].T, s, derivative)
+
+    def normals(self, segment: Integers, s: Floats) -> Floats:
+        """Unit outward normals (2, k)."""
+        slope = self.at(segment, s, 1)
+        return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
+
+    def project(self, y: Floats, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
+        """Segments (k,) and parameters (k,) of the curve's points nearest to y (2, k), from a start nearby.
+
+        Newton on (y - X(s)) . X'(s) = 0; it walks from segment to segment and stops at corners.
+        """
+        segment, s = segment.copy(), s.copy()
+        moving = np.arange(s.size)
+        for _ in range(STEPS):
+            i, t = segment[moving], s[moving]
+            step = self._step(y[:, moving], i, t)
+            segment[moving], s[moving] = self._walk(i, t + np.clip(step, -LONGEST, LONGEST))
+            moving = moving[np.abs(step) >= CLOSE]
+            if moving.size == 0:
+                break
+        return segment, self.curve.kept(segment, s)
+
+    def _step(self, y: Floats, segment: Integers, s: Floats) -> Floats:
+        """Newton's step, (k,), with the curvature of the distance bounded from below."""
+        c = self.c[segment].T
+        (ax, ay), slope, bend = y - _value(c, s, 0), _value(c, s, 1), _value(c, s, 2)
+        square = slope[0] ** 2 + slope[1] ** 2
+        curvature = square - (ax * bend[0] + ay * bend[1])
+        return np.asarray((ax * slope[0] + ay * slope[1]) / np.maximum(curvature, 0.25 * square + 1e-300))
+
+    def _walk(self, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
+        """To the next or previous segment where s is off the end of one that is no corner."""
+        rim, corner = self.curve.outlines, self.curve.corner
+        onward, backward = (s > 1.0) & ~corner[rim.next[segment]], (s < 0.0) & ~corner[segment]
+        s = np.where(onward, s - 1.0, np.where(backward, s + 1.0, self.curve.kept(segment, s)))
+        return np.where(onward, rim.next[segment], np.where(backward, rim.previous[segment], segment)), s
+
+
+def _value(c: Floats, s: Floats, derivative: int) -> Floats:
+    """Values (2, k) of cubics with coefficients c (2, 4, k), or their derivatives."""
+    if derivative == 0:
+        return np.asarray(c[:, 0] + s * (c[:, 1] + s * (c[:, 2] + s * c[:, 3])))
+    if derivative == 1:
+        return np.asarray(c[:, 1] + s * (2.0 * c[:, 2] + 3.0 * s * c[:, 3]))
+    return np.asarray(2.0 * c[:, 2] + 6.0 * s * c[:, 3])
