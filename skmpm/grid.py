@@ -97,21 +97,28 @@ class Sheets:
         """Offsets of the bodies' unknowns, (bodies + 1,): body b owns dofs blocks[b]:blocks[b + 1]."""
         return 2 * np.searchsorted(self.node_body, np.arange(self.bodies + 1))
 
-    @cached_property
+    @property
     def shape(self) -> Array:
         """Q1 shape functions of each point's four nodes, (4, n): scikit-fem's, at the local coordinates."""
         return np.stack([ElementQuad1().lbasis(self.local, i)[0] for i in range(4)])
 
-    @cached_property
+    @property
     def gradient(self) -> Array:
         """Gradients of the shape functions, (2, 4, n) [1/m]."""
         return np.stack([ElementQuad1().lbasis(self.local, i)[1] for i in range(4)], axis=1) / self.cell
 
+    @cached_property
+    def _pattern(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Columns (4 n,) and row offsets (n + 1,) of every `_point_matrix`: shared, so nobody may sort them."""
+        columns = self.nodes_of_cell.T.astype(np.int32)[self.cell_of_point].ravel()
+        offsets = np.arange(0, columns.size + 1, 4, dtype=np.int32)
+        for shared in (columns, offsets):
+            shared.setflags(write=False)
+        return columns, offsets
+
     def _point_matrix(self, values: Array) -> sp.csr_array:
         """A sparse matrix (n, nodes) from four values per point, (4, n)."""
-        n = values.shape[1]
-        columns = self.nodes_of_cell[:, self.cell_of_point]
-        return sp.csr_array((values.T.ravel(), columns.T.ravel(), np.arange(0, 4 * n + 1, 4)), shape=(n, self.nodes))
+        return sp.csr_array((values.T.ravel(), *self._pattern), shape=(values.shape[1], self.nodes))
 
     @cached_property
     def interpolation(self) -> sp.csr_array:
@@ -121,13 +128,15 @@ class Sheets:
     @cached_property
     def derivatives(self) -> tuple[sp.csr_array, sp.csr_array]:
         """(n, nodes) matrices of d/dx and d/dy at the points [1/m]."""
-        return self._point_matrix(self.gradient[0]), self._point_matrix(self.gradient[1])
+        along_x, along_y = self.gradient
+        return self._point_matrix(along_x), self._point_matrix(along_y)
 
     @cached_property
     def levers(self) -> tuple[sp.csr_array, sp.csr_array]:
         """N_ip (X_i - X_p), one matrix (n, nodes) [m] per component: the arms of the affine momentum."""
         arms = self.cell * (CORNERS[:, :, None] - self.local[:, None, :])
-        return self._point_matrix(self.shape * arms[0]), self._point_matrix(self.shape * arms[1])
+        N = self.shape
+        return self._point_matrix(N * arms[0]), self._point_matrix(N * arms[1])
 
     def at_points(self, field: Array) -> Array:
         """Values at the points (2, n) of a nodal field (2 nodes,)."""

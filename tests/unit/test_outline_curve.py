@@ -121,15 +121,14 @@ def test_a_side_goes_on_behind_a_notch_but_not_beyond_a_corner(segment, s):
     x = np.array([[0.0, 0.5, 1.0, 1.0, 1.0, 2.0, 2.0, 0.0], [0.0, 0.0, 0.0, -0.5, -1.0, -1.0, 2.0, 2.0]])
     c = curve(one_body(x), x)
     assert (c.corner & ~c.convex).nonzero()[0].tolist() == [2]
-    y = c.through(x).at(np.array([segment]), np.array([s])) + 0.1 * c.through(x).normals(
-        np.array([segment]), np.array([0.5])
-    )
-    there, at = c.through(x).project(y, np.array([segment]), middle)
+    shape, middle = c.through(x), np.array([0.5])
+    y = shape.at(np.array([segment]), np.array([s])) + 0.1 * shape.normals(np.array([segment]), middle)
+    there, at = shape.project(y, np.array([segment]), middle)
     assert there[0] == segment and at[0] == pytest.approx(s)
-    _, far = c.through(x).project(y + 10 * (s - 0.5) * c.through(x).at(there, at, 1), there, at)
+    _, far = shape.project(y + 10 * (s - 0.5) * shape.at(there, at, 1), there, at)
     assert far[0] == (1.5 if s > 1.0 else -0.5)
     other = np.array([0 if segment == 1 else 3])
-    _, corner = c.through(x).project(x[:, [0]] - 1.0 if segment == 1 else x[:, [4]] - 1.0, other, np.array([0.5]))
+    _, corner = shape.project(x[:, [0]] - 1.0 if segment == 1 else x[:, [4]] - 1.0, other, middle)
     assert 0.0 <= corner[0] <= 1.0
 
 
