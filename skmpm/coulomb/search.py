@@ -12,7 +12,8 @@ from skmpm.coulomb.law import Array, clamp
 from skmpm.coulomb.newton import newton
 from skmpm.coulomb.problem import DENSE, Iterate, Linear, Matrix, Problem, is_sparse, scaled, unscaled
 
-_NEAR = 0.05  # a start with a smaller residual goes straight to Newton ...
+_NEAR = 0.05  # a start with a smaller residual goes to Newton after a few sweeps, which find most states ...
+_FEW = 15
 _EAGER = 0.2  # ... and back to sweeps if that needs a smaller part of a step than this
 _SHORTEST = 0.05  # smallest part of a Newton step
 _GAINS = 1 / 3, 1 / 6, 1.0, 3.0  # of the natural map, relative to the largest eigenvalue of W~
@@ -94,7 +95,9 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> 
     """Newton steps from a good start, else after sweeps, and proximal problems where they stall."""
     best, steps, swept = start, 0, 0
     if start.error < _NEAR or p.q.size <= DENSE or p.contacts < p.q.size:
-        best, steps = _steps(p, start, tol, limit, _GAINS[:1], _EAGER)
+        swept = _FEW if p.q.size > DENSE and start.error > tol else 0
+        x, steps = _steps(p, _sweep(p, start, swept), tol, limit, _GAINS[:1], _EAGER)
+        best = _better(start, x)
     x = best
     for round_ in range(_ROUNDS):
         if best.error > tol and steps < limit:
