@@ -10,6 +10,7 @@ from skmpm.linear.choice import CROSSOVER, default
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
 from skmpm.linear.solver import Linear, Solver, half_bandwidth
+from skmpm.linear.threads import one_thread
 
 __all__ = [
     "CROSSOVER",
@@ -23,4 +24,5 @@ __all__ = [
     "default",
     "direct",
     "half_bandwidth",
+    "one_thread",
 ]

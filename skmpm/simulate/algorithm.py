@@ -12,6 +12,7 @@ import numpy as np
 
 from skmpm.implicit import Increment, NotConverged, Timer, Touching, advance
 from skmpm.io import save
+from skmpm.linear import one_thread
 from skmpm.progress import Progress
 from skmpm.scene import Scene, State, StepFailed
 from skmpm.scheme import Scheme
@@ -47,8 +48,9 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, moved_as)
     timer.lap("transfer")
     try:
-        touching = _touching(scene, state, increment, timer)
-        solution = advance(increment, touching, kept_solver(scene, state, increment), timer)
+        with one_thread():
+            touching = _touching(scene, state, increment, timer)
+            solution = advance(increment, touching, kept_solver(scene, state, increment), timer)
     except (NotConverged, np.linalg.LinAlgError) as error:
         message = f"the step from t = {state.t:.6g} s with dt = {dt:.3g} s failed: {error}"
         raise StepFailed(message, given) from error
