@@ -42,12 +42,15 @@ def test_squeeze():
 
 
 def test_large():
-    """A small one of the large bodies: few iterations, and the support carries weight and inertia."""
+    """A small one of the large bodies: few iterations, and the support carries weight and inertia.
+
+    It sinks as far as one of 1e6 points, 2.079 mm, to 1 %: the arc held is one of whole rim segments.
+    """
     for found in example("large.py")["main"](6000).values():
         assert 0 < found["iterations"] <= 20
         assert found["balance"] <= 1e-6
     found = example("large.py")["advance"](example("large.py")["hanging"](6000, 0.3, 1), inertia=False)
-    assert found["sag"] == pytest.approx(2.08e-3, rel=5e-3)  # of 1e6 points: 2.079e-3
+    assert found["sag"] == pytest.approx(2.079e-3, rel=0.01)
 
 
 def test_compaction(tmp_path):
