@@ -61,10 +61,21 @@ def lu(A: sp.bsr_array) -> dict[str, float]:
     """Time of one sparse LU [s]: with pivots on the diagonal, which is all that A needs, and as `linear.direct`."""
     columns, spent = A.tocsc(), {}
     for name, threshold in (("lu", 0.0), ("lu_direct", 1.0)):
-        began = perf_counter()
+        began = process_time()
         spla.splu(columns, "MMD_AT_PLUS_A", diag_pivot_thresh=threshold, options={"SymmetricMode": True})
-        spent[name] = perf_counter() - began
+        spent[name] = process_time() - began
     return spent
+
+
+def timed(
+    scene: skmpm.Scene, state: skmpm.State, dt: float, scheme: skmpm.Scheme
+) -> tuple[skmpm.State, dict[str, float], dict[str, float]]:
+    """One step: its processor and wall time, and its phases, as shares of the processor time [s]."""
+    wall, cpu = perf_counter(), process_time()
+    state = skmpm.step(scene, state, dt, scheme=scheme)
+    wall, cpu = perf_counter() - wall, process_time() - cpu
+    phases = {name: seconds * cpu / wall for name, seconds in state.report.seconds.items()}
+    return state, {"step": cpu, "wall": wall}, phases
 
 
 def steps(scene: skmpm.Scene, state: skmpm.State, repeats: int) -> tuple[skmpm.State, Result]:
@@ -74,26 +85,27 @@ def steps(scene: skmpm.Scene, state: skmpm.State, repeats: int) -> tuple[skmpm.S
     memory = peak() - IMPORTED
     recorder = Recorder(linear.default)
     skmpm.step(scene, state, scenes.DT, scheme=skmpm.Scheme(linear=recorder))
-    A, found = recorder.matrices[-1], []
+    A, spent, laps, newton = recorder.matrices[-1], [], [], []
     recorder.matrices, recorder.made = [], []
     for _ in range(repeats):
-        wall, cpu = perf_counter(), process_time()
-        state = skmpm.step(scene, state, scenes.DT)
-        spent = {"step": perf_counter() - wall, "cpu": process_time() - cpu}
-        factor = lu(A) if A.shape[0] <= LARGEST_LU else {}
-        found.append({**spent, **factor, "newton": state.report.newton, "phases": state.report.seconds})
-    phases = {name: 0.0 for line in found for name in line["phases"]}
-    for name in phases:
-        phases[name] = float(np.median([line["phases"].get(name, 0.0) for line in found]))
-    medians = {name: float(np.median([line[name] for line in found])) for name in found[0] if name != "phases"}
+        state, times, phases = timed(scene, state, scenes.DT, skmpm.Scheme())
+        spent.append({**times, **(lu(A) if A.shape[0] <= LARGEST_LU else {})})
+        laps.append(phases)
+        newton.append(state.report.newton)
     return state, {
-        **medians,
-        "phases": phases,
-        "newton_mean": float(np.mean([line["newton"] for line in found])),
+        **medians(spent),
+        "phases": medians(laps),
+        "newton": float(np.mean(newton)),
         "unknowns": A.shape[0],
         "memory": memory,
         "points": state.x.shape[1],
     }
+
+
+def medians(lines: list[dict[str, float]]) -> dict[str, float]:
+    """Of every column, zero where a line has none."""
+    names = dict.fromkeys(name for line in lines for name in line)
+    return {name: float(np.median([line.get(name, 0.0) for line in lines])) for name in names}
 
 
 def free(setup: Result, cache: Path) -> Result:
@@ -127,22 +139,20 @@ def tile(setup: Result, cache: Path) -> Result:
 def single(setup: Result, cache: Path) -> Result:
     """One body of that many points by pyamg: a quasi-static step and a dynamic one."""
     found: Result = {}
+    lam, mu = skmpm.NeoHookean(**scenes.GEL).lame
+    wave = float(np.sqrt((lam + 2.0 * mu) / scenes.GEL["density"]))  # [m/s]
     for name in ("quasi-static", "dynamic"):
         scene, recorder = scenes.single(setup["about"], pulled=name == "quasi-static"), Recorder(linear.amg)
         scheme = skmpm.Scheme(inertia=name == "dynamic", linear=recorder)
-        gel = scene.bodies[0].material
-        wave = np.sqrt((gel.lame[0] + 2.0 * gel.lame[1]) / gel.density)
         state = skmpm.initial(scene, scheme=scheme)
-        wall, cpu = perf_counter(), process_time()
-        state = skmpm.step(scene, state, 10.0 * scene.cell / wave, scheme=scheme)
-        spent = {"step": perf_counter() - wall, "cpu": process_time() - cpu}
+        state, times, phases = timed(scene, state, 10.0 * scene.cell / wave, scheme)
         made = [solver for solver in recorder.made if isinstance(solver, linear.Amg)]
         found[name] = {
-            **spent,
+            **times,
             "newton": state.report.newton,
             "iterations": max(max(solver.iterations) for solver in made),
             "setups": len(made),
-            "phases": state.report.seconds,
+            "phases": phases,
             "imbalance": state.report.imbalance,
         }
         A = recorder.matrices[-1]
@@ -153,15 +163,16 @@ def single(setup: Result, cache: Path) -> Result:
 
 
 def memory(setup: Result, cache: Path) -> Result:
-    """Resident memory after a tenth of many steps of a small scene, and after all of them [MB]."""
+    """Resident memory after a tenth, half and all of many steps of a small scene [MB]."""
     scene = scenes.breathing(setup["discs"], setup["cells"], period=setup["steps"] / 8 * scenes.DT)
-    state, touched, early = skmpm.initial(scene), 0, 0.0
+    state, touched, seen = skmpm.initial(scene), 0, {}
     for k in range(1, setup["steps"] + 1):
         state = skmpm.step(scene, state, scenes.DT)
         touched += bool(state.contacts.force.any())
-        if k == setup["steps"] // 10:
-            early = resident()
-    return {"early": early, "late": resident(), "touched": touched, "points": state.x.shape[1]}
+        for name, share in (("early", 10), ("middle", 2), ("late", 1)):
+            if k == setup["steps"] // share:
+                seen[name] = resident()
+    return {**seen, "touched": touched, "points": state.x.shape[1]}
 
 
 KINDS = {"free": free, "dense": dense, "tile": tile, "single": single, "memory": memory}

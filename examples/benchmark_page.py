@@ -13,10 +13,11 @@ from benchmark_scenes import RATE, SPACING
 HEAD = """# Performance
 
 `python examples/benchmark.py` measures all of this page anew and writes it (here in {minutes:.0f} minutes). One
-process, one BLAS thread; medians of {steps} steps after two. Milliseconds are those of one machine; what counts is
-the ratio to one sparse LU of the same matrix in the same run: `scipy.sparse.linalg.splu`, `MMD_AT_PLUS_A`,
-`SymmetricMode`, pivots on the diagonal, which is all that a positive definite matrix needs. `linear.direct` lets
-SuperLU look for pivots, which takes longer; ratios to that are in brackets.
+process, one BLAS thread; medians of {steps} steps after two, of processor time (the clock on the wall said
+{busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1 tells of a busy machine). Milliseconds are those of one
+machine; what counts is the ratio to one sparse LU of the same matrix in the same run: `scipy.sparse.linalg.splu`,
+`MMD_AT_PLUS_A`, `SymmetricMode`, pivots on the diagonal, which is all that a positive definite matrix needs.
+`linear.direct` lets SuperLU look for pivots, which takes longer; ratios to that are in brackets.
 
 Discs are those of the main job: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
 *Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s
@@ -44,7 +45,7 @@ def phase_table(found: Results) -> str:
     for r in (r for r in found.all.values() if r["kind"] in ("free", "dense")):
         kind = f"free, {r['law']}" if r["kind"] == "free" else f"dense, friction {r['friction']:g}"
         what = (f"{r['discs']} {kind}", f"{r['cells']:g}", str(r["points"]), str(r["unknowns"]))
-        cost = (str(r.get("contacts", "-")), f"{r['newton_mean']:.1f}", per_lu(r["step"], r), ms(r["step"]))
+        cost = (str(r.get("contacts", "-")), f"{r['newton']:.1f}", per_lu(r["step"], r), ms(r["step"]))
         lines.append((*what, *cost, *(f"{100.0 * seconds / r['step']:.0f}" for seconds in phases(r).values())))
     what = ("discs", "R/h", "points", "unknowns", "contacts", "Newton", "step / LU", "ms here")
     return table((*what, *(f"{name} %" for name in (*PHASES, "rest"))), lines)
@@ -139,8 +140,16 @@ def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -
     keep(results, folder / "results.csv")
     draw(found, folder / "phases.png")
     minutes = sum(r["total"] for r in results.values()) / 60.0
+    busy = [r["wall"] / r["step"] for r in results.values() if "wall" in r] or [1.0]
     parts = [
-        HEAD.format(minutes=minutes, steps=options.steps, spacing=SPACING, rate=RATE, tile=options.tile),
+        HEAD.format(
+            minutes=minutes,
+            busy=(min(busy), max(busy)),
+            steps=options.steps,
+            spacing=SPACING,
+            rate=RATE,
+            tile=options.tile,
+        ),
         "## Goals\n",
         table(("what", "at most", "measured", ""), list(goals(found))),
         "## Where the time goes\n",

@@ -27,16 +27,19 @@ def benchmark(monkeypatch):
 def test_images_move_as_the_tile(benchmark, tmp_path):
     """A frictional packing at 0.90, and it with five images and no walls between: every disc makes the same steps.
 
-    Reference: the packing itself, reflected. Tolerance 1e-5 of the motion and of the stress, ten times the share of
-    the forces to which a step is solved; wrong signs or places of an image are of order one.
+    Reference: the packing itself, reflected. Steps are solved to 1e-8 of the forces; tolerance 1e-5 of the motion and
+    of the stress, for normals at the edges of facets are not quite those of a wall. Wrong signs or places of an image
+    show as 1e-3 and more.
     """
     scenes = benchmark["benchmark_scenes"]
     scene, state = scenes.squeezed(10, 3.0, 0.5, tmp_path)
     assert scenes.fraction(scene, state) == pytest.approx(scenes.SQUEEZED, rel=1e-9)
     after, (whole, images) = state, scenes.tiled(scene, state, 3, 2)
+    scheme = skmpm.Scheme(newton_tol=1e-8, contact_tol=1e-8, gap_tol=1e-8)
     for _ in range(2):
-        after, images = skmpm.step(scene, after, scenes.DT), skmpm.step(whole, images, scenes.DT)
-        assert images.report.newton == after.report.newton
+        after = skmpm.step(scene, after, scenes.DT, scheme=scheme)
+        images = skmpm.step(whole, images, scenes.DT, scheme=scheme)
+        assert abs(images.report.newton - after.report.newton) <= 1
     size, speed = np.array([after.walls[3, 0], after.walls[1, 1]]), np.array(scene.walls[1].velocity)
     fields = (("x", size, np.abs(after.x - state.x).max()), ("v", speed, np.abs(after.v).max()))
     for k, place in enumerate(np.array([i, j]) for j in (0, 1) for i in (0, 1, 2)):
@@ -72,7 +75,9 @@ def test_benchmark(benchmark, tmp_path):
     assert dense["fraction"] == pytest.approx(0.90, abs=2e-3)
     assert 0.0 < dense["contact_phases"] < dense["step"]
     page = (tmp_path / "docs" / "performance.md").read_text()
-    assert page.count(" LU | ") == 6  # goal and measured; "shown" has no goal
+    goals = page[page.index("## Goals") : page.index("## Where")]
+    assert goals.count("| met |") + goals.count("| **missed** |") == 8  # but for pyamg's: no body is large enough
+    assert goals.count("| shown |") == 2
     with (tmp_path / "docs" / "performance" / "results.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(results)
     times = [path.stat().st_mtime_ns for path in results]
