@@ -93,7 +93,7 @@ def draw(found: Results, path: Path) -> None:
         axis.set(xscale="log", yscale="log")
         axis.legend(fontsize=7)
         axis.grid(which="major", lw=0.3)
-    fig.savefig(path, dpi=110)
+    fig.savefig(path, dpi=90)
     plt.close(fig)
 
 
@@ -104,6 +104,9 @@ def _draw_growth(axis: Any, found: Results) -> None:
     axis.plot(points, [1e3 * r["step"] for r in found.growth], "k.-", label="step")
     factored = [(r["points"], 1e3 * r["lu"]) for r in found.growth if "lu" in r]
     axis.plot(*zip(*factored, strict=True), "k:", label="one LU")
+    few = found.reference
+    if few is not None:
+        axis.plot(points, [1e3 * n * per_point(few) for n in points], "0.7", lw=0.8, zorder=0, label="linear growth")
 
 
 def _draw_single(axis: Any, found: Results) -> None:

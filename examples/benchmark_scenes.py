@@ -4,10 +4,11 @@ A squeeze to a nominal solid fraction of 0.90 takes hundreds of steps, so one *t
 squeezed, and larger packings are made of its mirror images: on both sides of a smooth wall the image of a motion is
 a motion, so in a kaleidoscope of tiles, its inner walls taken out, every disc moves as it did and Newton takes the
 iterations it took (with friction to the tolerance of a step; without, discs and their images first slip a little, as
-contact normals are those of one of the two curves). Walls become contacts between a disc and its image; contacts per
-disc, strain rate and pressure stay. A large packing is thus no harder than the tile, by construction: what grows is
-the machinery's time, not the number of rare hard contacts. Every size shrinks at the rate of the main job (300 discs,
-lid at 2 m/s), so lids of higher packings are faster; the velocities of the images are shifted to match.
+contact normals are those of one of the two curves). What a disc shared with a wall it now shares with its image, so
+contacts a disc become fewer by those of the walls; strain rate and pressure stay. A large packing is thus no harder
+than the tile, by construction: what grows is the machinery's time, not the number of rare hard contacts. Every size
+shrinks at the rate of the main job (300 discs, lid at 2 m/s), so lids of higher packings are faster; the velocities
+of the images are shifted to match.
 """
 
 from __future__ import annotations
