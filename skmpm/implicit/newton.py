@@ -94,7 +94,9 @@ def _iterate(
             return Solution(w, touching, effort.newton, effort.factorised, residual, imbalance, reaction, solver)
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         rested = imbalance > 0.5 * before and iteration - newest > REST
-        worn = iteration == 0 or (slow and imbalance > FAR * scheme.newton_tol)
+        # At this rate it would take more than one iteration more.
+        late = slow or (iteration > 1 and imbalance**2 > before * scheme.newton_tol)
+        worn = iteration == 0 or (late and imbalance > FAR * scheme.newton_tol)
         far = touching is None or (rested if careful else worn)
         if solver is None or (far and not step.bulk.linear):
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
