@@ -28,10 +28,15 @@ GHOST_CORNERS = (
 )
 
 
+def _by_blocks(cells: Array) -> Array:
+    """Matrices (..., 8, 8) of cells, whose unknowns are node-interleaved, as blocks of pairs of nodes (..., 64)."""
+    return cells.reshape(*cells.shape[:-2], 4, 2, 4, 2).swapaxes(-3, -2).reshape(*cells.shape[:-2], 64)
+
+
 @cache
 def _stiffness_table() -> Array:
-    """The constant reference matrices of `forms.reference_stiffness`, (60, 64)."""
-    return reference_stiffness().reshape(60, 64)
+    """The constant reference matrices of `forms.reference_stiffness`, by blocks, (60, 64)."""
+    return _by_blocks(reference_stiffness().reshape(60, 8, 8))
 
 
 @cache
@@ -57,7 +62,7 @@ class Assembly:
     moments: sp.csr_array  # (6 cells, n) monomials of the local coordinates, times volume / cell^2
     indices: Ints  # block columns and row pointers of the pattern of A
     indptr: Ints
-    place: Ints  # where each entry of each cell matrix goes in the data of A, (64 cells,)
+    scatter: sp.csr_array  # (blocks, 16 cells) sums the blocks of the cells to those of A
     ghost_data: Array  # (blocks, 2, 2) the ghost stiffness in the pattern of A
 
     def internal_force(self, P: Array) -> Array:
@@ -73,7 +78,7 @@ class Assembly:
     def stiffness(self, C: Array, added: Array | None = None) -> Array:
         """Data of the stiffness in the pattern of A, (blocks, 2, 2).
 
-        From tangents `C` (2, 2, 2, 2, n), and cell matrices (cells, 64) to be `added`.
+        From tangents `C` (2, 2, 2, 2, n), and cell matrices (cells, 64), by blocks, to be `added`.
         """
         flat = C.reshape(4, 4, -1)
         entries = np.stack([flat[a, b] for a, b in PAIRS], axis=1)
@@ -81,8 +86,7 @@ class Assembly:
         cells = moments @ _stiffness_table()
         if added is not None:
             cells += added
-        data = np.bincount(self.place, cells.ravel(), 4 * self.indices.size)
-        return np.asarray(data.reshape(-1, 2, 2) + self.ghost_data)
+        return np.asarray((self.scatter @ cells.reshape(-1, 4)).reshape(-1, 2, 2) + self.ghost_data)
 
     def cell_sums(self, values: Array) -> Array:
         """Sums over the points of every cell of V values, (cells,); `values` (n,)."""
@@ -95,13 +99,13 @@ class Assembly:
         return np.asarray((now / rest)[self.sheets.cell_of_point])
 
     def mean_dilatation_stiffness(self, slope: Array, modulus: Array, rest: Array) -> Array:
-        """Twin of `forms.mean_dilatation_stiffness`, by cells, (cells, 64): one matrix of rank one each."""
+        """Twin of `forms.mean_dilatation_stiffness`, by cells and blocks, (cells, 64), of rank one each."""
         sheets = self.sheets
         first = self.moments[: 3 * sheets.cells] @ slope.reshape(4, -1).T  # of 1, xi, eta
         growth = np.einsum("mciI,mIa->cai", first.reshape(3, -1, 2, 2), _gradient_table()).reshape(-1, 8)
         growth *= sheets.cell
         weighted = (modulus / self.cell_sums(rest))[:, None] * growth
-        return np.asarray(weighted[:, :, None] * growth[:, None, :]).reshape(-1, 64)
+        return _by_blocks(weighted[:, :, None] * growth[:, None, :])
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
         """A = M + factor K, block sparse, (2 nodes, 2 nodes), or with a block diagonal (nodes, 2, 2) instead of M."""
@@ -158,9 +162,8 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
     ghost_key = ghost_nodes[:, None] * nodes + ghost_nodes[None, :]  # (6, 6, f)
     keys, where = np.unique(np.concatenate([cell_key.ravel(), ghost_key.ravel()]), return_inverse=True)
     in_cells, in_ghost = where[: cell_key.size].reshape(cell_key.shape), where[cell_key.size :]
-    # Cell dofs are node-interleaved: entry (2 i + a, 2 j + b) goes to place 2 a + b of block (i, j).
-    component = np.array([[0, 1], [2, 3]])
-    place = 4 * in_cells[:, :, None, :, None] + component[:, None, :]
+    every = np.arange(in_cells.size)
+    scatter = sp.csr_array((np.ones(every.size), (in_cells.ravel(), every)), shape=(keys.size, every.size))
     indptr = np.searchsorted(keys, np.arange(nodes + 1) * nodes)
     ghost = np.bincount(in_ghost, ghost_values.ravel(), keys.size).astype(np.float64)  # of none: integers
 
@@ -177,6 +180,6 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
         moments=moments,
         indices=keys % nodes,
         indptr=indptr,
-        place=place.ravel(),
+        scatter=scatter,
         ghost_data=ghost[:, None, None] * np.eye(2),
     )

@@ -95,9 +95,10 @@ def _iterate(
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         rested = imbalance > 0.5 * before and iteration - newest > REST
         # At this rate it would take more than one iteration more.
-        late = slow or (iteration > 1 and imbalance**2 > before * scheme.newton_tol)
+        settling = iteration <= (1 if touching else 0)
+        late = slow or (not settling and imbalance**2 > before * scheme.newton_tol)
         worn = iteration == 0 or (late and imbalance > FAR * scheme.newton_tol)
-        far = touching is None or (rested if careful else worn)
+        far = rested if careful else worn
         if solver is None or (far and not step.bulk.linear):
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
             effort.factorised, newest = effort.factorised + 1, iteration

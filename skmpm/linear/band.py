@@ -63,11 +63,20 @@ class Banded:
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     """Banded Cholesky of all bodies at once (LAPACK pbtrf); best for bodies up to about 170 cells across."""
-    width, n = half_bandwidth(A), A.shape[0]
-    rows = np.repeat(np.arange(n // 2), np.diff(A.indptr))
-    distance = 2 * (rows - A.indices)
-    band = np.zeros((width + 1, n), order="F")
-    for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        lower = distance + a - b >= 0
-        band[distance[lower] + a - b, 2 * A.indices[lower] + b] = A.data[lower, a, b]
+    band = _band(A, half_bandwidth(A))
     return Banded(cholesky_banded(band, overwrite_ab=True, lower=True, check_finite=False), blocks)
+
+
+def _band(A: sp.bsr_array, width: int) -> Array:
+    """The lower triangle of A by columns, (width + 1, n): entry (i, j) in row i - j of column j."""
+    n = A.shape[0]
+    rows = np.repeat(np.arange(n // 2), np.diff(A.indptr))
+    lower = np.flatnonzero(A.indices <= rows)
+    row, column = rows[lower], A.indices[lower].astype(np.int64)
+    at, data = 2 * (column * (width + 1) + row - column), A.data[lower]
+    band = np.zeros((width + 1) * n)
+    for a, b in ((0, 0), (1, 0), (1, 1)):
+        band[at + a + b * width] = data[:, a, b]
+    beside = row > column
+    band[at[beside] + width] = data[beside, 0, 1]
+    return band.reshape((width + 1, n), order="F")

@@ -32,6 +32,8 @@ Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
 
 def half_bandwidth(A: sp.bsr_array) -> int:
     """Largest distance of an entry from the diagonal."""
-    nodes = A.shape[0] // 2
-    rows = np.repeat(np.arange(nodes), np.diff(A.indptr))
-    return 2 * int((rows - A.indices).max(initial=0)) + 1
+    filled = np.flatnonzero(np.diff(A.indptr))
+    if filled.size == 0:
+        return 1
+    first = np.minimum.reduceat(A.indices, A.indptr[filled])
+    return 2 * max(int((filled - first).max()), 0) + 1
