@@ -73,7 +73,7 @@ def amg(A: sp.bsr_array, blocks: Ints, rigid_motions: Array, *, tol: float = 1e-
     """Conjugate gradients with pyamg's smoothed aggregation, the three rigid motions as near-null space.
 
     Bodies do not couple, so aggregates do not cross them. W cycles, whose coarse levels cost little, keep
-    the iterations of a large body few: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24 and 27).
+    the iterations of a large body few: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24 and 26).
     """
     with threadpool_limits(1, user_api="blas"):
         hierarchy = _hierarchy(sp.bsr_matrix((A.data, A.indices, A.indptr), shape=A.shape), rigid_motions)
@@ -89,10 +89,9 @@ def _hierarchy(A: sp.bsr_matrix, modes: Array) -> Any:
     """
     levels = [_level(A)]
     while A.shape[0] > COARSEST and len(levels) < DEEPEST:
-        strong = symmetric_strength_of_connection(A, THRESHOLD * 0.5 ** (len(levels) - 1))
-        plain, modes = fit_candidates(standard_aggregation(strong)[0], modes)
-        P = _smoothed(A, levels[-1].A, sp.bsr_matrix(plain))
-        levels[-1].P, levels[-1].R = P.tocsr(), P.T.tocsr()
+        P, modes = _prolongation(A, levels[-1].A, modes, THRESHOLD * 0.5 ** (len(levels) - 1))
+        levels[-1].P = P.tocsr()
+        levels[-1].R = levels[-1].P.T
         A = sp.bsr_matrix(P.T @ (A @ P))
         levels.append(_level(A))
     hierarchy = pyamg.MultilevelSolver(levels, coarse_solver="pinv")
@@ -107,14 +106,20 @@ def _level(A: sp.bsr_matrix) -> Any:
     return level
 
 
-def _smoothed(A: sp.bsr_matrix, rows: sp.csr_matrix, plain: sp.bsr_matrix) -> sp.bsr_matrix:
-    """Prolongation (I - 4/3 / rho D^-1 A) plain; D diagonal blocks of A, rho the largest eigenvalue of D^-1 A.
+def _prolongation(
+    A: sp.bsr_matrix, rows: sp.csr_matrix, modes: Array, threshold: float
+) -> tuple[sp.bsr_matrix, Array]:
+    """(I - 4/3 / rho D^-1 A) T, and the near-null space of the next level; `rows` is A once more.
 
-    By the power method, rho is up to a tenth too small, which changes no count of iterations.
+    T are the modes on each aggregate, D the diagonal blocks of A, rho the largest eigenvalue of D^-1 A: by the power
+    method up to a tenth too small, which changes no count of iterations.
     """
+    aggregates, _ = standard_aggregation(symmetric_strength_of_connection(A, threshold))
+    on_aggregates, modes = fit_candidates(aggregates, modes)
     each = np.arange(A.indptr.size)
     inverse = sp.bsr_matrix((get_block_diag(A, A.blocksize[0], inv_flag=True), each[:-1], each), shape=A.shape)
     x = np.random.default_rng(0).normal(size=A.shape[0])
     for _ in range(POWER):
         x = inverse @ (rows @ (x / np.linalg.norm(x)))
-    return sp.bsr_matrix(plain - (4.0 / 3.0 / np.linalg.norm(x)) * (inverse @ (A @ plain)))
+    smoothed = on_aggregates - (4.0 / 3.0 / np.linalg.norm(x)) * (inverse @ (A @ on_aggregates))
+    return sp.bsr_matrix(smoothed), modes
