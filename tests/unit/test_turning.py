@@ -87,6 +87,8 @@ def test_forces_that_slip_turn_as_foretold(seed, slope):
         other = linearise(at + step * direction)
         if not np.array_equal(other.key, rows.key):
             return
+        if np.abs(other.curvature - rows.curvature).max() > 0.03 * np.abs(rows.curvature).max():
+            return  # a foot went on to the next cubic, whose curvature is another
         foretold = rows.at_nodes(rows.D.T @ r + turns.pushed.T @ (step * rho))
         turned = other.H.T @ turns.settled(r, step * rho)
         errors.append(np.abs(turned - foretold).max() / np.abs(turned - rows.H.T @ r).max())
