@@ -95,7 +95,8 @@ def _iterate(
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         rested = imbalance > 0.5 * before and iteration - newest > REST
         # At this rate it would take more than one iteration more.
-        settling = iteration <= (1 if touching else 0)
+        # Without friction bodies turn more, and matrices age faster.
+        settling = iteration <= (1 if touching and touching.rows.tangential else 0)
         late = slow or (not settling and imbalance**2 > before * scheme.newton_tol)
         worn = iteration == 0 or (late and imbalance > FAR * scheme.newton_tol)
         far = rested if careful else worn
