@@ -28,6 +28,9 @@ the machinery alone. *Free* discs touch nothing and swing by 1 %.
 The contact phases are detection, compliance, contact solve and linear solves; the last count in full, although a step
 without contact has some, too.
 """
+GROWTH = """The matrix is block diagonal, a block for every disc, so its LU does the same work per point in every size:
+how its time grows is what the machine's memory costs.
+"""
 LARGE = """A NeoHookean disc whose centre lies anywhere in a cell, by pyamg: held and pulled by 1 %, and swinging
 freely with steps in which a pressure wave passes ten cells.
 """
@@ -58,10 +61,17 @@ def growth_table(found: Results) -> str:
         slower = per_point(r) / per_point(few)
         contacts = (f"{r['contacts'] / r['discs']:.1f}", f"{r['forced'] / r['discs']:.1f}")
         memory = (f"{r['memory']:.0f}", f"{allowed(r):.0f}")
-        lines.append((str(r["discs"]), str(r["points"]), *contacts, f"{slower:.2f}", *memory))
+        factor = f"{lu_per_point(r) / lu_per_point(few):.2f}" if "lu" in r else "-"
+        lines.append((str(r["discs"]), str(r["points"]), *contacts, f"{slower:.2f}", factor, *memory))
     of = "" if few is None else f", over that of {few['discs']} discs"
     contacts = ("contacts a disc", "with force")
-    return table(("discs", "points", *contacts, f"time per point{of}", "memory [MB]", "allowed"), lines)
+    head = ("discs", "points", *contacts, f"time per point{of}", "the same of one LU", "memory [MB]", "allowed")
+    return table(head, lines)
+
+
+def lu_per_point(result: Result) -> float:
+    """Time of one LU per point [s]."""
+    return float(result["lu"] / result["points"])
 
 
 def single_table(found: Results) -> str:
@@ -159,6 +169,7 @@ def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -
         phase_table(found),
         "![Time of a step against points, by phase](performance/phases.png)\n",
         "## Growth\n",
+        GROWTH,
         growth_table(found),
         "## One large body\n",
         LARGE,
