@@ -28,8 +28,8 @@ the machinery alone. *Free* discs touch nothing and swing by 1 %.
 The contact phases are detection, compliance, contact solve and linear solves; the last count in full, although a step
 without contact has some, too.
 """
-GROWTH = """The matrix is block diagonal, a block for every disc, so its LU does the same work per point in every size:
-how its time grows is what the machine's memory costs.
+GROWTH = """The matrix is block diagonal, a block for every disc, so one LU does the same work per point in every size.
+What its time per point grows by is probably memory: caches, fresh pages, other processes on the machine.
 """
 LARGE = """A NeoHookean disc whose centre lies anywhere in a cell, by pyamg: held and pulled by 1 %, and swinging
 freely with steps in which a pressure wave passes ten cells.
@@ -103,7 +103,7 @@ def draw(found: Results, path: Path) -> None:
         axis.set(xscale="log", yscale="log")
         axis.legend(fontsize=7)
         axis.grid(which="major", lw=0.3)
-    fig.savefig(path, dpi=90)
+    fig.savefig(path, dpi=80)
     plt.close(fig)
 
 

@@ -24,7 +24,7 @@ STUCK = 0.8  # share of the imbalance left by an iteration that tells of a conta
 REST = 3  # iterations between two factorisations in one careful step
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
-FAR = 20.0  # imbalance over `newton_tol` above which a new matrix is worth its price
+FAR, NEAR = 20.0, 300.0  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ def _iterate(
         rested = imbalance > 0.5 * before and iteration - newest > REST
         # At this rate it would take more than one iteration more.
         # Without friction bodies turn more, and matrices age faster.
-        settling = iteration <= (1 if touching and touching.rows.tangential else 0)
-        late = slow or (not settling and imbalance**2 > before * scheme.newton_tol)
+        settles = touching and touching.rows.tangential and imbalance > NEAR * scheme.newton_tol
+        late = slow or (iteration > (1 if settles else 0) and imbalance**2 > before * scheme.newton_tol)
         worn = iteration == 0 or (late and imbalance > FAR * scheme.newton_tol)
         far = rested if careful else worn
         if solver is None or (far and not step.bulk.linear):
