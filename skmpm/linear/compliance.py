@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,81 +18,77 @@ Squares = Callable[[int, int, Array, Ints], Array]
 
 
 @dataclass(frozen=True)
-class _Parts:
-    """The parts of rows that belong to one body each, body after body, those of a body by their first unknown."""
+class _Rows:
+    """The rows of H that touch a body, body after body, those of a body by their first unknown."""
 
-    row: Ints  # (parts,)
-    ends: Ints  # (bodies + 1,) first part of each body
-    first: Ints  # (parts,) first unknown
-    dof: Ints  # (entries,) part after part
-    part: Ints
+    size: int  # of all rows of H
+    row: Ints  # (k,) their numbers in H
+    ends: Ints  # (bodies + 1,) the first row of each body
+    first: Ints  # (k,) first unknown
+    dof: Ints  # (entries,) row after row
+    entry: Ints  # (entries,) the row, of the k, of each
     value: Array
 
-    @property
+    @cached_property
     def local(self) -> Ints:
-        """Number of each part (parts,) within its body."""
+        """Number of each row (k,) within its body."""
         return np.arange(self.row.size) - np.repeat(self.ends[:-1], np.diff(self.ends))
 
 
-def _parts(blocks: Ints, H: sp.csr_array) -> _Parts:
+def _rows(blocks: Ints, H: sp.csr_array) -> _Rows:
     H = H.sorted_indices()
-    dof = H.indices.astype(np.int64)
-    row = np.repeat(np.arange(H.shape[0]), np.diff(H.indptr))
-    body = np.searchsorted(blocks, dof, side="right") - 1
-    begins = np.ones(dof.size, dtype=bool)
-    begins[1:] = (row[1:] != row[:-1]) | (body[1:] != body[:-1])
-    start = np.flatnonzero(begins)
-    order = np.lexsort((dof[start], body[start]))
-    number = np.empty_like(order)
-    number[order] = np.arange(order.size)
-    ends = np.searchsorted(body[start[order]], np.arange(blocks.size))
-    part = number[np.cumsum(begins) - 1]
-    by_part = np.argsort(part, kind="stable")
-    return _Parts(row[start[order]], ends, dof[start[order]], dof[by_part], part[by_part], H.data[by_part])
+    count = np.diff(H.indptr)
+    filled = np.flatnonzero(count)
+    first, last = H.indices[H.indptr[filled]].astype(np.int64), H.indices[H.indptr[filled + 1] - 1]
+    body = np.searchsorted(blocks, first, side="right") - 1
+    if np.any(last >= blocks[body + 1]):
+        raise ValueError("a row of H touches two bodies; give one row for each")
+    order = np.lexsort((first, body))
+    ends = np.searchsorted(body[order], np.arange(blocks.size))
+    chosen = sp.csr_array(H[filled[order]])
+    entry = np.repeat(np.arange(order.size), count[filled[order]])
+    dof = chosen.indices.astype(np.int64)
+    return _Rows(H.shape[0], filled[order], ends, first[order], dof, entry, chosen.data)
 
 
 def by_body(blocks: Ints, H: sp.csr_array, squares: Squares) -> sp.csr_array:
-    """Sum of the bodies' dense H_b A_b^-1 H_b' by `squares(start, stop, H_b', first)`.
+    """H A^-1 H', dense within a body, by `squares(start, stop, H_b', first)`; rows of H touch one body each.
 
     Columns of H_b' are sorted by the first row `first` where they are not zero.
     """
-    parts = _parts(blocks, H)
-    local, entries = parts.local, np.searchsorted(parts.part, parts.ends)
-    data, row, column = [], [], []
-    for b in np.flatnonzero(np.diff(parts.ends)).tolist():
-        start, stop = int(blocks[b]), int(blocks[b + 1])
-        own, mine = slice(parts.ends[b], parts.ends[b + 1]), slice(entries[b], entries[b + 1])
-        here = parts.row[own]
-        right = np.zeros((stop - start, here.size), order="F")
-        right[parts.dof[mine] - start, local[parts.part[mine]]] = parts.value[mine]
-        data.append(squares(start, stop, right, parts.first[own] - start).ravel())
-        row.append(np.repeat(here, here.size))
-        column.append(np.tile(here, here.size))
-    return _collect(data, row, column, H.shape[0])
+    rows = _rows(blocks, H)
+    entries, sizes = np.searchsorted(rows.entry, rows.ends), np.diff(rows.ends)
+    count = np.zeros(rows.size, dtype=np.int64)
+    count[rows.row] = np.repeat(sizes, sizes)
+    begins = np.append(0, np.cumsum(count))
+    data, column = np.empty(begins[-1]), np.empty(begins[-1], dtype=np.int32)
+    for b in np.flatnonzero(sizes).tolist():
+        start, stop, size = int(blocks[b]), int(blocks[b + 1]), sizes[b]
+        own, mine = slice(rows.ends[b], rows.ends[b + 1]), slice(entries[b], entries[b + 1])
+        right = np.zeros((stop - start, size), order="F")
+        right[rows.dof[mine] - start, rows.local[rows.entry[mine]]] = rows.value[mine]
+        block = squares(start, stop, right, rows.first[own] - start)
+        ascending = np.argsort(rows.row[own])
+        here = rows.row[own][ascending]
+        place = begins[here][:, None] + np.arange(size)
+        data[place], column[place] = block[ascending][:, ascending], here
+    return sp.csr_array((data, column, begins.astype(np.int32)), shape=(rows.size, rows.size))
 
 
 def by_columns(solve: Solver, blocks: Ints, H: sp.csr_array) -> sp.csr_array:
-    """H A^-1 H' by solving for one row of every body at a time: rows of different bodies share a right side."""
-    parts = _parts(blocks, H)
-    local, count = parts.local, np.diff(parts.ends)
-    of_entry = local[parts.part]
-    data: list[Array] = []
-    row: list[Ints] = []
-    column: list[Ints] = []
+    """The same by solving for one row of every body at a time: rows of different bodies share a right side."""
+    rows = _rows(blocks, H)
+    count = np.diff(rows.ends)
+    of_entry = rows.local[rows.entry]
+    data, row, column = [np.zeros(0)], [rows.row[:0]], [rows.row[:0]]
     for j in range(int(count.max(initial=0))):
         chosen = of_entry == j
         b = np.zeros(H.shape[1])
-        b[parts.dof[chosen]] = parts.value[chosen]
-        products = parts.value * solve(b)[parts.dof]
+        b[rows.dof[chosen]] = rows.value[chosen]
+        products = rows.value * solve(b)[rows.dof]
         kept = np.repeat(count > j, count)
-        data.append(np.bincount(parts.part, products, parts.row.size).astype(np.float64)[kept])
-        row.append(parts.row[kept])
-        column.append(np.repeat(parts.row[local == j], count[count > j]))
-    return _collect(data, row, column, H.shape[0])
-
-
-def _collect(data: list[Array], row: list[Ints], column: list[Ints], size: int) -> sp.csr_array:
-    if not data:
-        return sp.csr_array((size, size))
+        data.append(np.bincount(rows.entry, products, rows.row.size).astype(np.float64)[kept])
+        row.append(rows.row[kept])
+        column.append(np.repeat(rows.row[rows.local == j], count[count > j]))
     entries = (np.concatenate(data), (np.concatenate(row), np.concatenate(column)))
-    return sp.csr_array(sp.coo_array(entries, shape=(size, size)).tocsr())
+    return sp.csr_array(sp.coo_array(entries, shape=(rows.size, rows.size)).tocsr())
