@@ -34,6 +34,8 @@ QUICK = {
     "steps": 2,
     "memory_steps": 40,
 }
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+KEEP_PAGES = {"MALLOC_MMAP_THRESHOLD_": str(2**32), "MALLOC_TRIM_THRESHOLD_": str(2**34)}  # glibc [bytes]
 Setups = dict[str, dict[str, Any]]
 
 
@@ -58,7 +60,8 @@ def plan(options: argparse.Namespace) -> Setups:
     }
     single: Setups = {f"single_{points}": {"kind": "single", "about": points} for points in options.single}
     memory: Setups = {"memory": {"kind": "memory", "discs": 4, "cells": 3.0, "steps": options.memory_steps}}
-    return {**free, **tiles, **packings, **single, **memory}
+    setups = {**free, **tiles, **packings, **single, **memory}
+    return {name: {**setup, "keep_pages": options.keep_pages} for name, setup in setups.items()}
 
 
 def kept(path: Path, setup: dict[str, Any]) -> dict[str, Any] | None:
@@ -70,14 +73,14 @@ def kept(path: Path, setup: dict[str, Any]) -> dict[str, Any] | None:
 def run(setups: Setups, out: Path, cache: Path) -> None:
     """Measure what has not been measured, one process after the other."""
     out.mkdir(parents=True, exist_ok=True)
-    one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     for name, setup in setups.items():
         path = out / f"{name}.json"
         if kept(path, setup) is not None:
             continue
         began = perf_counter()
         command = [sys.executable, str(HERE / "benchmark_measure.py"), json.dumps(setup), str(path), str(cache)]
-        code = subprocess.run(command, env={**os.environ, **one_thread}, check=False).returncode
+        environment = {**os.environ, **ONE_THREAD, **(KEEP_PAGES if setup["keep_pages"] else {})}
+        code = subprocess.run(command, env=environment, check=False).returncode
         print(f"{name}: {perf_counter() - began:.0f} s" + (f", failed ({code})" if code else ""), flush=True)
 
 
@@ -109,6 +112,7 @@ def parser() -> argparse.ArgumentParser:
     add("--cache", type=Path, default=None, help="directory of the tiles (out/tiles)")
     add("--out", type=Path, default=Path("out/benchmark"), help="directory of the results")
     add("--docs", type=Path, default=HERE.parent / "docs", help="directory of performance.md")
+    add("--keep-pages", action="store_true", help="let glibc keep freed memory instead of asking for fresh pages")
     add("--quick", action="store_true", help="everything in small, to see that it works")
     add("--page", action="store_true", help="write the page only")
     return options

@@ -12,7 +12,7 @@ from benchmark_scenes import RATE, SPACING
 
 HEAD = """# Performance
 
-`python examples/benchmark.py` measures all of this page anew and writes it (here in {minutes:.0f} minutes). One
+`python examples/benchmark.py` measures all of this page anew and writes it (here{kept} in {minutes:.0f} minutes). One
 process, one BLAS thread; medians of {steps} steps after two, of processor time (the clock on the wall said
 {busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1 tells of a busy machine). Milliseconds are those of one
 machine; what counts is the ratio to one sparse LU of the same matrix in the same run: `scipy.sparse.linalg.splu`,
@@ -28,8 +28,9 @@ the machinery alone. *Free* discs touch nothing and swing by 1 %.
 The contact phases are detection, compliance, contact solve and linear solves; the last count in full, although a step
 without contact has some, too.
 """
-GROWTH = """The matrix is block diagonal, a block for every disc, so one LU does the same work per point in every size.
-What its time per point grows by is probably memory: caches, fresh pages, other processes on the machine.
+GROWTH = """The matrix is block diagonal, a block for every disc, so one LU does the same work per point in any size;
+what its time per point grows by is memory. So is the time in the system: it hands out fresh pages for large arrays,
+which glibc gives back as soon as they are freed (`--keep-pages` measures without that).
 """
 LARGE = """A NeoHookean disc whose centre lies anywhere in a cell, by pyamg: held and pulled by 1 %, and swinging
 freely with steps in which a pressure wave passes ten cells.
@@ -62,10 +63,12 @@ def growth_table(found: Results) -> str:
         contacts = (f"{r['contacts'] / r['discs']:.1f}", f"{r['forced'] / r['discs']:.1f}")
         memory = (f"{r['memory']:.0f}", f"{allowed(r):.0f}")
         factor = f"{lu_per_point(r) / lu_per_point(few):.2f}" if "lu" in r else "-"
-        lines.append((str(r["discs"]), str(r["points"]), *contacts, f"{slower:.2f}", factor, *memory))
+        system = f"{100.0 * r['system'] / r['step']:.0f}" if "system" in r else "-"
+        lines.append((str(r["discs"]), str(r["points"]), *contacts, f"{slower:.2f}", factor, system, *memory))
     of = "" if few is None else f", over that of {few['discs']} discs"
     contacts = ("contacts a disc", "with force")
-    head = ("discs", "points", *contacts, f"time per point{of}", "the same of one LU", "memory [MB]", "allowed")
+    head = ("discs", "points", *contacts, f"time per point{of}", "the same of one LU", "in the system %")
+    head = (*head, "memory [MB]", "allowed")
     return table(head, lines)
 
 
@@ -153,10 +156,12 @@ def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -
     keep(results, folder / "results.csv")
     draw(found, folder / "phases.png")
     minutes = sum(r["total"] for r in results.values()) / 60.0
+    kept = " with `--keep-pages`" if options.keep_pages else ""
     busy = [r["wall"] / r["step"] for r in results.values() if "wall" in r] or [1.0]
     parts = [
         HEAD.format(
             minutes=minutes,
+            kept=kept,
             busy=(min(busy), max(busy)),
             steps=options.steps,
             spacing=SPACING,
