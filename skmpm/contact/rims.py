@@ -27,7 +27,7 @@ from skmpm.scene import Scene, SceneError, State
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-REACH = 0.08  # contacts with gaps up to this many cells are known to the solver: more than an iteration moves them
+REACH = 0.25  # contacts with gaps up to this many cells are found
 PUSH_OUT = 0.2  # share of an overlap left by an earlier step that a step removes
 
 

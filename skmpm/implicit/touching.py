@@ -23,6 +23,7 @@ Ints = NDArray[np.int64]
 
 # Share of what A resists that turning may take along a direction, with the impulses of the last step or of this one.
 SOFT, UNSTABLE = 0.5, 0.95
+SOON = 0.08  # contacts with gaps up to this many cells are known to the solver: more than an iteration moves them
 
 
 class NotConverged(RuntimeError):  # noqa: N818
@@ -78,7 +79,7 @@ class Touching:
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
         self.timer.lap("bulk")
-        self.rows = self._movable(self.linearise(w))
+        self.rows = self._relevant(self.linearise(w))
         if self.settled is not None and self.settled.size:
             self.rows = self.rows.along(self.settled, w)
         self.r = self._known()
@@ -99,8 +100,9 @@ class Touching:
         sticks = sticking(r, rows.friction) & sticking(turned, rows.friction)
         return np.where(np.repeat(sticks, 2), turned, r)
 
-    def _movable(self, rows: Rows) -> Rows:
-        """Contacts that can move: supports decide where points go that they hold, whatever touches these."""
+    def _relevant(self, rows: Rows) -> Rows:
+        """Contacts that may close in an iteration, and can move: supports decide where points go that they hold."""
+        rows = rows.among(rows.gap < SOON * self.step.bulk.assembly.sheets.cell)
         if self.step.supports is None or rows.size == 0:
             return rows
         normal = rows.H[:: 2 if rows.tangential else 1]

@@ -52,7 +52,7 @@ def same(rows, other):
 
 
 @example(angle=0.0, gap=0.0, ratio=0.75, first=False)  # a rim point right on another
-@given(angle=st.floats(0.0, 6.28), gap=st.floats(-0.2, 0.06), ratio=st.floats(0.6, 1.6), first=st.booleans())
+@given(angle=st.floats(0.0, 6.28), gap=st.floats(-0.2, 0.2), ratio=st.floats(0.6, 1.6), first=st.booleans())
 @settings(max_examples=25)
 def test_gaps_and_normals_of_two_discs_are_those_of_circles_to_the_sagitta_of_the_polygon(angle, gap, ratio, first):
     other, begin = ratio * R, 0.4 * CELL
