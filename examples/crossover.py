@@ -1,4 +1,4 @@
-"""Banded Cholesky against pyamg on one disc, from 10 to 200 cells across: where `linear.default` changes over.
+"""Banded Cholesky against pyamg on one disc, from 10 to 200 cells across, one solve; contact moves the crossover up.
 
 OPENBLAS_NUM_THREADS=1 python examples/crossover.py
 """
