@@ -16,6 +16,7 @@ from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
 
+STEADY = 0.25  # of a body's inertia must be left of what resists its turning
 HOLD = 1e-2  # of its shear modulus: the springs that keep a floating body in place in one Newton iteration
 
 
@@ -122,8 +123,38 @@ class Increment:
         return assembly.matrix(K, self._reach**2, pins)
 
     def factorised(self, at: Configuration, *, projected: bool) -> Solver:
-        """The scheme's solver for A; LinAlgError where it sees that A is not positive definite."""
-        sheets, A = self.bulk.assembly.sheets, self.matrix(at, projected=projected)
+        """The scheme's solver for A, steadied where it needs that; LinAlgError where it is not positive definite."""
+        A = self.matrix(at, projected=projected)
+        try:
+            return self._solver(A)
+        except np.linalg.LinAlgError:
+            if projected or not self.scheme.inertia:
+                raise
+            return self._solver(self._steadied(A, at))
+
+    def _steadied(self, A: sp.bsr_array, at: Configuration) -> sp.bsr_array:
+        """A with more inertia for bodies that pressure would drive round if their contacts did not hold them.
+
+        A pressed body has less energy as it turns with its loads left behind, by 2 p V theta^2 / 2; in long steps
+        that exceeds its inertia.
+        """
+        sheets, mass = self.bulk.assembly.sheets, self.bulk.assembly.mass
+        body = np.repeat(sheets.node_body, 2)
+        weight = mass[::2]
+        x = sheets.position + at.displacement.reshape(-1, 2).T
+        total = np.maximum(np.bincount(sheets.node_body, weight, sheets.bodies), 1e-300)
+        centre = np.stack([np.bincount(sheets.node_body, weight * xi, sheets.bodies) for xi in x]) / total
+        arm = x - centre[:, sheets.node_body]
+        turn = np.stack([-arm[1], arm[0]], axis=1).ravel()
+        inertia = np.bincount(body, mass * turn**2, sheets.bodies)
+        held = np.bincount(body, turn * (A @ turn), sheets.bodies) / np.maximum(inertia, 1e-300)
+        missing = np.maximum(STEADY - held, 0.0)
+        data, rows = A.data.copy(), np.repeat(np.arange(sheets.nodes), np.diff(A.indptr))
+        data[rows == A.indices] += (missing[sheets.node_body] * weight)[:, None, None] * np.eye(2)
+        return sp.bsr_array((data, A.indices, A.indptr), shape=A.shape)
+
+    def _solver(self, A: sp.bsr_array) -> Solver:
+        sheets = self.bulk.assembly.sheets
         if self.supports is None:
             return self.scheme.linear(A, sheets.blocks, sheets.rigid_motions())
         return self.supports.factorised(self.scheme.linear, A, sheets.blocks, sheets.rigid_motions())
