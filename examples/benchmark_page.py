@@ -16,7 +16,8 @@ HEAD = """# Performance
 process, one BLAS thread; medians of {steps} steps after two, of processor time (the clock on the wall said
 {busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1 tells of a busy machine). Milliseconds are those of one
 machine; what counts is the ratio to one sparse LU of the same matrix in the same run: `scipy.sparse.linalg.splu`,
-`MMD_AT_PLUS_A`, `SymmetricMode`, pivots on the diagonal, which is all that a positive definite matrix needs.
+`SymmetricMode`, pivots on the diagonal, which is all that a positive definite matrix needs, the faster of
+`MMD_AT_PLUS_A` and `NATURAL`, the bodies' own order.
 `linear.direct` lets SuperLU look for pivots, which takes longer; ratios to that are in brackets.
 
 Discs are those of the main job: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
