@@ -106,8 +106,8 @@ MEMBERS = {
         for friction in (0.0, 0.1, 0.5)
     },
     **{
-        f"jamming_r{cells}": (compress, (300, cells), {"start": 0.80, "until": 0.875, "speed": 0.5})
-        for cells in (5, 8)
+        f"jamming_{name}r{cells}": (compress, (300, cells), {"start": 0.80, "until": 0.875, "speed": speed})
+        for name, cells, speed in (("", 5, 0.1), ("", 8, 0.1), ("fast_", 5, 0.5), ("slow_", 5, 0.05))
     },
     **{
         f"jamming_seed_r{cells}": (
