@@ -21,10 +21,11 @@ CAUTION = 0.5  # share of a direction that is gone once the iteration converges 
 PATIENCE = 20  # iterations after which normals turn no more
 HASTE = 8  # iterations of fast convergence, before it is tried with more care
 STUCK = 0.8  # share of the imbalance left by an iteration that tells of a contact about to snap
+FREE = 0.05  # the best rate to count on where nothing holds bodies
 REST = 3  # iterations between two factorisations in one careful step
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
-FAR, NEAR = 20.0, 300.0  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
+FAR, NEAR = 20.0, 500.0  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
 
 
 @dataclass(frozen=True)
@@ -94,10 +95,11 @@ def _iterate(
             return Solution(w, touching, effort.newton, effort.factorised, residual, imbalance, reaction, solver)
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         rested = imbalance > 0.5 * before and iteration - newest > REST
-        # At this rate it would take more than one iteration more.
-        # Without friction bodies turn more, and matrices age faster.
-        settles = touching and touching.rows.tangential and imbalance > NEAR * scheme.newton_tol
-        late = slow or (iteration > (1 if settles else 0) and imbalance**2 > before * scheme.newton_tol)
+        # Without friction, or inertia, bodies move more, and matrices age faster.
+        held = touching is not None and touching.rows.tangential and scheme.inertia
+        told = iteration > 1 or not held or imbalance <= NEAR * scheme.newton_tol
+        next_one = imbalance * max(imbalance, 0.0 if held else FREE * before)  # times `before`
+        late = slow or (told and next_one > before * scheme.newton_tol)  # more than one iteration more
         worn = iteration == 0 or (late and imbalance > FAR * scheme.newton_tol)
         far = rested if careful else worn
         if solver is None or (far and not step.bulk.linear):
