@@ -95,13 +95,7 @@ def _iterate(
             return Solution(w, touching, effort.newton, effort.factorised, residual, imbalance, reaction, solver)
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         rested = imbalance > 0.5 * before and iteration - newest > REST
-        # Without friction, or inertia, bodies move more, and matrices age faster.
-        held = touching is not None and touching.rows.tangential and scheme.inertia
-        told = iteration > 1 or not held or imbalance <= NEAR * scheme.newton_tol
-        next_one = imbalance * max(imbalance, 0.0 if held else FREE * before)  # times `before`
-        late = slow or (told and next_one > before * scheme.newton_tol)  # more than one iteration more
-        worn = iteration == 0 or (late and imbalance > FAR * scheme.newton_tol)
-        far = rested if careful else worn
+        far = rested if careful else _late(step, touching, iteration, imbalance, before)
         if solver is None or (far and not step.bulk.linear):
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
             effort.factorised, newest = effort.factorised + 1, iteration
@@ -124,6 +118,24 @@ def _iterate(
         f" (wanted {scheme.newton_tol:g}), contact residual {residual:.2g} (wanted {scheme.gap_tol:g});"
         " use a smaller dt"
     )
+
+
+def _late(step: Increment, touching: Touching | None, iteration: int, imbalance: float, before: float) -> bool:
+    """Whether a new matrix is due: the last one would take more than one iteration more, by what it did in this one.
+
+    Without friction, or inertia, bodies move more, and matrices age faster. With both, the first iteration finds
+    the contacts and says little of the next.
+    """
+    tol = step.scheme.newton_tol
+    if iteration == 0:
+        return True
+    if imbalance <= FAR * tol:
+        return False
+    held = touching is not None and touching.rows.tangential and step.scheme.inertia
+    if iteration == 1 and held and imbalance > NEAR * tol:
+        return imbalance > SLOW * before
+    rate = max(imbalance / max(before, 1e-300), 0.0 if held else FREE)
+    return rate > SLOW or imbalance * rate > tol
 
 
 def _first(step: Increment) -> Array:
