@@ -123,15 +123,16 @@ def _iterate(
 def _late(step: Increment, touching: Touching | None, iteration: int, imbalance: float, before: float) -> bool:
     """Whether a new matrix is due: the last one would take more than one iteration more, by what it did in this one.
 
-    Without friction, or inertia, bodies move more, and matrices age faster. With both, the first iteration finds
-    the contacts and says little of the next.
+    Contacts without friction let bodies turn, and without inertia they move more: matrices age faster. Otherwise
+    the first iteration, which finds the contacts, says little of the next.
     """
     tol = step.scheme.newton_tol
     if iteration == 0:
         return True
     if imbalance <= FAR * tol:
         return False
-    held = touching is not None and touching.rows.tangential and step.scheme.inertia
+    slides = touching is not None and touching.rows.size > 0 and not touching.rows.tangential
+    held = step.scheme.inertia and not slides
     if iteration == 1 and held and imbalance > NEAR * tol:
         return imbalance > SLOW * before
     rate = max(imbalance / max(before, 1e-300), 0.0 if held else FREE)
