@@ -97,6 +97,9 @@ def _iterate(
         rested = imbalance > 0.5 * before and iteration - newest > REST
         far = rested if careful else _late(step, touching, iteration, imbalance, before)
         if solver is None or (far and not step.bulk.linear):
+            solver = None  # the factors of two matrices need not be in memory at once
+            if touching:
+                touching.response = None
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
             effort.factorised, newest = effort.factorised + 1, iteration
             timer.lap("factorisation")
