@@ -107,7 +107,9 @@ MEMBERS = {
     },
     **{
         f"jamming_{name}r{cells}": (compress, (300, cells), {"start": 0.80, "until": 0.875, "speed": speed})
-        for name, cells, speed in (("", 5, 0.1), ("", 8, 0.1), ("fast_", 5, 0.5), ("slow_", 5, 0.05))
+        for name, cells, speed in (
+            ("", 5, 0.1), ("", 8, 0.1), ("fast_", 5, 0.5), ("fast_", 8, 0.5), ("slow_", 5, 0.05),
+        )
     },
     **{
         f"jamming_seed_r{cells}": (
