@@ -14,10 +14,10 @@ from pyamg.aggregation import fit_candidates, standard_aggregation
 from pyamg.relaxation.smoothing import change_smoothers
 from pyamg.strength import symmetric_strength_of_connection
 from pyamg.util.utils import get_block_diag
-from threadpoolctl import threadpool_limits
 
 from skmpm.linear.compliance import by_columns
 from skmpm.linear.solver import Solver
+from skmpm.linear.threads import one_thread
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -52,7 +52,7 @@ class Amg:
             nonlocal count
             count += 1
 
-        with threadpool_limits(1, user_api="blas"):
+        with one_thread():
             x, failed = spla.cg(
                 self.A, b, rtol=self.tol, atol=0.0, maxiter=500, M=self.preconditioner, callback=counted
             )
@@ -75,7 +75,7 @@ def amg(A: sp.bsr_array, blocks: Ints, rigid_motions: Array, *, tol: float = 1e-
     Bodies do not couple, so aggregates do not cross them. W cycles, whose coarse levels cost little, keep
     the iterations of a large body few: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24 and 26).
     """
-    with threadpool_limits(1, user_api="blas"):
+    with one_thread():
         hierarchy = _hierarchy(sp.bsr_matrix((A.data, A.indices, A.indptr), shape=A.shape), rigid_motions)
     return Amg(hierarchy.levels[0].A, hierarchy.aspreconditioner(cycle="W"), blocks, tol)
 
