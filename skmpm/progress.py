@@ -10,19 +10,19 @@ from skmpm.scene import State
 
 
 class Progress:
-    """Shows step, time, ETA and residual while a simulation runs, when `shown` and on a terminal."""
+    """Shows step, time, ETA, residual and retries while a simulation runs, when `shown` and on a terminal."""
 
     def __init__(self, begin: float, until: float, *, shown: bool) -> None:
         self._begin, self._until = begin, until
         self._shown = shown and sys.stderr.isatty()
-        self._steps, self._started, self._drawn = 0, perf_counter(), 0.0
+        self._steps, self._retries, self._started, self._drawn = 0, 0, perf_counter(), 0.0
 
     def __enter__(self) -> Progress:
         return self
 
     def show(self, state: State) -> None:
         """Redraw the line, at most five times a second."""
-        self._steps += 1
+        self._steps, self._retries = self._steps + 1, self._retries + state.report.retries
         now = perf_counter()
         if not self._shown or now - self._drawn < 0.2:
             return
@@ -33,6 +33,8 @@ class Progress:
             f"step {self._steps}  t = {state.t:.4g} s  {100.0 * done:5.1f} %  "
             f"ETA {int(left // 60)}:{int(left % 60):02d}  residual {state.report.residual:.1e}"
         )
+        if self._retries:
+            line += f"  retries {self._retries}"
         sys.stderr.write("\r" + line.ljust(78))
         sys.stderr.flush()
 

@@ -7,8 +7,8 @@ however light or stiff a contact point is: r~ = sqrt(diag W) r, u~ = u / sqrt(di
 with mu~ = mu sqrt(W_tt / W_nn).
 """
 
-from skmpm.coulomb.law import project, residual
+from skmpm.coulomb.law import project, residual, residuals
 from skmpm.coulomb.problem import Linear
 from skmpm.coulomb.search import Info, solve
 
-__all__ = ["Info", "Linear", "project", "residual", "solve"]
+__all__ = ["Info", "Linear", "project", "residual", "residuals", "solve"]

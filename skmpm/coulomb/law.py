@@ -26,18 +26,24 @@ def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, ref
     Math. Comput. Modelling 28 (1998) 225-245). It certifies any solver. r [N s], u [m/s] and
     scale = diag(W) [1/kg] are (2k,) or, normals only, (k,).
     """
+    return float(np.linalg.norm(residuals(r, u, mu, scale))) / reference
+
+
+def residuals(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike) -> Array:
+    """Return every contact's part of `residual`, (k,), in scaled variables."""
     r, u, mu = np.asarray(r, dtype=float), np.asarray(u, dtype=float), np.asarray(mu, dtype=float)
     s = root(np.asarray(scale, dtype=float))
-    return natural(r * s, u / s, scaled_friction(mu, s)) / reference
+    parts = natural(r * s, u / s, scaled_friction(mu, s))
+    return np.asarray(np.linalg.norm(parts.reshape(mu.size, r.size // max(mu.size, 1)), axis=1))
 
 
-def natural(r: Array, u: Array, mu: Array) -> float:
-    """Norm of the natural map in scaled variables, De Saxce's term included."""
+def natural(r: Array, u: Array, mu: Array) -> Array:
+    """The natural map in scaled variables, De Saxce's term included, like r."""
     if not r.size:
-        return 0.0
+        return np.zeros(0)
     u_n, u_t, slope = split(u, mu)
     lifted = np.hstack([u_n + slope * np.abs(u_t).sum(axis=1, keepdims=True), u_t]).ravel()
-    return float(np.linalg.norm(r - project(r - lifted, mu)))
+    return np.asarray(r - project(r - lifted, mu))
 
 
 def clamp(r: Array, mu: Array) -> Array:

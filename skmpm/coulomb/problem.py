@@ -58,7 +58,8 @@ class Problem:
         """Return r with its velocities and its error."""
         u = self.W @ r + self.q if u is None else u
         k = self.contacts
-        error = float(np.hypot(natural(r[:k], u[:k], self.mu), np.linalg.norm(u[k:]))) / self.reference
+        parts = np.concatenate([natural(r[:k], u[:k], self.mu), u[k:]])
+        error = float(np.linalg.norm(parts)) / self.reference
         return Iterate(r, u, error if np.isfinite(error) else np.inf)
 
     def clamp(self, r: Array) -> Array:

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.failure import NotConverged, worst_body
 from skmpm.implicit.increment import Increment
-from skmpm.implicit.touching import NotConverged, Timer, Touching
+from skmpm.implicit.touching import Timer, Touching
 from skmpm.linear import Solver
+from skmpm.material import determinant
 
 Array = NDArray[np.float64]
 
@@ -117,9 +119,9 @@ def _iterate(
         effort.newton += 1
         timer.lap("bulk")
     raise NotConverged(
-        f"no convergence in {limit} Newton iterations: momentum imbalance {imbalance:.2g}"
-        f" (wanted {scheme.newton_tol:g}), contact residual {residual:.2g} (wanted {scheme.gap_tol:g});"
-        " use a smaller dt"
+        worst_body(step.bulk.assembly.sheets, step.unsupported(gradient - push)),
+        f"no convergence in {limit} Newton iterations, momentum imbalance {imbalance:.2g}"
+        f" (wanted {scheme.newton_tol:g}), contact residual {residual:.2g} (wanted {scheme.gap_tol:g})",
     )
 
 
@@ -156,7 +158,9 @@ def _first(step: Increment) -> Array:
         return np.asarray(linear)
     if step.supports is None:
         return still
-    raise NotConverged("the supports move so far in one step that points turn inside out; use a smaller dt")
+    sheets, worst = step.bulk.assembly.sheets, int(np.argmin(determinant(step.at(linear).F)))
+    b = int(sheets.cell_body[sheets.cell_of_point[worst]])
+    raise NotConverged(f"body {b}", "the supports move so far in one step that points turn inside out")
 
 
 def _check_balance(step: Increment) -> None:
@@ -172,8 +176,10 @@ def _check_balance(step: Increment) -> None:
     if loose.size or turning.size:
         b = int(np.concatenate([loose, turning])[0])
         raise NotConverged(
-            f"body {b} is held by nothing and its loads do not balance (net force {moved[0, b]:.3g},"
-            f" {moved[1, b]:.3g} N/m): add a Support or a wall, or use inertia"
+            f"body {b}",
+            f"it is held by nothing and its loads do not balance: net force {moved[0, b]:.3g}, {moved[1, b]:.3g} N/m",
+            "add a Support or a wall, or use inertia",
+            curable=False,
         )
 
 
@@ -262,4 +268,7 @@ def _search(
         if merit <= start + 1e-4 * length * decrease + noise:
             return trial, there
         length *= 0.5
-    raise NotConverged("the line search found no step that keeps the points the right way out; use a smaller dt")
+    raise NotConverged(
+        worst_body(step.bulk.assembly.sheets, slope),
+        "the line search found no step that keeps the points the right way out",
+    )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from skmpm import coulomb
 from skmpm.contact import Linearise, Rows
 from skmpm.contact.rows import lookup
+from skmpm.implicit.failure import NotConverged, pair
 from skmpm.implicit.increment import Increment
 from skmpm.implicit.response import Response
 from skmpm.implicit.turning import Turning, sticking, turning
@@ -24,10 +25,6 @@ Ints = NDArray[np.int64]
 # Share of what A resists that turning may take along a direction, with the impulses of the last step or of this one.
 SOFT, UNSTABLE = 0.5, 0.95
 SOON = 0.08  # contacts with gaps up to this many cells are known to the solver: more than an iteration moves them
-
-
-class NotConverged(RuntimeError):  # noqa: N818
-    """The step's equations were not solved; the message says which."""
 
 
 @dataclass
@@ -67,6 +64,7 @@ class Touching:
     timer: Timer
     iterations: int = 0
     stopped: float = 0.0  # residual of the last solve
+    worst: int = 0  # the contact with the largest part of it, where that found no solution
     lost: int = 0  # solves without a solution, because loaded contacts turn
     rows: Rows = field(init=False)
     r: Array = field(init=False)
@@ -172,8 +170,9 @@ class Touching:
         impulses = self._impulses(W, moved, None)
         if impulses is None:
             raise NotConverged(
+                pair(self.rows.bodies[:, self.worst]),
                 f"the contact solver stopped at a residual of {self.stopped:.2g} with {self.rows.size} contacts"
-                f" (wanted {self.step.scheme.contact_tol:g}); use a smaller dt"
+                f" (wanted {self.step.scheme.contact_tol:g}), most of it here",
             )
         self.r = impulses[0]
         push = self._push()
@@ -197,6 +196,7 @@ class Touching:
         self.iterations, self.stopped = self.iterations + info.iterations, info.residual
         self.timer.lap("contact")
         if not info.converged:
+            self.worst = int(np.argmax(coulomb.residuals(r, contacts @ r + q, rows.friction, contacts.diagonal())))
             return None
         return r, info.linear
 

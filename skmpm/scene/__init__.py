@@ -2,7 +2,7 @@
 
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.scene import Scene
-from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepFailed
+from skmpm.scene.state import Contacts, Derived, Energy, Pace, Report, State, StepFailed
 
 __all__ = [
     "Body",
@@ -10,6 +10,7 @@ __all__ = [
     "Derived",
     "Energy",
     "Load",
+    "Pace",
     "Report",
     "Scene",
     "SceneError",

@@ -21,11 +21,11 @@ Ints = NDArray[np.int64]
 
 
 class StepFailed(RuntimeError):  # noqa: N818  (the public name says what happened)
-    """A step that did not converge; `state` is the last good one."""
+    """A step that did not converge; `state` is the last good one, `curable` whether a smaller dt may help."""
 
-    def __init__(self, message: str, state: State) -> None:
+    def __init__(self, message: str, state: State, *, curable: bool = True) -> None:
         super().__init__(message)
-        self.state = state
+        self.state, self.curable = state, curable
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,20 @@ class Energy:
 
 
 @dataclass(frozen=True)
+class Pace:
+    """How far `simulate` has halved its steps after a failure: the next one is dt / 2^halvings."""
+
+    dt: float = 0.0  # [s] the full step that was asked for
+    halvings: int = 0
+    calm: int = 0  # good steps in a row since the last failure or growth
+
+
+@dataclass(frozen=True)
 class Report:
     """What a step cost and how good it is."""
 
+    dt: float = 0.0  # length of the step [s]
+    retries: int = 0  # failures of longer steps before this one
     newton: int = 0  # Newton iterations
     linear: int = 0  # factorisations of A
     contact: int = 0  # iterations of the contact solver, all Newton iterations together
@@ -96,6 +107,7 @@ class State:
     support_force: Array  # (supports, 2) the same on each support
     contacts: Contacts
     report: Report
+    pace: Pace = Pace()
     derived: Derived | None = field(default=None, repr=False, compare=False)
 
 

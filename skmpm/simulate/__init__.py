@@ -1,6 +1,7 @@
 """Running a scene: `initial` makes its first state, `step` advances it, `simulate` is the generator around `step`."""
 
-from skmpm.simulate.algorithm import simulate, step
+from skmpm.simulate.algorithm import step
+from skmpm.simulate.run import simulate
 from skmpm.simulate.start import initial
 
 __all__ = ["initial", "simulate", "step"]

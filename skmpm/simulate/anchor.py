@@ -15,7 +15,7 @@ from skmpm.grid import Sheets, lay
 from skmpm.implicit import Bulk
 from skmpm.material import Rigid, determinant, product
 from skmpm.quadrature import fitted
-from skmpm.scene import Derived, Scene, State
+from skmpm.scene import Derived, Scene, SceneError, State
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -37,7 +37,13 @@ def anchored(scene: Scene, state: State, scheme: Scheme) -> State:
             displacement=np.zeros(0),
         )
     derived = _derived(scene, state, scheme)
-    displacement = state.displacement if state.displacement.size else np.zeros(2 * derived.assembly.sheets.nodes)
+    nodes = derived.assembly.sheets.nodes
+    displacement = state.displacement if state.displacement.size else np.zeros(2 * nodes)
+    if displacement.size != 2 * nodes:
+        raise SceneError(
+            f"the state moves {displacement.size // 2} grid nodes, the scene with cell = {scene.cell:g} m has"
+            f" {nodes}; continue with the scene that the state was made from"
+        )
     return replace(state, displacement=displacement, derived=derived)
 
 
@@ -46,6 +52,7 @@ def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
     kept = state.derived
     return (
         kept is not None
+        and kept.assembly.sheets.cell == scene.cell
         and kept.supported is scene.supports
         and kept.fitted == scheme.fitted
         and np.array_equal(kept.ghost, _ghost_moduli(scene, scheme))

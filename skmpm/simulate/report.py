@@ -27,6 +27,7 @@ def report_of(
     shared = _overlap(scene, after)
     timer.lap("overlap")
     return Report(
+        dt=increment.dt,
         newton=solution.newton,
         linear=solution.factorised,
         contact=0 if solution.touching is None else solution.touching.iterations,

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -10,7 +11,7 @@ from skmpm.material import LinearElastic
 from skmpm.points import disc
 from skmpm.progress import Progress
 from skmpm.scene import Body, Scene
-from skmpm.simulate import simulate
+from skmpm.simulate import initial, simulate
 
 SCENE = Scene([Body(disc((0, 0), 1.0, spacing=0.5), LinearElastic(1e6, 0.3, 1e3), velocity=(1, 0))], cell=0.5)
 
@@ -68,3 +69,14 @@ def test_a_run_that_fails_leaves_the_line_and_the_error_alone(capsys, terminal):
 def test_nothing_is_printed_when_there_is_nothing_to_do(capsys, terminal):
     assert list(simulate(SCENE, dt=1e-3, until=0.0, progress=True)) == []
     assert capsys.readouterr().err == ""
+
+
+def test_retries_are_counted(capsys, terminal):
+    state = initial(SCENE)
+    with Progress(0.0, 1.0, shown=True) as bar:
+        for retries in (0, 2, 1):
+            bar._drawn = 0.0
+            bar.show(replace(state, report=replace(state.report, retries=retries)))
+    lines = capsys.readouterr().err.split("\r")[1:]
+    assert "retries" not in lines[0]
+    assert [line.split("retries ")[1].split()[0] for line in lines[1:]] == ["2", "3"]

@@ -1,0 +1,30 @@
+"""Why a step's equations were not solved, in the user's words."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.grid import Sheets
+
+SMALLER = "use a smaller dt"
+
+
+class NotConverged(RuntimeError):  # noqa: N818
+    """The step's equations were not solved: where, what is wrong, and the remedy."""
+
+    def __init__(self, where: str, problem: str, remedy: str = SMALLER, *, curable: bool = True) -> None:
+        super().__init__(f"{where}: {problem}; {remedy}")
+        self.curable = curable  # whether a smaller dt may help
+
+
+def worst_body(sheets: Sheets, imbalance: NDArray[np.float64]) -> str:
+    """The body with the largest share of an imbalance (2 nodes,), as text."""
+    share = np.bincount(np.repeat(sheets.node_body, 2), np.nan_to_num(imbalance, nan=np.inf) ** 2, sheets.bodies)
+    return f"body {int(np.argmax(share))}"
+
+
+def pair(bodies: NDArray[np.int64]) -> str:
+    """Two bodies (2,), of which walls are -1, -2, ..., as text."""
+    a, b = bodies.tolist()
+    return f"bodies {a} and {b}" if b >= 0 else f"body {a} and wall {-1 - b}"

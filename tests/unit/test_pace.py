@@ -1,0 +1,240 @@
+"""What fails is tried again with half the step, what was good is kept, and giving up says where and why."""
+
+import json
+import logging
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from importlib import import_module
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from test_simulate import CELL, DT, SOFT, R, free, identical, round_body, squeeze
+
+from skmpm.io import load, save
+from skmpm.scene import Body, Scene, SceneError, StepFailed, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import initial, simulate, step
+
+PACE = import_module("skmpm.simulate.pace")
+IMPACT = Scene(
+    [round_body(velocity=(0, -20.0), material=SOFT)], cell=CELL, walls=[Wall((0, -R - 3e-4), (0, 1), friction=0.5)]
+)
+
+
+def scripted(monkeypatch, fails):
+    """Steps that only keep time, and fail where `fails(t, dt)`; the list of the (t, dt) that were tried."""
+    tried = []
+
+    def fake(scene, state, dt, *, scheme):
+        tried.append((state.t, dt))
+        if fails(state.t, dt):
+            raise StepFailed("scripted; use a smaller dt", state)
+        return replace(state, t=state.t + dt, report=replace(state.report, dt=dt, retries=0))
+
+    monkeypatch.setattr(PACE, "step", fake)
+    return tried
+
+
+def ended(scene, until, **options):
+    *_, state = simulate(scene, dt=DT, until=until, **options)
+    return state
+
+
+# --- the pace
+
+
+def test_without_failures_every_step_is_as_asked_and_made_once(monkeypatch):
+    tried = scripted(monkeypatch, lambda t, dt: False)
+    states = list(simulate(free(), dt=DT, until=6.5 * DT))
+    assert tried == [(k * DT, DT) for k in range(6)] + [(6 * DT, 0.5 * DT)]
+    assert all(s.report.retries == 0 and s.pace.halvings == 0 for s in states)
+
+
+def test_a_failed_step_is_halved_until_it_goes_and_grows_back_on_the_grid_of_full_steps(monkeypatch):
+    """Steps longer than dt/4 fail before t = 4 dt: then quarters, halves, and full ones that begin at whole dt."""
+    tried = scripted(monkeypatch, lambda t, dt: t < 4 * DT and dt > DT / 4)
+    states = list(simulate(free(), dt=DT, until=12 * DT))
+    times = [s.t / DT for s in states]
+    assert times == sorted(times)
+    assert set(range(1, 13)) <= set(times)  # what was asked for is among them
+    assert [s.report.dt / DT for s in states[-4:]] == [1.0] * 4
+    assert states[0].report.retries == 2
+    assert max(s.report.dt for s in states if s.t <= 4 * DT) == DT / 4
+    # After four good quarters a half is tried, fails before 4 dt, and costs one retry.
+    assert sum(s.report.retries for s in states) == len(tried) - len(states) <= 6
+    for s, after in pairwise(states):
+        assert after.t == s.t + after.report.dt
+        assert after.t / after.report.dt == round(after.t / after.report.dt)
+
+
+@pytest.mark.parametrize("until", [0.3, 2.7])
+def test_a_shortened_last_step_that_fails_is_halved_too(monkeypatch, until):
+    tried = scripted(monkeypatch, lambda t, dt: dt > DT / 16)
+    assert ended(free(), until * DT).t == until * DT
+    failed = [dt for _, dt in tried if dt > DT / 16]
+    assert len(failed) <= 5 + len(tried) // 4
+    assert all(b <= 0.5 * a or b == a for a, b in pairwise(failed))
+
+
+def test_it_gives_up_after_ten_halvings_with_the_last_good_state(monkeypatch, tmp_path):
+    tried = scripted(monkeypatch, lambda t, dt: t >= 2 * DT)
+    last = None
+    with pytest.raises(StepFailed, match=r"scripted; use a smaller dt; given up after 10 retries") as failure:
+        for state in simulate(free(), dt=DT, until=6 * DT, checkpoint=tmp_path / "run"):
+            last = state
+    assert len(tried) == 2 + 11
+    assert tried[-1] == (2 * DT, DT / 1024)
+    assert failure.value.state is last
+    identical(load(tmp_path / "run"), last)
+
+
+def test_what_a_smaller_step_cannot_cure_is_not_tried_again():
+    """A body that nothing holds, under a load, in a quasi-static step."""
+    scene = free(gravity=(0.0, -10.0))
+    with pytest.raises(StepFailed, match=r"body 0: it is held by nothing.*add a Support") as failure:
+        ended(scene, 4 * DT, scheme=Scheme(inertia=False))
+    assert "retries" not in str(failure.value)
+
+
+def test_every_retry_is_told(monkeypatch, caplog):
+    scripted(monkeypatch, lambda t, dt: dt > DT / 2)
+    with caplog.at_level(logging.WARNING, logger="skmpm"):
+        ended(free(), 2 * DT)
+    assert len(caplog.messages) == 1
+    assert "scripted; use a smaller dt; trying dt = 3.81e-06 s" in caplog.messages[0]
+
+
+# --- real failures
+
+
+def test_an_impact_that_one_newton_iteration_cannot_take_goes_on_in_shorter_steps():
+    """The end is that of short steps throughout, to the change of one Newton tolerance in many steps."""
+    states = list(simulate(IMPACT, dt=16 * DT, until=32 * DT, scheme=Scheme(max_newton=3)))
+    assert sum(s.report.retries for s in states) > 0
+    assert states[-1].t == 32 * DT
+    fine = ended(IMPACT, 32 * DT)
+    mean, wanted = (s.v @ s.mass / s.mass.sum() for s in (states[-1], fine))
+    assert abs(mean - wanted).max() < 0.05 * 20.0
+    for s in states:
+        assert np.linalg.det(s.F.transpose(2, 0, 1)).min() > 0.0
+        assert s.report.imbalance <= 1e-6
+
+
+def test_bodies_do_not_jump_past_each_other():
+    """Two discs at 3.6 R per step: it would take each beyond the other, where no contact would be found."""
+    speed = 0.9 * R / DT
+    discs = [round_body((s * 1.3 * R, 0.0), SOFT, velocity=(-s * speed, 0.0)) for s in (-1, 1)]
+    scene = Scene(discs, cell=CELL)
+    with pytest.raises(StepFailed, match=r"body [01]: things move .* cells past one another.*smaller dt"):
+        step(scene, initial(scene), 4 * DT)
+    alone = Scene(discs[:1], cell=CELL)
+    step(alone, initial(alone), 4 * DT)  # nothing is in its way
+
+
+def test_common_motion_is_no_jump():
+    speed = 2.0 * CELL / DT
+    discs = [round_body((3.0 * R * i, 0.0), SOFT, velocity=(speed, 0.0)) for i in (0, 1)]
+    scene = Scene(discs, cell=CELL, walls=[Wall((0, -2 * R), (0, 1)), Wall((-2 * R, 0), (1, 0), velocity=(speed, 0))])
+    assert step(scene, initial(scene), DT).report.retries == 0
+
+
+def test_numbers_that_overflow_are_a_failed_step_not_a_result():
+    scene = free(SOFT, velocity=lambda x: np.stack([1e200 * x[0], 0.0 * x[1]]))
+    with np.errstate(all="ignore"), pytest.raises(StepFailed):
+        step(scene, initial(scene), DT)
+
+
+# --- nothing is lost
+
+
+def test_a_restart_while_steps_are_short_is_bit_exact(monkeypatch, tmp_path):
+    """Cut where the pace is at a quarter, in the middle of a full step."""
+    scheme = Scheme(max_newton=3)
+    states = list(simulate(IMPACT, dt=16 * DT, until=32 * DT, scheme=scheme))
+    cut = next(k for k, s in enumerate(states) if s.pace.halvings > 1 and s.pace.calm == 1)
+    save(tmp_path / "run", states[cut])
+    again = list(simulate(IMPACT, dt=16 * DT, until=32 * DT, scheme=scheme, start=load(tmp_path / "run")))
+    assert len(again) == len(states) - cut - 1
+    for one, other in zip(again, states[cut + 1 :], strict=True):
+        identical(one, other)
+
+
+def test_another_dt_starts_with_full_steps(monkeypatch):
+    scripted(monkeypatch, lambda t, dt: dt > DT / 4)
+    slow = ended(free(), 2 * DT)
+    assert slow.pace.halvings > 0
+    tried = scripted(monkeypatch, lambda t, dt: False)
+    next(simulate(free(), dt=DT / 2, until=4 * DT, start=slow))
+    assert tried == [(2 * DT, DT / 2)]
+
+
+def test_a_loop_that_is_left_early_leaves_its_last_state(tmp_path):
+    path = tmp_path / "run"
+    run = simulate(free(velocity=(1.0, 0.0)), dt=DT, until=9 * DT, checkpoint=path)
+    for _, state in zip(range(3), run, strict=False):
+        last = state
+    run.close()
+    identical(load(path), last)
+
+
+def test_a_killed_run_loses_at_most_the_steps_since_its_last_checkpoint(tmp_path):
+    """Killed at any moment (-9): the file holds a whole state, and going on from it ends where the run would have."""
+    path = tmp_path / "run"
+    code = f"""
+import sys
+sys.path.insert(0, {str(__file__.rpartition("/")[0])!r})
+from importlib import import_module
+import_module("skmpm.simulate.run").CHECKPOINT_EVERY = 0.0
+from test_simulate import DT, simulate, squeeze
+for state in simulate(squeeze(), dt=DT, until=4000 * DT, checkpoint={str(path)!r}):
+    print(round(state.t / DT), flush=True)
+"""
+    draw = np.random.default_rng(3)
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        for line in process.stdout:
+            if int(line) >= 4:
+                break
+        try:  # at any moment of the next few steps
+            process.wait(timeout=float(draw.uniform(0.0, 0.2)))
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGKILL)
+        told = int([line, *process.stdout.readlines()][-1])
+    assert process.returncode == -signal.SIGKILL
+    left = load(path)
+    assert told <= round(left.t / DT) <= told + 1
+    assert not [p for p in tmp_path.iterdir() if p != path and not p.name.startswith(".skmpm-")]
+    identical(ended(squeeze(), left.t + 3 * DT, start=left), ended(squeeze(), left.t + 3 * DT))
+
+
+# --- states of other scenes
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        (free(), "walls"),
+        (Scene([round_body(material=SOFT, radius=1.1 * R)], cell=CELL, walls=IMPACT.walls), "points"),
+        (replace(IMPACT, cell=1.5 * CELL), "grid nodes"),
+        (
+            Scene([Body(b.points, b.material) for b in squeeze().bodies], cell=CELL, walls=IMPACT.walls),
+            "points",
+        ),
+    ],
+    ids=["walls", "points", "cell", "bodies"],
+)
+def test_a_state_of_another_scene_is_refused_before_anything_is_done(other, told, tmp_path):
+    state = ended(IMPACT, 2 * DT)
+    save(tmp_path / "run", state)
+    for start in (state, load(tmp_path / "run")):
+        with pytest.raises(SceneError, match=rf"state .* {told}.*continue with the scene"):
+            next(simulate(other, dt=DT, until=4 * DT, start=start))
+
+
+def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):
+    save(tmp_path / "run", ended(IMPACT, 2 * DT))
+    with np.load(tmp_path / "run", allow_pickle=False) as archive:
+        about = json.loads(archive["header"].tobytes())
+    assert about["state"]["pace"] == {"dt": DT, "halvings": 0, "calm": 0}
