@@ -33,8 +33,8 @@ def simulate(
     where steps of that length would have begun. What is yielded then lies between the times asked for:
     `state.report.dt` and `.retries` say so, and the logger "skmpm" warns with the reason.
 
-    `start` continues from a state; `progress` shows step, time, ETA, residual and retries on a terminal; `checkpoint` is a
-    file that keeps the last state, written every half minute and when the run ends: at `until`, by an error, or
+    `start` continues from a state; `progress` shows step, time, ETA, residual and retries on a terminal; `checkpoint`
+    is a file that keeps the last state, written every half minute and when the run ends: at `until`, by an error, or
     because the caller's loop does.
 
     Raises
