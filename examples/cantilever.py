@@ -25,6 +25,7 @@ def material_points():
         loads=[skmpm.Load(lambda x: x[0] == left + LENGTH, (0.0, FORCE))],
     )
     scheme = skmpm.Scheme(inertia=False)
+    print(skmpm.report(scene, dt=1.0, scheme=scheme))
     state = skmpm.step(scene, skmpm.initial(scene, scheme=scheme), 1.0, scheme=scheme)
     end = points.x[0] == left + LENGTH
     print(f"reaction {state.support_force[0]} N/m, linear solver: one factorisation, {state.report.newton} solve")

@@ -166,6 +166,7 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
     began = perf_counter()
     scene, until = build(options)
     scheme = skmpm.Scheme.seed() if options.scheme == "seed" else skmpm.Scheme()
+    print(skmpm.report(scene, options.dt, scheme=scheme))
     start = skmpm.initial(scene, scheme=scheme)
     points = start.x.shape[1]
     print(

@@ -1,7 +1,7 @@
 """skmpm: implicit material point method on scikit-fem with Contact Dynamics, for packings of soft bodies.
 
-Build a `Scene` of `Body`s and `Wall`s, then loop over `simulate(scene, dt=..., until=...)`; `observe` measures the
-states it yields, `record` writes them for ParaView.
+Build a `Scene` of `Body`s and `Wall`s, read its `report`, then loop over `simulate(scene, dt=..., until=...)`;
+`observe` measures the states it yields, `record` writes them for ParaView.
 """
 
 from skmpm import contact, coulomb, linear, outline, transfer
@@ -12,7 +12,7 @@ from skmpm.packing import Packing, PackingError, packing
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, report, simulate, step
 
 __version__ = "0.1.0"
 
@@ -46,6 +46,7 @@ __all__ = [
     "outline",
     "packing",
     "record",
+    "report",
     "save",
     "simulate",
     "step",

@@ -1,7 +1,11 @@
-"""Running a scene: `initial` makes its first state, `step` advances it, `simulate` is the generator around `step`."""
+"""Running a scene: `initial` makes its first state, `step` advances it, `simulate` is the generator around `step`.
+
+`report` says beforehand what a run asks for.
+"""
 
 from skmpm.simulate.algorithm import step
+from skmpm.simulate.health import report
 from skmpm.simulate.run import simulate
 from skmpm.simulate.start import initial
 
-__all__ = ["initial", "simulate", "step"]
+__all__ = ["initial", "report", "simulate", "step"]

@@ -1,0 +1,140 @@
+"""The numbers of the health report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import linear
+from skmpm.assembly import ghost_facets
+from skmpm.grid import Sheets, lay
+from skmpm.material import Rigid
+from skmpm.scene import Scene, motion
+from skmpm.scheme import Scheme
+from skmpm.simulate.algorithm import SHORTEST, check_time
+from skmpm.simulate.anchor import _inward
+from skmpm.simulate.start import _initial_motion, can_touch
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Health:
+    """What a scene asks for; per deformable body where there are several, motions at t = 0."""
+
+    points: Ints  # (bodies,) rigid ones too
+    rigid: int
+    around: dict[str, int]  # how many walls, supports, loads
+    own: Ints  # (deformable,) their numbers among the bodies
+    points_per_cell: Array  # (deformable,) points over area in cells
+    resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
+    cells: int
+    unknowns: int
+    cell: float  # h [m]
+    wave: float  # fastest pressure wave c [m/s]
+    courant: float  # dt c/h
+    lid: float  # way of the fastest wall, rigid body or support in a step [cells]
+    lid_name: str  # which
+    approach: float  # way of the fastest past each other in a step, at most [cells]
+    turning: Array  # (deformable,) largest angle that points turn by in a step [rad]
+    touches: bool  # whether anything can touch anything
+    contact: str  # law
+    friction: float  # largest coefficient
+    linear: bool  # whether a step is one linear solve, but for contact
+    inertia: bool
+    theta: float
+    half_bandwidth: int
+    solver: str
+    memory: float  # [bytes] besides the program
+
+
+def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
+    """The numbers of a scene: its sheets are laid, nothing is assembled or solved."""
+    check_time("report: dt", dt, SHORTEST, "a time step greater than zero")
+    own, count = np.flatnonzero(scene.deformable), np.diff(scene.offsets)
+    body = np.repeat(np.arange(count.size), count)
+    area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
+    soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
+    wave = max(float(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density)) for m in soft)
+    sheets, width = _sheets(scene, body)
+    solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
+    lid_name, lid = max(_driven(scene), key=lambda named: named[1], default=("", 0.0))
+    v, C = _initial_motion(scene)
+    turning = np.zeros(count.size)
+    np.maximum.at(turning, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
+    rims = scene.outlines.m if touches else 0
+    return Health(
+        points=count,
+        rigid=count.size - own.size,
+        around={"walls": len(scene.walls), "supports": len(scene.supports), "loads": len(scene.loads)},
+        own=own,
+        points_per_cell=count[own] / area,
+        resolution=np.sqrt(area / np.pi),
+        cells=sheets.cells,
+        unknowns=2 * sheets.nodes,
+        cell=scene.cell,
+        wave=wave,
+        courant=wave * step if scheme.inertia else 0.0,
+        lid=lid * step,
+        lid_name=lid_name,
+        approach=_approach(scene, v) * step if touches else 0.0,
+        turning=turning[own],
+        touches=touches,
+        contact=getattr(scheme.contact, "__name__", type(scheme.contact).__name__).replace("_", " "),
+        friction=float(max([scene.friction, *(wall.friction for wall in scene.walls)])) if touches else 0.0,
+        linear=all(material.linear for material in soft),
+        inertia=scheme.inertia,
+        theta=scheme.theta,
+        half_bandwidth=width,
+        solver=solver,
+        memory=memory_of(int(count.sum()), 2 * sheets.nodes, rims, width, solver),
+    )
+
+
+def _sheets(scene: Scene, body: Ints) -> tuple[Sheets, int]:
+    """The first sheets, and the half bandwidth of their matrix without supports: of cells and ghost facets."""
+    soft, x, volume = scene.deformable[body], scene.initial_positions, scene.initial_volumes
+    sheets = lay(x[:, soft], body[soft], scene.cell, len(scene.bodies), _inward(scene, x)[:, soft])
+    facets, _ = ghost_facets(sheets, volume[soft])
+    reach = max(int(np.ptp(nodes, axis=0).max(initial=0)) for nodes in (sheets.nodes_of_cell, facets))
+    return sheets, 2 * reach + 1
+
+
+def _solver(scheme: Scheme, width: int) -> str:
+    """The solver to be expected: what `linear.default` would pick, else the scheme's own."""
+    if scheme.linear is linear.default:
+        return "banded" if width <= linear.CROSSOVER else "amg"
+    return str(getattr(scheme.linear, "__name__", type(scheme.linear).__name__))
+
+
+def _driven(scene: Scene) -> Iterator[tuple[str, float]]:
+    """What moves as told, and how fast [m/s]."""
+    for i, v in enumerate(scene.wall_velocities(0.0)):
+        yield f"wall {i}", float(np.hypot(*v))
+    for i, v in enumerate(np.nan_to_num(scene.told(0.0))):
+        yield f"support {i}", float(np.hypot(*v))
+    for i, body in enumerate(scene.bodies):
+        if isinstance(body.material, Rigid):
+            yield f"rigid body {i}", float(np.hypot(*motion(body.velocity, 0.0)))
+
+
+def _approach(scene: Scene, v: Array) -> float:
+    """Diagonal of the box that holds the velocities of all points and walls: no two differ by more [m/s]."""
+    return float(np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1)))
+
+
+def memory_of(points: int, unknowns: int, rims: int, width: int, solver: str) -> float:
+    """Peak memory of a run besides the program [bytes], for points, unknowns, rim points that may touch.
+
+    8 MB + 1.2 kB a point + 3.5 kB a rim point, and for the matrix two bands of half bandwidth `width`, or 2 kB an
+    unknown by any other solver. Fitted to peak resident sizes above those after import. Estimate over measured: the
+    main job's discs at the start, 20, 100, 300 of them, R/h = 5, with and without friction 1.21, 1.21, 1.26; those of
+    `docs/performance.md` in dense packings, 10 to 3,000 discs, R/h = 5 and 8, 0.94 to 1.07; one body by amg, 1e4, 1e5
+    and 1e6 points, 1.05, 1.15 to 1.3, 0.78; one body by banded, 1e3 to 3e4 points, 1.0 to 1.1.
+    """
+    matrix = 16.0 * (width + 1) * unknowns if solver == "banded" else 2e3 * unknowns
+    return 8e6 + 1.2e3 * points + 3.5e3 * rims + matrix

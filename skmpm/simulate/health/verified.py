@@ -1,0 +1,164 @@
+"""What was verified, and the warnings where a scene leaves it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.contact import shared_nodes
+from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.scene import Scene
+from skmpm.scheme import Scheme
+from skmpm.simulate.health.numbers import Health
+
+
+class Limit(NamedTuple):
+    """How far something was verified, and where."""
+
+    value: float
+    where: str
+
+
+# In the order of the checks; beside each limit, what showed it (pages are those of docs/).
+RESOLUTION = Limit(3.2, "piles and packings have R/h of 3.2 and more, Hertz's force is met from 5 on")  # test_pile
+SMALLEST = Limit(1.0, "bodies had R/h of 2 and more")  # test_corners, unlike discs
+FEWEST = Limit(1.8, "1.8 and more were verified, with 1 a uniform stress is off by 10 %")  # large.py, test_patch
+COURANT = Limit(15.0, "piles run at 15, packings at 8 to 12")  # test_pile, results, architecture
+LID = Limit(0.14, "lids of packings move by 0.08 to 0.14")  # test_interpenetration, R/h = 5 and 8
+APPROACH = Limit(0.2, "collisions run at up to 0.2, beyond 1 a step fails")  # test_collision, the largest dt
+POISSON = Limit(0.49, "Q1 cells lock beyond, displacements at 0.499 are off by a third at R/h = 4")  # test_locking
+MULTIGRID = Limit(0.499, "amg takes 130 iterations at 0.499, 430 at 0.49999")  # test_locking
+FRICTION = Limit(2.0, "the contact solver was tried up to 2")  # test_contact_solver
+STIFFNESS = Limit(1.0, "bodies that touched had one E, or were rigid")  # all of docs/verification.md
+DENSITY = Limit(1e4, "a disc rests on one 1e4 times lighter")  # test_pile
+TURNING = Limit(
+    0.05, "a turn by it is a strain of 0.00125 that is not there, and grows as its square"
+)  # test_dynamics
+STEPS = 1000  # within which a body that spins freely is looked at
+ROUNDING = 1e-9  # by which a limit may be passed
+
+Lines = Iterator[str]
+
+
+def warnings_of(scene: Scene, health: Health, scheme: Scheme) -> list[str]:
+    """A line for everything that leaves what was verified: object, value, what was verified, remedy."""
+    return [line for check in CHECKS for line in check(scene, health, scheme)]
+
+
+def _above(value: float, limit: Limit) -> bool:
+    return value > limit.value * (1.0 + ROUNDING)
+
+
+def _below(value: float, limit: Limit) -> bool:
+    return value < limit.value * (1.0 - ROUNDING)
+
+
+def _worst(health: Health, values: NDArray[np.float64], wrong: NDArray[np.bool_]) -> str:
+    """The deformable body with the smallest value, and how many others are wrong."""
+    others = int(wrong.sum()) - 1
+    return f"body {health.own[np.argmin(values)]}" + (f" and {others} more" if others > 0 else "")
+
+
+def _resolution(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    limit = RESOLUTION if health.touches else SMALLEST
+    R, smallest = health.resolution, health.resolution.min()
+    if _below(smallest, limit):
+        remedy = f"use cell = {health.cell * smallest / limit.value:.2g} m or less"
+        yield f"{_worst(health, R, limit.value > R)}: R/h = {smallest:.3g}; {limit.where}; {remedy}"
+
+
+def _points(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    each, fewest = health.points_per_cell, health.points_per_cell.min()
+    if _below(fewest, FEWEST):
+        who = _worst(health, each, FEWEST.value > each)
+        remedy = f"use a spacing of {0.74 * health.cell:.2g} m or less"
+        yield f"{who}: {fewest:.3g} points per cell of material; {FEWEST.where}; {remedy}"
+
+
+def _courant(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    if health.inertia and _above(health.courant, COURANT):
+        remedy = f"use dt = {COURANT.value * health.cell / health.wave:.2g} s or less"
+        yield f"step: dt c/h = {health.courant:.3g}; {COURANT.where}; {remedy}"
+
+
+def _travel(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    if health.touches and _above(health.lid, LID):
+        remedy = f"use dt {LID.value / health.lid:.2g} times as long"
+        yield f"{health.lid_name}: moves {health.lid:.3g} h a step; {LID.where}; {remedy}"
+    if _above(health.approach, APPROACH):
+        remedy = f"use dt {APPROACH.value / health.approach:.2g} times as long"
+        yield f"bodies: up to {health.approach:.3g} h a step past each other; {APPROACH.where}; {remedy}"
+
+
+def _incompressible(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    limit = MULTIGRID if scheme.locking else POISSON
+    remedy = "use linear.banded" if scheme.locking else "use Scheme(locking=True)"
+    nu, b = max((m.nu, b) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid))
+    if _above(nu, limit) and (health.solver == "amg" or not scheme.locking):
+        yield f"body {b}: nu = {nu:g}; {limit.where}; {remedy}"
+
+
+def _ratios(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    if not health.touches:
+        return
+    soft = [(b, m) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid)]
+    for name, limit, values in (
+        ("E", STIFFNESS, [(m.E, b) for b, m in soft]),
+        ("density", DENSITY, [(m.density, b) for b, m in soft]),
+    ):
+        (low, a), (high, b) = min(values), max(values)
+        if _above(high / low, limit):
+            yield f"bodies {a} and {b}: ratio of {name} {high / low:.3g}; {limit.where}; compare with a smaller dt"
+
+
+def _friction(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    named = [(wall.friction, f"wall {i}") for i, wall in enumerate(scene.walls)]
+    value, name = max([(scene.friction, "scene"), *named])
+    if health.touches and _above(value, FRICTION):
+        yield f"{name}: friction = {value:g}; {FRICTION.where}; use 2, where hardly anything slips"
+
+
+def _small_strain(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    if scheme.anchor <= TURNING.value:
+        return
+    linear = [isinstance(scene.bodies[b].material, LinearElastic) for b in health.own]
+    turning = np.where(linear, health.turning, 0.0)
+    fastest, b = float(turning.max()), int(health.own[np.argmax(turning)])
+    if _above(STEPS * fastest, TURNING):
+        turned = f"turns by {TURNING.value:g} in {TURNING.value / fastest:.3g} steps"
+        yield f"body {b}: LinearElastic {turned}; {TURNING.where}; use NeoHookean"
+    elif any(linear) and health.touches and (health.friction > 0.0 or health.points.size > 2):
+        b, cause = int(health.own[np.argmax(linear)]), "friction" if health.friction else "its neighbours"
+        may = f"{cause} may turn it by more than {TURNING.value:g}"
+        yield f"body {b}: LinearElastic, and {may}; {TURNING.where}; use NeoHookean"
+
+
+def _scheme(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    if not health.touches:
+        return
+    if scheme.theta < 1.0 and health.points.size + len(scene.walls) > 2:
+        verified = "collisions of two were verified, lasting contact was with theta = 1"
+        yield f"scheme: theta = {scheme.theta:g} with contact; {verified}; use theta = 1"
+    if scheme.contact is shared_nodes:
+        verified = "they stop bodies one to two and a half cells apart"
+        yield f"scheme: contact = shared_nodes; {verified}; use contact.outlines unless you want the seed's method"
+    slides = any(isinstance(body.material, NeoHookean) for body in scene.bodies) and health.friction == 0.0
+    if slides and not scheme.inertia:
+        verified = "a frictionless NeoHookean body may slide and turn for nothing, where Newton crawls"
+        yield f"scheme: inertia = False; {verified}; use friction, a Support or inertia"
+
+
+CHECKS: tuple[Callable[[Scene, Health, Scheme], Lines], ...] = (
+    _resolution,
+    _points,
+    _courant,
+    _travel,
+    _incompressible,
+    _ratios,
+    _friction,
+    _small_strain,
+    _scheme,
+)
