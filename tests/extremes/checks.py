@@ -271,7 +271,8 @@ def ends(case: Case, state: skmpm.State, impulse: np.ndarray) -> dict[str, float
     turn = np.bincount(body, m * 0.5 * (state.C[1, 0] - state.C[0, 1])) / total
     if case.name in ("squeeze", "crush"):
         found = {"impulse": float(np.linalg.norm(impulse)) * d.speed / (d.stress * d.length**2)}
-        return found | {"elongation": float(elongation(state).mean()) - 1.0}
+        points = case.dials.shape == "point"
+        return found if points else found | {"elongation": float(elongation(state).mean()) - 1.0}
     values = {"velocity x": v[0, 0], "velocity y": v[1, 0], "spin": turn[0] * d.length}
     if len(total) > 1 and case.name == "collision":
         values |= {"velocity x of 2": v[0, 1], "velocity y of 2": v[1, 1], "spin of 2": turn[1] * d.length}

@@ -38,8 +38,10 @@ class Dials:
     origin: tuple[float, float] = (0.0, 0.0)  # where all this is [cells]
     solid_fraction: float = 0.90  # nominal, where the squeeze ends
     bodies: int | None = None  # 1 in free fall, 2 in a collision, 12 squeezed
-    shape: str = "disc"  # or "box" (2R wide), "point" (one point and no outline)
+    shape: str = "disc"  # or "box" (2R wide), "point" (one point and no outline, which needs Scheme.seed())
+    outlined: bool = False  # contact by outlines even for points, which have none
     locking: bool = False
+    gap: float | None = None  # between two bodies at the start, over R; None: they close it in the first step
     steps: int = 150  # at most
     quarter_turns: int = 0
     mirrored: bool = False  # x -> -x, before turning
@@ -116,7 +118,7 @@ def collision(dials: Dials) -> Case:
     """Pairs of bodies hit each other obliquely: two discs of radii 1 and 0.9, or two boxes face to face."""
     n = 2 if dials.bodies is None else dials.bodies
     half = 0.5 * dials.closing
-    gap = min(GAP / dials.cells, 0.5 * dials.closing * dials.dt_c_h / dials.cells)
+    gap = gap_of(dials)
     if dials.shape == "disc":
         reach, other, slide = 1.9 + gap, 0.9, 0.0
         apart = (reach * np.cos(OBLIQUE), reach * np.sin(OBLIQUE))
@@ -129,6 +131,11 @@ def collision(dials: Dials) -> Case:
         place = (x, y + 5.0 * (i // 2))
         pieces.append(Piece(place, 1.0 if i % 2 == 0 else other, velocity=(sign * half, sign * slide)))
     return _case("collision", dials, pieces, (), _duration(20.0, dials))
+
+
+def gap_of(dials: Dials) -> float:
+    """Gap between two bodies at the start, over R."""
+    return min(GAP, 0.5 * dials.closing * dials.dt_c_h) / dials.cells if dials.gap is None else dials.gap
 
 
 def squeeze(dials: Dials) -> Case:
@@ -222,7 +229,8 @@ def _case(
     scene = skmpm.Scene(
         bodies, cell=dials.cell, walls=walls, friction=dials.friction, gravity=c**2 / L * (turn @ gravity)
     )
-    scheme = skmpm.Scheme.seed() if dials.shape == "point" else skmpm.Scheme(locking=dials.locking, **dials.scheme)
+    seeds_way = dials.shape == "point" and not dials.outlined
+    scheme = skmpm.Scheme.seed() if seeds_way else skmpm.Scheme(locking=dials.locking, **dials.scheme)
     return Case(name, dials, scene, dials.dt, duration * L / c, scheme)
 
 
