@@ -79,7 +79,7 @@ def _points(scene: Scene, health: Health, scheme: Scheme) -> Lines:
 
 
 def _courant(scene: Scene, health: Health, scheme: Scheme) -> Lines:
-    if health.inertia and _above(health.courant, COURANT):
+    if _above(health.courant, COURANT):
         remedy = f"use dt = {COURANT.value * health.cell / health.wave:.2g} s or less"
         yield f"step: dt c/h = {health.courant:.3g}; {COURANT.where}; {remedy}"
 
