@@ -188,7 +188,7 @@ class Watch:
         # F:F - 2 - 2 ln J without the cancellation: F:F - 2 J = (F11 - F22)^2 + (F12 + F21)^2.
         F = state.F
         shear = (F[0, 0] - F[1, 1]) ** 2 + (F[0, 1] + F[1, 0]) ** 2
-        W = 0.5 * mu * (shear + 2.0 * (J - 1.0 - np.log(J))) + 0.5 * lam * np.log(J) ** 2
+        W = 0.5 * mu * (shear + 2.0 * beyond_log(J)) + 0.5 * lam * np.log1p(J - 1.0) ** 2
         return float(state.weight / J @ W)
 
     def _contacts(self, state: skmpm.State) -> None:
@@ -225,6 +225,13 @@ class Watch:
 def determinant(F: np.ndarray) -> np.ndarray:
     """Of (2, 2, n)."""
     return F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
+
+
+def beyond_log(J: np.ndarray) -> np.ndarray:
+    """J - 1 - ln J, to full accuracy near 1."""
+    e = J - 1.0
+    series = e**2 * (1 / 2 - e * (1 / 3 - e * (1 / 4 - e * (1 / 5 - e / 6))))
+    return np.where(np.abs(e) < 1e-3, series, e - np.log1p(e))
 
 
 def cartesian(contacts) -> np.ndarray:
@@ -281,7 +288,7 @@ def ends(case: Case, state: skmpm.State, impulse: np.ndarray) -> dict[str, float
 
 def elongation(state: skmpm.State) -> np.ndarray:
     """Ratio of the principal radii of gyration of every body, (bodies,)."""
-    w, total = state.weight, np.bincount(state.body, state.weight)
+    w, total = state.volume, np.bincount(state.body, state.volume)
     centre = np.stack([np.bincount(state.body, w * x) for x in state.x]) / total
     d = state.x - centre[:, state.body]
     xx, yy, xy = (np.bincount(state.body, w * a * b) for a, b in ((d[0], d[0]), (d[1], d[1]), (d[0], d[1])))

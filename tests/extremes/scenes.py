@@ -93,6 +93,7 @@ class Piece:
     radius: float = 1.0
     velocity: tuple[float, float] = (0.0, 0.0)
     spin: float = 0.0  # [c/R]
+    angle: float = 0.0  # by which its points are turned; a disc has a rim point at angle 0
 
 
 @dataclass(frozen=True)
@@ -115,21 +116,20 @@ def fall(dials: Dials) -> Case:
 
 
 def collision(dials: Dials) -> Case:
-    """Pairs of bodies hit each other obliquely: two discs of radii 1 and 0.9, or two boxes face to face."""
+    """Pairs of bodies hit each other obliquely: two discs of radii 1 and 0.9, rim points first, or two boxes."""
     n = 2 if dials.bodies is None else dials.bodies
     half = 0.5 * dials.closing
     gap = gap_of(dials)
     if dials.shape == "disc":
-        reach, other, slide = 1.9 + gap, 0.9, 0.0
+        reach, other, slide, angle = 1.9 + gap, 0.9, 0.0, OBLIQUE
         apart = (reach * np.cos(OBLIQUE), reach * np.sin(OBLIQUE))
     else:
-        apart, other, slide = (2.0 + gap, 0.5), 1.0, 0.5 * half
+        apart, other, slide, angle = (2.0 + gap, 0.5), 1.0, 0.5 * half, 0.0
     pieces = []
     for i in range(n):
-        x, y = (0.0, 0.0) if i % 2 == 0 else apart
-        sign = 1.0 if i % 2 == 0 else -1.0
+        (x, y), radius, sign, turned = ((0.0, 0.0), 1.0, 1.0, 0.0) if i % 2 == 0 else (apart, other, -1.0, np.pi)
         place = (x, y + 5.0 * (i // 2))
-        pieces.append(Piece(place, 1.0 if i % 2 == 0 else other, velocity=(sign * half, sign * slide)))
+        pieces.append(Piece(place, radius, velocity=(sign * half, sign * slide), angle=angle + turned))
     return _case("collision", dials, pieces, (), _duration(20.0, dials))
 
 
@@ -242,7 +242,10 @@ def _points(piece: Piece, dials: Dials, turn: np.ndarray, shift: np.ndarray) -> 
     elif dials.shape == "box":
         points = skmpm.box((x - piece.radius, y - piece.radius), (2.0 * piece.radius,) * 2, spacing=dials.spacing)
     else:
-        points = skmpm.disc((x, y), piece.radius, spacing=dials.spacing)
+        points = skmpm.disc((0.0, 0.0), piece.radius, spacing=dials.spacing)
+        (cos, sin), centre = (np.cos(piece.angle), np.sin(piece.angle)), np.array([[x], [y]])
+        turned = np.array([[cos, -sin], [sin, cos]]) @ points.x if piece.angle else points.x
+        points = skmpm.Points(centre + turned, points.volume, points.outline)
     loops = tuple(loop[::-1] for loop in points.outline) if dials.mirrored else points.outline
     where = dials.length * (turn @ points.x) + shift[:, None]
     return skmpm.Points(where, dials.length**2 * points.volume, loops)
