@@ -288,6 +288,13 @@ def test_locking_is_cured_and_large_quasi_static_steps_are_no_waves():
     assert report(pair(friction=0.1), 1.0, scheme=Scheme(inertia=False)).endswith(FINE)
 
 
+def test_a_body_alone_needs_no_warning_of_contact():
+    """Friction, a fast support, linear elasticity, midpoint rule: nothing can touch."""
+    fast = Support(lambda x: x[1] > R, velocity=(H / DT, 0.0))
+    scene = Scene([round_body(material=STIFF)], cell=H, supports=[fast], friction=10.0)
+    assert report(scene, DT, scheme=Scheme(theta=0.5)).endswith(FINE)
+
+
 def test_every_check_and_limit_is_tested_here_and_told_in_the_docs():
     """The table of docs/health.md has every limit."""
     known = {name: value for name, value in vars(limits).items() if isinstance(value, limits.Limit)}
