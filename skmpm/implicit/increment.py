@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.elimination import Elimination
+from skmpm.grid import Sheets
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.linear import Solver
 from skmpm.scheme import Scheme
@@ -93,6 +94,17 @@ class Increment:
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
         )
 
+    def balanced(self, w: Array, imbalance: Array) -> Array:
+        """The velocity w with the total momentum of every body right to round-off.
+
+        What is left of it moves the body as a whole: a Newton step in the translations, which do no work in the bulk.
+        """
+        if not self.scheme.inertia or self.supports is not None:
+            return w
+        sheets = self.bulk.assembly.sheets
+        left, mass = (_by_body(sheets, a) for a in (imbalance, self.mass))
+        return np.asarray(w - (left / np.maximum(mass, 1e-300))[sheets.node_body].ravel())
+
     def unsupported(self, gradient: Array) -> Array:
         """The part of an imbalance that supports do not take, (2 nodes,)."""
         return gradient if self.supports is None else np.asarray(self.supports.T.T @ gradient)
@@ -158,3 +170,8 @@ class Increment:
         if self.supports is None:
             return self.scheme.linear(A, sheets.blocks, sheets.rigid_motions())
         return self.supports.factorised(self.scheme.linear, A, sheets.blocks, sheets.rigid_motions())
+
+
+def _by_body(sheets: Sheets, field: Array) -> Array:
+    """Sums over the nodes of every body of a nodal field (2 nodes,), (bodies, 2)."""
+    return np.stack([np.bincount(sheets.node_body, a, sheets.bodies) for a in field.reshape(-1, 2).T], axis=1)

@@ -39,13 +39,18 @@ class NeoHookean(Isotropic):
         stress_anchor: Array | None = None,
         dilatation: Array | None = None,
     ) -> Array:
-        """Energy density, (n,) [J/m3]; inf where J <= 0."""
+        """Energy density, (n,) [J/m3]; inf where J <= 0.
+
+        tr F'F - 2 - 2 ln J = (F11 - F22)^2 + (F12 + F21)^2 + 2 (J - 1 - ln J): all of it small where strains are.
+        """
         lam, mu = self.lame
         F_total, J_anchor = _total(F, F_anchor)
         J = determinant(F_total)
-        log_J = np.log(np.where(J > 0.0, J, 1.0))
+        change = np.where(J > 0.0, J, 1.0) - 1.0
+        log_J = np.log1p(change)
         log_mean = log_J if dilatation is None else np.log(np.where(dilatation > 0.0, dilatation, 1.0))
-        W = 0.5 * mu * (np.einsum("ijp,ijp->p", F_total, F_total) - 2.0) - mu * log_J + 0.5 * lam * log_mean**2
+        shear = (F_total[0, 0] - F_total[1, 1]) ** 2 + (F_total[0, 1] + F_total[1, 0]) ** 2
+        W = 0.5 * mu * shear + mu * (change - log_J) + 0.5 * lam * log_mean**2
         return np.asarray(np.where(J > 0.0, W / J_anchor, np.inf))
 
     def stress(

@@ -8,7 +8,7 @@ from skmpm.outline.cubics import Cubics
 from skmpm.outline.curve import Curve, curve
 from skmpm.outline.measures import area, centroid, dimensions, normals, perimeter, second_moments
 from skmpm.outline.near import candidates, closest, inside
-from skmpm.outline.overlaps import overlap
+from skmpm.outline.overlaps import lens_depth, overlap
 from skmpm.outline.topology import Outlines, outlines
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "curve",
     "dimensions",
     "inside",
+    "lens_depth",
     "normals",
     "outlines",
     "overlap",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import LinearElastic, NeoHookean, Rigid
-from skmpm.outline import Outlines, area, overlap
+from skmpm.outline import Outlines, area, lens_depth, overlap
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, vector
@@ -154,9 +154,7 @@ def _first_overlap(scene: Scene, rim: Outlines, x: Array, slack: float) -> tuple
     if not shared.size:
         return None
     size = area(rim, x, len(scene.bodies))
-    # A lens of depth d between bodies of size L has an area of about d^1.5 L^0.5.
-    length = np.sqrt(np.minimum(size[pairs[0]], size[pairs[1]]))
-    depth = (np.maximum(shared, 0.0) / np.sqrt(length)) ** (2.0 / 3.0)
+    depth = lens_depth(shared, size[pairs])
     worst = int(np.argmax(depth))
     if depth[worst] <= slack:
         return None

@@ -12,10 +12,11 @@ from skmpm.linear import one_thread
 from skmpm.scene import Scene, State, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, derived_of
+from skmpm.simulate.checks import check_step
 from skmpm.simulate.forces import external_force, told
 from skmpm.simulate.report import report_of
 from skmpm.simulate.start import can_touch
-from skmpm.simulate.update import check_travel, kept_solver, moved
+from skmpm.simulate.update import kept_solver, moved
 from skmpm.transfer import to_nodes
 
 SHORTEST = 1e-100  # [s]; shorter steps divide by zero
@@ -27,8 +28,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     Raises
     ------
     StepFailed
-        when the step's equations are not solved, or things that can touch move more than a cell past one another;
-        its `state` is the one given here
+        when the step's equations are not solved, or where it leads cannot be (`simulate.checks`); its `state` is the
+        one given here
     ValueError
         when dt is not a time; SceneError when a prescribed velocity, load or gravity is not finite
     """
@@ -46,12 +47,13 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             touching = _touching(scene, state, increment, timer)
             solution = advance(increment, touching, kept_solver(scene, state, increment), timer)
             after = moved(scene, state, increment, solution)
-            check_travel(scene, state, after)
+            timer.lap("transfer")
+            overlap = check_step(scene, scheme, state, after)
+            timer.lap("overlap")
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
         message = f"the step from t = {state.t:.6g} s with dt = {dt:.3g} s failed: {error}"
         raise StepFailed(message, given, curable=getattr(error, "curable", True)) from error
-    timer.lap("transfer")
-    return replace(after, report=report_of(scene, state, after, increment, solution, timer))
+    return replace(after, report=report_of(state, after, increment, solution, overlap, timer))
 
 
 def _touching(scene: Scene, state: State, increment: Increment, timer: Timer) -> Touching | None:

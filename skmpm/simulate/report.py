@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm import outline
 from skmpm.assembly import Assembly
 from skmpm.implicit import Bulk, Increment, Solution, Timer
-from skmpm.scene import Energy, Report, Scene, State
+from skmpm.scene import Energy, Report, State
 
 Array = NDArray[np.float64]
 
@@ -19,13 +18,11 @@ def kinetic_energy(assembly: Assembly, v: Array) -> float:
 
 
 def report_of(
-    scene: Scene, before: State, after: State, increment: Increment, solution: Solution, timer: Timer
+    before: State, after: State, increment: Increment, solution: Solution, overlap: float, timer: Timer
 ) -> Report:
     """The report of the step from `before` to `after`."""
     energy = _energy(before.report.energy, after, increment, solution)
     timer.lap("report")
-    shared = _overlap(scene, after)
-    timer.lap("overlap")
     return Report(
         dt=increment.dt,
         newton=solution.newton,
@@ -34,7 +31,7 @@ def report_of(
         residual=solution.residual,
         imbalance=solution.imbalance,
         settled=solution.touching is not None and solution.touching.settled is not None,
-        overlap=shared,
+        overlap=overlap,
         energy=energy,
         seconds=timer.seconds,
     )
@@ -72,13 +69,3 @@ def _at_anchor(bulk: Bulk) -> float:
             square = np.einsum("ijp,ijp->p", stress, stress) - lam / (2.0 * (lam + mu)) * trace**2
             total += float(bulk.assembly.volume[points] @ square) / (4.0 * mu)
     return total
-
-
-def _overlap(scene: Scene, after: State) -> float:
-    """Area shared by bodies over the area of all bodies, by outlines; zero without outlines."""
-    rim, bodies = scene.outlines, len(scene.bodies)
-    if bodies == 1 or rim.point.size == 0:
-        return 0.0
-    x = after.x[:, rim.point]
-    _, shared = outline.overlap(rim, x, bodies)
-    return float(shared.sum() / outline.area(rim, x, bodies).sum())

@@ -7,17 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit import Increment, NotConverged, Solution
+from skmpm.implicit import Increment, Solution
 from skmpm.linear import Solver
 from skmpm.material import determinant, product
 from skmpm.scene import Contacts, Scene, State, motion
 from skmpm.simulate.anchor import derived_of
-from skmpm.simulate.start import can_touch
 from skmpm.transfer import apic
 
 Array = NDArray[np.float64]
-
-TRAVEL = 1.0  # [cells] in one step; contact finds what is less than a cell deep
 
 
 def moved(scene: Scene, state: State, increment: Increment, solution: Solution) -> State:
@@ -55,21 +52,6 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
         contacts=contacts,
         derived=replace(derived_of(state), key=key, solver=solver),
     )
-
-
-def check_travel(scene: Scene, before: State, after: State) -> None:
-    """Raise NotConverged where things have moved so far past one another that they may have crossed."""
-    if not can_touch(scene):
-        return
-    moved = after.x - before.x
-    spread = moved.max(axis=1) - moved.min(axis=1)
-    to_walls = scene.normals.T @ moved - np.sum(scene.normals.T * (after.walls - before.walls), axis=1)[:, None]
-    farthest = float(np.abs(to_walls).max(initial=float(spread.max())))
-    if farthest <= TRAVEL * scene.cell:
-        return
-    mean = moved @ before.mass / before.mass.sum()
-    b = before.body[np.argmax(np.hypot(*(moved - mean[:, None])))]
-    raise NotConverged(f"body {b}", f"things move {farthest / scene.cell:.3g} cells past one another in one step")
 
 
 def kept_solver(scene: Scene, state: State, increment: Increment) -> Solver | None:

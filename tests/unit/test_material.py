@@ -349,3 +349,11 @@ def test_projected_tangent_at_a_given_dilatation_is_the_exact_one_clipped(seed, 
     C, projected = (solid.tangent(F, None, None, theta, projected=p) for p in (False, True))
     error = np.abs(projected - clipped(C)).max(axis=(0, 1, 2, 3))
     assert (error <= 1e-11 * np.abs(C).max(axis=(0, 1, 2, 3))).all()
+
+
+def test_the_energy_of_tiny_strains_is_not_lost_in_round_off():
+    """W -> 1/2 eps : C : eps; at strains of 1e-7 the terms of the definition are 1e14 times larger than W."""
+    law, strain = NeoHookean(E=10e6, nu=0.45, density=990.0), 1e-7 * np.array([[0.3, 0.5], [0.5, -1.1]])
+    lam, mu = law.lame
+    wanted = 0.5 * lam * np.trace(strain) ** 2 + mu * np.sum(strain**2)
+    assert law.energy((np.eye(2) + strain)[:, :, None])[0] == pytest.approx(wanted, rel=1e-6)

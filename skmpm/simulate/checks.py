@@ -1,0 +1,76 @@
+"""What a step must not do, however well its equations are solved: jump, sink into a wall, sink into another body."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.contact import outlines
+from skmpm.implicit import NotConverged
+from skmpm.scene import Scene, State
+from skmpm.scheme import Scheme
+from skmpm.simulate.start import can_touch
+
+Array = NDArray[np.float64]
+
+TRAVEL = 1.0  # [cells] in one step; contact finds what is less than a cell deep
+SUNK = 0.05  # [cells] of a point behind a wall
+DEEP = 0.25  # [cells] of one body in another
+
+
+def check_step(scene: Scene, scheme: Scheme, before: State, after: State) -> float:
+    """Area shared by bodies over the area of all bodies after a step; NotConverged where the step cannot be right."""
+    if not can_touch(scene):
+        return 0.0
+    _check_travel(scene, before, after)
+    if scheme.contact is outlines:
+        _check_walls(scene, after)
+    return _check_overlap(scene, after, scheme.contact is outlines)
+
+
+def _check_travel(scene: Scene, before: State, after: State) -> None:
+    """No point moves more than a cell away from the common motion, none arrives at a wall so fast."""
+    moved = after.x - before.x
+    relative = np.hypot(*(moved - (moved @ before.mass / before.mass.sum())[:, None]))
+    if float(relative.max()) > TRAVEL * scene.cell:
+        raise _jumped(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
+    for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
+        near = np.flatnonzero(normal @ (after.x - end[:, None]) < scene.cell)
+        approach = -normal @ (moved[:, near] - (end - start)[:, None])
+        if float(approach.max(initial=0.0)) > TRAVEL * scene.cell:
+            raise _jumped(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
+
+
+def _jumped(state: State, point: int, cells: float) -> NotConverged:
+    where = f"body {state.body[point]}"
+    return NotConverged(where, f"a point moves {cells:.3g} cells past others in one step, and may jump over them")
+
+
+def _check_walls(scene: Scene, after: State) -> None:
+    """Only rims are held off walls; what is inside may still be pressed through them."""
+    own = scene.deformable[after.body]
+    for i, (normal, point) in enumerate(zip(scene.normals.T, after.walls, strict=True)):
+        depth = -(normal @ (after.x - point[:, None]))[own] / scene.cell
+        if float(depth.max()) > SUNK:
+            b = after.body[own][np.argmax(depth)]
+            raise NotConverged(
+                f"body {b} and wall {i}",
+                f"a point lies {depth.max():.3g} cells behind the wall",
+                "use a smaller dt or cell, or compress less",
+            )
+
+
+def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
+    """Area shared by bodies over the area of all bodies, by outlines; zero without outlines."""
+    rim, bodies = scene.outlines, len(scene.bodies)
+    if bodies == 1 or rim.point.size == 0:
+        return 0.0
+    x = after.x[:, rim.point]
+    pairs, shared = outline.overlap(rim, x, bodies)
+    size = outline.area(rim, x, bodies)
+    depth = outline.lens_depth(shared, size[pairs]) / scene.cell
+    if exact and float(depth.max(initial=0.0)) > DEEP:
+        a, b = pairs[:, np.argmax(depth)]
+        raise NotConverged(f"bodies {a} and {b}", f"they lie {depth.max():.3g} cells in one another")
+    return float(shared.sum() / size.sum())
