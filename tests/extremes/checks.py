@@ -92,6 +92,8 @@ class Watch:
             return
         J = determinant(new.F)
         self._limit("1 - J", float(1.0 - J.min()), 1.0, new, "a point turned inside out")
+        if J.min() <= 0.0:
+            return
         self._momentum(old, new)
         self._energy(old, new, J)
         self._contacts(new)

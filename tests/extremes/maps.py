@@ -1,0 +1,135 @@
+"""The maps of docs/stability.md, one per dial, and the page's table and list of failures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from settings import KEPT, PAGE, SWEEPS, TITLES, columns, read
+
+COLOURS = {
+    "right": "#a3d5a3",
+    "StepFailed": "#f2b866",
+    "SceneError": "#8fb4dd",
+    "wrong": "#e0605e",
+    "too long": "#bbbbbb",
+}
+LINES = {"fall": "o-", "collision": "s-", "squeeze": "^-"}
+BEGIN, END = "<!-- drawn by tests/extremes/sweeps.py: begin -->", "<!-- end -->"
+LONGEST = 260  # characters of a message on the page
+
+
+def draw(dial: str, rows: list[dict[str, str]], folder: Path) -> Path:
+    """How every scene ended at every setting of a dial, with the retries; below, the error of what ended right."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    labels = list(dict.fromkeys(row["setting"] for row in rows))
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    compared = [name for name in scenes if any(row["scene"] == name and row["error"] != "nan" for row in rows)]
+    height = 1.3 + 0.38 * len(scenes) + (2.3 if compared else 0.0)
+    figure, axes = plt.subplots(
+        2 if compared else 1,
+        1,
+        figsize=(7.2, height),
+        sharex=True,
+        squeeze=False,
+        height_ratios=[0.38 * len(scenes), 2.1] if compared else [1.0],
+        layout="constrained",
+    )
+    _map(axes[0, 0], labels, scenes, rows)
+    for name in compared:
+        error = {r["setting"]: float(r["error"]) for r in rows if r["scene"] == name}
+        values = [max(error.get(label, np.nan), 1e-12) for label in labels]
+        axes[1, 0].semilogy(values, LINES[name], ms=4, lw=1, label=name)
+    bottom = axes[-1, 0]
+    if compared:
+        bottom.set_ylabel("error against reference")
+        bottom.grid(alpha=0.3)
+        bottom.legend(fontsize=7)
+    steep = max(len(label) for label in labels) > 7
+    bottom.set_xticks(
+        range(len(labels)), labels, fontsize=8, rotation=30 if steep else 0, ha="right" if steep else "center"
+    )
+    bottom.set_xlabel(TITLES[dial])
+    path = folder / f"{dial}.png"
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+    return path
+
+
+def _map(axes, labels: list[str], scenes: list[str], rows: list[dict[str, str]]) -> None:
+    """One coloured field for each run; r3: three retries."""
+    for row in rows:
+        i, j = labels.index(row["setting"]), scenes.index(row["scene"])
+        axes.add_patch(_field(i, j, COLOURS[row["kind"]]))
+        text = f"r{row['retries']}" if row["retries"] not in ("", "0") else ""
+        axes.text(i, j, text, ha="center", va="center", fontsize=7)
+    axes.set_xlim(-0.5, len(labels) - 0.5)
+    axes.set_ylim(len(scenes) - 0.5, -0.5)
+    axes.set_yticks(range(len(scenes)), scenes, fontsize=8)
+    axes.tick_params(length=0)
+    kinds = [kind for kind in COLOURS if any(row["kind"] == kind for row in rows)]
+    handles = [_field(0, 0, COLOURS[kind]) for kind in kinds]
+    axes.legend(handles, kinds, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, fontsize=7, frameon=False)
+
+
+def _field(i: int, j: int, colour: str):
+    """One field of a map."""
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((i - 0.5, j - 0.5), 1.0, 1.0, facecolor=colour, edgecolor="white")
+
+
+def table(found: dict[str, list[dict[str, str]]]) -> list[str]:
+    """One line of the page for every dial: how runs ended, and the worst of what was checked in right ones."""
+    head = ("dial", "settings", *COLOURS, "most retries", "momentum", "residual", "energy gained", "overlap")
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for dial, rows in found.items():
+        labels = list(dict.fromkeys(row["setting"] for row in rows))
+        counts = [str(sum(row["kind"] == kind for row in rows)) for kind in COLOURS]
+        right = [row for row in rows if row["kind"] == "right"]
+        worst = [_largest(right, key) for key in ("momentum", "residual", "energy gained", "overlap")]
+        retries = str(max((int(row["retries"]) for row in rows), default=0))
+        span = f"{labels[0]} ... {labels[-1]}" if len(labels) > 1 else labels[0]
+        lines.append("| " + " | ".join([TITLES[dial], span, *counts, retries, *worst]) + " |")
+    return lines
+
+
+def _largest(rows: list[dict[str, str]], key: str) -> str:
+    """The largest of a column, in words where it never got above zero."""
+    values = [float(row[key]) for row in rows if row[key] not in ("", "nan")]
+    if not values:
+        return "-"
+    return f"{max(values):.1g}" if max(values) > 0.0 else "none"
+
+
+def failures(found: dict[str, list[dict[str, str]]]) -> list[str]:
+    """One line for every run that did not end right: where, how far it came, and what it said."""
+    lines = []
+    for dial, rows in found.items():
+        for row in rows:
+            if row["kind"] == "right":
+                continue
+            said = row["violations"] or row["message"]
+            said = said if len(said) <= LONGEST else said[:LONGEST].rsplit(" ", 1)[0] + " ..."
+            came = f"after {row['steps']} steps, {100 * float(row['reached']):.0f} % of the time"
+            lines.append(f"- {TITLES[dial]} = {row['setting']}, {row['scene']}: **{row['kind']}** {came}: {said}")
+    return lines or ["- none"]
+
+
+def page() -> None:
+    """Draw the maps and write what is between the marks of docs/stability.md."""
+    found = {dial: rows for dial in SWEEPS if (rows := read(dial))}
+    missing = [f"{dial} {s.label} {name}" for dial in found for s, name in columns(dial)
+               if not any(r["setting"] == s.label and r["scene"] == name for r in found[dial])]  # fmt: skip
+    pictures = []
+    for dial, rows in found.items():
+        draw(dial, rows, KEPT)
+        pictures += ["", f"![{TITLES[dial]}](stability/{dial}.png)"]
+    written = [BEGIN, "", *table(found), *pictures, "", "### Everything that did not end right", "", *failures(found)]
+    written += ["", f"Not run: {', '.join(missing)}."] if missing else []
+    before, rest = PAGE.read_text().split(BEGIN)
+    PAGE.write_text(before + "\n".join([*written, "", END]) + rest.split(END, 1)[1])
