@@ -235,6 +235,24 @@ def test_a_warning_beyond_each_limit_and_none_before(name):
             assert text.endswith(FINE), text
 
 
+def advised(text, says):
+    return float(re.search(rf"^! .*use {says}([\d.e-]+)", text, re.MULTILINE).group(1))
+
+
+@pytest.mark.parametrize("digits", [1.0, 1.23, 2.37, 4.96, 8.88])
+def test_who_takes_the_advice_is_not_warned_again(digits):
+    """Whatever is left of a number when it is printed with two digits."""
+    radius = digits * R
+    scene = Scene([round_body(radius=radius), round_body(3 * radius, radius=radius)], cell=0.5 * radius)
+    cell = advised(report(scene, 1e-3 * DT), "cell = ")
+    assert 0.9 < cell * limits.RESOLUTION.value / radius <= 1.0
+    assert "R/h =" not in report(replace(scene, cell=cell), 1e-3 * DT)
+    assert "dt c/h =" not in report(pair(), advised(report(pair(), 100 * digits * DT), "dt = "))
+    moved = pair(velocity=digits * H / DT)
+    text = report(moved, DT)
+    assert report(moved, DT * advised(text, "dt ")).endswith(FINE)
+
+
 STIFF = LinearElastic(1e7, 0.45, 990.0)
 THREE = Scene([round_body(), round_body(2.1 * R), round_body(4.2 * R)], cell=H)
 SUPPORTED = {"supports": [Support(lambda x: x[0] <= -0.99 * R)]}
@@ -293,6 +311,7 @@ def test_a_body_alone_needs_no_warning_of_contact():
     fast = Support(lambda x: x[1] > R, velocity=(H / DT, 0.0))
     scene = Scene([round_body(material=STIFF)], cell=H, supports=[fast], friction=10.0)
     assert report(scene, DT, scheme=Scheme(theta=0.5)).endswith(FINE)
+    assert report(Scene([round_body(spin=0.1 / DT)], cell=H), DT).endswith(FINE)
 
 
 def test_every_check_and_limit_is_tested_here_and_told_in_the_docs():

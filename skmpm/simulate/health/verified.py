@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from math import floor, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +57,12 @@ def _below(value: float, limit: Limit) -> bool:
     return value < limit.value * (1.0 - ROUNDING)
 
 
+def _down(value: float) -> str:
+    """Two digits, rounded down, so that what takes the advice is not warned again."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return f"{floor(value / unit) * unit:.2g}"
+
+
 def _worst(health: Health, values: NDArray[np.float64], wrong: NDArray[np.bool_]) -> str:
     """The deformable body with the smallest value, and how many others are wrong."""
     others = int(wrong.sum()) - 1
@@ -66,7 +73,7 @@ def _resolution(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     limit = RESOLUTION if health.touches else SMALLEST
     R, smallest = health.resolution, health.resolution.min()
     if _below(smallest, limit):
-        remedy = f"use cell = {health.cell * smallest / limit.value:.2g} m or less"
+        remedy = f"use cell = {_down(health.cell * smallest / limit.value)} m or less"
         yield f"{_worst(health, R, limit.value > R)}: R/h = {smallest:.3g}; {limit.where}; {remedy}"
 
 
@@ -74,22 +81,22 @@ def _points(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     each, fewest = health.points_per_cell, health.points_per_cell.min()
     if _below(fewest, FEWEST):
         who = _worst(health, each, FEWEST.value > each)
-        remedy = f"use a spacing of {0.74 * health.cell:.2g} m or less"
+        remedy = f"use a spacing of {_down(0.74 * health.cell)} m or less"
         yield f"{who}: {fewest:.3g} points per cell of material; {FEWEST.where}; {remedy}"
 
 
 def _courant(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     if _above(health.courant, COURANT):
-        remedy = f"use dt = {COURANT.value * health.cell / health.wave:.2g} s or less"
+        remedy = f"use dt = {_down(COURANT.value * health.cell / health.wave)} s or less"
         yield f"step: dt c/h = {health.courant:.3g}; {COURANT.where}; {remedy}"
 
 
 def _travel(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     if health.touches and _above(health.lid, LID):
-        remedy = f"use dt {LID.value / health.lid:.2g} times as long"
+        remedy = f"use dt {_down(LID.value / health.lid)} times as long"
         yield f"{health.lid_name}: moves {health.lid:.3g} h a step; {LID.where}; {remedy}"
     if _above(health.approach, APPROACH):
-        remedy = f"use dt {APPROACH.value / health.approach:.2g} times as long"
+        remedy = f"use dt {_down(APPROACH.value / health.approach)} times as long"
         yield f"bodies: up to {health.approach:.3g} h a step past each other; {APPROACH.where}; {remedy}"
 
 
@@ -102,8 +109,6 @@ def _incompressible(scene: Scene, health: Health, scheme: Scheme) -> Lines:
 
 
 def _ratios(scene: Scene, health: Health, scheme: Scheme) -> Lines:
-    if not health.touches:
-        return
     soft = [(b, m) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid)]
     for name, limit, values in (
         ("E", STIFFNESS, [(m.E, b) for b, m in soft]),
@@ -131,7 +136,7 @@ def _small_strain(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     if _above(STEPS * fastest, TURNING):
         turned = f"turns by {TURNING.value:g} in {TURNING.value / fastest:.3g} steps"
         yield f"body {b}: LinearElastic {turned}; {TURNING.where}; use NeoHookean"
-    elif any(linear) and health.touches and (health.friction > 0.0 or health.points.size > 2):
+    elif any(linear) and (health.friction > 0.0 or health.points.size > 2):
         b, cause = int(health.own[np.argmax(linear)]), "friction" if health.friction else "its neighbours"
         may = f"{cause} may turn it by more than {TURNING.value:g}"
         yield f"body {b}: LinearElastic, and {may}; {TURNING.where}; use NeoHookean"
