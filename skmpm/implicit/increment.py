@@ -94,14 +94,15 @@ class Increment:
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
         )
 
-    def balanced(self, w: Array, imbalance: Array) -> Array:
+    def balanced(self, w: Array, push: Array) -> Array:
         """The velocity w with the total momentum of every body right to round-off.
 
-        What is left of it moves the body as a whole: a Newton step in the translations, which do no work in the bulk.
+        What is left of it moves the body as a whole: a Newton step in the translations, which strain nothing.
         """
         if not self.scheme.inertia or self.supports is not None:
             return w
         sheets = self.bulk.assembly.sheets
+        imbalance = self.mass * (w - self.rest) - self._reach * self.force - push
         left, mass = (_by_body(sheets, a) for a in (imbalance, self.mass))
         return np.asarray(w - (left / np.maximum(mass, 1e-300))[sheets.node_body].ravel())
 

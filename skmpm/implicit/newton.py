@@ -94,7 +94,7 @@ def _iterate(
         exact = iteration == 1 and step.exact and touching is None
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
             reaction = step.reaction(gradient - push)
-            w = step.balanced(w, gradient - push)
+            w = step.balanced(w, push)
             return Solution(w, touching, effort.newton, effort.factorised, residual, imbalance, reaction, solver)
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         rested = imbalance > 0.5 * before and iteration - newest > REST

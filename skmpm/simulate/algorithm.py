@@ -14,7 +14,7 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, derived_of
 from skmpm.simulate.checks import check_step
 from skmpm.simulate.forces import external_force, told
-from skmpm.simulate.report import report_of
+from skmpm.simulate.report import budget_of, report_of
 from skmpm.simulate.start import can_touch
 from skmpm.simulate.update import kept_solver, moved
 from skmpm.transfer import to_nodes
@@ -48,12 +48,15 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             solution = advance(increment, touching, kept_solver(scene, state, increment), timer)
             after = moved(scene, state, increment, solution)
             timer.lap("transfer")
-            overlap = check_step(scene, scheme, state, after)
+            budget = budget_of(increment, solution, after.displacement)
+            timer.lap("report")
+            overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
         message = f"the step from t = {state.t:.6g} s with dt = {dt:.3g} s failed: {error}"
         raise StepFailed(message, given, curable=getattr(error, "curable", True)) from error
-    return replace(after, report=report_of(state, after, increment, solution, overlap, timer))
+    report = report_of(state.report.energy, increment, solution, budget, overlap)
+    return replace(after, report=replace(report, seconds=timer.seconds))
 
 
 def _touching(scene: Scene, state: State, increment: Increment, timer: Timer) -> Touching | None:

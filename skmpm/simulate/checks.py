@@ -1,4 +1,4 @@
-"""What a step must not do, however well its equations are solved: jump, sink into a wall, sink into another body."""
+"""What a step must not do, however well its equations are solved: jump, gain energy, sink into walls or bodies."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact import outlines
 from skmpm.implicit import NotConverged
+from skmpm.material import determinant
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme
+from skmpm.simulate.report import Budget
 from skmpm.simulate.start import can_touch
 
 Array = NDArray[np.float64]
@@ -17,10 +19,16 @@ Array = NDArray[np.float64]
 TRAVEL = 1.0  # [cells] in one step; contact finds what is less than a cell deep
 SUNK = 0.05  # [cells] of a point behind a wall
 DEEP = 0.25  # [cells] of one body in another
+GAIN = 1e-6  # of the energies: a minimiser of the incremental potential loses some
 
 
-def check_step(scene: Scene, scheme: Scheme, before: State, after: State) -> float:
+def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> float:
     """Area shared by bodies over the area of all bodies after a step; NotConverged where the step cannot be right."""
+    if scheme.inertia and scheme.theta == 1.0 and budget.gained > GAIN:
+        b = after.body[np.argmin(determinant(after.F))]
+        raise NotConverged(
+            f"body {b}", f"the bodies gain {100 * budget.gained:.2g} % of energy that nothing gave them"
+        )
     if not can_touch(scene):
         return 0.0
     _check_travel(scene, before, after)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
-from skmpm.implicit import Bulk, Increment, Solution, Timer
-from skmpm.scene import Energy, Report, State
+from skmpm.implicit import Bulk, Increment, Solution
+from skmpm.scene import Energy, Report
 
 Array = NDArray[np.float64]
 
@@ -17,12 +19,47 @@ def kinetic_energy(assembly: Assembly, v: Array) -> float:
     return 0.5 * float(v @ (assembly.mass * v))
 
 
-def report_of(
-    before: State, after: State, increment: Increment, solution: Solution, overlap: float, timer: Timer
-) -> Report:
-    """The report of the step from `before` to `after`."""
-    energy = _energy(before.report.energy, after, increment, solution)
-    timer.lap("report")
+@dataclass(frozen=True)
+class Budget:
+    """The energies of one step [J/m]."""
+
+    before: float  # kinetic and elastic
+    kinetic: float
+    elastic: float
+    external: float  # work in the step
+    push_out: float
+
+    @property
+    def gained(self) -> float:
+        """What nothing gave, relative to the largest of all."""
+        after = self.kinetic + self.elastic
+        largest = max(abs(self.before), abs(after), abs(self.external), self.push_out, 1e-300)
+        return (after - self.before - self.external - self.push_out) / largest
+
+
+def budget_of(increment: Increment, solution: Solution, displacement: Array) -> Budget:
+    """The energies of a step that ends at this nodal displacement."""
+    bulk, w, anchored = increment.bulk, solution.w, _at_anchor(increment.bulk)
+    moving = increment.scheme.inertia
+    start, end = (bulk.energy(bulk.at(u)) + anchored for u in (increment.start, displacement))
+    external = float(increment.force @ w * increment.dt - solution.reaction @ increment.told)
+    push_out = 0.0
+    if solution.touching is not None:
+        rows, r = solution.touching.rows, solution.touching.r
+        external -= float(r @ rows.given_components)  # the work of walls and rigid bodies
+        push_out = float(rows.forces(r, increment.dt)[0] @ rows.pushed)
+    return Budget(
+        before=start + (kinetic_energy(bulk.assembly, increment.v0) if moving else 0.0),
+        kinetic=kinetic_energy(bulk.assembly, increment.after(w)) if moving else 0.0,
+        elastic=end,
+        external=external,
+        push_out=push_out,
+    )
+
+
+def report_of(old: Energy, increment: Increment, solution: Solution, budget: Budget, overlap: float) -> Report:
+    """The report of a step but for its times; what goes in and kinetic and elastic energy do not show, is lost."""
+    gained = budget.kinetic + budget.elastic - old.kinetic - old.elastic
     return Report(
         dt=increment.dt,
         newton=solution.newton,
@@ -32,30 +69,13 @@ def report_of(
         imbalance=solution.imbalance,
         settled=solution.touching is not None and solution.touching.settled is not None,
         overlap=overlap,
-        energy=energy,
-        seconds=timer.seconds,
-    )
-
-
-def _energy(old: Energy, after: State, increment: Increment, solution: Solution) -> Energy:
-    """The budget: what goes in from outside and by push-out, and kinetic and elastic energy do not show, is lost."""
-    bulk, w = increment.bulk, solution.w
-    kinetic = kinetic_energy(bulk.assembly, increment.after(w)) if increment.scheme.inertia else 0.0
-    elastic = bulk.energy(bulk.at(after.displacement)) + _at_anchor(bulk)
-    work = increment.force @ w * increment.dt - solution.reaction @ increment.told
-    external, push_out = float(work), 0.0
-    if solution.touching is not None:
-        rows, r = solution.touching.rows, solution.touching.r
-        given = rows.given_components
-        external -= float(r @ given)  # the work of walls and rigid bodies
-        push_out = float(rows.forces(r, increment.dt)[0] @ rows.pushed)
-    gained = kinetic + elastic - old.kinetic - old.elastic
-    return Energy(
-        kinetic=kinetic,
-        elastic=elastic,
-        external=old.external + external,
-        push_out=old.push_out + push_out,
-        dissipated=old.dissipated + external + push_out - gained,
+        energy=Energy(
+            kinetic=budget.kinetic,
+            elastic=budget.elastic,
+            external=old.external + budget.external,
+            push_out=old.push_out + budget.push_out,
+            dissipated=old.dissipated + budget.external + budget.push_out - gained,
+        ),
     )
 
 

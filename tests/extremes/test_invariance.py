@@ -1,0 +1,149 @@
+"""Units, the place of the grid, directions and the order of bodies are the user's choice: results do not know them.
+
+Reference: the same scene in millimetres and MPa, upright, near the origin. Tolerances: units change no equation, so
+only round-off is left, and what twenty steps make of it (asked: 1e-8 for units, the solver tolerance, 1e-6, for the
+rest; 1e-10 is asserted for both, 1e-9 where a body lies thousands of cells from the origin, where positions are rounded).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import SCENES, Dials
+
+import skmpm
+
+STEPS = 20
+BASE = Dials(dt_c_h=3.0)
+UNITS = {
+    "metres": {"length": 1.0},
+    "micrometres": {"length": 1e-6},
+    "kPa": {"stress": 1e3},
+    "GPa": {"stress": 1e9},
+    "aerogel": {"density": 1.0},
+    "all": {"length": 3e-6, "stress": 7e2, "density": 2.7e3},
+}
+SYMMETRIES = {
+    "cells": {"origin": (7.0, -4.0)},
+    "thousands-of-cells": {"origin": (1000.0, -4000.0)},
+    "quarter-turn": {"quarter_turns": 1},
+    "half-turn": {"quarter_turns": 2},
+    "mirror": {"mirrored": True},
+    "mirror-and-turn": {"mirrored": True, "quarter_turns": 3},
+    "order": {},
+}
+
+
+def turn(dials):
+    """The rotation or reflection of a scene, (2, 2)."""
+    quarter = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), dials.quarter_turns)
+    return quarter @ np.diag([-1.0, 1.0]) if dials.mirrored else quarter
+
+
+def changed(case, **dials):
+    """The case with other dials; the grid turns with the scene."""
+    dials = replace(case.dials, **dials)
+    if not dials.order and not dials.quarter_turns and not dials.mirrored:
+        return SCENES[case.name](dials)
+    return SCENES[case.name](replace(dials, offset=tuple(turn(dials) @ np.array(dials.offset))))
+
+
+def ended(case):
+    """After twenty steps, without dimension, upright and in the bodies' own order."""
+    *_, state = skmpm.simulate(case.scene, dt=case.dt, until=STEPS * case.dt, scheme=case.scheme)
+    d, T = case.dials, turn(case.dials).T
+    offsets, order = case.scene.offsets, d.order or range(len(case.scene.bodies))
+    own = np.concatenate([np.arange(offsets[k], offsets[k + 1]) for k in np.argsort(order)])
+    shift = d.cell * (np.array(d.offset) + np.array(d.origin))
+    return {
+        "x": (T @ (state.x - shift[:, None]) / d.length)[:, own],
+        "v": (T @ state.v / (d.closing * d.speed))[:, own],
+        "stress": np.einsum("ia,abn,jb->ijn", T, state.stress, T)[..., own] / d.stress,
+        "walls": T @ state.wall_force.T / (d.stress * d.length),
+    }
+
+
+def apart(one, other):
+    """The largest difference of each field over its largest value."""
+    return {
+        name: float(
+            np.abs(one[name] - other[name]).max(initial=0.0) / max(np.abs(one[name]).max(initial=0.0), 1e-300)
+        )
+        for name in one
+    }
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def reference(request):
+    case = SCENES[request.param](BASE)
+    return case, ended(case)
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_results_do_not_depend_on_units(reference, unit):
+    case, wanted = reference
+    found = apart(wanted, ended(changed(case, **UNITS[unit])))
+    assert max(found.values()) < 1e-10, found
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES)
+def test_results_do_not_depend_on_place_direction_and_order(reference, symmetry):
+    case, wanted = reference
+    dials = SYMMETRIES[symmetry]
+    if symmetry == "order":
+        dials = {"order": tuple(np.random.default_rng(1).permutation(len(case.scene.bodies)).tolist())}
+    found = apart(wanted, ended(changed(case, **dials)))
+    assert max(found.values()) < (1e-9 if symmetry == "thousands-of-cells" else 1e-10), found
+
+
+def test_the_comparison_sees_what_is_not_symmetric(reference):
+    """A grid that stays while the scene turns is another quadrature: the difference shows."""
+    case, wanted = reference
+    turned = SCENES[case.name](replace(case.dials, quarter_turns=1))
+    assert max(apart(wanted, ended(turned)).values()) > 1e-3
+
+
+# --- rest
+
+R, CELL = 1e-3, 1e-3 / 2.5
+GEL = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000.0)
+
+
+def drift(scene, dt, steps, every):
+    """Largest velocities [m/s] and displacements [m] since the first looked-at state, and the energies then and now."""
+    first, found = None, []
+    for k, state in enumerate(skmpm.simulate(scene, dt=dt, until=steps * dt)):
+        if (k + 1) % every:
+            continue
+        first = first or state
+        found.append((np.abs(state.v).max(), np.abs(state.x - first.x).max(), state.report.energy.elastic))
+    return np.array(found).T
+
+
+def test_what_is_not_pushed_does_not_move():
+    """Touching discs without a force, ten thousand steps: to the bit."""
+    discs = [skmpm.Body(skmpm.disc((x, 0.0), R, spacing=CELL / 1.5), GEL) for x in (-R, R)]
+    scene = skmpm.Scene(discs, cell=CELL, walls=[skmpm.Wall((0.0, -R), (0.0, 1.0))], friction=0.5)
+    v, x, _ = drift(scene, 1e-4, 10_000, 2_000)
+    assert v.max() == 0.0
+    assert x.max() == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_pile_at_rest_stays(friction):
+    """Two discs on one another in a box under gravity, ten thousand steps: they settle in the first thousand and stay.
+
+    Between the thousandth and the last step nothing moves by more than 1e-9 of the radius, nor faster than 1e-9 of the
+    speed of a fall from one radius, and the elastic energy stays to 1e-9.
+    """
+    g = 50.0
+    discs = [skmpm.Body(skmpm.disc((0.0, y), R, spacing=CELL / 1.5), GEL) for y in (R, 3.0 * R)]
+    walls = [skmpm.Wall((0.0, 0.0), (0.0, 1.0), friction=friction)]
+    walls += [skmpm.Wall((s * R, 0.0), (-s, 0.0), friction=friction) for s in (-1.0, 1.0)]
+    scene = skmpm.Scene(discs, cell=CELL, walls=walls, friction=friction, gravity=(0.0, -g))
+    v, x, elastic = drift(scene, 1e-4, 10_000, 1_000)
+    assert v.max() < 1e-9 * np.sqrt(2.0 * g * R)
+    assert x.max() < 1e-9 * R
+    np.testing.assert_allclose(elastic, elastic[0], rtol=1e-9)
+    assert elastic[0] > 0.0
