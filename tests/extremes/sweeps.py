@@ -41,8 +41,8 @@ def case_of(name: str, setting: Setting) -> Case:
     return (SCENES | {"crush": crush})[name](Dials(**setting.dials))
 
 
-def limited(case: Case, seconds: int) -> Outcome:
-    """Examine a case; "too long" when it has not ended after so much processor time."""
+def limited(case: Case, seconds: int, **options: int) -> Outcome:
+    """Examine a case with `options`; "too long" when it has not ended after so much processor time."""
 
     def stop(*_):
         raise TimeoutError
@@ -50,7 +50,7 @@ def limited(case: Case, seconds: int) -> Outcome:
     before = signal.signal(signal.SIGPROF, stop)
     signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
-        return examine(case)
+        return examine(case, **options)
     except TimeoutError:
         return Outcome(kind="too long", message=f"not done within {seconds} s")
     finally:
