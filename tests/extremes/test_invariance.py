@@ -137,9 +137,9 @@ def test_what_is_not_pushed_does_not_move():
 
 @pytest.mark.slow
 def test_a_pile_at_rest_stays():
-    """Two discs on one another in a box under gravity, ten thousand steps: they settle in the first thousand and stay.
+    """Two discs on one another in a box under gravity, ten thousand steps: settled in the first thousand, they stay.
 
-    What moves later is what Newton's tolerance, 1e-6 of the weight, leaves in a step: velocities of at most 5e-6 g dt.
+    What moves later is what Newton's tolerance, 1e-6 of the weight, leaves in a step: velocities up to 5e-6 g dt.
     Friction holds velocities, not places, so this adds up to a creep: at most 2e-7 R, and 3e-4 of the elastic energy.
     """
     v, x, elastic = drift(pile(GRAVITY), DT, 10_000, 1_000)
