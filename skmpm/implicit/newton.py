@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,11 +19,9 @@ Array = NDArray[np.float64]
 
 DEPTH = 15  # directions that acceleration remembers
 CAUTION = 0.5  # share of a direction that is gone once the iteration converges slowly
-PATIENCE = 20  # iterations after which normals turn no more
-HASTE = 8  # iterations of fast convergence, before it is tried with more care
+HASTE = 8  # iterations with contacts; it takes three where all is well, and two shorter steps take less than many
 STUCK = 0.8  # share of the imbalance left by an iteration that tells of a contact about to snap
 FREE = 0.05  # the best rate to count on where nothing holds bodies
-REST = 3  # iterations between two factorisations in one careful step
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
 FAR, NEAR = 20.0, 500.0  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
@@ -51,41 +48,19 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     How the forces of loaded contacts turn is part of the contact problem, so convergence is fast with the matrix of
     the velocity to start from; a new one is made where it is not. Where a contact is about to snap there may be
     nothing to converge to: then normals stay as they are, and gaps, Signorini's and Coulomb's laws are solved along
-    them. What has not converged after `HASTE` iterations starts again with more care: with Anderson's acceleration,
-    few matrices, and normals that settle only after `PATIENCE` iterations.
+    them. With inertia, contacts that have not converged after `HASTE` iterations are left to a shorter step.
 
     Raises
     ------
     NotConverged
-        after `max_newton` iterations, or when the contact solver or the line search fails
+        after these, or `max_newton`, iterations, or when the contact solver or the line search fails
     """
     if touching is None:
         _check_balance(step)
-        return _iterate(step, None, kept, timer, Effort(), careful=False)
-    hasty, effort = copy(touching), Effort()
-    try:
-        return _iterate(step, hasty, kept, timer, effort, careful=False)
-    except NotConverged:
-        touching.iterations = hasty.iterations
-        return _iterate(step, touching, kept, timer, effort, careful=True)
-
-
-@dataclass
-class Effort:
-    """What the iterations of a step cost so far."""
-
-    newton: int = 0
-    factorised: int = 0
-
-
-def _iterate(
-    step: Increment, touching: Touching | None, kept: Solver | None, timer: Timer, effort: Effort, *, careful: bool
-) -> Solution:
-    """Newton's iteration, in haste or with care."""
     scheme, w, solver = step.scheme, _first(step), kept
-    at, projected, before, newest = step.at(w), False, np.inf, 0
+    at, projected, before, factorised = step.at(w), False, np.inf, 0
     mixing, share = Mixing(step.bulk.assembly.mass), 1.0
-    limit = scheme.max_newton if careful or touching is None else min(HASTE, scheme.max_newton)
+    limit = min(HASTE, scheme.max_newton) if touching and scheme.inertia else scheme.max_newton
     for iteration in range(limit + 1):
         gradient, size = step.gradient(w, at)
         push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
@@ -95,29 +70,26 @@ def _iterate(
         if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
             reaction = step.reaction(gradient - push)
             w = step.balanced(w, push)
-            return Solution(w, touching, effort.newton, effort.factorised, residual, imbalance, reaction, solver)
+            return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
-        rested = imbalance > 0.5 * before and iteration - newest > REST
-        far = rested if careful else _late(step, touching, iteration, imbalance, before)
-        if solver is None or (far and not step.bulk.linear):
+        late = _late(step, touching, iteration, imbalance, before)
+        if solver is None or (late and not step.bulk.linear):
             solver = None  # the factors of two matrices need not be in memory at once
             if touching:
                 touching.response = None
             solver, projected = _factorised(step, at, projected and imbalance > 0.01)
-            effort.factorised, newest = effort.factorised + 1, iteration
+            factorised += 1
             timer.lap("factorisation")
         share = CAUTION if touching and stuck else share
-        snaps = touching and (touching.lost > 0 or stuck)
-        if touching and touching.settled is None and (iteration == PATIENCE if careful else snaps):
+        if touching and touching.settled is None and (touching.lost > 0 or stuck):
             touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
         before = imbalance
         if touching:
             direction, push = touching.solve(solver, gradient)
         else:
             direction = -solver(gradient)
-        mixed = mixing.mixed(w, direction, share, wanted=slow or careful)
+        mixed = mixing.mixed(w, direction, share, wanted=slow)
         w, at = _move(step, w, at, direction, mixed, gradient - push, push)
-        effort.newton += 1
         timer.lap("bulk")
     raise NotConverged(
         worst_body(step.bulk.assembly.sheets, step.unsupported(gradient - push)),
