@@ -49,12 +49,13 @@ class Contacts:
 
 @dataclass(frozen=True)
 class Energy:
-    """The energy budget [J/m]; the last three are sums since t = 0."""
+    """The energy budget [J/m]; what is not kinetic or elastic is a sum since t = 0."""
 
     kinetic: float = 0.0
     elastic: float = 0.0  # with the ghost penalty's share
     external: float = 0.0  # work of gravity, loads, walls and supports
     push_out: float = 0.0  # work of contacts that remove an overlap left by an earlier step
+    relaid: float = 0.0  # what laying the sheets anew made of the points' energy, more or less
     dissipated: float = 0.0  # what is missing: friction, impacts, the time scheme, the transfer
 
 

@@ -55,7 +55,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
         message = f"the step from t = {state.t:.6g} s with dt = {dt:.3g} s failed: {error}"
         raise StepFailed(message, given, curable=getattr(error, "curable", True)) from error
-    report = report_of(state.report.energy, increment, solution, budget, overlap)
+    relaid = state.x_anchor is not given.x_anchor
+    report = report_of(given.report.energy, increment, solution, budget, overlap, relaid=relaid)
     return replace(after, report=replace(report, seconds=timer.seconds))
 
 

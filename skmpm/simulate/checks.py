@@ -26,9 +26,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     """Area shared by bodies over the area of all bodies after a step; NotConverged where the step cannot be right."""
     if scheme.inertia and scheme.theta == 1.0 and budget.gained > GAIN:
         b = after.body[np.argmin(determinant(after.F))]
-        raise NotConverged(
-            f"body {b}", f"the bodies gain {100 * budget.gained:.2g} % of energy that nothing gave them"
-        )
+        raise NotConverged(f"body {b}", f"the bodies gain {100 * budget.gained:.2g} % of energy from nothing")
     if not can_touch(scene):
         return 0.0
     _check_travel(scene, before, after)

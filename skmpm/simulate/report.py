@@ -57,9 +57,16 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
     )
 
 
-def report_of(old: Energy, increment: Increment, solution: Solution, budget: Budget, overlap: float) -> Report:
-    """The report of a step but for its times; what goes in and kinetic and elastic energy do not show, is lost."""
-    gained = budget.kinetic + budget.elastic - old.kinetic - old.elastic
+def report_of(
+    old: Energy, increment: Increment, solution: Solution, budget: Budget, overlap: float, *, relaid: bool
+) -> Report:
+    """The report of a step but for its times; what goes in and kinetic and elastic energy do not show, is lost.
+
+    `relaid` tells whether the step began with new sheets.
+    """
+    before = old.kinetic + old.elastic
+    anew = budget.before - before if relaid else 0.0
+    gained = budget.kinetic + budget.elastic - before
     return Report(
         dt=increment.dt,
         newton=solution.newton,
@@ -74,7 +81,8 @@ def report_of(old: Energy, increment: Increment, solution: Solution, budget: Bud
             elastic=budget.elastic,
             external=old.external + budget.external,
             push_out=old.push_out + budget.push_out,
-            dissipated=old.dissipated + budget.external + budget.push_out - gained,
+            relaid=old.relaid + anew,
+            dissipated=old.dissipated + budget.external + budget.push_out + anew - gained,
         ),
     )
 

@@ -138,7 +138,7 @@ class Watch:
         names = ("x", "v", "F", "C", "stress", "volume", "weight", "displacement", "wall_force", "walls")
         arrays = [getattr(state, name) for name in names] + [state.contacts.force, state.contacts.gap]
         energy = state.report.energy
-        numbers = (energy.kinetic, energy.elastic, energy.external, energy.push_out, energy.dissipated)
+        numbers = (energy.kinetic, energy.elastic, energy.external, energy.push_out, energy.relaid, energy.dissipated)
         if all(np.isfinite(a).all() for a in arrays) and np.isfinite(numbers).all():
             return True
         self.found.setdefault("finite", f"not finite at t = {state.t:.6g} s, step {self.steps}")
@@ -181,7 +181,7 @@ class Watch:
             )
         sizes = (self.largest, abs(self.external), energy.kinetic, energy.elastic, energy.push_out)
         self.largest = max(sizes)
-        allowed = self.start + self.external + self.rounded + energy.push_out
+        allowed = self.start + self.external + self.rounded + energy.push_out + energy.relaid
         scale = max(self.largest, 1e-300)
         if self.case.scheme.theta == 1.0:  # other rules may gain
             self._limit("energy gained", (kinetic + elastic - allowed) / scale, ENERGY, new, "energy gained")
