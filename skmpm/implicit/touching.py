@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from time import perf_counter
 
 import numpy as np
@@ -73,6 +74,11 @@ class Touching:
     response: Response | None = None  # for the last solver
     settled: Rows | None = None  # rows whose normals are kept from now on
     normal: Array | None = None  # (2, k) along which the forces act, if this step found them
+
+    @cached_property
+    def extent(self) -> float:
+        """How far from the origin things are [m]."""
+        return float(np.abs(self.step.bulk.assembly.sheets.position).max(initial=0.0))
 
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
@@ -201,8 +207,9 @@ class Touching:
         return r, info.linear
 
     def _measure_by(self, diagonal: Array, q: Array) -> None:
-        """Make residuals relative to the size of q."""
-        size = float(np.linalg.norm(q / np.sqrt(np.maximum(diagonal, 1e-300))))
+        """Make residuals relative to the size of q, or to what the rounding of positions makes of it."""
+        noise = 4.0 * np.finfo(float).eps * self.extent / self.step.dt
+        size = float(np.linalg.norm(np.maximum(np.abs(q), noise) / np.sqrt(np.maximum(diagonal, 1e-300))))
         scale = diagonal.reshape(-1, 2).T if self.rows.tangential else np.stack([diagonal, diagonal])
         self.last = Measure(self.rows.key, scale, max(size, 1e-300))
 

@@ -13,6 +13,8 @@ from skmpm.scene import Energy, Report
 
 Array = NDArray[np.float64]
 
+ROUNDING = 100.0 * float(np.finfo(float).eps)  # of strains
+
 
 def kinetic_energy(assembly: Assembly, v: Array) -> float:
     """Kinetic energy of nodal velocities (2 nodes,) [J/m]."""
@@ -28,12 +30,13 @@ class Budget:
     elastic: float
     external: float  # work in the step
     push_out: float
+    noise: float  # of energies, by rounding
 
     @property
     def gained(self) -> float:
         """What nothing gave, relative to the largest of all."""
         after = self.kinetic + self.elastic
-        largest = max(abs(self.before), abs(after), abs(self.external), self.push_out, 1e-300)
+        largest = max(abs(self.before), abs(after), abs(self.external), self.push_out, self.noise)
         return (after - self.before - self.external - self.push_out) / largest
 
 
@@ -54,6 +57,7 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
         elastic=end,
         external=external,
         push_out=push_out,
+        noise=max(ROUNDING**2 * bulk.modulus * float(bulk.assembly.volume.sum()), 1e-300),
     )
 
 
