@@ -51,6 +51,7 @@ class Dials:
     stress: float = 10e6  # E [Pa]
     density: float = 990.0  # [kg/m3]
     scheme: dict[str, Any] = field(default_factory=dict)  # further options of Scheme
+    loose: tuple[float, ...] = field(default=LOOSE, repr=False)  # solid fractions to try to pack discs at
 
     @property
     def cell(self) -> float:
@@ -180,13 +181,13 @@ def _packed(n: int, dials: Dials) -> tuple[np.ndarray, np.ndarray, float, float]
     if dials.shape == "disc":
         radii = np.random.default_rng(dials.seed).uniform(*RADII, n) / np.mean(RADII)
         width = max(float(np.sqrt(np.pi * (radii**2).sum() / 0.84)), 2.05 * radii.max())
-        for fraction in LOOSE:  # a few discs do not pack as densely as many
+        for fraction in dials.loose:  # a few discs do not pack as densely as many
             try:
                 placed = skmpm.packing(radii, width, solid_fraction=fraction, seed=dials.seed)
             except skmpm.PackingError:
                 continue
             return placed.centres, placed.radii, placed.width, placed.height
-        raise ValueError(f"{n} discs do not pack at a solid fraction of {LOOSE[-1]}")
+        raise ValueError(f"{n} discs do not pack at a solid fraction of {dials.loose[-1]}")
     pitch, columns = 2.02, int(np.ceil(np.sqrt(n)))
     number = np.arange(n)
     centres = 1.01 + pitch * np.stack([number % columns, number // columns])
