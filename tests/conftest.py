@@ -8,6 +8,9 @@ from hypothesis import settings
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)
+settings.register_profile(
+    "nightly", deadline=None, max_examples=1000, print_blob=True
+)  # --hypothesis-profile=nightly
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 
