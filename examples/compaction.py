@@ -42,7 +42,11 @@ COLUMNS = [
 ]
 CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor", "settled")
 LID = 1  # its place among the walls
-SPEED = 2.0  # of the lid [m/s]
+SCHEMES = {
+    "balanced": skmpm.Scheme(),
+    "seed": skmpm.Scheme.seed(),
+    "forgetful": skmpm.Scheme(anchor=0.0),  # sheets anew at every step, contact as in "balanced"
+}
 WAVE = 10e6 * (1.0 - 0.45) / (1.0 + 0.45) / (1.0 - 2.0 * 0.45) / 990.0  # pressure waves, c^2 [m2/s2]
 
 
@@ -60,12 +64,12 @@ def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
     ]
     walls = [
         skmpm.Wall((0.0, 0.0), (0.0, 1.0)),
-        skmpm.Wall((0.0, discs.height), (0.0, -1.0), velocity=(0.0, -SPEED)),
+        skmpm.Wall((0.0, discs.height), (0.0, -1.0), velocity=(0.0, -options.speed)),
         skmpm.Wall((0.0, 0.0), (1.0, 0.0)),
         skmpm.Wall((width, 0.0), (-1.0, 0.0)),
     ]
     scene = skmpm.Scene(bodies, cell=options.cell, walls=walls, friction=options.friction)
-    return scene, (discs.height - solid / (width * options.until)) / SPEED
+    return scene, (discs.height - solid / (width * options.until)) / options.speed
 
 
 def row(
@@ -165,7 +169,7 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
     options.out.mkdir(parents=True, exist_ok=True)
     began = perf_counter()
     scene, until = build(options)
-    scheme = skmpm.Scheme.seed() if options.scheme == "seed" else skmpm.Scheme()
+    scheme = SCHEMES[options.scheme]
     print(skmpm.report(scene, options.dt, scheme=scheme))
     start = skmpm.initial(scene, scheme=scheme)
     points = start.x.shape[1]
@@ -255,11 +259,12 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--friction", type=float, default=0.5, help="between discs; the walls have none")
     options.add_argument("--cell", type=float, default=0.19e-3, help="side of a grid cell [m]")
     options.add_argument("--spacing", type=float, default=0.14e-3, help="distance of material points [m]")
+    options.add_argument("--speed", type=float, default=2.0, help="of the lid [m/s]")
     options.add_argument("--dt", type=float, default=8e-6, help="time step [s]")
     options.add_argument("--seed", type=int, default=0, help="of the radii and the packing")
     options.add_argument("--start", type=float, default=0.70, help="nominal solid fraction of the packing")
     options.add_argument("--until", type=float, default=0.95, help="nominal solid fraction at the end")
-    options.add_argument("--scheme", choices=("balanced", "seed"), default="balanced")
+    options.add_argument("--scheme", choices=SCHEMES, default="balanced")
     options.add_argument("--every", type=int, default=10, help="steps between frames of the ParaView series")
     options.add_argument("--out", type=Path, default=Path("out/compaction"), help="directory of the results")
     return options

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from itertools import chain
 
 import compaction
 import numpy as np
@@ -19,18 +20,18 @@ def main(discs: int = 60, until: float = 0.92, steps: int = 240) -> list[tuple[f
     options = compaction.parser().parse_args(["--discs", str(discs), "--friction", "0", "--until", str(until)])
     scene, stop = compaction.build(options)
     print(skmpm.report(scene, options.dt))
-    *_, state = skmpm.simulate(scene, dt=options.dt, until=stop)
+    *_, squeezed = skmpm.simulate(scene, dt=options.dt, until=stop)
     lid = scene.walls[compaction.LID]
     walls = [replace(wall, velocity=(0.0, 0.0)) if wall is lid else wall for wall in scene.walls]
     held = replace(scene, walls=walls)
     table = []
-    for step in range(steps + 1):
+    after = skmpm.simulate(held, dt=options.dt, until=stop + steps * options.dt, start=squeezed)
+    for step, state in enumerate(chain([squeezed], after)):
         energy, points = state.report.energy, np.bincount(state.body)
         turning = options.dt * np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / points
         table.append((energy.kinetic, energy.elastic, float(np.abs(turning).max())))
         if step % 40 == 0:
             print("step {:4d}  kinetic {:.4f}  elastic {:.4f}  turning {:.4f}".format(step, *table[-1]))
-        state = skmpm.step(held, state, options.dt)
     return table
 
 

@@ -1,0 +1,102 @@
+"""The study in small: all members, a cut in the middle, and what a rerun does."""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def study(monkeypatch):
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    import study
+
+    yield study
+    for name in ("study", "compaction"):
+        sys.modules.pop(name, None)
+
+
+def table(folder):
+    """Rows without the clock."""
+    with (folder / "observables.csv").open() as file:
+        return [{k: v for k, v in line.items() if k != "seconds"} for line in csv.DictReader(file)]
+
+
+SMALL = ["--discs", "12", "--seeds", "2", "--start", "0.6", "--until", "0.7"]
+
+
+def test_members_are_what_the_study_needs(study):
+    found = study.members(study.parser().parse_args(SMALL))
+    assert sum(name.startswith(("mu0_", "mu0.5_")) for name in found) == 4
+    assert {about["friction"] for about in found.values()} == {0.0, 0.5}
+    assert found["fine_mu0"]["cell"] == pytest.approx(0.95e-3 / 8)
+    assert found["seed_mu0_r6"]["scheme"] == "seed"
+    assert found["seed_mu0_r6"]["dt"] == 0.5e-6
+    assert found["slow_mu0.5"]["speed"] == 0.5
+    for about in found.values():
+        assert vars(study.compaction.parser().parse_args([])).keys() >= about.keys()
+
+
+def test_an_interrupted_member_goes_on_from_its_checkpoint(study, monkeypatch, tmp_path):
+    """Cut after twenty steps: the table and the last state are those of a run that was not cut."""
+    chosen = study.members(study.parser().parse_args(SMALL))["mu0.5_seed1"]
+    study.run("whole", chosen, tmp_path, {})
+    simulate = study.skmpm.simulate
+
+    def cut(*args, **options):
+        for k, state in enumerate(simulate(*args, **options)):
+            yield state
+            if k == 19:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(study.skmpm, "simulate", cut)
+    with pytest.raises(KeyboardInterrupt):
+        study.run("cut", chosen, tmp_path, {})
+    monkeypatch.setattr(study.skmpm, "simulate", simulate)
+    assert len(table(tmp_path / "cut")) == 20
+    study.run("cut", chosen, tmp_path, {})
+    assert table(tmp_path / "cut") == table(tmp_path / "whole")
+    whole, again = (json.loads((tmp_path / name / "manifest.json").read_text()) for name in ("whole", "cut"))
+    assert again == whole
+    assert whole["finished"]
+
+
+def test_what_is_finished_is_not_run_again_and_what_is_other_is_refused(study, monkeypatch, tmp_path):
+    chosen = study.members(study.parser().parse_args(SMALL))["mu0_seed0"] | {"until": 0.61}
+    study.run("member", chosen, tmp_path, {})
+
+    def never(*args, **options):
+        raise AssertionError("run again")
+
+    monkeypatch.setattr(study.compaction, "build", never)
+    study.run("member", chosen, tmp_path, {})
+    monkeypatch.undo()
+    with pytest.raises(SystemExit, match="other parameters; delete"):
+        study.run("member", chosen | {"until": 0.62}, tmp_path, {})
+
+
+def test_a_member_that_fails_says_so_and_keeps_its_table(study, monkeypatch, tmp_path):
+    chosen = study.members(study.parser().parse_args(SMALL))["mu0_seed0"]
+    monkeypatch.setitem(study.compaction.SCHEMES, "balanced", study.skmpm.Scheme(max_newton=1))
+    study.run("member", chosen, tmp_path, {})
+    about = json.loads((tmp_path / "member" / "manifest.json").read_text())
+    assert not about["finished"]
+    assert "no convergence in 1 Newton iterations" in about["failed"]
+    assert len(table(tmp_path / "member")) > 1
+
+
+@pytest.mark.slow
+def test_the_whole_study_in_small(study, tmp_path):
+    """Two seeds in two processes; the rest of the members is cut to what shows that they run."""
+    options = study.parser().parse_args(
+        [*SMALL, "--out", str(tmp_path), "--processes", "2", "--only", "mu", "forgetful"]
+    )
+    study.main(options)
+    for name in ("mu0_seed0", "mu0_seed1", "mu0.5_seed0", "mu0.5_seed1", "forgetful_mu0.5"):
+        about = json.loads((tmp_path / name / "manifest.json").read_text())
+        assert about["finished"], name
+        assert float(table(tmp_path / name)[-1]["solid_fraction_nominal"]) == pytest.approx(0.7, abs=1e-6)
