@@ -19,7 +19,7 @@ from time import process_time
 import numpy as np
 from checks import Outcome, difference, examine
 from scenes import SCENES, Case, Dials, crush, gap_of
-from settings import COLUMNS, KEPT, LIMIT, SWEEPS, WORST, Setting, columns, read, write
+from settings import ALL, COLUMNS, KEPT, LIMIT, SWEEPS, WORST, Setting, columns, read, write
 
 import skmpm
 
@@ -136,12 +136,12 @@ def sweep(dial: str, again: Sequence[str] = ()) -> None:
             write(dial, rows)
 
 
-def compare(dial: str) -> None:
+def compare(dial: str, scenes: Sequence[str] = ALL) -> None:
     """Find the errors of what ended right, where there is a reference to find."""
     rows = {(row["setting"], row["scene"]): row for row in read(dial)}
     for setting, name in columns(dial):
         row = rows.get((setting.label, name))
-        if not (row and setting.compared and row["kind"] == "right" and row["error"] == "nan"):
+        if not (row and name in scenes and setting.compared and row["kind"] == "right" and row["error"] == "nan"):
             continue
         case = case_of(name, setting)
         row["error"] = f"{difference(json.loads(row['ends']), reference(case), name):.2g}"

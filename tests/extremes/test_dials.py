@@ -1,6 +1,6 @@
 """Every dial at its ends and in the middle: a right answer or one clear error.
 
-Problem: the scenes of docs/stability.md, the squeeze with 4 discs at R/h = 2.5 and a faster lid. Reference and
+Problem: the scenes of docs/stability.md, the squeeze with 3 discs at R/h = 2 and a faster lid. Reference and
 tolerances: the limits of `checks.py`, which are stated on that page. The full sweeps are run by `sweeps.py`.
 """
 
@@ -16,7 +16,7 @@ from sweeps import case_of, limited, measure
 
 import skmpm
 
-SMALL = {"bodies": 4, "cells": 2.5, "steps": 30, "closing": 0.1}
+SMALL = {"bodies": 3, "cells": 2.0, "steps": 20, "closing": 0.1}
 LONG = 60  # [s] of the processor: no run may take it
 CLEAR = {"right", "StepFailed", "SceneError"}
 
@@ -37,10 +37,10 @@ RIGHT = [
     *must_be_right("dt", ("0.001", "1", "32")),
     *must_be_right("nu", ("0", "0.499 cured")),
     *must_be_right("nu", ("-0.9",), ("fall", "collision")),
-    *must_be_right("stiffness", ("100",)),
-    *must_be_right("stiffness", ("1e+08",), ("fall", "collision")),
+    *must_be_right("stiffness", ("100", "1e+08"), ("fall", "collision")),
     *must_be_right("density", ("100", "1e+08"), ("fall", "collision")),
-    *must_be_right("friction", ("0", "1", "100"), ("collision", "squeeze")),
+    *must_be_right("friction", ("0", "1"), ("collision", "squeeze")),
+    *must_be_right("friction", ("100",), ("collision",)),
     *must_be_right("closing", ("1e-06", "0.001", "0.1")),
     *must_be_right("points", ("1", "9")),
     *must_be_right("cells", ("1.5", "8"), ("fall", "collision")),
@@ -52,7 +52,8 @@ CLEAR_END = [
     *must_be_right("dt", ("1000",)),
     *must_be_right("nu", ("0.49999",)),
     *must_be_right("nu", ("-0.9",), ("squeeze",)),
-    *must_be_right("density", ("100",), ("squeeze",)),
+    *must_be_right("stiffness", ("100",), ("squeeze",)),
+    *must_be_right("friction", ("100",), ("squeeze",)),
     *must_be_right("closing", ("1",)),
     *must_be_right("points", ("0.5",)),
     *must_be_right("fraction", ("1.1",), ("squeeze",)),
