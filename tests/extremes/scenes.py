@@ -178,23 +178,23 @@ def _duration(usual: float, dials: Dials) -> float:
 
 
 @cache
-def packed_discs(n: int, seed: int) -> tuple[np.ndarray, np.ndarray, float, float]:
+def packed_discs(n: int, seed: int, loose: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Centres (2, n), radii (n,), width and height of the box, for discs as dense as so many can be packed."""
     radii = np.random.default_rng(seed).uniform(*RADII, n) / np.mean(RADII)
     width = max(float(np.sqrt(np.pi * (radii**2).sum() / 0.84)), 2.05 * radii.max())
-    for fraction in LOOSE:  # a few discs do not pack as densely as many
+    for fraction in loose:  # a few discs do not pack as densely as many
         try:
             placed = skmpm.packing(radii, width, solid_fraction=fraction, seed=seed)
         except skmpm.PackingError:
             continue
         return placed.centres, placed.radii, placed.width, placed.height
-    raise ValueError(f"{n} discs do not pack at a solid fraction of {LOOSE[-1]}")
+    raise ValueError(f"{n} discs do not pack at a solid fraction of {loose[-1]}")
 
 
 def _packed(n: int, dials: Dials) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Centres (2, n), radii (n,), width and height of the box."""
     if dials.shape == "disc":
-        return packed_discs(n, dials.seed)
+        return packed_discs(n, dials.seed, dials.loose)
     pitch, columns = 2.02, int(np.ceil(np.sqrt(n)))
     number = np.arange(n)
     centres = 1.01 + pitch * np.stack([number % columns, number // columns])
