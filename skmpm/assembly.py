@@ -20,6 +20,8 @@ from skmpm.grid import Sheets
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+FLOOR = 1e-12  # of the heaviest point: the least mass of a node
+
 # Corners, in the order of `forms.reference_ghost`, of the lower (0) and upper (1) cell beside a facet with
 # normal x and with normal y.
 GHOST_CORNERS = (
@@ -57,7 +59,8 @@ class Assembly:
 
     sheets: Sheets
     volume: Array  # (n,) volumes of the points in the anchor configuration [m2]
-    mass: Array  # (2 nodes,) lumped mass of every unknown [kg/m]
+    lumped: Array  # (2 nodes,) mass of the points at every unknown [kg/m]
+    mass: Array  # (2 nodes,) the same, more than zero [kg/m]
     ghost: sp.csr_array  # (nodes, nodes) ghost stiffness, the same for both components [Pa]
     moments: sp.csr_array  # (6 cells, n) monomials of the local coordinates, times volume / cell^2
     indices: Ints  # block columns and row pointers of the pattern of A
@@ -119,10 +122,7 @@ class Assembly:
 
 def lumped_mass(sheets: Sheets, mass: Array) -> Array:
     """Lumped mass of every unknown (2 nodes,) from the points' masses (n,) [kg/m] (seed, eq. 6)."""
-    nodal = sheets.interpolation.T @ mass
-    # A point exactly on a grid line leaves a node without mass, where a velocity would be 0/0.
-    floor = 1e-12 * float(mass.max(initial=0.0))
-    return np.repeat(np.maximum(nodal, floor), 2)
+    return np.repeat(sheets.interpolation.T @ mass, 2)
 
 
 def ghost_facets(sheets: Sheets, volume: Array, threshold: float = 0.6) -> tuple[Ints, Ints]:
@@ -172,10 +172,13 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
     monomials = sheets.local[0] ** MONOMIALS[0][:, None] * sheets.local[1] ** MONOMIALS[1][:, None] * weight
     rows = np.arange(6)[:, None] * sheets.cells + sheets.cell_of_point
     moments = sp.csr_array((monomials.ravel(), (rows.ravel(), np.tile(np.arange(n), 6))), shape=(6 * sheets.cells, n))
+    lumped = lumped_mass(sheets, mass)
     return Assembly(
         sheets=sheets,
         volume=volume,
-        mass=lumped_mass(sheets, mass),
+        lumped=lumped,
+        # A point exactly on a grid line leaves a node without mass, where a velocity would be 0/0.
+        mass=np.maximum(lumped, FLOOR * float(mass.max(initial=0.0))),
         ghost=sp.csr_array((ghost, keys % nodes, indptr), shape=(nodes, nodes)),
         moments=moments,
         indices=keys % nodes,

@@ -102,8 +102,9 @@ class Increment:
         if not self.scheme.inertia or self.supports is not None:
             return w
         sheets = self.bulk.assembly.sheets
-        imbalance = self.mass * (w - self.rest) - self._reach * self.force - push
-        left, mass = (_by_body(sheets, a) for a in (imbalance, self.mass))
+        lumped = self.bulk.assembly.lumped
+        imbalance = lumped * (w - self.rest) - self._reach * self.force - push
+        left, mass = (_by_body(sheets, a) for a in (imbalance, lumped))
         return np.asarray(w - (left / np.maximum(mass, 1e-300))[sheets.node_body].ravel())
 
     def unsupported(self, gradient: Array) -> Array:
