@@ -307,7 +307,7 @@ def ends(case: Case, state: skmpm.State, impulse: np.ndarray) -> dict[str, float
     m, body = state.mass, state.body
     total = np.bincount(body, m)
     v = np.stack([np.bincount(body, m * component) for component in state.v]) / total
-    turn = np.bincount(body, m * 0.5 * (state.C[1, 0] - state.C[0, 1])) / total
+    turn = np.bincount(body, m * rotation_rate(state)) / total
     if case.name in ("squeeze", "crush"):
         found = {"impulse": float(np.linalg.norm(impulse)) * d.speed / (d.stress * d.length**2)}
         points = case.dials.shape == "point"
@@ -316,6 +316,13 @@ def ends(case: Case, state: skmpm.State, impulse: np.ndarray) -> dict[str, float
     if len(total) > 1 and case.name == "collision":
         values |= {"velocity x of 2": v[0, 1], "velocity y of 2": v[1, 1], "spin of 2": turn[1] * d.length}
     return {name: float(value / c) for name, value in values.items()}
+
+
+def rotation_rate(state: skmpm.State) -> np.ndarray:
+    """Of the points, (n,) [1/s]: the skew part of C F_rel^-1, as C is by positions at the anchor."""
+    F, A = np.moveaxis(state.F, -1, 0), np.moveaxis(state.F_anchor, -1, 0)
+    L = np.moveaxis(state.C, -1, 0) @ A @ np.linalg.inv(F)
+    return 0.5 * (L[:, 1, 0] - L[:, 0, 1])
 
 
 def elongation(state: skmpm.State) -> np.ndarray:

@@ -50,10 +50,8 @@ def of_bodies(n, **options):
     """A number of bodies, coarse if they are many."""
     if n <= 30:
         return Setting(f"{n}", {"bodies": n, **options}, compared=False)
-    steps = {100: 15, 300: 5, 1000: 3, 3000: 2}[n]
-    return Setting(
-        f"{n}", {"bodies": n, "cells": 3.0, "steps": steps, "closing": 0.2, **options}, limit=1200, compared=False
-    )
+    steps = {100: 30, 300: 15, 1000: 8, 3000: 5}[n]
+    return Setting(f"{n}", {"bodies": n, "cells": 3.0, "steps": steps, **options}, limit=1200, compared=False)
 
 
 SWEEPS = {
@@ -71,15 +69,15 @@ SWEEPS = {
     "closing": along("closing", (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.04, 0.1, 0.3, 1.0)),
     "points": [
         *along("points_per_cell", (0.5, 1.0, 1.83, 4.0, 9.0)),
-        few("points_per_cell", 25.0, 10),
-        few("points_per_cell", 100.0, 3),
+        few("points_per_cell", 25.0, 30),
+        few("points_per_cell", 100.0, 10),
     ],
     "cells": [
         *along("cells", (1.5, 2.0, 3.0, 5.0, 8.0)),
-        few("cells", 12.0, 15),
-        few("cells", 20.0, 5),
-        few("cells", 40.0, 5, ("fall", "collision")),
-        few("cells", 80.0, 3, ("fall", "collision")),
+        few("cells", 12.0, 60),
+        few("cells", 20.0, 20),
+        few("cells", 40.0, 15, ("fall", "collision")),
+        few("cells", 80.0, 5, ("fall", "collision")),
     ],
     "offset": [
         Setting("centre on a node", {"offset": (0.0, 0.0)}),
