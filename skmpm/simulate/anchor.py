@@ -62,7 +62,7 @@ def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
 def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
     """Sheets through the anchor positions, and what stays as long as they do."""
     own, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
-    x, inward = state.x_anchor, _inward(scene, state.x_anchor)
+    x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
     sheets = lay(x[:, own], state.body[own], scene.cell, len(scene.bodies), inward[:, own])
     volume = (scene.initial_volumes * determinant(state.F_anchor))[own]
     weights = _weights(scene, sheets, volume, x) if scheme.fitted else volume
@@ -126,7 +126,7 @@ def _inverse(F: Array) -> Array:
     return np.array([[F[1, 1], -F[0, 1]], [-F[1, 0], F[0, 0]]]) / determinant(F)
 
 
-def _inward(scene: Scene, x: Array) -> Array:
+def inward_normals(scene: Scene, x: Array) -> Array:
     """Inward normals of the rim points, zero elsewhere, (2, n)."""
     inward = np.zeros_like(x)
     rim = scene.outlines

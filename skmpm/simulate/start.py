@@ -22,7 +22,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     x, volume = scene.initial_positions, scene.initial_volumes
     body = np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
     density = np.array([b.material.density for b in scene.bodies])
-    v, C = _initial_motion(scene)
+    v, C = initial_motion(scene)
     n = x.shape[1]
     state = State(
         t=0.0,
@@ -63,7 +63,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     return replace(state, contacts=contacts, report=at_start)
 
 
-def _initial_motion(scene: Scene) -> tuple[Array, Array]:
+def initial_motion(scene: Scene) -> tuple[Array, Array]:
     """Velocities (2, n) [m/s] of the points at t = 0 and their gradients (2, 2, n) [1/s]."""
     v, C = [], []
     for body in scene.bodies:

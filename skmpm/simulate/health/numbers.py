@@ -15,8 +15,8 @@ from skmpm.material import Rigid
 from skmpm.scene import Scene, motion
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.anchor import _inward
-from skmpm.simulate.start import _initial_motion, can_touch
+from skmpm.simulate.anchor import inward_normals
+from skmpm.simulate.start import initial_motion, can_touch
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -63,7 +63,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
     sheets, width = _sheets(scene, body)
     solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
     lid_name, lid = max(_driven(scene), key=lambda named: named[1], default=("", 0.0))
-    v, C = _initial_motion(scene)
+    v, C = initial_motion(scene)
     turning = np.zeros(count.size)
     np.maximum.at(turning, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
     rims = scene.outlines.m if touches else 0
@@ -98,7 +98,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
 def _sheets(scene: Scene, body: Ints) -> tuple[Sheets, int]:
     """The first sheets, and the half bandwidth of their matrix without supports: of cells and ghost facets."""
     soft, x, volume = scene.deformable[body], scene.initial_positions, scene.initial_volumes
-    sheets = lay(x[:, soft], body[soft], scene.cell, len(scene.bodies), _inward(scene, x)[:, soft])
+    sheets = lay(x[:, soft], body[soft], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, soft])
     facets, _ = ghost_facets(sheets, volume[soft])
     reach = max(int(np.ptp(nodes, axis=0).max(initial=0)) for nodes in (sheets.nodes_of_cell, facets))
     return sheets, 2 * reach + 1
