@@ -16,7 +16,7 @@ from skmpm.scene import Scene, motion
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.anchor import inward_normals
-from skmpm.simulate.start import initial_motion, can_touch
+from skmpm.simulate.start import can_touch, initial_motion
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
