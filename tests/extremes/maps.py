@@ -42,7 +42,7 @@ def draw(dial: str, rows: list[dict[str, str]], folder: Path) -> Path:
     _map(axes[0, 0], labels, scenes, rows)
     for name in compared:
         error = {r["setting"]: float(r["error"]) for r in rows if r["scene"] == name}
-        values = [max(error.get(label, np.nan), 1e-12) for label in labels]
+        values = [error.get(label) or np.nan for label in labels]  # no error at all: nothing has moved yet
         axes[1, 0].semilogy(values, LINES[name], ms=4, lw=1, label=name)
     bottom = axes[-1, 0]
     if compared:
