@@ -1,0 +1,159 @@
+"""The checks of the study: three pressures, an identity, the grid, the lid and the laws of compaction.
+
+As the claims, written before any member was looked at. "Worst" is over all members and solid fractions meant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import study_stages
+from study_claims import NOT_RUN, Row, decide, figure
+from study_curves import PHI, YOUNG, Array, Member, Study, mean
+from study_fits import Compaction, Power, compaction_law, power_law
+
+DENSE, GRIDS = 0.88, 0.85  # solid fractions above which pressures and grids are compared
+Z_J = {0.0: 4.0, 0.5: 3.2}  # coordination at jamming
+CURVES = {"pressure": "P", "contact_surface": "S", "anisotropy": "A_m", "aspect_ratio": "alpha", "coordination": "Z"}
+
+
+def rows(found: Study) -> list[Row]:
+    """All checks."""
+    return [
+        *pressures(found),
+        identity(found),
+        *grids(found),
+        lid(found),
+        *laws(found),
+        forgetting(found),
+    ]
+
+
+def apart(a: Array, b: Array) -> tuple[float, float]:
+    """Mean and worst of |b / a - 1| where both are known; nan if nowhere."""
+    there = np.isfinite(a) & np.isfinite(b) & (a != 0.0)
+    if not there.any():
+        return np.nan, np.nan
+    relative = np.abs(b[there] / a[there] - 1.0)
+    return float(relative.mean()), float(relative.max())
+
+
+def verdict(worst: float, limit: float) -> str:
+    """Not run if there is no figure."""
+    return decide(worst < limit) if np.isfinite(worst) else NOT_RUN
+
+
+def percent(both: tuple[float, float]) -> str:
+    """A mean and a worst deviation."""
+    return f"mean {100 * both[0]:.2f} %, worst {100 * both[1]:.2f} %" if np.isfinite(both[1]) else "-"
+
+
+def pressures(found: Study) -> list[Row]:
+    """Contacts, points and walls, two by two, over the ensemble."""
+    names = {
+        "contacts and points": ("pressure", "pressure_points"),
+        "contacts and walls": ("pressure + motion", "walls"),
+        "points and walls": ("pressure_points + motion", "walls"),
+    }
+    result = []
+    for what, (a, b) in names.items():
+        samples = [dense(m, a, b) for friction in (0.0, 0.5) for m in found.seeds(friction)]
+        means, worst = np.array(samples).reshape(-1, 2).T
+        both = (float(means.mean()), float(worst.max())) if means.size else (np.nan, np.nan)
+        rule = f"worst < 3 % above Phi = {DENSE}, at every step, of means over one transit time"
+        result.append(Row(f"P from {what} agree", rule, percent(both), verdict(both[1], 0.03)))
+    return result
+
+
+def dense(member: Member, a: str, b: str) -> tuple[float, float]:
+    """How far two pressures of a member are apart above `DENSE`."""
+    above = member.table["solid_fraction"] > DENSE
+    return apart(member.steady(a)[above], member.steady(b)[above])
+
+
+def identity(found: Study) -> Row:
+    """P = (Phi Z / 4) sigma_l at the stages."""
+    values = [
+        study_stages.identity(member, state)
+        for friction in (0.0, 0.5)
+        for member in found.seeds(friction)
+        for state in study_stages.states(member).values()
+        if np.hypot(*state.contacts.force).any()
+    ]
+    both = apart(np.ones(len(values)), np.array(values))
+    return Row("P = (Phi Z/4) sigma_l, sigma_l = mean(f.l) / mean(V_p) by own code", "worst < 1 %, at all stages",
+               percent(both), verdict(both[1], 0.01))  # fmt: skip
+
+
+def grids(found: Study) -> list[Row]:
+    """Each curve at R/h = 5 and 8, the same packing."""
+    result = []
+    for name, symbol in CURVES.items():
+        both, frictions = worst_of(found, "fine", name, GRIDS)
+        result.append(Row(f"{symbol}(Phi) at R/h = 5 and 8", f"worst < 5 % above Phi = {GRIDS}, same packing",
+                          frictions, verdict(both, 0.05)))  # fmt: skip
+    return result
+
+
+def lid(found: Study) -> Row:
+    """The same packing with a lid at 0.5 m/s."""
+    worst, text = worst_of(found, "slow", "pressure", DENSE)
+    return Row(
+        "P(Phi) with a lid at 0.5 m/s", f"worst < 5 % above Phi = {DENSE}, same packing", text, verdict(worst, 0.05)
+    )
+
+
+def worst_of(found: Study, kind: str, name: str, above: float) -> tuple[float, str]:
+    """Worst deviation of the `kind` members from the first packing, both frictions; nan unless both were run."""
+    both, texts = [], []
+    for friction in (0.0, 0.5):
+        usual, other = found.get(f"mu{friction:g}_seed0"), found.get(f"{kind}_mu{friction:g}")
+        grid = PHI[above < PHI]
+        known = usual is not None and other is not None
+        averaged = name == "pressure"
+        far = apart(*(m.over(name, grid, mean=averaged) for m in (usual, other))) if known else (np.nan, np.nan)
+        both.append(far[1])
+        texts.append(f"friction {friction:g}: {percent(far)}")
+    return float(np.max(both)), "; ".join(texts)
+
+
+def compaction_fits(found: Study, friction: float) -> list[tuple[Member, Compaction]]:
+    """The law of each packing that has one."""
+    fits = [
+        (m, compaction_law(PHI, m.over("coordination"), m.over("pressure", mean=True) / YOUNG))
+        for m in found.seeds(friction)
+    ]
+    return [(member, fit) for member, fit in fits if fit is not None]
+
+
+def power_fits(found: Study, friction: float) -> list[Power]:
+    """Coordination above jamming of each packing; means over a transit time."""
+    fits = [power_law(PHI, m.over("coordination", mean=True), Z_J[friction]) for m in found.seeds(friction)]
+    return [fit for fit in fits if fit is not None]
+
+
+def laws(found: Study) -> list[Row]:
+    """Constants of both laws beside the literature's."""
+    result = []
+    for friction in (0.0, 0.5):
+        law, power = [fit for _, fit in compaction_fits(found, friction)], power_fits(found, friction)
+        for what, names, fits, literature in (
+            ("P/E = -(b/4) Phi Z ln[(Phi_max - Phi)/(Phi_max - Phi_0)]", ("b", "Phi_max", "Phi_0"), law, "b 0.1-0.2"),
+            (f"Z - {Z_J[friction]:g} = a (Phi - Phi_J)^beta", ("Phi_J", "a", "beta"), power,
+             "Phi_J 0.83-0.86, a 3.6 ± 0.5, beta 0.5" if friction == 0.0 else "Phi_J 0.80-0.81, beta 0.5"),
+        ):  # fmt: skip
+            values = [mean(np.array([getattr(fit, name.replace("Phi", "phi")) for fit in fits])) for name in names]
+            text = ", ".join(f"{n} {figure(float(v), float(e))}" for n, (v, e) in zip(names, values, strict=True))
+            result.append(Row(f"{what}, friction {friction:g}", f"literature: {literature}",
+                              text if fits else "-", "shown" if fits else NOT_RUN))  # fmt: skip
+    return result
+
+
+def forgetting(found: Study) -> Row:
+    """What sheets laid anew at every step do to the pressure."""
+    usual, other = found.get("mu0.5_seed0"), found.get("forgetful_mu0.5")
+    claim, at = "sheets laid anew at every step: P over that of the same packing", np.array([0.85, 0.90, 0.95])
+    if usual is None or other is None:
+        return Row(claim, "-", "-", NOT_RUN)
+    ratio = other.over("pressure", at, mean=True) / usual.over("pressure", at, mean=True)
+    text = "; ".join(f"at {phi:.2f}: {figure(r, digits=2)}" for phi, r in zip(at, ratio, strict=True))
+    return Row(claim, "-", text, "shown")
