@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-MODULES = ("curves", "fits", "stages", "claims", "checks", "pictures")
+MODULES = ("curves", "fits", "stages", "claims", "checks", "pictures", "snapshots")
 
 
 @pytest.fixture(scope="module")
