@@ -215,7 +215,7 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--discs", type=int, default=300, help="a third of them in the seed's mode")
     options.add_argument("--seeds", type=int, default=4, help="packings for each friction")
     options.add_argument("--start", type=float, default=0.70, help="nominal solid fraction at the start")
-    options.add_argument("--until", type=float, default=1.0, help="nominal solid fraction at the end")
+    options.add_argument("--until", type=float, default=1.02, help="nominal solid fraction at the end")
     options.add_argument("--only", nargs="*", default=[], help="members whose names begin so")
     options.add_argument("--processes", type=int, default=os.cpu_count(), help="members run at a time")
     options.add_argument("--out", type=Path, default=Path("out/study"), help="directory of the results")

@@ -20,7 +20,7 @@ from skmpm.grid import Sheets
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-FLOOR = 1e-12  # of the heaviest point: the least mass of a node
+FLOOR = 1e-12  # of the heaviest point of its body: the least mass of a node
 
 # Corners, in the order of `forms.reference_ghost`, of the lower (0) and upper (1) cell beside a facet with
 # normal x and with normal y.
@@ -76,7 +76,19 @@ class Assembly:
 
     def ghost_force(self, displacement: Array) -> Array:
         """Force of the ghost penalty on the displacement since anchoring, (2 nodes,) [N/m]."""
-        return np.asarray(self.ghost @ displacement.reshape(-1, 2)).ravel()
+        return np.asarray(self.ghost @ self._within_bodies(displacement)).ravel()
+
+    def ghost_energy(self, displacement: Array) -> float:
+        """Energy of the ghost penalty on the displacement since anchoring [J/m]."""
+        u = self._within_bodies(displacement)
+        return 0.5 * float(np.sum(u * (self.ghost @ u)))
+
+    def _within_bodies(self, displacement: Array) -> Array:
+        """Displacement less the mean of its body, (nodes, 2): of a long way the penalty would see the rounding."""
+        u, body = displacement.reshape(-1, 2), self.sheets.node_body
+        count = np.maximum(np.bincount(body, minlength=self.sheets.bodies), 1)
+        mean = np.stack([np.bincount(body, component, self.sheets.bodies) for component in u.T], axis=1)
+        return u - (mean / count[:, None])[body]
 
     def stiffness(self, C: Array, added: Array | None = None) -> Array:
         """Data of the stiffness in the pattern of A, (blocks, 2, 2).
@@ -123,6 +135,13 @@ class Assembly:
 def lumped_mass(sheets: Sheets, mass: Array) -> Array:
     """Lumped mass of every unknown (2 nodes,) from the points' masses (n,) [kg/m] (seed, eq. 6)."""
     return np.repeat(sheets.interpolation.T @ mass, 2)
+
+
+def _heaviest(sheets: Sheets, mass: Array) -> Array:
+    """Mass of the heaviest point of every node's body, (nodes,)."""
+    heaviest = np.zeros(sheets.bodies)
+    np.maximum.at(heaviest, sheets.cell_body[sheets.cell_of_point], mass)
+    return heaviest[sheets.node_body]
 
 
 def ghost_facets(sheets: Sheets, volume: Array, threshold: float = 0.6) -> tuple[Ints, Ints]:
@@ -178,7 +197,7 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
         volume=volume,
         lumped=lumped,
         # A point exactly on a grid line leaves a node without mass, where a velocity would be 0/0.
-        mass=np.maximum(lumped, FLOOR * float(mass.max(initial=0.0))),
+        mass=np.maximum(lumped, FLOOR * np.repeat(_heaviest(sheets, mass), 2)),
         ghost=sp.csr_array((ghost, keys % nodes, indptr), shape=(nodes, nodes)),
         moments=moments,
         indices=keys % nodes,

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 from skfem import CellBasis, ElementQuad1, ElementVector, MeshQuad
 from skfem.mapping import Mapping
 
@@ -81,6 +82,16 @@ class Sheets:
     def nodes(self) -> int:
         """How many (body, node) pairs are occupied."""
         return int(self.node_index.shape[1])
+
+    @cached_property
+    def pieces(self) -> Ints:
+        """Into how many pieces, that share no node, the cells of every body fall, (bodies,)."""
+        cell, corner = np.tile(np.arange(self.cells), 4), self.nodes_of_cell.ravel()
+        size = self.cells + self.nodes
+        shares = sp.coo_array((np.ones(cell.size), (cell, self.cells + corner)), shape=(size, size))
+        piece = connected_components(shares, directed=False)[1][: self.cells]
+        owner = np.unique(np.stack([piece, self.cell_body]), axis=1)[1]
+        return np.bincount(owner, minlength=self.bodies)
 
     @property
     def cells(self) -> int:

@@ -28,7 +28,7 @@ def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
     if C.any():
         for arm, column in zip(sheets.levers, C.swapaxes(0, 1), strict=True):
             momentum = momentum + arm.T @ (mass * column).T
-    return np.asarray(momentum).ravel() / assembly.mass
+    return np.asarray(momentum).ravel() / np.maximum(assembly.lumped, 1e-300)
 
 
 def pic(sheets: Sheets, before: Array, after: Array, v: Array) -> tuple[Array, Array]:

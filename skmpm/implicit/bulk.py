@@ -71,8 +71,7 @@ class Bulk:
         density = self._evaluate("energy", at.F, at.dilatation)
         if not np.isfinite(density).all():
             return float("inf")
-        ghost = 0.5 * at.displacement @ self.assembly.ghost_force(at.displacement)
-        return float(self.assembly.volume @ density + ghost)
+        return float(self.assembly.volume @ density) + self.assembly.ghost_energy(at.displacement)
 
     def force(self, at: Configuration) -> Array:
         """Internal and ghost forces, the derivative of `energy`, (2 nodes,) [N/m]."""

@@ -12,7 +12,7 @@ from skmpm import outline
 from skmpm.assembly import Assembly, prepare
 from skmpm.elimination import Elimination, eliminate
 from skmpm.grid import Sheets, lay
-from skmpm.implicit import Bulk
+from skmpm.implicit import Bulk, NotConverged
 from skmpm.material import Rigid, determinant, product
 from skmpm.quadrature import fitted
 from skmpm.scene import Derived, Scene, SceneError, State
@@ -64,6 +64,7 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
     own, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
     x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
     sheets = lay(x[:, own], state.body[own], scene.cell, len(scene.bodies), inward[:, own])
+    _check_whole(scene, sheets)
     volume = (scene.initial_volumes * determinant(state.F_anchor))[own]
     weights = _weights(scene, sheets, volume, x) if scheme.fitted else volume
     return Derived(
@@ -73,6 +74,19 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
         supports=_supports(scene, sheets, np.cumsum(own) - 1),
         supported=scene.supports,
     )
+
+
+def _check_whole(scene: Scene, sheets: Sheets) -> None:
+    """Raise NotConverged where the cells of a body fall apart: nothing would hold its parts together."""
+    parts = np.array([max(len(body.points.outline), 1) for body in scene.bodies])
+    torn = np.flatnonzero(sheets.pieces > parts)
+    if torn.size:
+        raise NotConverged(
+            f"body {torn[0]}",
+            f"its cells fall into {sheets.pieces[torn[0]]} pieces that share no node",
+            "use a smaller spacing of its points or a larger cell",
+            curable=False,
+        )
 
 
 def _weights(scene: Scene, sheets: Sheets, volume: Array, x: Array) -> Array:

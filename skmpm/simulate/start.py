@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.implicit import NotConverged
 from skmpm.material import Rigid
 from skmpm.scene import Contacts, Energy, Report, Scene, SceneError, State, field_values, motion
 from skmpm.scheme import Scheme
@@ -45,7 +46,10 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         contacts=Contacts.none(),
         report=Report(),
     )
-    state = anchored(scene, state, scheme)
+    try:
+        state = anchored(scene, state, scheme)
+    except NotConverged as error:
+        raise SceneError(str(error)) from error
     assembly, own = assembly_of(state), scene.deformable[body]
     nodal = to_nodes(assembly, state.mass[own], v[:, own], C[:, :, own])
     weight = volume.copy()
