@@ -133,14 +133,6 @@ def run(name, dials):
     return limited(replace(case, until=min(case.until, dials.steps * case.dt)), SECONDS, most=STEPS)
 
 
-def known_defect(dials, outcome):
-    """The examples in UNMENDED: momentum lost at nodes of light bodies, energies of stiff ghosts, bodies torn."""
-    lost, ghosts = "momentum not balanced", "elastic energy is not that of the points"
-    reasons = [lost] * (dials.density_ratio > 10.0) + [ghosts] * (dials.stiffness_ratio > 1e3)
-    reasons += ["points lie in other bodies", "bodies overlap"] * (dials.points_per_cell < 1.5)
-    return outcome.kind == "wrong" and all(v.startswith(tuple(reasons)) for v in outcome.violations)
-
-
 def plain(number, seed):
     """So many outcomes of plainly random dials, each with its scene and dials."""
     rng, found = np.random.default_rng(seed), []
@@ -173,7 +165,6 @@ def check(name, dials):
     outcome = run(name, dials)
     assume(outcome is not None)
     event(f"{name} {outcome.kind}")
-    assume(not known_defect(dials, outcome))
     assert outcome.kind in CLEAR, (outcome.violations, outcome.message)
 
 
@@ -195,8 +186,8 @@ def test_so_does_every_draw_with_another_theta(scene):
 def test_most_are_right():
     """Errors are the exception: of plainly random dials at least 60 % end right."""
     found = plain(max(EXAMPLES // 2, 1), seed=6)
-    kinds = Counter("known" if known_defect(dials, outcome) else outcome.kind for _, dials, outcome in found)
-    assert set(kinds) <= {*CLEAR, "known"}, kinds
+    kinds = Counter(outcome.kind for _, _, outcome in found)
+    assert set(kinds) <= set(CLEAR), kinds
     assert kinds["right"] >= 0.6 * kinds.total(), kinds
 
 
@@ -240,20 +231,7 @@ FOUND = {  # by random draws, made small; each was a defect of the library once
 }
 
 
-UNMENDED = {
-    "body torn where cells have no points": "nothing sees that a body's cells share no nodes across an empty row",
-    "energy of ghosts far from where they began": "of stiff bodies u.(G u) cancels if u is a motion by many cells",
-    "momentum of nearly empty nodes": "they lose momentum to a least mass that is set by the heaviest body",
-}
-
-
-def marked(key):
-    """An example that is not mended yet is expected to fail."""
-    marks = [pytest.mark.xfail(strict=True, reason=UNMENDED[key])] if key in UNMENDED else []
-    return pytest.param(*FOUND[key], marks=marks, id=key)
-
-
-@pytest.mark.parametrize(("name", "dials"), [marked(key) for key in FOUND])
+@pytest.mark.parametrize(("name", "dials"), FOUND.values(), ids=FOUND.keys())
 def test_what_random_draws_found_is_mended(name, dials):
     outcome = run(name, dials)
     assert outcome.kind in CLEAR, outcome.violations
