@@ -87,8 +87,7 @@ def timed(
 
 def steps(scene: skmpm.Scene, state: skmpm.State, repeats: int) -> tuple[skmpm.State, Result]:
     """Medians over `repeats` steps, each beside an LU of the same matrix."""
-    for _ in range(WARM):
-        state = skmpm.step(scene, state, scenes.DT)
+    *_, state = skmpm.simulate(scene, dt=scenes.DT, until=state.t + WARM * scenes.DT, start=state)
     memory = peak() - IMPORTED
     recorder = Recorder(linear.default)
     skmpm.step(scene, state, scenes.DT, scheme=skmpm.Scheme(linear=recorder))
@@ -172,9 +171,9 @@ def single(setup: Result, cache: Path) -> Result:
 def memory(setup: Result, cache: Path) -> Result:
     """Resident memory after a tenth, half and all of many steps of a small scene [MB]."""
     scene = scenes.breathing(setup["discs"], setup["cells"], period=setup["steps"] / 8 * scenes.DT)
-    state, touched, seen = skmpm.initial(scene), 0, {}
-    for k in range(1, setup["steps"] + 1):
-        state = skmpm.step(scene, state, scenes.DT)
+    touched, seen = 0, {}
+    run = skmpm.simulate(scene, dt=scenes.DT, until=setup["steps"] * scenes.DT)
+    for k, state in enumerate(run, start=1):
         touched += bool(state.contacts.force.any())
         for name, share in (("early", 10), ("middle", 2), ("late", 1)):
             if k == setup["steps"] // share:

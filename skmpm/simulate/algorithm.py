@@ -11,7 +11,7 @@ from skmpm.implicit import Increment, NotConverged, Timer, Touching, advance
 from skmpm.linear import one_thread
 from skmpm.scene import Scene, State, StepFailed
 from skmpm.scheme import Scheme
-from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, derived_of
+from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, check_whole, derived_of
 from skmpm.simulate.checks import check_step
 from skmpm.simulate.forces import external_force, told
 from skmpm.simulate.report import budget_of, report_of
@@ -37,6 +37,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     timer, given = Timer(), state
     try:
         state = anchored(scene, given, scheme)
+        check_whole(scene, state)
     except NotConverged as error:
         raise _failed(given, dt, error) from error
     own = scene.deformable[state.body]

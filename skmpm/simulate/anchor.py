@@ -64,7 +64,6 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
     own, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
     x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
     sheets = lay(x[:, own], state.body[own], scene.cell, len(scene.bodies), inward[:, own])
-    _check_whole(scene, sheets)
     volume = (scene.initial_volumes * determinant(state.F_anchor))[own]
     weights = _weights(scene, sheets, volume, x) if scheme.fitted else volume
     return Derived(
@@ -76,9 +75,10 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
     )
 
 
-def _check_whole(scene: Scene, sheets: Sheets) -> None:
-    """Raise NotConverged where the cells of a body fall apart: nothing would hold its parts together."""
-    parts = np.array([max(len(body.points.outline), 1) for body in scene.bodies])
+def check_whole(scene: Scene, state: State) -> None:
+    """Raise NotConverged where cells fall apart within an outline: nothing would hold the body's parts together."""
+    sheets = assembly_of(state).sheets
+    parts = np.array([len(body.points.outline) or sheets.cells for body in scene.bodies])
     torn = np.flatnonzero(sheets.pieces > parts)
     if torn.size:
         raise NotConverged(

@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from time import perf_counter
 
+from skmpm.implicit import NotConverged
 from skmpm.io import save
 from skmpm.progress import Progress
-from skmpm.scene import Scene, State
+from skmpm.scene import Scene, SceneError, State
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
+from skmpm.simulate.anchor import check_whole
 from skmpm.simulate.pace import ROUNDING, advanced, asked
 from skmpm.simulate.start import check_fits, initial
 
@@ -50,8 +52,18 @@ def simulate(
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:
         check_fits(scene, start)
-    first = asked(initial(scene, scheme=scheme) if start is None else start, float(dt))
+    first = asked(_first(scene, scheme) if start is None else start, float(dt))
     return _run(scene, first, until, scheme, progress, None if checkpoint is None else Path(checkpoint))
+
+
+def _first(scene: Scene, scheme: Scheme) -> State:
+    """The initial state, of bodies that are whole."""
+    state = initial(scene, scheme=scheme)
+    try:
+        check_whole(scene, state)
+    except NotConverged as error:
+        raise SceneError(str(error)) from error
+    return state
 
 
 def _run(

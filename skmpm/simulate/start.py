@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit import NotConverged
 from skmpm.material import Rigid
 from skmpm.scene import Contacts, Energy, Report, Scene, SceneError, State, field_values, motion
 from skmpm.scheme import Scheme
@@ -46,10 +45,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         contacts=Contacts.none(),
         report=Report(),
     )
-    try:
-        state = anchored(scene, state, scheme)
-    except NotConverged as error:
-        raise SceneError(str(error)) from error
+    state = anchored(scene, state, scheme)
     assembly, own = assembly_of(state), scene.deformable[body]
     nodal = to_nodes(assembly, state.mass[own], v[:, own], C[:, :, own])
     weight = volume.copy()

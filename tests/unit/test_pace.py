@@ -14,6 +14,7 @@ import pytest
 from test_simulate import CELL, DT, SOFT, R, free, identical, round_body, squeeze
 
 from skmpm.io import load, save
+from skmpm.points import Points
 from skmpm.scene import Body, Scene, SceneError, StepFailed, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
@@ -238,3 +239,16 @@ def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):
     with np.load(tmp_path / "run", allow_pickle=False) as archive:
         about = json.loads(archive["header"].tobytes())
     assert about["state"]["pace"] == {"dt": DT, "halvings": 0, "calm": 0}
+
+
+def test_a_body_whose_cells_fall_apart_is_refused():
+    """A box with a point per cell and a row of cells between them that has none: nothing would hold its halves."""
+    x = np.array([[0.0, 1.0, 2.0, 2.0, 1.0, 0.0], [0.0, 0.0, 0.0, 3.4, 3.4, 3.4]]) * CELL + 0.1 * CELL
+    torn = Scene([Body(Points(x, np.full(6, CELL**2), (np.arange(6),)), SOFT)], cell=CELL)
+    with pytest.raises(SceneError, match=r"body 0: its cells fall into 2 pieces.*smaller spacing"):
+        next(simulate(torn, dt=DT, until=DT))
+    with pytest.raises(StepFailed, match="2 pieces") as failure:
+        step(torn, initial(torn), DT)
+    assert not failure.value.curable
+    cloud = Scene([Body(Points(x, np.full(6, CELL**2)), SOFT)], cell=CELL)  # who gives no outline means what he gives
+    next(simulate(cloud, dt=DT, until=DT))
