@@ -35,11 +35,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     """
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, given = Timer(), state
-    try:
-        state = anchored(scene, given, scheme)
-        check_whole(scene, state)
-    except NotConverged as error:
-        raise _failed(given, dt, error) from error
+    state = anchored(scene, given, scheme)
     own = scene.deformable[state.body]
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
     force, moved_as = external_force(scene, state, state.t + scheme.theta * dt), told(scene, state.t + 0.5 * dt)
@@ -47,6 +43,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, moved_as)
     timer.lap("transfer")
     try:
+        check_whole(scene, state)
         with one_thread(), np.errstate(all="raise", under="ignore"):
             touching = _touching(scene, state, increment, timer)
             solution = advance(increment, touching, kept_solver(scene, state, increment), timer)
@@ -57,15 +54,11 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
-        raise _failed(given, dt, error) from error
+        message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {error}"
+        raise StepFailed(message, given, curable=getattr(error, "curable", True)) from error
     relaid = state.x_anchor is not given.x_anchor
     report = report_of(given.report.energy, increment, solution, budget, overlap, relaid=relaid)
     return replace(after, report=replace(report, seconds=timer.seconds))
-
-
-def _failed(given: State, dt: float, error: Exception) -> StepFailed:
-    message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {error}"
-    return StepFailed(message, given, curable=getattr(error, "curable", True))
 
 
 def _touching(scene: Scene, state: State, increment: Increment, timer: Timer) -> Touching | None:
