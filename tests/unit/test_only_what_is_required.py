@@ -1,0 +1,284 @@
+"""What a scene does not have is not computed: counted in calls, unknowns, matrix entries and solves, not in seconds.
+
+A profiler counts every call of a Python function of the library, wherever it was looked up. Each promise is kept in
+both directions, so that a renamed function cannot keep it: off it is never called, on it is. What is promised
+elsewhere is not repeated here; `examples/tradeoff_features.py` names the test of every promise.
+"""
+
+import sys
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skmpm import linear, transfer
+from skmpm.contact import shared_nodes
+from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.points import Points, box, disc
+from skmpm.scene import Body, Load, Scene, Support, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import initial, simulate, step
+
+SOFT, LINEAR = NeoHookean(1e6, 0.3, 1000.0), LinearElastic(1e6, 0.3, 1000.0)
+R, CELL, DT, STEPS = 1e-3, 0.25e-3, 5e-6, 4
+
+
+class Calls(Counter):
+    """How often functions of the library are called while it is entered, by module and qualified name."""
+
+    def __enter__(self):
+        self._before = sys.getprofile()
+        sys.setprofile(self._note)
+        return self
+
+    def __exit__(self, *error):
+        sys.setprofile(self._before)
+
+    def _note(self, frame, event, argument):
+        module = frame.f_globals.get("__name__", "")
+        if event == "call" and module.startswith("skmpm."):
+            self[f"{module}.{frame.f_code.co_qualname}"] += 1
+
+    def below(self, *packages):
+        """Calls of all that is in these packages."""
+        return sum(count for name, count in self.items() if name.startswith(tuple(f"{p}." for p in packages)))
+
+
+def round_body(material=SOFT, centre=(0.31e-4, 0.17e-4), **motion):
+    return Body(disc(centre, R, spacing=CELL / 2), material, **motion)
+
+
+def swinging(material=SOFT):
+    return round_body(material, velocity=lambda x: 1e3 * np.array([[1.0], [-1.0]]) * x)
+
+
+def alone(material=SOFT, **options):
+    return Scene([swinging(material)], cell=CELL, **options)
+
+
+def squeezed(material=SOFT, **options):
+    walls = [Wall((0, 1.017e-3), (0, -1), velocity=(0, -1.0)), Wall((0, -0.983e-3), (0, 1))]
+    return Scene([round_body(material)], cell=CELL, walls=walls, **options)
+
+
+def run(scene, scheme=Scheme(), steps=STEPS):  # noqa: B008
+    """Calls of a whole run, and its states."""
+    with Calls() as calls:
+        states = list(simulate(scene, dt=DT, until=steps * DT, scheme=scheme))
+    assert len(states) == steps
+    return calls, states
+
+
+# --- contact
+
+
+@pytest.mark.parametrize("material", [SOFT, LINEAR], ids=["soft", "linear"])
+@pytest.mark.parametrize("scheme", [Scheme(), Scheme(anchor=0.0), Scheme.seed()], ids=["once", "anew", "seed"])
+def test_one_body_without_walls_runs_no_function_of_contact_and_coulomb(material, scheme):
+    """No function at all, nor those that look for overlaps; a wall brings all of them."""
+    calls, _ = run(alone(material), scheme)
+    assert calls.below("skmpm.contact", "skmpm.coulomb", "skmpm.outline.overlaps", "skmpm.implicit.response") == 0
+    calls, _ = run(squeezed(material), scheme)
+    assert calls.below("skmpm.contact") > 0
+    assert calls.below("skmpm.coulomb") > 0
+    assert calls.below("skmpm.implicit.response") > 0
+
+
+def test_a_wall_out_of_reach_brings_no_compliance_and_no_solve_more_than_convergence_needs():
+    """One solve an iteration, as without the wall; a body on a wall needs two, and the compliance of its rim."""
+    far, near = alone(walls=[Wall((0, -5 * R), (0, 1))]), squeezed()
+    for scene, solves in ((alone(), 1), (far, 1), (near, 2)):
+        calls, states = run(scene)
+        newton = sum(state.report.newton for state in states)
+        assert calls["skmpm.linear.band.Banded.__call__"] >= solves * newton
+        assert (calls["skmpm.linear.band.Banded.__call__"] == newton) == (solves == 1)
+        assert (calls["skmpm.linear.band.Banded.compliance"] > 0) == (solves == 2)
+        assert (calls.below("skmpm.coulomb") > 0) == (solves == 2)
+
+
+def test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall():
+    """A disc squeezed between planes and between slabs of points: the same matrices; two slabs lie on one another."""
+    planes = squeezed()
+    slabs = [
+        Body(box((-2 * R, 1.017e-3), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0), velocity=(0, -1.0)),
+        Body(box((-2 * R, -0.983e-3 - R / 2), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0)),
+        Body(box((-2 * R, -0.983e-3 - R), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0)),
+    ]
+    bodies = Scene([round_body(), *slabs], cell=CELL)
+    shapes = []
+    for scene in (planes, bodies):
+        seen = []
+
+        def seeing(A, blocks, motions, seen=seen):
+            seen.append((A.shape, A.nnz))
+            return linear.banded(A, blocks, motions)
+
+        calls, states = run(scene, Scheme(linear=seeing))
+        assert calls["skmpm.coulomb.search.solve"] > 0
+        assert states[-1].contacts.force[0].max() > 0.0
+        touching = np.concatenate([state.contacts.bodies for state in states], axis=1)
+        assert (touching == 0).any(axis=0).all()
+        shapes.append(set(seen))
+    assert shapes[0] == shapes[1]
+    assert len(shapes[0]) == 1
+
+
+# --- material
+
+
+@pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
+def test_a_linear_material_makes_one_tangent_and_searches_no_line(build):
+    """In a whole run; at finite strain a tangent for each matrix, and line searches."""
+    calls, states = run(build(LINEAR))
+    names = ("skmpm.implicit.bulk.Bulk.stiffness", "skmpm.assembly.Assembly.matrix")
+    assert [calls[name] for name in names] == [1, 1]
+    assert sum(state.report.linear for state in states) == 1
+    assert calls["skmpm.implicit.newton._search"] == 0
+    calls, states = run(build(SOFT))
+    matrices = sum(state.report.linear for state in states)
+    assert [calls[name] for name in names] == [matrices, matrices]
+    assert matrices >= STEPS
+    assert calls["skmpm.implicit.newton._search"] > 0
+
+
+# --- sheets
+
+LAID = (
+    "skmpm.grid.lay",
+    "skmpm.quadrature.fitted",
+    "skmpm.outline.cells.cell_moments",
+    "skmpm.assembly.prepare",
+    "skmpm.assembly.ghost_facets",
+    "skmpm.grid.Sheets.interpolation",
+    "skmpm.grid.Sheets.derivatives",
+)
+
+
+@pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
+def test_anchored_once_sheets_are_laid_fitted_and_numbered_once_in_a_run(build):
+    """At every step with anchor = 0, and with a bound as often as it is passed."""
+    calls, states = run(build())
+    assert {calls[name] for name in LAID} == {1}
+    assert len({id(state.derived.assembly) for state in states}) == 1
+    calls, _ = run(build(), Scheme(anchor=0.0))
+    assert {calls[name] for name in LAID} == {STEPS}
+    calls, states = run(build(), Scheme(anchor=0.02), steps=10)
+    times = len({id(state.derived.assembly) for state in states})
+    assert 1 < times < 10
+    assert {calls[name] for name in LAID} == {times}
+
+
+def test_without_fitting_no_cell_is_cut_by_an_outline():
+    """Nor with it where bodies have no outline."""
+    bare = Points(*(getattr(round_body().points, name) for name in ("x", "volume")))
+    at_nodes = Scheme(anchor=0.0, contact=shared_nodes)
+    without = Scene([Body(bare, SOFT)], cell=CELL)
+    for scene, scheme in ((alone(), Scheme(fitted=False)), (alone(), Scheme.seed()), (without, at_nodes)):
+        calls, _ = run(scene, scheme)
+        assert calls["skmpm.quadrature.fitted"] == calls.below("skmpm.outline.cells") == 0
+        assert calls["skmpm.grid.lay"] > 0
+    calls, _ = run(alone(), at_nodes)
+    assert calls["skmpm.quadrature.fitted"] == calls["skmpm.outline.cells.cell_moments"] == STEPS
+
+
+def test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make():
+    """Blocks of A: all pairs of nodes that share a cell; the penalty's facets bring pairs across two cells."""
+    off, on = (initial(alone(), scheme=Scheme(ghost=ghost)).derived.assembly for ghost in (0.0, 0.005))
+    corners = off.sheets.nodes_of_cell
+    pairs = {(int(a), int(b)) for cell in corners.T for a in cell for b in cell}
+    assert off.indices.size == len(pairs)
+    assert not off.ghost.data.any()
+    assert on.indices.size > 1.1 * len(pairs)
+    assert on.ghost.data.any()
+
+
+# --- what acts on bodies
+
+
+def left(x):
+    return x[0] < -0.9 * R
+
+
+def right(x):
+    return x[0] > 0.9 * R
+
+
+def pulled(t):
+    return 1e6 * t, 0.0
+
+
+@pytest.mark.parametrize(
+    "option, names",
+    [
+        ({"loads": [Load(right, pulled)]}, ("places.spread",)),
+        ({"supports": [Support(left)]}, ("places.held", "Elimination.factorised", "Supported.__call__")),
+    ],
+    ids=["loads", "supports"],
+)
+def test_without_loads_and_supports_no_place_is_looked_for(option, names):
+    """No function of theirs is called, in the run or where the scene is made."""
+
+    def counts(**options):
+        with Calls() as calls:
+            list(simulate(alone(**options), dt=DT, until=STEPS * DT))
+        return [sum(n for name, n in calls.items() if name.endswith(f".{end}")) for end in names]
+
+    assert counts() == [0] * len(names)
+    assert min(counts(**option)) > 0
+
+
+def test_without_gravity_and_loads_no_force_is_brought_to_the_nodes():
+    """Neither is evaluated in any step, nor gravity because there are loads."""
+    force = "skmpm.simulate.forces._gravity"
+    calls, states = run(alone())
+    assert calls[force] == calls["skmpm.scene.scene.Scene.forces"] == 0
+    assert states[-1].report.energy.external == 0.0
+    calls, states = run(alone(gravity=(0.0, -9.81)))
+    assert calls[force] == STEPS
+    calls, states = run(alone(loads=[Load(right, pulled)]))
+    assert (calls[force], calls["skmpm.scene.scene.Scene.forces"]) == (0, STEPS)
+
+
+# --- inertia and transfer
+
+
+def test_without_inertia_no_mass_enters_the_matrix_and_no_kinetic_energy_is_summed():
+    """A held disc that is pulled: a thousand times its density changes nothing; with inertia it changes A."""
+
+    def pull(density, inertia):
+        matrices = []
+
+        def keeping(A, blocks, motions):
+            matrices.append(A.data.copy())
+            return linear.banded(A, blocks, motions)
+
+        scene = alone(supports=[Support(left)], loads=[Load(right, pulled)])
+        body = replace(scene.bodies[0], material=replace(LINEAR, density=density), velocity=(0.0, 0.0))
+        scheme = Scheme(inertia=inertia, linear=keeping)
+        scene = replace(scene, bodies=[body])
+        state = initial(scene, scheme=scheme)
+        with Calls() as calls:
+            step(scene, state, DT, scheme=scheme)
+        return matrices[0], calls["skmpm.simulate.report.kinetic_energy"]
+
+    (light, none), (heavy, _) = pull(1.0, False), pull(1000.0, False)
+    assert np.array_equal(light, heavy)
+    assert none == 0
+    (light, some), (heavy, _) = pull(1.0, True), pull(1000.0, True)
+    assert not np.array_equal(light, heavy)
+    assert some > 0
+
+
+def test_pic_forms_no_gradient_of_velocities_and_no_arms():
+    """From a uniform motion; apic forms one gradient a step, and its arms once for as long as the sheets stay."""
+    scene = squeezed()
+    found = {}
+    for name in ("pic", "flip", "apic"):
+        calls, _ = run(scene, Scheme(transfer=getattr(transfer, name)))
+        found[name] = calls["skmpm.grid.Sheets.levers"]
+        own = f"skmpm.transfer.{name}"
+        assert calls[own] == STEPS == sum(calls[f"skmpm.transfer.{other}"] for other in ("pic", "flip", "apic"))
+        gradients, strains = calls["skmpm.grid.Sheets.gradient_at_points"], calls["skmpm.implicit.bulk.Bulk.at"]
+        assert gradients - strains == (STEPS if name == "apic" else 0)
+    assert found == {"pic": 0, "flip": 0, "apic": 1}
