@@ -30,6 +30,8 @@ class Scheme:
     newton_tol : largest force imbalance, as a share of the largest term of the momentum balance
     contact_tol : largest natural-map residual of a contact solve
     gap_tol : largest natural-map residual of the contact law at the end of the step, gaps measured anew
+    explicit : forces of the start of the step instead of its end, A the lumped mass and a ghost penalty on
+        accelerations; dt must stay below about 0.7 h/c
     linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which picks by size
     max_newton : Newton iterations after which a step fails
     """
@@ -42,6 +44,7 @@ class Scheme:
     fitted: bool = True
     locking: bool = False
     inertia: bool = True
+    explicit: bool = False
     newton_tol: float = 1e-6
     contact_tol: float = 1e-6
     gap_tol: float = 1e-5
@@ -64,7 +67,7 @@ class Scheme:
                 raise ValueError(f"Scheme: {name} = {value!r}; use {remedy}")
         if self.max_newton != int(self.max_newton):
             raise ValueError(f"Scheme: max_newton = {self.max_newton!r}; use a whole number")
-        for name in ("fitted", "locking", "inertia"):
+        for name in ("fitted", "locking", "inertia", "explicit"):
             if getattr(self, name) not in (False, True):
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use True or False")
         if self.gap_tol < self.contact_tol:
@@ -78,6 +81,11 @@ class Scheme:
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use a function, as {name}.{example}")
         if not self.inertia and self.theta != 1.0:
             raise ValueError(f"Scheme: theta = {self.theta} without inertia; quasi-static steps need theta = 1")
+        if self.explicit and not (self.inertia and self.theta == 1.0):
+            raise ValueError(
+                f"Scheme: explicit with inertia = {self.inertia}, theta = {self.theta}; explicit steps need"
+                " inertia = True and theta = 1"
+            )
         if self.contact is shared_nodes and self.anchor != 0.0:
             raise ValueError(
                 f"Scheme: contact = shared_nodes with anchor = {self.anchor}; bodies share nodes only where"

@@ -15,6 +15,7 @@ Matrix: TypeAlias = Any  # dense or CSR, with @
 FLOOR = 1e-300  # a problem with |q~| below it is at rest
 DENSE = 200  # rows up to which dense algebra beats sparse bookkeeping
 SHIFT = 1e-6
+ROUNDING = 1e-14  # of entries of W~
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,12 @@ class Problem:
     contacts: int  # rows; those that follow are linear
     largest: float  # bound of the largest eigenvalue of the contacts' W
     shift: float = SHIFT  # of the diagonal of a Newton step's matrix: keeps redundant contacts in hand
+
+    @property
+    def uncoupled(self) -> bool:
+        """Whether W is diagonal: then r is -q pulled into the cones."""
+        entries = self.W.data if is_sparse(self.W) else self.W
+        return bool(np.count_nonzero(np.abs(entries) > ROUNDING) == self.q.size)
 
     def at(self, r: Array, u: Array | None = None) -> Iterate:
         """Return r with its velocities and its error."""

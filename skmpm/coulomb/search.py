@@ -56,7 +56,8 @@ def solve(
     Accelerated projected sweeps find most contact states, a semismooth Newton method (Alart & Curnier,
     Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375) the rest; where Newton stalls, because W is singular or
     nearly so, it goes on with proximal problems. It stops on `residual` below tol |q~|, never on an increment;
-    rows without an unknown do not count in q~. ``info.converged`` is False, and r the best found, after
+    rows without an unknown do not count in q~. Where W is diagonal the solution is a formula. ``info.converged`` is
+    False, and r the best found, after
     ``iterations`` Newton steps or when 150 of them do not halve the residual: the usual reason is that no solution
     exists (a rigid jam). Where W is singular r is one of many; round-off, about 1e-16 |W~| |r~|, bounds the
     residual from below.
@@ -86,7 +87,8 @@ def solve(
         r0 = np.concatenate([r0, np.zeros(q.size - contacts)])
     with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
         problem, s = scaled(W, q, mu, contacts)
-        best, info = _search(problem, problem.at(problem.clamp(s * r0)), tol, sweeps, iterations)
+        start = problem.at(problem.clamp(-problem.q if problem.uncoupled else s * r0))
+        best, info = _search(problem, start, tol, sweeps, iterations)
         r = unscaled(best.r[:contacts], best.u[:contacts], problem.mu, s[:contacts], mu)
         return r, replace(info, linear=best.r[contacts:] / s[contacts:])
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from skmpm.elimination import Elimination
 from skmpm.grid import Sheets
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.linear import Solver
+from skmpm.implicit.explicit import StartForces
+from skmpm.linear import Solver, diagonal
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -39,6 +40,13 @@ class Increment:
         return self.scheme.theta * self.dt
 
     @cached_property
+    def answer(self) -> Bulk | StartForces:
+        """What answers the motion: the bodies, or in an explicit step the forces that they start with."""
+        if not self.scheme.explicit:
+            return self.bulk
+        return StartForces.of(self.bulk, self.start, self.v0, self.dt, self.scheme.ghost)
+
+    @cached_property
     def mass(self) -> Array:
         """What resists a change of w: the mass, nothing in a quasi-static step, (2 nodes,) [kg/m]."""
         mass = self.bulk.assembly.mass
@@ -56,7 +64,7 @@ class Increment:
     @property
     def exact(self) -> bool:
         """Whether one solve is the solution, but for contact."""
-        return self.bulk.linear and not self.floats.any()
+        return self.answer.linear and not self.floats.any()
 
     @property
     def rest(self) -> Array:
@@ -74,7 +82,7 @@ class Increment:
 
     def at(self, w: Array) -> Configuration:
         """The configuration whose stress drives the step."""
-        return self.bulk.at(self.start + self._reach * w)
+        return self.answer.at(self.start + self._reach * w)
 
     def after(self, w: Array) -> Array:
         """The velocity v1 at the end of the step, (2 nodes,) [m/s]."""
@@ -83,12 +91,12 @@ class Increment:
     def energy(self, w: Array, at: Configuration) -> float:
         """The incremental potential E(w) [J/m]."""
         slip = w - self.rest
-        return self.bulk.energy(at) + 0.5 * float(slip @ (self.mass * slip)) - self._reach * float(self.force @ w)
+        return self.answer.energy(at) + 0.5 * float(slip @ (self.mass * slip)) - self._reach * float(self.force @ w)
 
     def gradient(self, w: Array, at: Configuration) -> tuple[Array, float]:
         """The imbalance of momentum without contact (2 nodes,) [kg/s], and the size of its terms."""
         inertia = self.mass * (w - self.rest)
-        elastic, external = self._reach * self.bulk.force(at), self._reach * self.force
+        elastic, external = self._reach * self.answer.force(at), self._reach * self.force
         noise = self.round_off(w, at) / self.scheme.newton_tol
         return inertia + elastic - external, max(
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
@@ -125,9 +133,12 @@ class Increment:
         return float(20.0 * np.finfo(float).eps * (self._reach * modulus * reach * np.sqrt(w.size) + inertia))
 
     def matrix(self, at: Configuration, *, projected: bool = False) -> sp.bsr_array:
-        """A = M + theta^2 dt^2 K; in a quasi-static step K and what keeps floating bodies from going anywhere."""
+        """A = M + theta^2 dt^2 K; in a quasi-static step K and what keeps floating bodies from going anywhere.
+
+        In an explicit step dt^2 K is the ghost penalty on accelerations.
+        """
         assembly = self.bulk.assembly
-        K = self.bulk.stiffness(at, projected=projected)
+        K = self.answer.stiffness(at, projected=projected)
         if self.scheme.inertia:
             return assembly.matrix(K, self._reach**2)
         modulus = np.zeros(assembly.sheets.bodies)
@@ -168,10 +179,12 @@ class Increment:
         return sp.bsr_array((data, A.indices, A.indptr), shape=A.shape)
 
     def _solver(self, A: sp.bsr_array) -> Solver:
-        sheets = self.bulk.assembly.sheets
-        if self.supports is None:
-            return self.scheme.linear(A, sheets.blocks, sheets.rigid_motions())
-        return self.supports.factorised(self.scheme.linear, A, sheets.blocks, sheets.rigid_motions())
+        sheets, linear = self.bulk.assembly.sheets, self.scheme.linear
+        if self.supports is not None:
+            return self.supports.factorised(linear, A, sheets.blocks, sheets.rigid_motions())
+        if self.scheme.explicit and self.scheme.ghost == 0.0:
+            linear = diagonal
+        return linear(A, sheets.blocks, sheets.rigid_motions())
 
 
 def _by_body(sheets: Sheets, field: Array) -> Array:

@@ -73,7 +73,7 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
             return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         late = _late(step, touching, iteration, imbalance, before)
-        if solver is None or (late and not step.bulk.linear):
+        if solver is None or (late and not step.answer.linear):
             solver = None  # the factors of two matrices need not be in memory at once
             if touching:
                 touching.response = None
@@ -208,14 +208,16 @@ def _move(
     push: Array,
 ) -> tuple[Array, Configuration]:
     """To the next w: the accelerated step where it is admissible, else a line search along the Newton direction."""
-    if mixed is not direction or step.bulk.linear:
+    if step.answer.linear:
+        return w + mixed, step.at(w + mixed)
+    if mixed is not direction:
         there = step.at(w + mixed)
         # Without contact the potential must go down; with it, it is another one in every iteration.
         limit = float(np.finfo(float).max)
         if not push.any():
             energy = step.energy(w, at)
             limit = energy + _noise(step, w, at, direction, abs(energy))
-        if step.bulk.linear or step.energy(w + mixed, there) <= limit:
+        if step.energy(w + mixed, there) <= limit:
             return w + mixed, there
     return _search(step, w, at, direction, slope, push)
 

@@ -15,9 +15,8 @@ from skmpm.contact import Linearise, Rows
 from skmpm.contact.rows import lookup
 from skmpm.implicit.failure import NotConverged, pair
 from skmpm.implicit.increment import Increment
-from skmpm.implicit.response import Response
 from skmpm.implicit.turning import Turning, sticking, turning
-from skmpm.linear import Solver
+from skmpm.linear import Response, Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -121,8 +120,11 @@ class Touching:
         if rows.size == 0:
             return -solver(gradient), self._push()
         if self.response is None or self.response.solver is not solver:
-            self.response = Response(solver, rows.base, self._owners(rows.base))
-        turns = None if self.settled is not None else turning(rows, self.r, self.step.dt, self.step.scheme.theta)
+            lasts = self.step.answer.linear and solver.name != "amg"  # which is asked for as little as possible
+            self.response = Response(solver, rows.base, self._owners(rows.base), whole=lasts)
+        turns = None
+        if self.settled is None and not self.step.scheme.explicit:  # short steps, in which contacts hardly turn
+            turns = turning(rows, self.r, self.step.dt, self.step.scheme.theta)
         moved = rows.at_places(solver(self._push() - gradient))
         self.timer.lap("linear")
         W = self._compliance(self.response, turns)

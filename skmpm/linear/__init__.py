@@ -7,8 +7,10 @@ Each solver is a function (A, blocks, rigid_motions) -> solve; `solve(b)` return
 
 from skmpm.linear.band import Banded, banded
 from skmpm.linear.choice import CROSSOVER, default
+from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
+from skmpm.linear.response import Response
 from skmpm.linear.solver import Linear, Solver, half_bandwidth
 from skmpm.linear.threads import one_thread
 
@@ -16,12 +18,15 @@ __all__ = [
     "CROSSOVER",
     "Amg",
     "Banded",
+    "Diagonal",
     "Direct",
     "Linear",
+    "Response",
     "Solver",
     "amg",
     "banded",
     "default",
+    "diagonal",
     "direct",
     "half_bandwidth",
     "one_thread",

@@ -26,6 +26,10 @@ class Elastic(Protocol):
     def lame(self) -> tuple[float, float]:
         """Lame constants (lambda, mu) at zero strain [Pa]."""
 
+    @property
+    def bounded_modulus(self) -> float:
+        """The modulus lambda + 2 mu, at most 10 mu: it does not grow as nu -> 1/2 [Pa]."""
+
     def energy(
         self, F: Array, F_anchor: Array | None, stress_anchor: Array | None, dilatation: Array | None = None
     ) -> Array:
@@ -77,6 +81,12 @@ class Isotropic:
         """Lame constants (lambda, mu) at zero strain [Pa]."""
         E, nu = self.E, self.nu
         return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
+
+    @property
+    def bounded_modulus(self) -> float:
+        """The modulus lambda + 2 mu, at most 10 mu: it does not grow as nu -> 1/2 [Pa]."""
+        lam, mu = self.lame
+        return min(lam + 2.0 * mu, 10.0 * mu)
 
 
 def determinant(F: Array) -> Array:

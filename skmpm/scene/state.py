@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from skmpm.assembly import Assembly
     from skmpm.elimination import Elimination
-    from skmpm.linear import Solver
+    from skmpm.linear import Response, Solver
     from skmpm.scene.objects import Support
 
 Array = NDArray[np.float64]
@@ -123,3 +123,4 @@ class Derived:
     supported: Sequence[Support]  # these supports
     key: tuple[object, ...] = ()  # what the kept solver was made for
     solver: Solver | None = None
+    response: Response | None = None  # of the places of contacts, by this solver

@@ -8,7 +8,7 @@ from numbers import Real
 import numpy as np
 
 from skmpm.implicit import Increment, NotConverged, Timer, Touching, advance
-from skmpm.linear import one_thread
+from skmpm.linear import Response, one_thread
 from skmpm.scene import Scene, State, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, check_whole, derived_of
@@ -45,8 +45,9 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     try:
         check_whole(scene, state)
         with one_thread(), np.errstate(all="raise", under="ignore"):
-            touching = _touching(scene, state, increment, timer)
-            solution = advance(increment, touching, kept_solver(scene, state, increment), timer)
+            solver, response = kept_solver(scene, state, increment)
+            touching = _touching(scene, state, increment, timer, response)
+            solution = advance(increment, touching, solver, timer)
             after = moved(scene, state, increment, solution)
             timer.lap("transfer")
             budget = budget_of(increment, solution, after.displacement)
@@ -61,7 +62,9 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     return replace(after, report=replace(report, seconds=timer.seconds))
 
 
-def _touching(scene: Scene, state: State, increment: Increment, timer: Timer) -> Touching | None:
+def _touching(
+    scene: Scene, state: State, increment: Increment, timer: Timer, response: Response | None
+) -> Touching | None:
     """The step's contacts; None, and the contact module untouched, where nothing can touch anything."""
     if not can_touch(scene):
         return None
@@ -69,7 +72,7 @@ def _touching(scene: Scene, state: State, increment: Increment, timer: Timer) ->
         scene, state, increment.bulk.assembly.sheets, increment.dt, increment.scheme.theta
     )
     timer.lap("detection")
-    return Touching(linearise, increment, state.contacts.key, state.contacts.force, timer)
+    return Touching(linearise, increment, state.contacts.key, state.contacts.force, timer, response=response)
 
 
 def check_time(name: str, value: object, lowest: float, what: str) -> None:

@@ -121,8 +121,7 @@ def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
     modulus = np.zeros(len(scene.bodies))
     for b, body in enumerate(scene.bodies):
         if not isinstance(body.material, Rigid):
-            lam, mu = body.material.lame
-            modulus[b] = scheme.ghost * min(lam + 2.0 * mu, 10.0 * mu)
+            modulus[b] = scheme.ghost * body.material.bounded_modulus
     return modulus
 
 

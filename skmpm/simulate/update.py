@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit import Increment, Solution
-from skmpm.linear import Solver
+from skmpm.linear import Response, Solver
 from skmpm.material import determinant, product
-from skmpm.scene import Contacts, Scene, State, motion
+from skmpm.scene import Contacts, Derived, Scene, State, motion
 from skmpm.simulate.anchor import derived_of
 from skmpm.transfer import apic
 
@@ -34,7 +34,6 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
     weight[own] = bulk.assembly.volume * determinant(at.F)
     _move_rigid(scene, state, dt, x, v)
     contacts, wall_force = _contacts(scene, solution, dt)
-    key, solver = (_solver_key(scene, increment), solution.solver) if bulk.linear else ((), None)
     return replace(
         state,
         t=state.t + dt,
@@ -50,22 +49,34 @@ def moved(scene: Scene, state: State, increment: Increment, solution: Solution) 
         wall_force=wall_force,
         support_force=solution.reaction.reshape(-1, 2) / dt,
         contacts=contacts,
-        derived=replace(derived_of(state), key=key, solver=solver),
+        derived=_kept(scene, state, increment, solution),
     )
 
 
-def kept_solver(scene: Scene, state: State, increment: Increment) -> Solver | None:
-    """The factor of an earlier step, where linear materials, dt and the anchor make it the factor of this one."""
+def _kept(scene: Scene, state: State, increment: Increment, solution: Solution) -> Derived:
+    """What later steps can use again."""
+    derived = replace(derived_of(state), key=(), solver=None, response=None)
+    if not increment.answer.linear:
+        return derived
+    response = derived_of(state).response if solution.touching is None else solution.touching.response
+    return replace(derived, key=_key(scene, increment), solver=solution.solver, response=response)
+
+
+def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solver | None, Response | None]:
+    """The factor of an earlier step, where linear answers, dt and the anchor make it the factor of this one.
+
+    And how the places of contacts respond by it, as far as it is known.
+    """
     derived = state.derived
-    if derived is None or not increment.bulk.linear or derived.key != _solver_key(scene, increment):
-        return None
-    return derived.solver
+    if derived is None or not increment.answer.linear or derived.key != _key(scene, increment):
+        return None, None
+    return derived.solver, derived.response
 
 
-def _solver_key(scene: Scene, increment: Increment) -> tuple[object, ...]:
+def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     materials, scheme = tuple(body.material for body in scene.bodies), increment.scheme
-    scheme = increment.scheme
-    return (increment.dt, scheme.theta, scheme.linear, scheme.locking, materials)
+    options = (scheme.theta, scheme.explicit, scheme.linear, scheme.locking, scheme.contact)
+    return (increment.dt, *options, materials)
 
 
 def _move_rigid(scene: Scene, state: State, dt: float, x: Array, v: Array) -> None:

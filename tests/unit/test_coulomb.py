@@ -112,6 +112,25 @@ def test_a_doubled_contact_is_shared_in_one_step():
     assert (info.iterations, info.sweeps, info.converged) == (1, 0, True)
 
 
+@pytest.mark.parametrize("mu", [0.0, 0.5, 2.0])
+def test_uncoupled_contacts_need_no_iteration(mu):
+    """W diagonal: a formula; certified by the law itself. A single coupling, and it iterates."""
+    rng = np.random.default_rng(3)
+    W, q, friction = (
+        sp.diags_array(10.0 ** rng.uniform(-2, 2, 400), format="csr"),
+        rng.normal(size=400),
+        np.full(200, mu),
+    )
+    r, info = coulomb.solve(W, q, friction)
+    assert (info.iterations, info.sweeps) == (0, 0)
+    assert info.converged
+    assert coulomb.residual(r, W @ r + q, friction, W.diagonal()) < 1e-14 * np.linalg.norm(q)
+    W = W.tolil()
+    W[0, 2] = W[2, 0] = 0.5 * np.sqrt(W[0, 0] * W[2, 2])
+    _, info = coulomb.solve(W.tocsr(), -np.abs(q), friction)
+    assert info.iterations + info.sweeps > 0
+
+
 def test_without_contacts():
     r, info = coulomb.solve(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
     assert r.shape == (0,) and info == coulomb.Info(0, 0, 0.0, True)

@@ -198,6 +198,8 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
     "points": (limits.FEWEST, r"body 0: 1.8 points per cell of material;",
                lambda v: small(300, np.sqrt(300 / np.pi / v)), None, {}),
     "dt": (limits.COURANT, r"step: dt c/h = 15;", lambda v: pair(), lambda s, v: v * DT, {}),
+    "dt explicit": (limits.EXPLICIT, r"step: dt c/h = 0.7;", lambda v: pair(), lambda s, v: v * DT,
+                    {"explicit": True}),
     "lid": (limits.LID, r"wall 1: moves 0.14 h a step;", lid, lambda s, v: DT, {}),
     "bodies": (limits.APPROACH, r"bodies: up to 0.2 h a step past each other;",
                lambda v: pair(velocity=v * H / DT), lambda s, v: DT, {}),

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from skmpm import Body, NeoHookean, Scene, disc, initial, linear
-from skmpm.implicit import response
+from skmpm.linear import response
 
 GEL = NeoHookean(1e6, 0.3, 1000.0)
 CELL = 0.2e-3

@@ -28,6 +28,7 @@ RESOLUTION = Limit(3.2, "piles and packings have R/h of 3.2 and more, Hertz's fo
 SMALLEST = Limit(1.0, "bodies had R/h of 2 and more")  # test_corners, unlike discs
 FEWEST = Limit(1.8, "1.8 and more were verified, with 1 a uniform stress is off by 10 %")  # large.py, test_patch
 COURANT = Limit(15.0, "piles run at 15, packings at 8 to 12")  # test_pile, results, architecture
+EXPLICIT = Limit(0.7, "explicit steps are stable to 0.7 wherever a disc lies on the grid")  # test_explicit
 LID = Limit(0.14, "lids of packings move by 0.08 to 0.14")  # test_interpenetration, R/h = 5 and 8
 APPROACH = Limit(0.2, "collisions run at up to 0.2, beyond 1 a step fails")  # test_collision, the largest dt
 POISSON = Limit(0.49, "Q1 cells lock beyond, displacements at 0.499 are off by a third at R/h = 4")  # test_locking
@@ -86,9 +87,10 @@ def _points(scene: Scene, health: Health, scheme: Scheme) -> Lines:
 
 
 def _courant(scene: Scene, health: Health, scheme: Scheme) -> Lines:
-    if _above(health.courant, COURANT):
-        remedy = f"use dt = {_down(COURANT.value * health.cell / health.wave)} s or less"
-        yield f"step: dt c/h = {health.courant:.3g}; {COURANT.where}; {remedy}"
+    limit = EXPLICIT if scheme.explicit else COURANT
+    if _above(health.courant, limit):
+        remedy = f"use dt = {_down(limit.value * health.cell / health.wave)} s or less"
+        yield f"step: dt c/h = {health.courant:.3g}; {limit.where}; {remedy}"
 
 
 def _travel(scene: Scene, health: Health, scheme: Scheme) -> Lines:

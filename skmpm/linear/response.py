@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.linear import Solver
+from skmpm.linear.solver import Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -19,12 +19,14 @@ class Response:
     """S = R A^-1 R' of the places that contacts combine, R = base x I, for one factorised A.
 
     Contacts move over the places from iterate to iterate, the places and A stay. S is dense within a body and found
-    for the places of a body that contacts use, once more with all of them when they use others.
+    for the places of a body that contacts use, once more with all of them when they use others; with `whole` at once
+    for all places of a body, so that S does not depend, not even by rounding, on where contacts have been before.
     """
 
     solver: Solver
     base: sp.csr_array  # (m, nodes)
     owner: Ints  # (m,) body of each place
+    whole: bool = False
     S: sp.csr_array = field(init=False)  # (2 m, 2 m)
     known: NDArray[np.bool_] = field(init=False)  # (m,)
 
@@ -50,6 +52,8 @@ class Response:
         self.known |= wanted
         bodies = np.zeros(int(self.owner.max()) + 1, dtype=bool)
         bodies[self.owner[new]] = True
+        if self.whole:
+            self.known |= bodies[self.owner] & (np.diff(self.base.indptr) > 0)
         again = self.known & bodies[self.owner]
         self.S = _without(self.S, np.repeat(bodies[self.owner], 2)) + self._of(np.flatnonzero(again))
 

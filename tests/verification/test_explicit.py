@@ -1,0 +1,221 @@
+"""Explicit steps (`Scheme.explicit`): against closed forms of the scheme, implicit steps, and its limit of stability.
+
+An explicit step is symplectic Euler: forces of the start, the new velocity moves the points. Nodes that are nearly
+empty are held by a ghost penalty on accelerations, so one limit of the time step holds wherever a body lies on the
+grid.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ledger import Row, numbers, rate
+from test_dynamics import PERIOD, L, b, bar, period, vibration
+
+from skmpm import linear
+from skmpm.material import NeoHookean
+from skmpm.points import disc
+from skmpm.scene import Body, Scene, StepFailed, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import initial, simulate, step
+
+GEL = NeoHookean(10e6, 0.45, 990.0)
+WAVE = np.sqrt((GEL.lame[0] + 2.0 * GEL.lame[1]) / GEL.density)
+RADIUS, CELL = 1e-3, 0.2e-3
+PLACES = [(0.0, 0.0), (0.137, 0.291), (0.5, 0.5), (0.99, 0.01), (0.81, 0.91)]  # of the centre from a node [cells]
+STABLE = 0.7  # h/c
+
+
+def swinging(place, speed=1.0):
+    """A disc whose rim first moves by speed [m/s] outwards along x and inwards along y."""
+    centre = CELL * np.array(place)
+
+    def velocity(x):
+        return speed / RADIUS * np.stack([x[0] - centre[0], centre[1] - x[1]])
+
+    return Scene([Body(disc(centre, RADIUS, spacing=0.74 * CELL), GEL, velocity=velocity)], cell=CELL)
+
+
+def largest_energy(place, courant, steps=300, **options):
+    """Kinetic and elastic energy over the kinetic one at the start, the largest of a free swing; inf if it fails."""
+    scene, scheme = swinging(place), Scheme(explicit=True, **options)
+    state, dt, found = initial(scene, scheme=scheme), courant * CELL / WAVE, 0.0
+    start = state.report.energy.kinetic
+    for _ in range(steps):
+        try:
+            state = step(scene, state, dt, scheme=scheme)
+        except StepFailed:
+            return np.inf
+        found = max(found, (state.report.energy.kinetic + state.report.energy.elastic) / start)
+    return found
+
+
+def slowed(cell, dt):
+    """Period of the bar's first mode with lumped mass and symplectic Euler, over that of the continuum, less 1."""
+    w = 2.0 / cell * np.sin(0.5 * b * cell) * np.sqrt(100.0)
+    return float(2.0 * np.pi / (2.0 / dt * np.arcsin(0.5 * w * dt)) / PERIOD - 1.0)
+
+
+def measured_period(dt):
+    """The same, measured over four periods, and how far kinetic and elastic energy swing, over the first."""
+    t, amplitude, elastic, kinetic, _ = vibration(bar(1.0), dt=dt, periods=4, explicit=True)
+    return period(t, amplitude) / PERIOD - 1.0, float(np.ptp(elastic + kinetic) / kinetic[0])
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.05])
+def test_the_bars_period_is_that_of_symplectic_euler(dt):
+    """Fixed-free bar, 25 cells, four periods. Closed form of lumped mass and scheme, to 1e-6.
+
+    The energy swings by w dt in all, as symplectic Euler's does, and does not grow.
+    """
+    found, swing = measured_period(dt)
+    assert found == pytest.approx(slowed(1.0, dt), abs=1e-6)
+    assert swing == pytest.approx(2.0 * np.pi / PERIOD * dt, rel=1e-2)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_one_limit_of_the_step_wherever_the_disc_lies(place):
+    """A swinging disc, R/h = 5, dt = 0.7 h/c, 300 steps: its energy stays below 1.05 of the first.
+
+    Without the penalty on accelerations nearly empty nodes need a seventh of that (the next test).
+    """
+    assert largest_energy(place, STABLE) < 1.05
+
+
+def test_nearly_empty_nodes_need_the_ghost_penalty():
+    """Centre in the middle of a cell, where the rim just reaches over grid lines: unstable at 0.3 h/c without."""
+    assert largest_energy((0.5, 0.5), 0.3, ghost=0.0) > 1.5
+    assert largest_energy((0.5, 0.5), 0.3) < 1.05
+
+
+def test_steps_beyond_the_limit_are_refused():
+    """Twice the limit: the energy that grows from nothing ends the step, with the time and a remedy."""
+    scene, scheme = swinging((0.137, 0.291)), Scheme(explicit=True)
+    state, dt = initial(scene, scheme=scheme), 2.0 * STABLE * CELL / WAVE
+    with pytest.raises(StepFailed, match=r"t = .*(gain|log|inside out).*smaller dt|failed"):
+        for _ in range(300):
+            state = step(scene, state, dt, scheme=scheme)
+
+
+def colliding(friction=0.5):
+    """Two discs that meet obliquely."""
+    bodies = [
+        Body(disc((0.137 * CELL, 0.291 * CELL), RADIUS, spacing=0.74 * CELL), GEL, velocity=(4.0, 0.0)),
+        Body(disc((1.9 * RADIUS, 0.8 * RADIUS), RADIUS, spacing=0.74 * CELL), GEL, velocity=(-4.0, 0.0)),
+    ]
+    return Scene(bodies, cell=CELL, friction=friction)
+
+
+def rebound(scene, courant, until, **options):
+    """Velocities and spin of the first disc at the end, over 4 m/s, and the largest momentum on the way, over m v."""
+    scheme, momentum = Scheme(**options), 0.0
+    for state in simulate(scene, dt=courant * CELL / WAVE, until=until, scheme=scheme):
+        momentum = max(momentum, float(np.abs(state.v @ state.mass).max()) / (4.0 * state.mass.sum()))
+    one = state.body == 0
+    share = state.mass[one] / state.mass[one].sum()
+    spin = 0.5 * (state.C[1, 0] - state.C[0, 1])[one] @ share
+    return np.array([*(state.v[:, one] @ share), spin * RADIUS]) / 4.0, momentum
+
+
+def difference(courant, until=120e-6):
+    """Explicit against implicit steps of the same length, largest difference of rebound velocities and spin."""
+    pair = [rebound(colliding(), courant, until, explicit=explicit) for explicit in (True, False)]
+    return float(np.abs(pair[0][0] - pair[1][0]).max()), max(m for _, m in pair)
+
+
+@pytest.mark.slow
+def test_explicit_and_implicit_collisions_meet():
+    """Oblique collision, friction 0.5: the difference is of first order in dt.
+
+    Both are first-order schemes with one limit, their errors of opposite sign: 5 % of the speed at 0.6 h/c. Momentum
+    to round-off.
+    """
+    steps = (0.6, 0.3)
+    found, momentum = zip(*(difference(courant) for courant in steps), strict=True)
+    assert max(momentum) < 1e-13
+    assert found[0] < 0.05
+    assert rate(steps, found) > 0.7
+
+
+def test_a_lumped_mass_alone_needs_no_factorisation_and_no_contact_iteration():
+    """Without ghost penalty A is diagonal; two bodies at shared nodes then meet node by node, in closed form."""
+    scheme = replace(Scheme.seed(), explicit=True, ghost=0.0)
+    scene = colliding()
+    state, most = initial(scene, scheme=scheme), 0
+    for _ in range(40):
+        state = step(scene, state, 0.1 * CELL / WAVE, scheme=scheme)
+        most = max(most, state.contacts.gap.size)
+        assert state.report.contact == 0
+        assert state.report.residual < 1e-12
+    assert most > 0
+    assert state.derived.solver.name == "diagonal"
+
+
+def test_the_factor_and_the_response_of_rims_are_kept():
+    """Explicit with ghost penalty, on sheets laid once: one factorisation in the run, compliances once per body."""
+    scene, scheme = colliding(), Scheme(explicit=True)
+    state, factorised, kept = initial(scene, scheme=scheme), 0, None
+    for _ in range(30):
+        state = step(scene, state, 0.5 * CELL / WAVE, scheme=scheme)
+        factorised += state.report.linear
+        assert kept is None or state.derived.response is kept
+        kept = state.derived.response
+    assert factorised == 1
+    assert state.contacts.gap.size > 0
+
+
+def test_a_wall_stops_an_explicit_disc():
+    """A disc against a wall, 0.5 h/c: it never lies behind it, and rebounds with the impulse that the wall gave."""
+    scene = replace(swinging((0.137, 0.291), speed=0.0), walls=(Wall((0.0, -1.02 * RADIUS), (0.0, 1.0)),))
+    scene = replace(scene, bodies=(replace(scene.bodies[0], velocity=(0.0, -2.0)),))
+    given, dt = 0.0, 0.5 * CELL / WAVE
+    for state in simulate(scene, dt=dt, until=200 * dt, scheme=Scheme(explicit=True)):
+        given -= dt * state.wall_force[0, 1]
+        assert state.x[1].min() > -1.02 * RADIUS - 1e-3 * CELL
+    gained = state.mass @ (state.v[1] + 2.0)
+    assert gained == pytest.approx(given, rel=1e-9)
+    assert state.v[1] @ state.mass / state.mass.sum() > 1.0
+
+
+@pytest.mark.parametrize("solver", [linear.banded, linear.amg], ids=["banded", "amg"])
+def test_solvers_agree(solver):
+    """Twenty explicit steps of a collision with banded and amg against the oracle: to amg's tolerance."""
+    found = [rebound(colliding(), 0.5, 20e-6, explicit=True, linear=kind)[0] for kind in (solver, linear.direct)]
+    assert np.abs(found[0] - found[1]).max() < 1e-8
+
+
+def rows():
+    """Lines of docs/verification.md."""
+    steps = (0.6, 0.3, 0.15)
+    found, _ = zip(*(difference(courant) for courant in steps), strict=True)
+    periods = {dt: (measured_period(dt)[0], slowed(1.0, dt)) for dt in (0.02, 0.05)}
+    stable = {courant: max(largest_energy(place, courant) for place in PLACES) for courant in (0.5, 0.7, 0.8)}
+    return [
+        Row(
+            problem=f"fixed-free bar, explicit, 25 cells over {L:g} m, period over the continuum's",
+            reference="lumped mass and symplectic Euler, closed form",
+            h="1",
+            error="; ".join(f"dt {dt:g}: {a:+.2e} for {e:+.2e}" for dt, (a, e) in periods.items()),
+            rate="-",
+            goal="1e-6: met",
+            test="test_the_bars_period_is_that_of_symplectic_euler",
+        ),
+        Row(
+            problem="swinging disc, explicit, 300 steps of 0.5, 0.7, 0.8 h/c, worst of five places on the grid",
+            reference="its first energy",
+            h="R/h = 5",
+            error=f"largest energy over it: {numbers(stable.values())}",
+            rate="-",
+            goal="stable to 0.7 h/c wherever it lies: met",
+            test="test_one_limit_of_the_step_wherever_the_disc_lies",
+        ),
+        Row(
+            problem="oblique collision with friction 0.5, explicit against implicit, 0.6, 0.3, 0.15 h/c",
+            reference="implicit steps of the same length",
+            h="R/h = 5",
+            error=f"velocities and spin over the closing speed: {numbers(found)}",
+            rate=f"{rate(steps, found):.2f}",
+            goal="first order: met",
+            test="test_explicit_and_implicit_collisions_meet",
+        ),
+    ]
