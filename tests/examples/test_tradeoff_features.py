@@ -1,0 +1,73 @@
+"""The table of what features cost, in small: every line counts what it says, and every test it names exists."""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+MODULES = ("tradeoff_features", "tradeoff_features_scenes", "benchmark_scenes")
+SMALL = ["--discs", "8", "--cells", "3", "--large", "6", "--repeats", "1"]
+
+
+@pytest.fixture
+def features(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    yield import_module("tradeoff_features")
+    for name in MODULES:
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture
+def page(features, tmp_path):
+    """The small table, written on a page that has text around the marks."""
+    path = tmp_path / "tradeoff.md"
+    path.write_text(f"before\n\n{features.BEGIN}\nold\n{features.END}\n\nafter\n")
+    features.main(features.parser().parse_args([*SMALL, "--docs", str(tmp_path)]))
+    return path.read_text()
+
+
+def test_every_line_is_measured_and_the_rest_of_the_page_stays(features, page):
+    """What is off is counted as nothing, what is on as something; all tests that are named exist."""
+    assert page.startswith(f"before\n\n{features.BEGIN}\n`python examples/tradeoff_features.py`")
+    assert page.endswith(f"{features.END}\n\nafter\n")
+    assert "old" not in page.splitlines()
+    wanted = features.scenes.features(8, 3.0, 6.0)
+    lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")][2:]
+    assert [line[0] for line in lines] == [feature.name for feature in wanted]
+    assert all(len(line) == 6 for line in lines)
+    found = {(line[0], line[1]): counts(line[3]) for line in lines}
+    never = {
+        "calls in `contact` and `coulomb`", "gravity evaluated", "loads evaluated", "eliminations", "line searches",
+        "means of dilatation", "kinetic energies", "velocity gradients", "sheets laid", "patterns made",
+    }  # fmt: skip
+    for each in found.values():
+        for name in never & each.keys():
+            on, off = each[name]
+            assert on > 0.0 == off, name
+    friction = found["friction .5 / 0", "packing"]
+    assert friction["rows of W"][1] <= friction["contacts"][1] * 1.5 < friction["rows of W"][0]
+    walls = found["walls of rigid points / planes", "packing"]["unknowns"]
+    assert walls[0] == walls[1] > 0
+    bodies = found["a deformable / a rigid body", "two discs meet"]
+    assert bodies["unknowns"][0] == 2 * bodies["unknowns"][1]
+    sources = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
+    named = {test for feature in wanted for test in feature.tests}
+    assert not {test for test in named if f"def {test}(" not in sources}
+
+
+def counts(cell):
+    """Numbers on and off by name."""
+    parts = (part.rsplit(" ", 3) for part in cell.split("; "))
+    return {name: (float(on), float(off)) for name, on, slash, off in parts}
+
+
+def test_a_page_without_marks_is_left_alone(features, tmp_path):
+    path = tmp_path / "tradeoff.md"
+    path.write_text("no marks\n")
+    with pytest.raises(SystemExit, match="marks"):
+        features.write("text", path)
+    assert path.read_text() == "no marks\n"
+    features.write("text\n", tmp_path / "new" / "tradeoff.md")
+    assert (tmp_path / "new" / "tradeoff.md").read_text().endswith(f"{features.BEGIN}\ntext\n{features.END}\n")
