@@ -1,0 +1,104 @@
+"""What a run costs: processor time, and counts that are the same on every machine."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import process_time
+from types import FrameType
+
+import numpy as np
+import scipy.sparse as sp
+
+import skmpm
+from skmpm import linear
+
+
+class TooLong(Exception):  # noqa: N818  (says what happened, as `StepFailed` does)
+    """A run that used more processor time than it may."""
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Raise `TooLong` once so much processor time of this process has gone; 0: never."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise TooLong(f"more than {seconds:g} s")
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+@dataclass(eq=False)
+class Meter:
+    """A linear solver that counts what it is asked for, and a clock for the steps."""
+
+    solver: linear.Linear
+    seconds: float = 0.0  # processor time of the steps, and of nothing else
+    steps: int = 0
+    retries: int = 0
+    newton: int = 0
+    contact: int = 0  # iterations of the contact solver
+    factorisations: int = 0
+    work: float = 0.0  # sum over factorisations of unknowns * (half bandwidth)^2: what banded Cholesky multiplies
+    unknowns: int = 0
+    points: int = 0
+    overlap: float = 0.0  # the largest
+    _solves: list[list[int]] = field(default_factory=list)  # of multigrid, a list for each matrix
+
+    def __call__(self, A: sp.bsr_array, blocks: np.ndarray, rigid_motions: np.ndarray) -> linear.Solver:
+        """As the solver does."""
+        self.factorisations += 1
+        self.unknowns = max(self.unknowns, A.shape[0])
+        self.work += float(A.shape[0]) * linear.half_bandwidth(A) ** 2
+        made = self.solver(A, blocks, rigid_motions)
+        if isinstance(made, linear.Amg):
+            self._solves.append(made.iterations)
+        return made
+
+    def states(
+        self,
+        scene: skmpm.Scene,
+        *,
+        dt: float,
+        until: float,
+        scheme: skmpm.Scheme,
+        start: skmpm.State | None = None,
+        checkpoint: Path | None = None,
+    ) -> Iterator[skmpm.State]:
+        """As `skmpm.simulate`; times the steps and counts."""
+        first = skmpm.initial(scene, scheme=scheme) if start is None else start
+        self.points = int(first.x.shape[1])
+        run = skmpm.simulate(scene, dt=dt, until=until, scheme=scheme, start=first, checkpoint=checkpoint)
+        while True:
+            began = process_time()
+            try:
+                state = next(run, None)
+            finally:
+                self.seconds += process_time() - began
+            if state is None:
+                return
+            self.count(state.report)
+            yield state
+
+    def count(self, report: skmpm.scene.Report) -> None:
+        """Add what a step reports."""
+        self.steps += 1
+        self.retries += report.retries
+        self.newton += report.newton
+        self.contact += report.contact
+        self.overlap = max(self.overlap, report.overlap)
+
+    def cost(self) -> dict[str, float]:
+        """All of it; `products` are those of multigrid's conjugate gradients with A."""
+        names = ("seconds", "steps", "retries", "newton", "contact", "factorisations", "work", "unknowns", "points")
+        counts = {name: float(getattr(self, name)) for name in (*names, "overlap")}
+        return counts | {"products": float(sum(map(sum, self._solves)))}
