@@ -85,10 +85,8 @@ class Assembly:
 
     def _within_bodies(self, displacement: Array) -> Array:
         """Displacement less the mean of its body, (nodes, 2): of a long way the penalty would see the rounding."""
-        u, body = displacement.reshape(-1, 2), self.sheets.node_body
-        count = np.maximum(np.bincount(body, minlength=self.sheets.bodies), 1)
-        mean = np.stack([np.bincount(body, component, self.sheets.bodies) for component in u.T], axis=1)
-        return u - (mean / count[:, None])[body]
+        u = displacement.reshape(-1, 2)
+        return u - self.sheets.means(u.T).T[self.sheets.node_body]
 
     def stiffness(self, C: Array, added: Array | None = None) -> Array:
         """Data of the stiffness in the pattern of A, (blocks, 2, 2).

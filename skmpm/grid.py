@@ -181,12 +181,20 @@ class Sheets:
             **options,
         )
 
+    def sums(self, values: Array) -> Array:
+        """Sums over the nodes of every body, (k, bodies), of nodal values (k, nodes)."""
+        return np.stack([np.bincount(self.node_body, row, self.bodies) for row in values])
+
+    def means(self, values: Array, weight: Array | None = None) -> Array:
+        """Means over the nodes of every body, (k, bodies), of nodal values (k, nodes) weighed (nodes,)."""
+        weight = np.ones(self.nodes) if weight is None else weight
+        (total,) = self.sums(weight[None])
+        return np.asarray(self.sums(weight * values) / np.maximum(total, 1e-300))
+
     def rigid_motions(self) -> Array:
         """Two translations and the rotation about each body's own centre, (2 nodes, 3)."""
         position = self.position
-        count = np.maximum(np.bincount(self.node_body, minlength=self.bodies), 1)
-        centre = np.stack([np.bincount(self.node_body, x, self.bodies) / count for x in position])
-        arm = (position - centre[:, self.node_body]) / self.cell
+        arm = (position - self.means(position)[:, self.node_body]) / self.cell
         motions = np.zeros((2 * self.nodes, 3))
         motions[0::2, 0] = motions[1::2, 1] = 1.0
         motions[0::2, 2], motions[1::2, 2] = -arm[1], arm[0]
@@ -199,8 +207,7 @@ class Sheets:
         forces that balance each other they carry nothing. `stiffness` (bodies,).
         """
         x, body = self.position, self.node_body
-        count = np.maximum(np.bincount(body, minlength=self.bodies), 1)
-        centre = np.stack([np.bincount(body, xi, self.bodies) / count for xi in x])
+        centre = self.means(x)
         first = self.blocks[:-1] // 2
         held = np.flatnonzero(stiffness > 0.0)
 

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.elimination import Elimination
-from skmpm.grid import Sheets
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import StartForces
 from skmpm.linear import Solver, diagonal
@@ -112,8 +111,8 @@ class Increment:
         sheets = self.bulk.assembly.sheets
         lumped = self.bulk.assembly.lumped
         imbalance = lumped * (w - self.rest) - self._reach * self.force - push
-        left, mass = (_by_body(sheets, a) for a in (imbalance, lumped))
-        return np.asarray(w - (left / np.maximum(mass, 1e-300))[sheets.node_body].ravel())
+        left, mass = (sheets.sums(a.reshape(-1, 2).T) for a in (imbalance, lumped))
+        return np.asarray(w - (left / np.maximum(mass, 1e-300)).T[sheets.node_body].ravel())
 
     def unsupported(self, gradient: Array) -> Array:
         """The part of an imbalance that supports do not take, (2 nodes,)."""
@@ -164,16 +163,13 @@ class Increment:
         that exceeds its inertia.
         """
         sheets, mass = self.bulk.assembly.sheets, self.bulk.assembly.mass
-        body = np.repeat(sheets.node_body, 2)
         weight = mass[::2]
         x = sheets.position + at.displacement.reshape(-1, 2).T
-        total = np.maximum(np.bincount(sheets.node_body, weight, sheets.bodies), 1e-300)
-        centre = np.stack([np.bincount(sheets.node_body, weight * xi, sheets.bodies) for xi in x]) / total
-        arm = x - centre[:, sheets.node_body]
+        arm = x - sheets.means(x, weight)[:, sheets.node_body]
         turn = np.stack([-arm[1], arm[0]], axis=1).ravel()
-        inertia = np.bincount(body, mass * turn**2, sheets.bodies)
-        held = np.bincount(body, turn * (A @ turn), sheets.bodies) / np.maximum(inertia, 1e-300)
-        missing = np.maximum(STEADY - held, 0.0)
+        resisting = np.stack([mass * turn**2, turn * (A @ turn)]).reshape(2, -1, 2).sum(axis=-1)
+        inertia, held = sheets.sums(resisting)
+        missing = np.maximum(STEADY - held / np.maximum(inertia, 1e-300), 0.0)
         data, rows = A.data.copy(), np.repeat(np.arange(sheets.nodes), np.diff(A.indptr))
         data[rows == A.indices] += (missing[sheets.node_body] * weight)[:, None, None] * np.eye(2)
         return sp.bsr_array((data, A.indices, A.indptr), shape=A.shape)
@@ -185,8 +181,3 @@ class Increment:
         if self.scheme.explicit and self.scheme.ghost == 0.0:
             linear = diagonal
         return linear(A, sheets.blocks, sheets.rigid_motions())
-
-
-def _by_body(sheets: Sheets, field: Array) -> Array:
-    """Sums over the nodes of every body of a nodal field (2 nodes,), (bodies, 2)."""
-    return np.stack([np.bincount(sheets.node_body, a, sheets.bodies) for a in field.reshape(-1, 2).T], axis=1)

@@ -141,16 +141,15 @@ def _check_balance(step: Increment) -> None:
     if not step.floats.any() or step.supports is not None:
         return
     sheets = step.bulk.assembly.sheets
-    body = np.repeat(sheets.node_body, 2)
-    moved = np.stack([np.bincount(body, step.force * m, sheets.bodies) for m in sheets.rigid_motions().T])
-    size = np.bincount(body, np.abs(step.force), sheets.bodies)
-    loose = np.flatnonzero(np.abs(moved[:2]).max(axis=0) > 1e-6 * size)
+    rows = np.concatenate([step.force * sheets.rigid_motions().T, np.abs(step.force)[None]])
+    *moved, size = sheets.sums(rows.reshape(4, -1, 2).sum(axis=-1))
+    loose = np.flatnonzero(np.maximum(np.abs(moved[0]), np.abs(moved[1])) > 1e-6 * size)
     turning = np.flatnonzero(np.abs(moved[2]) > 1e-6 * size * np.sqrt(sheets.nodes))
     if loose.size or turning.size:
         b = int(np.concatenate([loose, turning])[0])
         raise NotConverged(
             f"body {b}",
-            f"it is held by nothing and its loads do not balance: net force {moved[0, b]:.3g}, {moved[1, b]:.3g} N/m",
+            f"it is held by nothing and its loads do not balance: net force {moved[0][b]:.3g}, {moved[1][b]:.3g} N/m",
             "add a Support or a wall, or use inertia",
             curable=False,
         )

@@ -20,8 +20,9 @@ def features(monkeypatch):
 
 
 @pytest.fixture
-def page(features, tmp_path):
-    """The small table, written on a page that has text around the marks."""
+def page(features, tmp_path, monkeypatch):
+    """The small table of a packing that has just begun to touch, on a page that has text around the marks."""
+    monkeypatch.setattr(features.scenes, "FRACTION", 0.72)
     path = tmp_path / "tradeoff.md"
     path.write_text(f"before\n\n{features.BEGIN}\nold\n{features.END}\n\nafter\n")
     features.main(features.parser().parse_args([*SMALL, "--docs", str(tmp_path)]))
