@@ -29,6 +29,7 @@ def page(features, tmp_path, monkeypatch):
     return path.read_text()
 
 
+@pytest.mark.slow
 def test_every_line_is_measured_and_the_rest_of_the_page_stays(features, page):
     """What is off is counted as nothing, what is on as something; all tests that are named exist."""
     assert page.startswith(f"before\n\n{features.BEGIN}\n`python examples/tradeoff_features.py`")
