@@ -32,6 +32,7 @@ import skmpm
 
 PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 SHARE = {"packing": 0.5}  # of the sample, where runs are long
+LATE = ("sample", "slope", "second")  # what comes last there
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def plan(names: list[str], runs: int) -> list[Member]:
         members += [Member(name, scenes.setting_on(name, s), why, 0.0) for why, s in known if s is not None]
         for why, settings in wanted(name, runs):
             members += [Member(name, s, why, case.limit) for s in dict_unique(name, settings)]
-    return sorted(members, key=lambda m: m.why in ("second", "slope"))  # what can wait is last
+    return sorted(members, key=lambda m: m.scene in SHARE and m.why in LATE)
 
 
 def wanted(name: str, runs: int) -> list[tuple[str, list[Setting]]]:

@@ -83,7 +83,7 @@ CASES = {
         ALL,
         inertia=True,
         places=1,
-        limit=150.0,
+        limit=200.0,
         reference=DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 1 / 8},
         second=DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 1 / 8, "perturbed": 1e-9},
     ),
