@@ -27,17 +27,17 @@ from tradeoff_features_scenes import DT, Variant
 import skmpm
 from skmpm.linear import half_bandwidth
 
-COUNTED = 3  # steps
-WARM = 2  # steps before those that are timed
+WARM = 2  # steps before those that are counted and timed
 BEGIN, END = "<!-- features -->", "<!-- /features -->"
 HEAD = """`python examples/tradeoff_features.py` measures and writes this table (here in {seconds:.0f} s of one core).
-Both variants of a line start from the same state where they can; packings that differ in friction or material come
-from their own. Counts are those of one step, the mean of {counted} (unknowns, blocks of A and contacts: in the last
-of them). Times are the median over {repeats} steps, made in turn, of the ratio of processor times, with the
-quartiles in brackets; the disc against itself, nothing switched, gives {still}. The packing is {discs} discs of R/h
-= {cells:g} at a nominal solid fraction of 0.85, friction 0.5, between planes, 8 us a step. The disc, of R/h =
-{large:g}, is alone and swings by 1 %, or it is squeezed between two plates. Material is NeoHookean where nothing
-else is said. Every promise of the third column is a test, named in the last.
+Both variants of a line start from the same state where they can; packings that differ in friction or material
+come from their own. After two steps, {repeats} are counted and, in another run, timed, on and off in turn:
+counts are means over them (unknowns, blocks of A and contacts: those of the last), times the median of the
+ratios of processor times, with the quartiles in brackets. The disc against itself, nothing switched, gives
+{still}. The packing is {discs} discs of R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5,
+between smooth planes, 8 us a step. The disc, of R/h = {large:g}, is alone and swings by 1 %, or is squeezed
+between two smooth planes. Material is NeoHookean where nothing else is said. Every promise of the third column
+is a test, named in the last.
 """
 
 
@@ -124,11 +124,12 @@ def steps(variant: Variant, state: skmpm.State) -> Iterator[tuple[skmpm.State, f
         yield state, process_time() - began
 
 
-def counted(variant: Variant, number: int = COUNTED) -> Counts:
-    """What so many steps do, after one that counts nothing."""
+def counted(variant: Variant, number: int) -> Counts:
+    """What so many steps do, after those that count nothing."""
     found = Counts()
     run = steps(variant, variant.start())
-    next(run)
+    for _ in range(WARM):
+        next(run)
     sys.setprofile(found.note)
     try:
         found.states.extend(next(run)[0] for _ in range(number))
@@ -163,7 +164,7 @@ def short(count: float) -> str:
 
 def line(feature: scenes.Feature, repeats: int) -> str:
     """A feature's line of the table."""
-    on, off = counted(feature.on), counted(feature.off)
+    on, off = counted(feature.on, repeats), counted(feature.off, repeats)
     each = (f"{name} {short(COUNTS[name](on))} / {short(COUNTS[name](off))}" for name in feature.counts)
     time = spread(ratios(feature.on, feature.off, repeats))
     tests = ", ".join(f"`{test}`" for test in feature.tests)
@@ -183,7 +184,6 @@ def table(options: argparse.Namespace) -> str:
     still = scenes.alone(options.large)
     about = {
         **vars(options),
-        "counted": COUNTED,
         "still": spread(ratios(still, still, options.repeats)),
         "seconds": process_time() - began,
     }

@@ -114,6 +114,12 @@ def boxed(discs: int, cells: float, friction: float, law: str, haste: float) -> 
     return replace(scene, bodies=[replace(body, material=material(law)) for body in scene.bodies])
 
 
+def rough(planes: Variant) -> Variant:
+    """The same with walls as rough as the bodies."""
+    walls = [replace(wall, friction=planes.scene.friction) for wall in planes.scene.walls]
+    return replace(planes, scene=replace(planes.scene, walls=walls))
+
+
 def slabbed(planes: Variant) -> Variant:
     """The same packing between walls that are bodies of rigid points."""
     scene, state, first = planes.scene, planes.start(), [wall.point for wall in planes.scene.walls]
@@ -159,9 +165,11 @@ def _contact(discs: int, cells: float, size: float) -> list[Feature]:
         Feature("friction .5 / 0", "packing", "tangential unknowns and rows",
                 ("contacts", "rows of W", "rows of turning", "Newton", "contact iterations"),
                 ("test_friction_0_leaves_no_tangential_unknown",), dense, packing(discs, cells, 0.0)),
-        Feature("walls of rigid points / planes", "packing", "rims and curves of walls; neither has unknowns",
-                ("unknowns", "contacts", "rows of W", "Newton", "contact iterations"),
-                ("test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall",), slabbed(dense), dense),
+        Feature("walls of rigid points / planes", "packing, rough walls",
+                "rims and curves of walls (neither has unknowns)",
+                ("unknowns", "contacts", "rows of W", "Newton", "factorisations", "contact iterations"),
+                ("test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall",), slabbed(rough(dense)),
+                rough(dense)),
         Feature("a deformable / a rigid body", "two discs meet", "its unknowns and its block of A",
                 ("unknowns", "blocks of A", "contacts", "Newton"), ("test_rigid_bodies_and_walls_have_no_unknowns",),
                 meeting(size, "NeoHookean"), meeting(size, "Rigid")),
@@ -232,6 +240,6 @@ def _sheets(discs: int, cells: float, size: float) -> list[Feature]:
         Feature("anchored at every step / once", "disc alone", spared, counts, tests, anew, alone(size)),
         Feature("anchored at every step / once", "packing", spared, counts, tests, dense.solved(anchor=0.0), dense),
         Feature("fitted", "linear disc alone, anchored at every step", "outlines cut by cells, moments fitted",
-                ("weights fitted", "outlines cut by cells", "Newton"),
+                ("weights fitted", "outlines cut by cells", "blocks of A", "Newton"),
                 ("test_without_fitting_no_cell_is_cut_by_an_outline",), linear, linear.solved(fitted=False)),
     ]  # fmt: skip

@@ -50,7 +50,7 @@ def test_every_line_is_measured_and_the_rest_of_the_page_stays(features, page):
             assert on > 0.0 == off, name
     friction = found["friction .5 / 0", "packing"]
     assert friction["rows of W"][1] <= friction["contacts"][1] * 1.5 < friction["rows of W"][0]
-    walls = found["walls of rigid points / planes", "packing"]["unknowns"]
+    walls = found["walls of rigid points / planes", "packing, rough walls"]["unknowns"]
     assert walls[0] == walls[1] > 0
     bodies = found["a deformable / a rigid body", "two discs meet"]
     assert bodies["unknowns"][0] == 2 * bodies["unknowns"][1]
