@@ -76,10 +76,14 @@ class Assembly:
 
     def ghost_force(self, displacement: Array) -> Array:
         """Force of the ghost penalty on the displacement since anchoring, (2 nodes,) [N/m]."""
+        if self.ghost.nnz == 0:
+            return np.zeros_like(displacement)
         return np.asarray(self.ghost @ self._within_bodies(displacement)).ravel()
 
     def ghost_energy(self, displacement: Array) -> float:
         """Energy of the ghost penalty on the displacement since anchoring [J/m]."""
+        if self.ghost.nnz == 0:
+            return 0.0
         u = self._within_bodies(displacement)
         return 0.5 * float(np.sum(u * (self.ghost @ u)))
 
@@ -183,6 +187,7 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
     scatter = sp.csr_array((np.ones(every.size), (in_cells.ravel(), every)), shape=(keys.size, every.size))
     indptr = np.searchsorted(keys, np.arange(nodes + 1) * nodes)
     ghost = np.bincount(in_ghost, ghost_values.ravel(), keys.size).astype(np.float64)  # of none: integers
+    felt = np.flatnonzero(ghost)
 
     n = sheets.local.shape[1]
     weight = volume / sheets.cell**2
@@ -196,7 +201,7 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
         lumped=lumped,
         # A point exactly on a grid line leaves a node without mass, where a velocity would be 0/0.
         mass=np.maximum(lumped, FLOOR * np.repeat(_heaviest(sheets, mass), 2)),
-        ghost=sp.csr_array((ghost, keys % nodes, indptr), shape=(nodes, nodes)),
+        ghost=sp.csr_array((ghost[felt], (keys[felt] // nodes, keys[felt] % nodes)), shape=(nodes, nodes)),
         moments=moments,
         indices=keys % nodes,
         indptr=indptr,

@@ -61,7 +61,8 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float
     def touching(moved: Array) -> Pairs:
         walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
         on_walls = (touching_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
-        return Pairs.joined([touching_bodies(scene, near, start, moved, theta), *on_walls])
+        bodies = [] if near.none and scene.walls else [touching_bodies(scene, near, start, moved, theta)]
+        return Pairs.joined([*bodies, *on_walls])
 
     def linearise(w: Array) -> Rows:
         nonlocal near

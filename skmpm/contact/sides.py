@@ -48,6 +48,11 @@ class Neighbours:
     tips: Ints  # (2, k) pairs of corners
 
     @property
+    def none(self) -> bool:
+        """Whether no body comes near another."""
+        return self.point.size + self.tips.size == 0
+
+    @property
     def curve(self) -> Curve:
         """The outlines' curve."""
         return self.start.curve

@@ -120,7 +120,7 @@ def _late(step: Increment, touching: Touching | None, iteration: int, imbalance:
 def _first(step: Increment) -> Array:
     """The velocity to start from, if it turns no point inside out; else what a linear solid would do from rest."""
     w = step.first()
-    if np.isfinite(step.energy(w, step.at(w))):
+    if step.answer.linear or np.isfinite(step.energy(w, step.at(w))):
         return w
     still = np.zeros_like(w)
     at = step.at(still)

@@ -55,32 +55,32 @@ class Scene:
             object.__setattr__(self, name, tuple(several))
         check(self)
 
-    @property
+    @cached_property
     def offsets(self) -> Ints:
         """Where each body's points begin in the arrays of a state, (bodies + 1,)."""
         return np.concatenate([[0], np.cumsum([body.points.x.shape[1] for body in self.bodies])]).astype(int)
 
-    @property
+    @cached_property
     def initial_positions(self) -> Array:
         """Positions of all points at t = 0, (2, n) [m]."""
         return np.concatenate([body.points.x for body in self.bodies], axis=1)
 
-    @property
+    @cached_property
     def initial_volumes(self) -> Array:
         """Volumes of all points at t = 0, (n,) [m2]."""
         return np.concatenate([body.points.volume for body in self.bodies])
 
-    @property
+    @cached_property
     def deformable(self) -> NDArray[np.bool_]:
         """Which bodies have unknowns, (bodies,)."""
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
 
-    @property
+    @cached_property
     def outlines(self) -> Outlines:
         """The outlines of all bodies, as indices into the arrays of a state."""
         return outlines([body.points.outline for body in self.bodies], self.offsets)
 
-    @property
+    @cached_property
     def normals(self) -> Array:
         """Unit normals of the walls, (2, walls)."""
         return np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T

@@ -11,7 +11,7 @@ from skmpm.io import load, save
 from skmpm.linear import banded
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import box, disc
-from skmpm.scene import Body, Scene, StepFailed, Wall
+from skmpm.scene import Body, Load, Scene, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 from skmpm.transfer import flip, pic
@@ -365,3 +365,28 @@ def test_bodies_of_every_shape_and_material_share_a_scene():
     weight = -state.mass.sum() * 1e4
     assert state.wall_force[0, 1] == pytest.approx(weight, rel=0.2)
     assert (state.x[1] > -1e-3 * CELL).all()
+
+
+@pytest.mark.parametrize(
+    ("first", "then"),
+    [
+        ({}, {"inertia": False}),
+        ({"inertia": False}, {}),
+        ({}, {"theta": 0.5}),
+        ({}, {"explicit": True}),
+        ({}, {"locking": True}),
+        ({}, {"ghost": 0.02}),
+    ],
+)
+def test_a_factor_is_not_kept_for_another_scheme(first, then):
+    """A pulled linear bar whose scheme changes between two steps: as if nothing had been kept, to the bit."""
+    bar = Body(box((0.0, 0.0), (1.0, 0.25), spacing=0.05), LinearElastic(1e6, 0.3, 1000.0))
+    ends = {
+        "supports": [Support(lambda x: x[0] < 1e-9)],
+        "loads": [Load(lambda x: x[0] > 1.0 - 1e-9, (1e3, 0.0))],
+    }
+    scene, dt = Scene([bar], cell=0.1, **ends), 1e-4
+    state = step(scene, initial(scene, scheme=Scheme(**first)), dt, scheme=Scheme(**first))
+    kept, fresh = (step(scene, s, dt, scheme=Scheme(**then)) for s in (state, replace(state, derived=None)))
+    assert np.array_equal(kept.x, fresh.x)
+    assert not np.array_equal(kept.x, step(scene, state, dt, scheme=Scheme(**first)).x)
