@@ -126,8 +126,10 @@ def file_of(member: Member, out: Path) -> Path:
 def main(options: argparse.Namespace) -> None:
     """Run what is missing."""
     members = plan(options.scenes, options.runs)
-    left = list({file_of(m, options.out): m for m in reversed(members)}.items())[::-1]
-    left = [(path, member) for path, member in left if not path.exists()]
+    first: dict[Path, Member] = {}
+    for member in members:
+        first.setdefault(file_of(member, options.out), member)
+    left = [(path, member) for path, member in first.items() if not path.exists()]
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "manifest.json").write_text(json.dumps(manifest(), indent=1))
     print(f"{len(left)} runs to do", flush=True)

@@ -122,9 +122,9 @@ def effective(setting: Setting, matters: frozenset[str], *, inertia: bool) -> Se
     return consistent(setting | {name: DEFAULT[name] for name in idle})
 
 
-def one_at_a_time(around: Setting = DEFAULT) -> list[Setting]:
-    """Every level of every dial, all others as in `around`."""
-    found = [around | {name: level} for name, levels in LEVELS.items() for level in levels]
+def one_at_a_time() -> list[Setting]:
+    """Every level of every dial, all others as in `balanced`."""
+    found = [PRESETS["balanced"] | {name: level} for name, levels in LEVELS.items() for level in levels]
     return [consistent(setting) for setting in found]
 
 

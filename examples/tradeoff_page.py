@@ -1,0 +1,81 @@
+"""docs/tradeoff.md, its figures and its csv, from the results of `tradeoff.py`.
+
+    python examples/tradeoff_page.py --study out/tradeoff --docs docs
+
+Everything between the marks `<!-- study -->` and `<!-- /study -->` is written anew; the rules above and the section
+of `tradeoff_features.py` below are left alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from pathlib import Path
+from typing import Any
+
+import tradeoff_figures as figures
+import tradeoff_tables as tables
+from tradeoff_results import Found, beating, load
+
+HERE = Path(__file__).resolve().parent
+MARKS = "<!-- study -->\n", "<!-- /study -->\n"
+COUNTS = ("steps", "newton", "factorisations", "contact", "products", "unknowns", "points", "work")
+
+
+def keep(found: Found, path: Path) -> None:
+    """All runs, a line each."""
+    rows: list[dict[str, Any]] = []
+    for scene, each in found.runs.items():
+        for run in each.values():
+            errors = {f"error {name}": f"{e:.4g}" for name, e in run.errors.items()}
+            counts = {name: f"{run.cost[name]:.6g}" for name in ("seconds", *COUNTS)}
+            whys = " ".join(sorted(run.whys))
+            rows.append({"scene": scene, "why": whys, **run.setting, "status": run.status[:80], **counts, **errors})
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, names or ["scene"], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def write(study: Path, docs: Path) -> None:
+    """Write the page, its figures and its csv."""
+    found, folder, page = load(study), docs / "tradeoff", docs / "tradeoff.md"
+    folder.mkdir(parents=True, exist_ok=True)
+    keep(found, folder / "results.csv")
+    for name in ("fronts", "dials", "speeds"):
+        getattr(figures, name)(found, folder / f"{name}.png")
+    parts = [
+        ("", TEXT["ran"], tables.ran(found)),
+        ("## Presets", tables.presets(found), "![Error against cost](tradeoff/fronts.png)\n"),
+        ("## Who beats `balanced`", tables.beaters(found, beating(found))),
+        ("## One dial at a time", TEXT["dials"], tables.dials(found), "![Resolution](tradeoff/dials.png)\n"),
+        ("## What limits accuracy", TEXT["limits"], tables.limits(found)),
+        ("## Laws of the error", TEXT["laws"], tables.laws(found)),
+        ("## Implicit against explicit", tables.lids(found), "![Implicit and explicit](tradeoff/speeds.png)\n"),
+    ]
+    text = "\n".join("\n\n".join(p.strip("\n") for p in part if p) + "\n" for part in parts)
+    before, rest = page.read_text().split(MARKS[0])
+    page.write_text(before + MARKS[0] + "\n" + text + "\n" + MARKS[1] + rest.split(MARKS[1])[1])
+
+
+TEXT = {
+    "ran": "What has been run:",
+    "dials": "Error, and cost over that of the default. Nothing where a dial makes no difference, or was not run.",
+    "limits": "d ln(error) / d ln(dial) at the presets; of h, dt, spacing, `contact_tol`.",
+    "laws": "error = c_h n^-p + c_s s^r + c_t tau^q, with n = R/h, s the spacing in cells and tau = dt c / R, fitted"
+    " to the runs that differ from the default in these three only (tolerances up to 1e-4 count as the default).",
+}
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--study", type=Path, default=Path("out/tradeoff"), help="directory of the results")
+    options.add_argument("--docs", type=Path, default=HERE.parent / "docs", help="directory of tradeoff.md")
+    return options
+
+
+if __name__ == "__main__":
+    chosen = parser().parse_args()
+    write(chosen.study, chosen.docs)
