@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +68,12 @@ class Elements:
     basis: CellBasis
     u: Array
 
-    @property
+    @cached_property
+    def finder(self) -> Any:
+        """Which cells hold places."""
+        return self.basis.mesh.element_finder()
+
+    @cached_property
     def tip(self) -> float:
         """Deflection of the middle of the end [m]."""
         return float((self.basis.probes(np.array([[LENGTH], [DEPTH / 2]])) @ self.u)[1])
@@ -76,7 +81,7 @@ class Elements:
     def at(self, x: Array) -> tuple[Array, Array]:
         """Displacement (2, n) and stress (2, 2, n) at places (2, n)."""
         mesh, mapping = self.basis.mesh, self.basis.mapping
-        cells = mesh.element_finder()(*x)
+        cells = self.finder(*x)
         rule = (mapping.invF(x[:, :, None], tind=cells), np.ones((cells.size, 1)))
         options = {"mapping": mapping, "dofs": self.basis.dofs, "disable_doflocs": True}
         u = CellBasis(mesh, self.basis.elem, elements=cells, quadrature=rule, **options).interpolate(self.u)
