@@ -32,12 +32,12 @@ BEGIN, END = "<!-- features -->", "<!-- /features -->"
 HEAD = """`python examples/tradeoff_features.py` measures and writes this table (here in {seconds:.0f} s of one core).
 Both variants of a line start from the same state where they can; packings that differ in friction or material
 come from their own. After two steps, {repeats} are counted and, in another run, timed, on and off in turn:
-counts are means over them (unknowns, blocks of A and contacts: those of the last), times the median of the
-ratios of processor times, with the quartiles in brackets. The disc against itself, nothing switched, gives
-{still}. The packing is {discs} discs of R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5,
-between smooth planes, 8 us a step. The disc, of R/h = {large:g}, is alone and swings by 1 %, or is squeezed
-between two smooth planes. Material is NeoHookean where nothing else is said. Every promise of the third column
-is a test, named in the last.
+counts are means over them (unknowns and blocks of A: those of the last), times the median of the ratios of
+processor times, with the quartiles in brackets. The disc against itself, nothing switched, gives {still}. The
+packing is {discs} discs of R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5, between smooth
+planes, 8 us a step. The disc, of R/h = {large:g}, is alone and swings by 1 %, or is squeezed between two smooth
+planes. Material is NeoHookean where nothing else is said. Every promise of the third column is a test, named in
+the last.
 """
 
 
@@ -94,7 +94,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "calls in `contact` and `coulomb`": lambda c: c.below("contact", "coulomb"),
     "unknowns": lambda c: c.states[-1].displacement.size,
     "blocks of A": lambda c: c.blocks,
-    "contacts": lambda c: c.states[-1].contacts.gap.size,
+    "contacts": lambda c: mean([state.contacts.gap.size for state in c.states]),
     "rows of W": lambda c: mean(c.rows),
     "rows of turning": lambda c: mean(c.turning),
     "half bandwidth": lambda c: mean(c.bands),

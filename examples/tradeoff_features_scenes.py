@@ -162,7 +162,7 @@ def _contact(discs: int, cells: float, size: float) -> list[Feature]:
                 alone(size, walls=far), alone(size)),
         Feature("contact with one body / none", "disc squeezed / alone", none,
                 (enters, "contacts", "rows of W", "Newton", "solves"), never, squeezed(size), alone(size)),
-        Feature("friction .5 / 0", "packing", "tangential unknowns and rows",
+        Feature("friction 0.5 / 0", "packing", "tangential unknowns and rows",
                 ("contacts", "rows of W", "rows of turning", "Newton", "contact iterations"),
                 ("test_friction_0_leaves_no_tangential_unknown",), dense, packing(discs, cells, 0.0)),
         Feature("walls of rigid points / planes", "packing, rough walls",
@@ -184,7 +184,7 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
     once = "test_a_linear_material_factorises_once_for_as_long_as_dt_and_anchor_stay"
     tests = (once, "test_a_linear_material_makes_one_tangent_and_searches_no_line")
     exact = "test_a_single_free_linear_body_does_exactly_one_solve_per_step"
-    ghost = ("facets and the blocks of A beside those of cells", ("blocks of A", "Newton"),
+    ghost = ("facets, blocks of A that are of no cell", ("blocks of A", "half bandwidth", "Newton"),
              ("test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make",))  # fmt: skip
     mean = ("means over cells, their part of tangents", ("means of dilatation", "Newton"),
             ("test_without_locking_nothing_of_it_is_computed",))  # fmt: skip
@@ -194,8 +194,8 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
                 packing(discs, cells, 0.5, "LinearElastic")),
         Feature("locking", "disc alone", *mean, alone(size).solved(locking=True), alone(size)),
         Feature("locking", "packing", *mean, dense.solved(locking=True), dense),
-        Feature("ghost .005 / 0", "disc alone", *ghost, alone(size), alone(size).solved(ghost=0.0)),
-        Feature("ghost .005 / 0", "disc squeezed", *ghost, squeezed(size), squeezed(size).solved(ghost=0.0)),
+        Feature("ghost 0.005 / 0", "disc alone", *ghost, alone(size), alone(size).solved(ghost=0.0)),
+        Feature("ghost 0.005 / 0", "disc squeezed", *ghost, squeezed(size), squeezed(size).solved(ghost=0.0)),
         Feature("inertia", "disc held and pulled", "mass in A, kinetic energy", ("kinetic energies", "Newton"),
                 ("test_without_inertia_no_mass_enters_the_matrix_and_no_kinetic_energy_is_summed",), pulled(size),
                 pulled(size).solved(inertia=False)),

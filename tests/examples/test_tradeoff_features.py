@@ -48,7 +48,7 @@ def test_every_line_is_measured_and_the_rest_of_the_page_stays(features, page):
         for name in never & each.keys():
             on, off = each[name]
             assert on > 0.0 == off, name
-    friction = found["friction .5 / 0", "packing"]
+    friction = found["friction 0.5 / 0", "packing"]
     assert friction["rows of W"][1] <= friction["contacts"][1] * 1.5 < friction["rows of W"][0]
     walls = found["walls of rigid points / planes", "packing, rough walls"]["unknowns"]
     assert walls[0] == walls[1] > 0

@@ -101,6 +101,20 @@ def test_a_wall_out_of_reach_brings_no_compliance_and_no_solve_more_than_converg
         assert (calls.below("skmpm.coulomb") > 0) == (solves == 2)
 
 
+def test_bodies_out_of_each_others_reach_are_not_projected_on_one_another():
+    """A disc on a wall, alone or with another far away, against one with another beside it."""
+    walls = [Wall((0, -0.983e-3), (0, 1))]
+    for others, near in (
+        ([], False),
+        ([round_body(centre=(9 * R, 0.17e-4))], False),
+        ([round_body(centre=(2.04 * R, 0.17e-4))], True),
+    ):
+        calls, states = run(Scene([round_body(), *others], cell=CELL, walls=walls, gravity=(0.0, -9.81)))
+        assert (calls.named("pairs.touching_bodies") > 0) == near
+        assert calls.named("pairs.touching_wall") > STEPS
+        assert (states[-1].contacts.bodies[1] == -1).any()
+
+
 def test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall():
     """A disc squeezed between planes and between slabs of points: the same matrices; two slabs lie on one another."""
     planes = squeezed()
@@ -144,6 +158,25 @@ def test_a_linear_material_makes_one_tangent_and_searches_no_line(build):
     assert [calls[name] for name in names] == [matrices, matrices]
     assert matrices >= STEPS
     assert calls["skmpm.implicit.newton._search"] > 0
+
+
+def test_a_linear_material_asks_once_how_its_rim_responds():
+    """In a whole run, all the rim at once; at finite strain with every matrix that contacts are solved with."""
+    for material, once in ((LINEAR, True), (SOFT, False)):
+        calls, states = run(squeezed(material))
+        assert states[-1].contacts.force[0].max() > 0.0
+        assert (calls["skmpm.linear.band.Banded.compliance"] == 1) == once
+        assert calls.named("Response.between") >= STEPS
+
+
+@pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
+def test_the_potential_of_a_linear_material_is_never_evaluated(build):
+    """Its energies are those of the report, two a step; at finite strain line searches and the start ask for more."""
+    energies = ("skmpm.implicit.increment.Increment.energy", "skmpm.implicit.bulk.Bulk.energy")
+    calls, _ = run(build(LINEAR))
+    assert [calls[name] for name in energies] == [0, 2 * STEPS]
+    calls, _ = run(build(SOFT))
+    assert calls[energies[0]] >= 2 * STEPS
 
 
 # --- sheets
@@ -195,6 +228,28 @@ def test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make():
     assert not off.ghost.data.any()
     assert on.indices.size > 1.1 * len(pairs)
     assert on.ghost.data.any()
+
+
+def test_ghost_0_forms_no_displacement_within_bodies_and_multiplies_none():
+    """No force and no energy of it; with it one for every force, and one for every energy."""
+    inside = "skmpm.assembly.Assembly._within_bodies"
+    calls, _ = run(alone(), Scheme(ghost=0.0))
+    assert calls[inside] == 0
+    calls, _ = run(alone())
+    assert calls[inside] == calls.named("Assembly.ghost_force") + calls.named("Assembly.ghost_energy") > STEPS
+    assembly = initial(alone()).derived.assembly
+    assert np.count_nonzero(assembly.ghost.data) == assembly.ghost.nnz < assembly.indices.size
+
+
+ONCE = ("outlines", "initial_positions", "initial_volumes", "deformable", "offsets", "normals", "held", "loaded")
+
+
+def test_what_follows_from_the_scene_alone_is_found_once():
+    """In a run from the beginning, however many steps it has."""
+    with Calls() as calls:
+        scene = squeezed(supports=[Support(left)], loads=[Load(right, pulled)])
+        list(simulate(scene, dt=DT, until=STEPS * DT))
+    assert {name: calls[f"skmpm.scene.scene.Scene.{name}"] for name in ONCE} == dict.fromkeys(ONCE, 1)
 
 
 # --- what acts on bodies
