@@ -33,6 +33,7 @@ import skmpm
 PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 SHARE = {"packing": 0.5}  # of the sample, where runs are long
 LATE = ("sample", "slope", "second")  # what comes last there
+KINDS = ("reference", "preset", "one", "perturbed", "speed", *LATE)
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Member:
 
     scene: str
     setting: Setting
-    why: str  # reference, second, perturbed, preset, one, sample, slope or speed
+    why: str  # one of `KINDS`
     limit: float  # processor time [s]; 0: none
 
     @property
@@ -125,7 +126,7 @@ def file_of(member: Member, out: Path) -> Path:
 
 def main(options: argparse.Namespace) -> None:
     """Run what is missing."""
-    members = plan(options.scenes, options.runs)
+    members = [m for m in plan(options.scenes, options.runs) if m.why in (options.only or KINDS)]
     first: dict[Path, Member] = {}
     for member in members:
         first.setdefault(file_of(member, options.out), member)
@@ -157,6 +158,7 @@ def parser() -> argparse.ArgumentParser:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--scenes", nargs="+", choices=list(scenes.CASES), default=list(scenes.CASES))
     options.add_argument("--runs", type=int, default=96, help="size of the sample; half of it on the packing")
+    options.add_argument("--only", nargs="*", choices=KINDS, default=[], help="kinds of runs; all, if none is named")
     options.add_argument("--processes", type=int, default=os.cpu_count(), help="runs at a time")
     options.add_argument("--out", type=Path, default=Path("out/tradeoff"), help="directory of the results")
     return options
