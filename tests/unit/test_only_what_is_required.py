@@ -161,7 +161,7 @@ def test_a_linear_material_makes_one_tangent_and_searches_no_line(build):
 
 
 def test_a_linear_material_asks_once_how_its_rim_responds():
-    """In a whole run, all the rim, though contacts spread; at finite strain as often as there are matrices and more."""
+    """In a whole run, all the rim, though contacts spread; at finite strain as often as matrices are new."""
     for material, once in ((LINEAR, True), (SOFT, False)):
         calls, states = run(squeezed(material), steps=20)
         assert np.unique(states[-1].contacts.key).size > np.unique(states[0].contacts.key).size > 0
