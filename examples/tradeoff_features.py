@@ -116,6 +116,19 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
 }
 
 
+# What a count that is larger by half on one side tells, by feature.
+NOTES = {
+    "friction 0.5 / 0": ("rows of turning", "without friction contacts slide, and their forces turn with the"
+                         " surface: two rows more for each."),
+    "ghost 0.005 / 0": ("half bandwidth", "the penalty couples nodes two cells apart. It does so at the rim only, but"
+                        " a band is as wide as its widest row."),
+    "a support across rows of nodes": ("half bandwidth", "nodes on its edge depend on each other, and the band spans"
+                                       " all rows between them. Turn the scene, or use `linear.direct`."),
+    "fitted": ("blocks of A", "with volumes for weights cells inside bodies look poorly filled, too, and the ghost"
+               " penalty acts there."),
+}  # fmt: skip
+
+
 def steps(variant: Variant, state: skmpm.State) -> Iterator[tuple[skmpm.State, float]]:
     """The states after each of its steps, for ever, and the processor time of each [s]."""
     while True:
@@ -162,13 +175,16 @@ def short(count: float) -> str:
     return f"{count:.0f}" if count >= 10.0 or count == round(count) else f"{count:.1f}"
 
 
-def line(feature: scenes.Feature, repeats: int) -> str:
-    """A feature's line of the table."""
+def line(feature: scenes.Feature, repeats: int) -> tuple[str, str]:
+    """A feature's line of the table, and what should be said of it."""
     on, off = counted(feature.on, repeats), counted(feature.off, repeats)
     each = (f"{name} {short(COUNTS[name](on))} / {short(COUNTS[name](off))}" for name in feature.counts)
     time = spread(ratios(feature.on, feature.off, repeats))
     tests = ", ".join(f"`{test}`" for test in feature.tests)
-    return " | ".join(("", feature.name, feature.scene, feature.spared, "; ".join(each), time, tests, "")).strip()
+    name, note = NOTES.get(feature.name, (feature.counts[0], ""))
+    few, many = sorted((COUNTS[name](on), COUNTS[name](off)))
+    cells = ("", feature.name, feature.scene, feature.spared, "; ".join(each), time, tests, "")
+    return " | ".join(cells).strip(), note if many > 1.5 * few else ""
 
 
 def table(options: argparse.Namespace) -> str:
@@ -177,17 +193,20 @@ def table(options: argparse.Namespace) -> str:
     features = scenes.features(options.discs, options.cells, options.large)
     chosen = [feature for feature in features if not options.only or feature.name in options.only]
     head = ("feature", "scene", "not done when off", "in a step, on / off", "time on / off", "test")
-    lines = [" | ".join(("", *head, "")).strip(), "| " + " | ".join(["---"] * len(head)) + " |"]
+    lines, notes = [" | ".join(("", *head, "")).strip(), "| " + " | ".join(["---"] * len(head)) + " |"], []
     for feature in chosen:
-        lines.append(line(feature, options.repeats))
-        print(lines[-1], flush=True)
+        text, note = line(feature, options.repeats)
+        print(text, flush=True)
+        lines.append(text)
+        notes.append(f"- {feature.name}: {note}" if note else "")
     still = scenes.alone(options.large)
     about = {
         **vars(options),
         "still": spread(ratios(still, still, options.repeats)),
         "seconds": process_time() - began,
     }
-    return HEAD.format(**about) + "\n" + "\n".join(lines) + "\n"
+    below = "\n".join(filter(None, dict.fromkeys(notes)))
+    return f"{HEAD.format(**about)}\n" + "\n".join(lines) + f"\n\n{below}\n"
 
 
 def write(text: str, page: Path) -> None:
