@@ -95,7 +95,7 @@ def packing(setting: Setting, place: int, meter: Meter, folder: Path | None) -> 
     table, start, spent = resumed(folder)
     checkpoint = None if folder is None else folder / "last.checkpoint"
     run = meter.states(scene, dt=dt, until=until, scheme=scheme, start=start, checkpoint=checkpoint)
-    looked = table[-1]["fraction"] if table else 0.0
+    looked = max((line["fraction"] for line in table if "alpha" in line), default=0.0)
     for line in watched(scene, run, solid / width, height, looked):
         table.append(line)
         if folder is not None:
