@@ -195,6 +195,23 @@ def test_most_are_right():
 
 FOUND = {  # by random draws, made small; each was a defect of the library once
     "sheets laid anew gain energy": ("crush", Dials(closing=0.1, cells=2.5, steps=20, scheme={"anchor": 0.2})),
+    "points inside out after a midpoint that is right": (
+        "squeeze",
+        Dials(
+            dt_c_h=2.7866170413468025,
+            closing=0.35885806523191616,
+            points_per_cell=5.623413251903491,
+            cells=3.1622776601683795,
+            offset=(0.0, 0.0),
+            solid_fraction=0.8513076908800894,
+            bodies=2,
+            locking=True,
+            steps=6,
+            seed=2,
+            loose=(0.54, 0.48),
+            scheme={"ghost": 0.01, "theta": 0.5},
+        ),
+    ),
     "momentum of nodes without points": (
         "fall",
         Dials(stiffness_ratio=3e6, offset=(0.0, 0.0), origin=(-1e6, 0.0), bodies=1, shape="point", steps=1),
