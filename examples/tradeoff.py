@@ -33,6 +33,7 @@ import skmpm
 PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 SHARE = {"packing": 0.5}  # of the sample, where runs are long
 LATE = ("sample", "slope", "second")  # what comes last there
+SHORT, REPEATS = 3.0, 2  # runs of less processor time [s] are repeated, for the clock is not that good
 KINDS = ("reference", "preset", "one", "perturbed", "speed", *LATE)
 
 
@@ -103,8 +104,18 @@ def measure(member: Member, out: Path) -> dict[str, Any]:
         result["status"] = f"too long: {stopped}"
     except (skmpm.StepFailed, skmpm.SceneError) as failure:
         result["status"] = f"failed: {failure}"
+    cost = meter.cost()
+    if result["status"] == "finished" and cost["seconds"] < SHORT:
+        cost["seconds"] = min(cost["seconds"], *(again(member) for _ in range(REPEATS)))
     places = scenes.CASES[member.scene].places
-    return result | {"cost": {k: v / places for k, v in meter.cost().items()}, "library": library()}
+    return result | {"cost": {k: v / places for k, v in cost.items()}, "library": library()}
+
+
+def again(member: Member) -> float:
+    """Processor time of the same run once more."""
+    meter = Meter(linear_of(member.setting))
+    scenes.run(member.scene, member.setting, meter)
+    return meter.seconds
 
 
 def warm() -> None:

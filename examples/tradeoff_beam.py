@@ -13,7 +13,7 @@ from skfem import Basis, CellBasis, ElementQuad2, ElementVector, FacetBasis, Lin
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 from tradeoff_dials import COURANT, Setting, scheme_of
 from tradeoff_meter import Meter
-from tradeoff_statics import DENSITY, LAMBDA, MU, NU, PLACES, WAVE, E, law, means, rising, rotation, turned
+from tradeoff_statics import DENSITY, LAMBDA, MU, NU, WAVE, E, law, means, rising, rotation, turned
 
 import skmpm
 
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 Measured = dict[str, Any]
 
 LENGTH, DEPTH, FORCE = 4.0, 1.0, -10.0  # [m], [m], [N/m]: the tip sinks by 2e-3 m, and both laws agree to 1e-4
+PLACES = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.11, 0.83, 0.0), (0.87, 0.55, 0.9))  # offset [cells], angle
 AWAY = 0.5  # of the clamp and of the loaded end, where stresses are compared [m]
 SWING = 2.0 * np.pi / (3.516 * np.sqrt(E / (1.0 - NU**2) / (12.0 * DENSITY)) * DEPTH / LENGTH**2)  # period [s]
 RAMP = 1.5  # of the load for explicit steps [periods]

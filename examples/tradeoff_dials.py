@@ -119,7 +119,9 @@ def effective(setting: Setting, matters: frozenset[str], *, inertia: bool) -> Se
     idle = set(DEFAULT) - matters
     idle |= {"theta", "newton_tol"} if explicit else set()
     idle |= set() if inertia or explicit else {"theta", "transfer"}
-    return consistent(setting | {name: DEFAULT[name] for name in idle})
+    found = consistent(setting | {name: DEFAULT[name] for name in idle})
+    whole = not (inertia or explicit)  # one step a load, or several
+    return found | {"pace": min(found["pace"], 1.0)} if whole else found
 
 
 def one_at_a_time() -> list[Setting]:

@@ -110,7 +110,8 @@ def resumed(folder: Path | None) -> tuple[list[dict[str, Any]], skmpm.State | No
     if folder is None or not (folder / "last.checkpoint").exists():
         return [], None, 0.0
     state = skmpm.load(folder / "last.checkpoint")
-    lines = [json.loads(line) for line in (folder / "table.jsonl").read_text().splitlines()]
+    whole = (folder / "table.jsonl").read_text().split("\n")[:-1]  # the last line may have been cut
+    lines = [json.loads(line) for line in whole]
     table = [line for line in lines if line["t"] <= state.t]
     (folder / "table.jsonl").write_text("".join(json.dumps(line) + "\n" for line in table))
     return table, state, float(table[-1]["seconds"]) if table else 0.0

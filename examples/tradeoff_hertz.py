@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from tradeoff_dials import COURANT, Setting, scheme_of
 from tradeoff_meter import Meter
-from tradeoff_statics import DENSITY, NU, PLACES, WAVE, E, law, rising, rotation, turned
+from tradeoff_statics import DENSITY, NU, WAVE, E, law, rising, rotation, turned
 
 import skmpm
 
@@ -21,13 +21,15 @@ Measured = dict[str, Any]
 DEPTHS = (0.01, 0.02, 0.05)  # of each plate, d/R
 TABLE = {0.01: (0.9993, 0.998), 0.02: (0.9985, 0.996), 0.05: (0.9946, 0.989)}  # FEM over formula: force, half-width
 STROKE, HOLD = 40.0, 8.0  # of the plates for explicit steps: times of motion and of rest [R/c]
+SEED = 5  # of the places: offset on the grid, direction of the plates, angle of the disc's points
 REACH, THICKNESS = 0.6, 3.0  # of plates made of points: half their length [R], their thickness [cells]
 
 
 def hertz(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Measured:
     """Force at each depth, and half-width of the contact at the largest, by its second moment."""
-    cell, (*offset, angle), explicit = 1.0 / setting["cells"], PLACES[place], setting["explicit"]
-    middle, normal = cell * np.array(offset), rotation(angle)[:, 1]
+    cell, explicit, rng = 1.0 / setting["cells"], setting["explicit"], np.random.default_rng([SEED, place])
+    offset, (angle, phase) = rng.random(2), 2.0 * np.pi * rng.random(2)
+    middle, normal = cell * offset, rotation(angle)[:, 1]
     stroke, hold = (STROKE / WAVE, HOLD / WAVE) if explicit else (1.0, 0.0)
 
     def depth(t: float) -> float:
@@ -39,7 +41,7 @@ def hertz(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Me
         eps = 1e-4 * stroke
         return (depth(t + eps) - depth(t - eps)) / (2.0 * eps)
 
-    scene = between_plates(setting, cell, middle, normal, angle, speed)
+    scene = between_plates(setting, middle, angle, phase, speed)
     scheme = scheme_of(setting, inertia=explicit, solver=meter)
     step = COURANT[setting["pace"]] * cell / WAVE if explicit else stroke / max(1, round(1.0 / setting["pace"]))
     states, force, width, state = [], [], [], None
@@ -64,11 +66,12 @@ def hertz(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Me
 
 
 def between_plates(
-    setting: Setting, cell: float, middle: Array, normal: Array, angle: float, speed: Callable[[float], float]
+    setting: Setting, middle: Array, angle: float, phase: float, speed: Callable[[float], float]
 ) -> skmpm.Scene:
-    """A disc of radius 1 m, and plates of either kind that move towards it along the normal."""
+    """A disc of radius 1 m, and plates of either kind that move towards it; `phase` turns its points."""
+    cell, normal = 1.0 / setting["cells"], rotation(angle)[:, 1]
     spacing = setting["spacing"] * cell
-    cloud = turned(skmpm.disc((0, 0), 1.0, spacing=spacing), angle + 0.37, middle)
+    cloud = turned(skmpm.disc((0, 0), 1.0, spacing=spacing), phase, middle)
     bodies, walls = [skmpm.Body(cloud, law(setting, "linear"))], []
     for s in (1.0, -1.0):
 

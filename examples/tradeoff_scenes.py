@@ -62,7 +62,7 @@ CASES = {
         statics.known_errors,
         ALL - {"perturbed"},
         inertia=False,
-        places=6,
+        places=12,
         limit=200.0,
         reference=None,
         second=None,

@@ -22,9 +22,6 @@ E, NU, DENSITY = 1e6, 0.3, 1000.0
 LAWS = {"linear": skmpm.LinearElastic(E, NU, DENSITY), "finite": skmpm.NeoHookean(E, NU, DENSITY)}
 LAMBDA, MU = LAWS["linear"].lame
 WAVE = float(np.sqrt((LAMBDA + 2.0 * MU) / DENSITY))  # [m/s]
-PLACES = (  # offset on the grid [cells], angle
-    (0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.11, 0.83, 0.0), (0.87, 0.55, 0.9), (0.44, 0.06, 2.1), (0.21, 0.71, 1.3)
-)  # fmt: skip
 
 
 def law(setting: Setting, own: str) -> Any:
