@@ -169,7 +169,8 @@ def _contact(discs: int, cells: float, size: float) -> list[Feature]:
         Feature("walls of rigid points / planes", "packing, rough walls",
                 "rims and curves of walls (neither has unknowns)",
                 ("unknowns", "contacts", "rows of W", "Newton", "factorisations", "contact iterations"),
-                ("test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall",), slabbed(rough(dense)),
+                ("test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall",
+                 "test_bodies_out_of_each_others_reach_are_not_projected_on_one_another"), slabbed(rough(dense)),
                 rough(dense)),
         Feature("a deformable / a rigid body", "two discs meet", "its unknowns and its block of A",
                 ("unknowns", "blocks of A", "contacts", "Newton"), ("test_rigid_bodies_and_walls_have_no_unknowns",),
@@ -187,7 +188,7 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
              "test_the_potential_of_a_linear_material_is_never_evaluated")  # fmt: skip
     rim = "test_a_linear_material_asks_once_how_its_rim_responds"
     exact = "test_a_single_free_linear_body_does_exactly_one_solve_per_step"
-    ghost = ("facets, blocks of A that are of no cell", ("blocks of A", "half bandwidth", "Newton"),
+    ghost = ("blocks of A that are of no cell, products with them", ("blocks of A", "half bandwidth", "Newton"),
              ("test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make",
               "test_ghost_0_forms_no_displacement_within_bodies_and_multiplies_none"))  # fmt: skip
     mean = ("means over cells, their part of tangents", ("means of dilatation", "Newton"),
