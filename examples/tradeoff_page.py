@@ -19,7 +19,6 @@ from tradeoff_results import Found, beating, load
 
 HERE = Path(__file__).resolve().parent
 MARKS = "<!-- study -->\n", "<!-- /study -->\n"
-COUNTS = ("steps", "newton", "factorisations", "contact", "products", "unknowns", "points", "work")
 
 
 def keep(found: Found, path: Path) -> None:
@@ -28,7 +27,7 @@ def keep(found: Found, path: Path) -> None:
     for scene, each in found.runs.items():
         for run in each.values():
             errors = {f"error {name}": f"{e:.4g}" for name, e in run.errors.items()}
-            counts = {name: f"{run.cost[name]:.6g}" for name in ("seconds", *COUNTS)}
+            counts = {name: f"{run.cost[name]:.6g}" for name in ("seconds", *tables.COUNTS)}
             whys = " ".join(sorted(run.whys))
             rows.append({"scene": scene, "why": whys, **run.setting, "status": run.status[:80], **counts, **errors})
     names = list(dict.fromkeys(name for row in rows for name in row))
@@ -47,7 +46,13 @@ def write(study: Path, docs: Path) -> None:
         getattr(figures, name)(found, folder / f"{name}.png")
     parts = [
         ("", TEXT["ran"], tables.ran(found)),
-        ("## Presets", tables.presets(found), "![Error against cost](tradeoff/fronts.png)\n"),
+        (
+            "## Presets",
+            tables.presets(found),
+            TEXT["counts"],
+            tables.counts(found),
+            "![Error against cost](tradeoff/fronts.png)\n",
+        ),
         ("## Who beats `balanced`", tables.beaters(found, beating(found))),
         ("## One dial at a time", TEXT["dials"], tables.dials(found), "![Resolution](tradeoff/dials.png)\n"),
         ("## What limits accuracy", TEXT["limits"], tables.limits(found)),
@@ -61,6 +66,7 @@ def write(study: Path, docs: Path) -> None:
 
 TEXT = {
     "ran": "What has been run:",
+    "counts": "Counts, mean of the places; `work`: unknowns times half bandwidth squared, of all factorisations.",
     "dials": "Error, and cost over that of the default. Nothing where a dial makes no difference, or was not run.",
     "limits": "d ln(error) / d ln(dial) at the presets; of h, dt, spacing, `contact_tol`.",
     "laws": "error = c_h n^-p + c_s s^r + c_t tau^q, with n = R/h, s the spacing in cells and tau = dt c / R, fitted"

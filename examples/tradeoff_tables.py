@@ -20,6 +20,7 @@ from tradeoff_results import (
     slope,
 )
 
+COUNTS = ("steps", "newton", "factorisations", "contact", "products", "unknowns", "points", "work")
 SHOWN = 15  # settings that beat `balanced`
 Line = tuple[str, ...]
 
@@ -98,6 +99,17 @@ def presets(found: Found) -> str:
     ]
     settings = [(name, about(setting)) for name, setting in PRESETS.items()]
     return "\n".join([table(("preset", "setting"), settings), table(head, lines), table(("goal", ""), goals)])
+
+
+def counts(found: Found) -> str:
+    """What the presets cost on every machine."""
+    lines = []
+    for scene in SCENES:
+        for name, setting in PRESETS.items():
+            run = found.at(scene, setting)
+            if run is not None:
+                lines.append((scene, name, *(number(run.cost[count], 3) for count in COUNTS)))
+    return table(("scene", "preset", *COUNTS), lines)
 
 
 def beaters(found: Found, settings: list[Beating]) -> str:
