@@ -33,7 +33,7 @@ import skmpm
 PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 SHARE = {"packing": 0.5}  # of the sample, where runs are long
 LATE = ("sample", "slope", "second")  # what comes last there
-SHORT, REPEATS = 3.0, 2  # runs of less processor time [s] are repeated, for the clock is not that good
+SHORT, REPEATS = 0.5, 2  # runs of less processor time [s] are repeated, for the clock is not that good
 KINDS = ("reference", "preset", "one", "perturbed", "speed", *LATE)
 
 

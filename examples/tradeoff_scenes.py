@@ -96,11 +96,11 @@ CASES |= {
         inertia=True,
         places=1,
         limit=400.0,
-        reference=speeds.REFERENCE,
-        second=None,
-        settings=tuple(speeds.settings()),
+        reference=DEFAULT | {"pace": speeds.finest(speed)},
+        second=DEFAULT | {"pace": 2.0 * speeds.finest(speed)},
+        settings=tuple(speeds.settings(speed)),
     )
-    for name, run in speeds.RUNS.items()
+    for speed, (name, run) in zip(speeds.SPEEDS, speeds.RUNS.items(), strict=True)
 }
 
 
