@@ -115,8 +115,9 @@ def counts(found: Found) -> str:
 def beaters(found: Found, settings: list[Beating]) -> str:
     """Settings that beat `balanced`."""
     several = [b for b in settings if len(b.ratios) > 1]
+    good: list[bool | None] = [None if not found.why(s, "sample") else True for s in SCENES] + [not several]
     by_scene = [(scene, str(sum(scene in b.ratios for b in settings))) for scene in SCENES]
-    goal = [(f"no setting beats `balanced` by more than {MARGIN} on more than one scene", verdict([not several]))]
+    goal = [(f"no setting beats `balanced` by more than {MARGIN} on more than one scene", verdict(good))]
     lines = [(about(b.setting), *(number(b.ratios.get(s, np.nan)) for s in SCENES)) for b in settings[:SHOWN]]
     return "\n".join(
         [
