@@ -50,13 +50,13 @@ class Member:
         """Area of the box (steps,) [m2]."""
         return self.height**2 * self.table["solid_fraction_nominal"] / FILLING
 
-    def steady(self, name: str) -> Array:
-        """A column, or a sum of columns, as mean over the time a pressure wave takes from lid to floor.
+    def steady(self, name: str, transits: float = 1.0) -> Array:
+        """A column, or a sum of columns, as mean over times that a pressure wave takes from lid to floor.
 
         The time is centred on each step; nan where it leaves the run.
         """
         t, length = self.table["t"], self.table["dt"]
-        return steady(t, length, self.column(name), self.height / np.sqrt(compaction.WAVE))
+        return steady(t, length, self.column(name), transits * self.height / np.sqrt(compaction.WAVE))
 
     def column(self, name: str) -> Array:
         """A column (steps,), or one of those that are made of several."""
