@@ -123,7 +123,7 @@ def again(member: Member) -> float:
 def warm() -> None:
     """Let a new process do everything once, so that its first run costs what others do."""
     logging.getLogger("skmpm").setLevel(logging.ERROR)
-    scenes.run("hertz", DEFAULT | {"cells": 2.5}, Meter(skmpm.linear.default))
+    scenes.CASES["hertz"].run(DEFAULT | {"cells": 2.5}, 0, Meter(skmpm.linear.default), None)
 
 
 def library() -> str:
