@@ -69,7 +69,7 @@ def wanted(name: str, runs: int) -> list[tuple[str, list[Setting]]]:
     """Settings to run on a scene, and why."""
     case = scenes.CASES[name]
     if case.settings:
-        return [("speed", case.settings)]
+        return [("speed", list(case.settings))]
     drawn = sample(max(1, round(runs * SHARE.get(name, 1.0)))) if runs else []
     if not case.inertia:  # explicit steps take a thousand times as long there, as one at a time shows
         drawn = [setting | {"explicit": False} for setting in drawn]
