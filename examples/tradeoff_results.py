@@ -116,25 +116,26 @@ class Beating:
 
     setting: Setting
     ratios: dict[str, float]
+    iterations: dict[str, float]  # the same ratio of Newton iterations
 
 
 def beating(found: Found) -> list[Beating]:
     """All settings that beat `balanced` somewhere, those first that do on most scenes."""
     settings = [*one_at_a_time(), *sample(MOST), *PRESETS.values()]
     settings += [setting for preset in PRESETS.values() for setting in neighbours(preset)]
-    each = [
-        Beating(setting, {scene: r for scene in SCENES if (r := gain(found, scene, setting)) > MARGIN})
-        for setting in {key(s): s for s in settings}.values()
-    ]
+    each = []
+    for setting in {key(s): s for s in settings}.values():
+        ratios = {scene: r for scene in SCENES if (r := gain(found, scene, setting)) > MARGIN}
+        each.append(Beating(setting, ratios, {scene: gain(found, scene, setting, "newton") for scene in ratios}))
     return sorted((b for b in each if b.ratios), key=lambda b: (-len(b.ratios), -max(b.ratios.values())))
 
 
-def gain(found: Found, scene: str, setting: Setting) -> float:
+def gain(found: Found, scene: str, setting: Setting, cost: str = "seconds") -> float:
     """Cost of `balanced` over that of a setting which errs no more; 0 if it errs more or was not run."""
     mine, balanced = found.at(scene, setting), found.at(scene, PRESETS["balanced"])
     if mine is None or balanced is None or mine.error > max(balanced.error, found.floor(scene)):
         return 0.0
-    return balanced.seconds / mine.seconds
+    return balanced.cost[cost] / max(mine.cost[cost], 1e-12)
 
 
 def slope(found: Found, scene: str, preset: str, dial: str) -> float:

@@ -118,16 +118,21 @@ def beaters(found: Found, settings: list[Beating]) -> str:
     good: list[bool | None] = [None if not found.why(s, "sample") else True for s in SCENES] + [not several]
     by_scene = [(scene, str(sum(scene in b.ratios for b in settings))) for scene in SCENES]
     goal = [(f"no setting beats `balanced` by more than {MARGIN} on more than one scene", verdict(good))]
-    lines = [(about(b.setting), *(number(b.ratios.get(s, np.nan)) for s in SCENES)) for b in settings[:SHOWN]]
+    lines = [(about(b.setting), *(ratio(b, scene) for scene in SCENES)) for b in settings[:SHOWN]]
     return "\n".join(
         [
             table(("goal", ""), goal),
             f"{len(several)} settings do on more than one scene; by scene:\n",
             table(("scene", "settings that beat it"), by_scene),
-            "Those that do on most scenes, and by most; numbers are ratios of cost:\n",
+            "Those that do on most scenes, and by most; ratios of cost, in brackets of Newton iterations:\n",
             table(("setting", *SCENES), lines),
         ]
     )
+
+
+def ratio(one: Beating, scene: str) -> str:
+    """By how much a setting is cheaper."""
+    return f"{number(one.ratios[scene])} ({number(one.iterations[scene])})" if scene in one.ratios else "-"
 
 
 def dials(found: Found) -> str:
