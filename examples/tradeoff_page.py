@@ -53,6 +53,7 @@ def write(study: Path, docs: Path) -> None:
             tables.counts(found),
             "![Error against cost](tradeoff/fronts.png)\n",
         ),
+        ("## What an error costs", TEXT["prices"], tables.prices(found)),
         ("## Who beats `balanced`", tables.beaters(found, beating(found))),
         ("## One dial at a time", TEXT["dials"], tables.dials(found), "![Resolution](tradeoff/dials.png)\n"),
         ("## What limits accuracy", TEXT["limits"], tables.limits(found)),
@@ -67,6 +68,7 @@ def write(study: Path, docs: Path) -> None:
 TEXT = {
     "ran": "What has been run:",
     "counts": "Counts, mean of the places; `work`: unknowns times half bandwidth squared, of all factorisations.",
+    "prices": "The cheapest of all runs within an error, lucky ones among them; nothing where there is none.",
     "dials": "Error, and cost over that of the default. Nothing where a dial makes no difference, or was not run.",
     "limits": "d ln(error) / d ln(dial) at the presets; of h, dt, spacing, `contact_tol`.",
     "laws": "error = c_h n^-p + c_s s^r + c_t tau^q, with n = R/h, s the spacing in cells and tau = dt c / R, fitted"

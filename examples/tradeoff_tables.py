@@ -21,6 +21,7 @@ from tradeoff_results import (
 )
 
 COUNTS = ("steps", "newton", "factorisations", "contact", "products", "unknowns", "points", "work")
+PRICED = (0.2, 0.1, 0.05, 0.02, 0.01)  # errors that are looked up
 SHOWN = 15  # settings that beat `balanced`
 Line = tuple[str, ...]
 
@@ -99,6 +100,20 @@ def presets(found: Found) -> str:
     ]
     settings = [(name, about(setting)) for name, setting in PRESETS.items()]
     return "\n".join([table(("preset", "setting"), settings), table(head, lines), table(("goal", ""), goals)])
+
+
+def prices(found: Found) -> str:
+    """The cheapest run within each error, and what it costs beside `balanced`."""
+    lines = []
+    for scene in SCENES:
+        balanced = found.at(scene, PRESETS["balanced"])
+        for error in PRICED if balanced else ():
+            runs = [r for r in found.runs[scene].values() if r.error <= error and "reference" not in r.whys]
+            best = min(runs, key=lambda r: r.seconds, default=None)
+            if best is not None and balanced is not None:
+                cost = f"{number(best.seconds)} s", number(best.seconds / balanced.seconds)
+                lines.append((scene, f"{100.0 * error:g}", *cost, percent(best), about(best.setting)))
+    return table(("scene", "error at most %", "cost", "over `balanced`", "its error %", "setting"), lines)
 
 
 def counts(found: Found) -> str:
