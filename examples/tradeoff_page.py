@@ -29,7 +29,17 @@ def keep(found: Found, path: Path) -> None:
             errors = {f"error {name}": f"{e:.4g}" for name, e in run.errors.items()}
             counts = {name: f"{run.cost[name]:.6g}" for name in ("seconds", *tables.COUNTS)}
             whys = " ".join(sorted(run.whys))
-            rows.append({"scene": scene, "why": whys, **run.setting, "status": run.status[:80], **counts, **errors})
+            rows.append(
+                {
+                    "scene": scene,
+                    "why": whys,
+                    **run.setting,
+                    "status": run.status[:80],
+                    "library": run.library,
+                    **counts,
+                    **errors,
+                }
+            )
     names = list(dict.fromkeys(name for row in rows for name in row))
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, names or ["scene"], lineterminator="\n")

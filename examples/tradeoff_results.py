@@ -32,6 +32,7 @@ class Run:
     cost: dict[str, float]
     errors: dict[str, float]  # by quantity, and the largest
     share: float = 1.0  # of it that was run; the cost is that of all
+    library: str = ""  # hash of its source
 
     @property
     def error(self) -> float:
@@ -97,7 +98,9 @@ def run_of(result: dict[str, Any], whys: frozenset[str], known: Any) -> Run:
     measured = result.get("measured")
     errors = {} if measured is None else scenes.errors_of(result["scene"], measured, known)
     share = min((one.get("share", 1.0) for one in measured or [{}]), default=1.0)
-    return Run(result["scene"], result["setting"], whys, result["status"], result["cost"], errors, share)
+    return Run(
+        result["scene"], result["setting"], whys, result["status"], result["cost"], errors, share, result["library"]
+    )
 
 
 def front(runs: list[Run]) -> list[Run]:
