@@ -24,6 +24,7 @@ MODULES = (
     "large_deflection",
     "manufactured",
     "dynamics",
+    "explicit",
     "galilean",
     "onset",
     "hertz",

@@ -213,7 +213,7 @@ def rows():
             problem="oblique collision with friction 0.5, explicit against implicit, 0.6, 0.3, 0.15 h/c",
             reference="implicit steps of the same length",
             h="R/h = 5",
-            error=f"velocities and spin over the closing speed: {numbers(found)}",
+            error=f"velocities and spin over the speed of a disc: {numbers(found)}",
             rate=f"{rate(steps, found):.2f}",
             goal="first order: met",
             test="test_explicit_and_implicit_collisions_meet",
