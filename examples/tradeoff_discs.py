@@ -210,6 +210,7 @@ def packing_errors(measured: Measured, reference: Measured, place: int) -> dict[
 def _integral(measured: Measured, name: str, weight: Any, edges: Array) -> Array:
     """Integrals of a curve times a weight over the solid fraction, between edges."""
     seen = [(f, y) for f, y in zip(measured["fraction"], measured[name], strict=True) if y is not None]
+    seen.append((max(seen[-1][0], edges[-1]), seen[-1][1]))  # the last look is a little before the end
     fraction, values = np.array(seen).T
     values = values * weight(fraction)
     total = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(fraction)))
