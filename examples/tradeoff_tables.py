@@ -183,7 +183,14 @@ def limits(found: Found) -> str:
             slopes = {dial: slope(found, scene, preset, dial) for dial in SLOPES}
             known = {dial: abs(s) for dial, s in slopes.items() if np.isfinite(s) and abs(s) > INFLUENCE}
             most = max(known, key=lambda d: known[d]) if known else "-"
-            lines.append((scene, preset, *(number(s) for s in slopes.values()), {"cells": "h"}.get(most, most)))
+            lines.append(
+                (
+                    scene,
+                    preset,
+                    *(number(0.0 if abs(s) < 0.005 else s) for s in slopes.values()),
+                    {"cells": "h"}.get(most, most),
+                )
+            )
     return table(("scene", "preset", "h", "dt", "spacing", "contact_tol", "steepest"), lines)
 
 
