@@ -22,7 +22,7 @@ def fronts(found: Found, path: Path) -> None:
     """Error against cost: all runs, what no other beats, and the presets."""
     fig, axes = plt.subplots(2, 2, figsize=(11, 8), layout="constrained")
     for axis, scene in zip(axes.ravel(), SCENES, strict=True):
-        runs = [r for r in found.runs.get(scene, {}).values() if np.isfinite(r.error)]
+        runs = [r for r in found.runs.get(scene, {}).values() if np.isfinite(r.error) and "reference" not in r.whys]
         for why, colour, size in (("sample", "0.75", 9), ("one", "C0", 14), ("slope", "C4", 9)):
             chosen = [r for r in runs if why in r.whys and not r.setting["explicit"]]
             axis.scatter(*of(chosen), s=size, color=colour, label=LABELS[why], zorder=2)
