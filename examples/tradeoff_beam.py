@@ -93,8 +93,8 @@ class Elements:
 
 
 @cache
-def finite_elements(across: int = 32) -> Elements:
-    """Quadratic elements; 16 across the depth instead of 32 change the tip by less than 1e-4."""
+def finite_elements(across: int = 16) -> Elements:
+    """Quadratic elements; 32 across the depth instead of 16 change the tip by 1.6e-4."""
     lines = (np.linspace(0.0, side, round(across * side) + 1) for side in (LENGTH, DEPTH))
     mesh = MeshQuad.init_tensor(*lines).with_boundaries(
         {"left": lambda x: x[0] == 0, "right": lambda x: x[0] == LENGTH}
