@@ -18,7 +18,7 @@ from skmpm.scheme import Scheme
 Array = NDArray[np.float64]
 
 STEADY = 0.25  # of a body's inertia must be left of what resists its turning
-HOLD = 1e-2  # of its shear modulus: the springs that keep a floating body in place in one Newton iteration
+HOLD = 1e-3  # of its shear modulus: the springs that keep a floating body in place in one Newton iteration
 
 
 @dataclass(frozen=True)

@@ -336,6 +336,30 @@ def test_symmetry_leaves_no_shear_between_two_discs():
 # The table and the figures.
 
 
+PLACED = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.87, 0.55, 0.9), (0.44, 0.06, 2.1))  # of a disc: offset, direction
+
+
+@pytest.mark.parametrize("cells", [5, 8])
+@pytest.mark.parametrize(("x", "y", "angle"), PLACED)
+def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cells):
+    """Approach of 0.01 R in one quasi-static step, a rim point or two under each plate: it turns until they balance.
+
+    Linear disc: at most six Newton iterations (up to 19, or no end, with springs that keep it from turning).
+    Wall forces are equal and opposite to Newton's tolerance.
+    """
+    cell, normal = 1.0 / cells, np.array([-np.sin(angle), np.cos(angle)])
+    phase = angle + 0.37
+    turn = np.array([[np.cos(phase), -np.sin(phase)], [np.sin(phase), np.cos(phase)]])
+    cloud, middle = disc((0.0, 0.0), 1.0, spacing=0.74 * cell), cell * np.array([x, y])
+    points = Points(turn @ cloud.x + middle[:, None], cloud.volume, cloud.outline)
+    body = Body(points, LinearElastic(1e6, 0.3, 1000.0))
+    walls = [Wall(middle + s * normal, -s * normal, velocity=-0.01 * s * normal) for s in (1.0, -1.0)]
+    scene, scheme = Scene([body], cell=cell, walls=walls), Scheme(inertia=False)
+    state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
+    assert state.report.newton <= 6
+    assert np.abs(state.wall_force.sum(axis=0)).max() < 1e-5 * np.abs(state.wall_force).max()
+
+
 def rows():
     out = [_reference_row()]
     for problem in PROBLEMS:
