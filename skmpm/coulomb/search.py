@@ -57,10 +57,9 @@ def solve(
     Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375) the rest; where Newton stalls, because W is singular or
     nearly so, it goes on with proximal problems. It stops on `residual` below tol |q~|, never on an increment;
     rows without an unknown do not count in q~. Where W is diagonal the solution is a formula. ``info.converged`` is
-    False, and r the best found, after
-    ``iterations`` Newton steps or when 150 of them do not halve the residual: the usual reason is that no solution
-    exists (a rigid jam). Where W is singular r is one of many; round-off, about 1e-16 |W~| |r~|, bounds the
-    residual from below.
+    False, and r the best found, after ``iterations`` Newton steps or when 150 of them do not halve the residual: the
+    usual reason is that no solution exists (a rigid jam). Where W is singular r is one of many; round-off, about
+    1e-16 |W~| |r~|, bounds the residual from below.
 
     Parameters
     ----------

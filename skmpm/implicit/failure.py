@@ -20,8 +20,8 @@ class NotConverged(RuntimeError):  # noqa: N818
 
 def worst_body(sheets: Sheets, imbalance: NDArray[np.float64]) -> str:
     """The body with the largest share of an imbalance (2 nodes,), as text."""
-    share = np.bincount(np.repeat(sheets.node_body, 2), np.nan_to_num(imbalance, nan=np.inf) ** 2, sheets.bodies)
-    return f"body {int(np.argmax(share))}"
+    square = np.nan_to_num(imbalance, nan=np.inf) ** 2
+    return f"body {int(np.argmax(sheets.sums(square.reshape(-1, 2).T).sum(axis=0)))}"
 
 
 def pair(bodies: NDArray[np.int64]) -> str:

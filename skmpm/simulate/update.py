@@ -58,7 +58,7 @@ def _kept(scene: Scene, state: State, increment: Increment, solution: Solution) 
     derived = replace(derived_of(state), key=(), solver=None, response=None)
     if not increment.answer.linear:
         return derived
-    response = derived_of(state).response if solution.touching is None else solution.touching.response
+    response = None if solution.touching is None else solution.touching.response
     return replace(derived, key=_key(scene, increment), solver=solution.solver, response=response)
 
 
