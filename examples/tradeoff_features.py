@@ -122,8 +122,6 @@ NOTES = {
                          " surface: two rows more for each."),
     "ghost 0.005 / 0": ("half bandwidth", "the penalty couples nodes two cells apart. It does so at the rim only, but"
                         " a band is as wide as its widest row."),
-    "a support across rows of nodes": ("half bandwidth", "nodes on its edge depend on each other, and the band spans"
-                                       " all rows between them. Turn the scene, or use `linear.direct`."),
     "fitted": ("blocks of A", "with volumes for weights cells inside bodies look poorly filled, too, and the ghost"
                " penalty acts there."),
 }  # fmt: skip
