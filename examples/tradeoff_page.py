@@ -35,7 +35,7 @@ def keep(found: Found, path: Path) -> None:
                     "why": whys,
                     **run.setting,
                     "status": run.status[:80],
-                    "library": run.library,
+                    "library": run.source,
                     **counts,
                     **errors,
                 }

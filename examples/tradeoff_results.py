@@ -32,7 +32,7 @@ class Run:
     cost: dict[str, float]
     errors: dict[str, float]  # by quantity, and the largest
     share: float = 1.0  # of it that was run; the cost is that of all
-    library: str = ""  # hash of its source
+    source: str = ""  # hash of the source of the library that made it
 
     @property
     def error(self) -> float:

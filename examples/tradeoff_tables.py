@@ -66,7 +66,7 @@ def ran(found: Found) -> str:
         ends = [sum(r.status.startswith(word) for r in runs) for word in ("finished", "failed", "too long")]
         sample = len(found.why(scene, "sample"))
         lines.append((scene, str(len(runs)), str(sample), *map(str, ends), number(100.0 * found.floor(scene))))
-    versions = {run.library for each in found.runs.values() for run in each.values()}
+    versions = {run.source for each in found.runs.values() for run in each.values()}
     head = ("scene", "runs", "of the sample", "finished", "failed", "too long", "floor %")
     return table(head, lines) + f"\nVersions of the library's source in these runs: {len(versions)}.\n"
 
