@@ -120,7 +120,8 @@ class Touching:
         if rows.size == 0:
             return -solver(gradient), self._push()
         if self.response is None or self.response.solver is not solver:
-            lasts = self.step.answer.linear and solver.name != "amg"  # which is asked for as little as possible
+            lasts = self.step.answer.linear and self.step.scheme.anchor > 0.0
+            lasts &= solver.name != "amg"  # which is asked for as little as possible
             self.response = Response(solver, rows.base, self._owners(rows.base), whole=lasts)
         turns = None
         if self.settled is None and not self.step.scheme.explicit:  # short steps, in which contacts hardly turn

@@ -169,6 +169,14 @@ def test_a_linear_material_asks_once_how_its_rim_responds():
         assert calls.named("Response.between") >= STEPS
 
 
+@pytest.mark.parametrize("scheme", [Scheme.seed(), Scheme(anchor=0.0)], ids=["shared nodes", "outlines"])
+def test_where_sheets_are_laid_anew_only_what_touches_is_asked_how_it_responds(scheme):
+    """The next step has another matrix. Places: all nodes in the seed's law, all rims with outlines."""
+    _, states = run(squeezed(LINEAR), scheme)
+    known = states[-1].derived.response.known
+    assert 0 < known.sum() < 0.5 * known.size
+
+
 @pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
 def test_the_potential_of_a_linear_material_is_never_evaluated(build):
     """Its energies are those of the report, two a step; at finite strain line searches and the start ask for more."""
