@@ -13,6 +13,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pages
 import study
 import study_checks
 import study_claims
@@ -83,16 +84,6 @@ def pictures(captions: dict[str, str]) -> str:
     return "\n\n".join(shown) or "Nothing has been run yet."
 
 
-def fill(page: str, parts: dict[str, str]) -> str:
-    """Replace what stands between the markers `<!-- name -->` and `<!-- /name -->`."""
-    for name, text in parts.items():
-        between = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        if not between.search(page):
-            raise SystemExit(f"{PAGE}: the markers of '{name}' are gone")
-        page = between.sub(lambda found, text=text: f"{found[1]}\n{text}\n\n{found[2]}", page)
-    return page
-
-
 def main(options: argparse.Namespace) -> list[Row]:
     """Draw the pictures and fill the page; returns the judged rows."""
     with np.errstate(invalid="ignore"):  # nan stands for what was not reached
@@ -105,8 +96,7 @@ def main(options: argparse.Namespace) -> list[Row]:
         "members": runs(found),
         "pictures": pictures(captions),
     }
-    path = options.docs / PAGE
-    path.write_text(fill(path.read_text(), parts))
+    pages.put(options.docs / PAGE, parts)
     for row in [*claims, *checks]:
         print(f"{row.verdict:>14}: {row.claim}: {row.measured}")
     return [*claims, *checks]

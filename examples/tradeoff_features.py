@@ -21,6 +21,7 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
+import pages
 import tradeoff_features_scenes as scenes
 from tradeoff_features_scenes import DT, Variant
 
@@ -28,7 +29,6 @@ import skmpm
 from skmpm.linear import half_bandwidth
 
 WARM = 2  # steps before those that are counted and timed
-BEGIN, END = "<!-- features -->", "<!-- /features -->"
 HEAD = """`python examples/tradeoff_features.py` measures and writes this table (here in {seconds:.0f} s of one core).
 Both variants of a line start from the same state where they can; packings that differ in friction or material
 come from their own. After two steps, {repeats} are counted and, in another run, timed, on and off in turn:
@@ -207,16 +207,6 @@ def table(options: argparse.Namespace) -> str:
     return f"{HEAD.format(**about)}\n" + "\n".join(lines) + f"\n\n{below}\n"
 
 
-def write(text: str, page: Path) -> None:
-    """Put the text between the marks of a page, which is made if there is none."""
-    page.parent.mkdir(parents=True, exist_ok=True)
-    whole = page.read_text() if page.exists() else f"## Only what a scene requires\n\n{BEGIN}\n{END}\n"
-    if whole.count(BEGIN) != 1 or whole.count(END) != 1:
-        raise SystemExit(f"{page}: the marks {BEGIN} and {END} should be there once each")
-    before, rest = whole.split(BEGIN)
-    page.write_text(f"{before}{BEGIN}\n{text}{END}{rest.split(END)[1]}")
-
-
 def parser() -> argparse.ArgumentParser:
     """Options; the defaults are those of the page."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -232,7 +222,7 @@ def parser() -> argparse.ArgumentParser:
 def main(options: argparse.Namespace) -> str:
     """Measure, write, and return what was written."""
     text = table(options)
-    write(text, options.docs / "tradeoff.md")
+    pages.put(options.docs / "tradeoff.md", {"features": text})
     return text
 
 

@@ -249,13 +249,7 @@ def test_the_shape_of_ellipses_and_hexagons(code):
         assert perimeter**2 / (4.0 * np.pi * area) == pytest.approx(code.stages.ellipse(ratio), rel=1e-4)
 
 
-def test_the_page_keeps_what_is_not_between_markers(code):
-    page = "a\n<!-- x -->\nold\n<!-- /x -->\nb\n"
-    once = code.figures.fill(page, {"x": r"new \1"})
-    assert once == "a\n<!-- x -->\n\nnew \\1\n\n<!-- /x -->\nb\n"
-    assert code.figures.fill(once, {"x": r"new \1"}) == once
-    with pytest.raises(SystemExit, match="markers of 'y' are gone"):
-        code.figures.fill(page, {"y": ""})
+def test_symbols_are_written_as_such(code):
     assert code.figures.greek("Phi_max, alpha, alphabet") == r"$\Phi_{max}$, $\alpha$, alphabet"
 
 

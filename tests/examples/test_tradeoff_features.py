@@ -24,7 +24,7 @@ def page(features, tmp_path, monkeypatch):
     """The small table of a packing that has just begun to touch, on a page that has text around the marks."""
     monkeypatch.setattr(features.scenes, "FRACTION", 0.72)
     path = tmp_path / "tradeoff.md"
-    path.write_text(f"before\n\n{features.BEGIN}\nold\n{features.END}\n\nafter\n")
+    path.write_text("before\n\n<!-- features -->\nold\n<!-- /features -->\n\nafter\n")
     features.main(features.parser().parse_args([*SMALL, "--docs", str(tmp_path)]))
     return path.read_text()
 
@@ -32,8 +32,8 @@ def page(features, tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_every_line_is_measured_and_the_rest_of_the_page_stays(features, page):
     """What is off is counted as nothing, what is on as something; all tests that are named exist."""
-    assert page.startswith(f"before\n\n{features.BEGIN}\n`python examples/tradeoff_features.py`")
-    assert page.endswith(f"{features.END}\n\nafter\n")
+    assert page.startswith("before\n\n<!-- features -->\n`python examples/tradeoff_features.py`")
+    assert page.endswith("<!-- /features -->\n\nafter\n")
     assert "old" not in page.splitlines()
     wanted = features.scenes.features(8, 3.0, 6.0)
     lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")][2:]
@@ -63,13 +63,3 @@ def counts(cell):
     """Numbers on and off by name."""
     parts = (part.rsplit(" ", 3) for part in cell.split("; "))
     return {name: (float(on), float(off)) for name, on, slash, off in parts}
-
-
-def test_a_page_without_marks_is_left_alone(features, tmp_path):
-    path = tmp_path / "tradeoff.md"
-    path.write_text("no marks\n")
-    with pytest.raises(SystemExit, match="marks"):
-        features.write("text", path)
-    assert path.read_text() == "no marks\n"
-    features.write("text\n", tmp_path / "new" / "tradeoff.md")
-    assert (tmp_path / "new" / "tradeoff.md").read_text().endswith(f"{features.BEGIN}\ntext\n{features.END}\n")
