@@ -108,11 +108,20 @@ class Increment:
         """
         if not self.scheme.inertia or self.supports is not None:
             return w
-        sheets = self.bulk.assembly.sheets
-        lumped = self.bulk.assembly.lumped
-        imbalance = lumped * (w - self.rest) - self._reach * self.force - push
-        left, mass = (sheets.sums(a.reshape(-1, 2).T) for a in (imbalance, lumped))
-        return np.asarray(w - (left / np.maximum(mass, 1e-300)).T[sheets.node_body].ravel())
+        return np.asarray(w - self._left(w, push).T[self.bulk.assembly.sheets.node_body].ravel())
+
+    def drift(self, w: Array, push: Array) -> float:
+        """The longest way that `balanced` moves a body in the step [cells]."""
+        if not self.scheme.inertia or self.supports is not None:
+            return 0.0
+        return float(np.hypot(*self._left(w, push)).max()) * self.dt / self.bulk.assembly.sheets.cell
+
+    def _left(self, w: Array, push: Array) -> Array:
+        """The total imbalance of every body over its mass, (2, bodies) [m/s]."""
+        assembly = self.bulk.assembly
+        imbalance = assembly.lumped * (w - self.rest) - self._reach * self.force - push
+        left, mass = (assembly.sheets.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
+        return np.asarray(left / np.maximum(mass, 1e-300))
 
     def unsupported(self, gradient: Array) -> Array:
         """The part of an imbalance that supports do not take, (2 nodes,)."""

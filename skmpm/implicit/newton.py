@@ -24,6 +24,7 @@ STUCK = 0.8  # share of the imbalance left by an iteration that tells of a conta
 FREE = 0.05  # the best rate to count on where nothing holds bodies
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
+DRIFT = 1e-4  # cells that the balance of momentum may move a body in the end; then gaps are what they were
 FAR, NEAR = 20.0, 500.0  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
 
 
@@ -67,7 +68,8 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         size = max(size, float(np.linalg.norm(push)))
         imbalance = float(np.linalg.norm(step.unsupported(gradient - push))) / size if size > 0.0 else 0.0
         exact = iteration == 1 and step.exact and touching is None
-        if exact or (iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol):
+        close = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
+        if exact or (close and step.drift(w, push) <= DRIFT):
             reaction = step.reaction(gradient - push)
             w = step.balanced(w, push)
             return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)

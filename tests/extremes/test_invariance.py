@@ -14,7 +14,7 @@ from scenes import SCENES, Dials
 import skmpm
 
 STEPS = 20
-BASE = Dials(dt_c_h=3.0)
+BASE = Dials(dt_c_h=3.0, scheme={"newton_tol": 1e-6})  # where rounding ends what Newton leaves
 UNITS = {
     "metres": {"length": 1.0},
     "micrometres": {"length": 1e-6},

@@ -113,7 +113,7 @@ def test_every_retry_is_told(monkeypatch, caplog):
 
 def test_an_impact_that_one_newton_iteration_cannot_take_goes_on_in_shorter_steps():
     """The end is that of short steps throughout, to the change of one Newton tolerance in many steps."""
-    states = list(simulate(IMPACT, dt=16 * DT, until=32 * DT, scheme=Scheme(max_newton=3)))
+    states = list(simulate(IMPACT, dt=16 * DT, until=32 * DT, scheme=Scheme.accurate(max_newton=3)))
     assert sum(s.report.retries for s in states) > 0
     assert states[-1].t == 32 * DT
     fine = ended(IMPACT, 32 * DT)

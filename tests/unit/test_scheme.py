@@ -1,6 +1,6 @@
 """Schemes: what cannot work is refused with the name, the value and the remedy."""
 
-from dataclasses import FrozenInstanceError, fields
+from dataclasses import FrozenInstanceError, fields, replace
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ BAD = [
     ({"anchor": -1.0}, r"anchor = -1.0.*0 \(every step\)"),
     ({"anchor": np.nan}, r"anchor = nan.*0 \(every step\)"),
     ({"ghost": -0.005}, r"ghost = -0.005.*about 0.005"),
-    ({"newton_tol": 0.0}, r"newton_tol = 0.0.*about 1e-6"),
+    ({"newton_tol": 0.0}, r"newton_tol = 0.0.*about 1e-4"),
     ({"contact_tol": 1.0}, r"contact_tol = 1.0.*about 1e-6"),
     ({"gap_tol": np.inf}, r"gap_tol = inf.*about"),
     ({"max_newton": 0}, r"max_newton = 0.*about 60"),
@@ -78,3 +78,13 @@ def test_locking_is_yes_or_no():
     assert Scheme(locking=True).locking
     with pytest.raises(ValueError, match="locking = 'mean'; use True or False"):
         Scheme(locking="mean")
+
+
+def test_presets_differ_in_the_tolerance_of_the_balance_alone_and_take_other_choices():
+    """Balanced is the default; each leaves a hundredth of the imbalance of the one before."""
+    fast, balanced, accurate = Scheme.fast(), Scheme.balanced(), Scheme.accurate()
+    assert balanced == Scheme()
+    assert fast.newton_tol == 100.0 * balanced.newton_tol == pytest.approx(1e4 * accurate.newton_tol)
+    assert replace(fast, newton_tol=1e-4) == replace(accurate, newton_tol=1e-4) == balanced
+    for preset in (Scheme.fast, Scheme.balanced, Scheme.accurate):
+        assert replace(preset(inertia=False, newton_tol=1e-3), inertia=True) == Scheme(newton_tol=1e-3)

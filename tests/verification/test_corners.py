@@ -41,7 +41,7 @@ from skmpm import Body, LinearElastic, Scene, Scheme, StepFailed, initial, simul
 
 PLACES = 20  # of the table
 OVERLAP, GAP, NEWTON, CAP = 5e-4, -0.05, 3.0, 60
-QUASI_STATIC = Scheme(inertia=False)
+QUASI_STATIC = Scheme.accurate(inertia=False)
 SHORT = ("hexagon", "L", "star", "C")
 OFFSETS = (0.0, 0.01, 0.1, 0.5)  # of tips that meet [cells]
 

@@ -354,7 +354,7 @@ def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cel
     points = Points(turn @ cloud.x + middle[:, None], cloud.volume, cloud.outline)
     body = Body(points, LinearElastic(1e6, 0.3, 1000.0))
     walls = [Wall(middle + s * normal, -s * normal, velocity=-0.01 * s * normal) for s in (1.0, -1.0)]
-    scene, scheme = Scene([body], cell=cell, walls=walls), Scheme(inertia=False)
+    scene, scheme = Scene([body], cell=cell, walls=walls), Scheme.accurate(inertia=False)
     state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
     assert state.report.newton <= 6
     assert np.abs(state.wall_force.sum(axis=0)).max() < 1e-5 * np.abs(state.wall_force).max()
