@@ -25,14 +25,14 @@ from pathlib import Path
 from typing import Any
 
 import tradeoff_scenes as scenes
-from tradeoff_dials import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, sample
+from tradeoff_dials import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, resolutions, sample
 from tradeoff_meter import Meter, TooLong, limited
 
 import skmpm
 
 PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 SHARE = {"packing": 0.5}  # of the sample, where runs are long
-LATE = ("sample", "slope", "second")  # what comes last there
+LATE = ("sample", "law", "slope", "second")  # what comes last there
 SIZES = ("unknowns", "points", "overlap")  # the largest of the places, not their mean
 SHORT, REPEATS = 0.5, 2  # runs of less processor time [s] are repeated, for the clock is not that good
 KINDS = ("reference", "preset", "one", "perturbed", "speed", *LATE)
@@ -80,6 +80,7 @@ def wanted(name: str, runs: int) -> list[tuple[str, list[Setting]]]:
         ("one", one_at_a_time()),
         ("perturbed", perturbed),
         ("sample", drawn),
+        ("law", resolutions()),
         ("slope", slopes),
     ]
 

@@ -18,7 +18,7 @@ from skmpm.transfer import apic, flip, pic
 Setting = dict[str, Any]
 
 NEVER = float("inf")
-DEFAULT: Setting = {
+DEFAULT: Setting = {  # what runs differ from; the defaults of `Scheme`, with a tighter `newton_tol`
     "cells": 5.0,  # R/h
     "spacing": 0.74,  # of material points [cells]
     "pace": 1.0,  # time step, in that of the scene
@@ -49,7 +49,7 @@ LEVELS: dict[str, tuple[Any, ...]] = {  # one at a time, the default among them
     "locking": (False, True),
     "ghost": (0.0, 0.001, 0.005, 0.02, 0.1),
     "fitted": (True, False),
-    "newton_tol": (1e-8, 1e-6, 1e-4, 1e-2),
+    "newton_tol": (1e-8, 1e-6, 1e-4, 1e-3, 1e-2),
     "contact_tol": (1e-8, 1e-6, 1e-4, 1e-2),
     "linear": ("default", "amg", "direct"),
     "explicit": (False, True),
@@ -69,11 +69,13 @@ SAMPLED = LEVELS | {  # in the sample; what is there more than once is drawn mor
     "explicit": (False,) * 4 + (True,),
     "walls": ("planes", "planes", "points"),
 }
+BALANCED: Setting = DEFAULT | {"newton_tol": 1e-4}
 PRESETS: dict[str, Setting] = {
-    "fast": DEFAULT | {"cells": 3.2, "pace": 2.0, "newton_tol": 1e-4, "contact_tol": 1e-4},
-    "balanced": DEFAULT,
+    "fast": DEFAULT | {"cells": 3.2, "pace": 4.0, "newton_tol": 1e-2},
+    "balanced": BALANCED,
     "accurate": DEFAULT | {"cells": 10.0, "spacing": 0.5, "pace": 0.25},
 }
+LAW_SPACINGS, LAW_CELLS = (0.74, 0.5), (3.2, 4.0, 5.0, 6.3, 8.0, 10.0)  # what laws are fitted to
 SLOPES = {"cells": 0.8, "pace": 2.0, "spacing": 1.4, "contact_tol": 10.0}  # factors to both sides of each preset
 COURANT = {4.0: 0.8, 2.0: 0.6, 1.0: 0.4, 0.5: 0.2, 0.25: 0.1, 0.125: 0.05}  # dt c/h of explicit steps, by pace
 CONTACTS = {"outlines": outlines, "shared_nodes": shared_nodes}
@@ -125,8 +127,8 @@ def effective(setting: Setting, matters: frozenset[str], *, inertia: bool) -> Se
 
 
 def one_at_a_time() -> list[Setting]:
-    """Every level of every dial, all others as in `balanced`."""
-    found = [PRESETS["balanced"] | {name: level} for name, levels in LEVELS.items() for level in levels]
+    """Every level of every dial, all others at their default."""
+    found = [DEFAULT | {name: level} for name, levels in LEVELS.items() for level in levels]
     return [consistent(setting) for setting in found]
 
 
@@ -136,6 +138,11 @@ def neighbours(preset: Setting) -> list[Setting]:
     for name, factor in SLOPES.items():
         found += [preset | {name: float(f"{preset[name] * step:.3g}")} for step in (1.0 / factor, factor)]
     return found
+
+
+def resolutions() -> list[Setting]:
+    """What laws of the error are fitted to."""
+    return [BALANCED | {"spacing": spacing, "cells": cells} for spacing in LAW_SPACINGS for cells in LAW_CELLS]
 
 
 def sample(runs: int) -> list[Setting]:

@@ -29,6 +29,8 @@ DISCS, START, END, LID, FRICTIONAL = 30, 0.70, 0.92, 2.0, 0.5
 SOFT = {"E": 10e6, "nu": 0.45, "density": 990.0}
 GELS = {"finite": skmpm.NeoHookean(**SOFT), "linear": skmpm.LinearElastic(**SOFT)}
 MEAN = 0.95e-3  # radius [m]
+RADII = np.random.default_rng(0).uniform(0.7e-3, 1.2e-3, DISCS)
+SMALLEST = float(RADII.min())
 PACKING_DT = 8e-6  # [s]
 EDGES = np.linspace(0.84, 0.92, 9)  # nominal solid fractions between which pressures are averaged
 WORK = 0.90  # up to here the work of the lid counts
@@ -119,9 +121,8 @@ def resumed(folder: Path | None) -> tuple[list[dict[str, Any]], skmpm.State | No
 
 def box_of_discs(setting: Setting, cell: float) -> tuple[skmpm.Scene, float, float]:
     """Discs of the seed's radii in a box under a lid, its height and width."""
-    radii = np.random.default_rng(0).uniform(0.7e-3, 1.2e-3, DISCS)
-    width = float(np.sqrt(np.pi * (radii**2).sum() / 0.72))
-    packing = skmpm.packing(radii, width, solid_fraction=START, seed=0)
+    width = float(np.sqrt(np.pi * (RADII**2).sum() / 0.72))
+    packing = skmpm.packing(RADII, width, solid_fraction=START, seed=0)
     centres, height = packing.centres, float(packing.height)
     if setting["perturbed"]:
         centres = centres + setting["perturbed"] * MEAN * np.random.default_rng(1).normal(size=centres.shape)

@@ -1,105 +1,118 @@
-"""Laws of the error, fitted to the runs around the presets: what `skmpm.suggest` goes by.
+"""Laws of the error, fitted to the study's runs: what `skmpm.suggest` goes by.
 
-    error = c_h n^-p + c_s s^r + c_t tau^q,   n = R/h, s = spacing / h, tau = dt c / R
+    error = c n^-p + floor + d s
 
-c is the speed of pressure waves. On quasi-static scenes there is no time and no third term.
+n is R/h, R the radius of the smallest body, and s the length of a step: dt c / R, c the speed of pressure waves,
+where bodies move freely, the way of the lid over R where it drives them. One law for every spacing of points that is
+worth it: in contact 0.74 h serves coarse grids best and leaves a floor, 0.5 h is for fine ones.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import tradeoff_discs as discs
+import tradeoff_speeds as speeds
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from tradeoff_dials import DEFAULT
-from tradeoff_results import Found, Run
+from tradeoff_dials import BALANCED
+from tradeoff_results import LIDS, Found, Run
+
+from skmpm.simulate.suggest import LAWS, Law
 
 Array = NDArray[np.float64]
 
-TIMES = {  # dt c / R at pace 1
-    "collision": discs.COLLISION_DT * discs.wave(discs.LAWS["finite"]) / discs.R,
-    "packing": discs.PACKING_DT * discs.wave(discs.GELS["finite"]) / discs.MEAN,
-}
+SCENES = {"bending": "cantilever", "pressing": "hertz", "impact": "collision", "packing": "packing"}
+SIZES = {"cantilever": 2.0 / np.sqrt(3.0), "packing": discs.SMALLEST / discs.MEAN}  # R of `suggest` over the scene's
 STEERED = {"cells", "spacing", "pace"}
-TIGHT = 1e-4
-SMALLEST = 1e-6  # coefficient that counts as none
-EXPONENTS = (0.5, 4.0)
+COARSEST = 3.0  # R/h
+BEST = 1e-3  # errors below are those of the reference
+FLOORED = (0.74, ("impact", "packing"))  # spacing and kinds of laws with a floor
 
 
 @dataclass(frozen=True)
-class Law:
-    """Constants of the law for one quantity of a scene, and how well it holds."""
+class Fit:
+    """A law and the runs it was fitted to."""
 
-    scene: str
-    quantity: str
-    space: tuple[float, float]  # c_h, p
-    points: tuple[float, float]  # c_s, r
-    time: tuple[float, float]  # c_t, q
-    runs: int
+    law: Law
+    runs: list[Run]
     scatter: float  # factor within which it holds, root mean square of logarithms
     worst: float  # the largest factor
 
-    def __call__(self, n: Any, s: Any, tau: Any) -> Any:
-        """The error."""
-        (a, p), (b, r), (c, q) = self.space, self.points, self.time
-        return a * n**-p + b * s**r + c * tau**q
+
+def fits(found: Found) -> dict[str, list[Fit]]:
+    """All laws, by kind of scene, as far as their runs are there."""
+    free, driven = free_time(found), driven_time(found)
+    kinds = {
+        kind: [(law.spacing, driven if kind == "packing" else free) for law in laws] for kind, laws in LAWS.items()
+    }
+    each = {kind: [in_space(found, kind, *one) for one in both] for kind, both in kinds.items()}
+    return {kind: [fit for fit in both if fit is not None] for kind, both in each.items()}
 
 
-def chosen(found: Found, scene: str) -> list[Run]:
-    """Runs that differ from the default in `cells`, `spacing` and `pace` only."""
+def chosen(found: Found, scene: str, spacing: float) -> list[Run]:
+    """Runs that differ from `balanced` in R/h, spacing and dt only, at about this spacing."""
+    runs = [run for run in found.runs.get(scene, {}).values() if np.isfinite(run.error) and run.error > BEST]
+    return [run for run in runs if plain(run) and abs(run.setting["spacing"] - spacing) < 0.05]
+
+
+def plain(run: Run) -> bool:
+    """Whether nothing else differs; tolerances of `balanced` and below make no difference that shows."""
+    names = {name for name, level in run.setting.items() if level != BALANCED[name]}
+    looser = {name for name in names if name.endswith("_tol") and run.setting[name] > BALANCED["newton_tol"]}
+    return {name for name in names if not name.endswith("_tol")} <= STEERED and not looser
+
+
+def place(run: Run) -> tuple[float, float]:
+    """R/h and the length of a step."""
+    n, pace = SIZES.get(run.scene, 1.0) * run.setting["cells"], run.setting["pace"]
+    if run.scene == "collision":
+        return n, pace * discs.COLLISION_DT * discs.wave(discs.LAWS["finite"]) / discs.R
+    if run.scene == "packing":
+        return n, pace * discs.PACKING_DT * discs.LID / discs.SMALLEST
+    return n, speeds.way(run) if run.scene in LIDS else 0.0
+
+
+def free_time(found: Found) -> float:
+    """Constant d of free motion, from all collisions at the default's spacing; nan of too few runs."""
+    fit = fitted(chosen(found, "collision", BALANCED["spacing"]), BALANCED["spacing"], floor=True)
+    return float("nan") if fit is None else fit.law.time
+
+
+def driven_time(found: Found) -> float:
+    """Constant d of what is driven, from the lids: geometric mean of error over length of steps."""
     runs = [
-        r for r in found.runs.get(scene, {}).values() if np.isfinite(r.error) and r.whys & {"preset", "one", "slope"}
+        run for lid in LIDS for run in found.why(lid, "speed") if not run.setting["explicit"] and run.error > BEST
     ]
-    return [r for r in runs if differing(r) <= STEERED]
+    return float(np.exp(np.mean([np.log(run.error / place(run)[1]) for run in runs]))) if runs else float("nan")
 
 
-def differing(run: Run) -> set[str]:
-    """Dials that are not at their default; tolerances up to `TIGHT` make no difference that shows."""
-    names = {name for name, level in run.setting.items() if level != DEFAULT[name]}
-    return {name for name in names if not (name.endswith("_tol") and run.setting[name] <= TIGHT)}
+def in_space(found: Found, kind: str, spacing: float, time: float) -> Fit | None:
+    """The law of a kind at a spacing, its d given."""
+    floored, kinds = FLOORED
+    return fitted(
+        chosen(found, SCENES[kind], spacing), spacing, floor=spacing == floored and kind in kinds, time=time
+    )
 
 
-def place(run: Run) -> tuple[float, float, float]:
-    """Where a run is: n, s, tau."""
-    setting = run.setting
-    return setting["cells"], setting["spacing"], TIMES.get(run.scene, 0.0) * setting["pace"]
-
-
-def fit(found: Found, scene: str, quantity: str) -> Law | None:
-    """The law of a quantity, by least squares of logarithms; None of fewer runs than constants."""
-    runs = [r for r in chosen(found, scene) if r.errors.get(quantity, 0.0) > 0.0]
-    if len(runs) < 8:
+def fitted(runs: list[Run], spacing: float, *, floor: bool, time: float | None = None) -> Fit | None:
+    """Least squares of logarithms; None of fewer runs than constants."""
+    if len(runs) < 4 or (time is not None and np.isnan(time)):
         return None
-    n, s, tau = np.array([place(r) for r in runs]).T
-    error = np.array([r.errors[quantity] for r in runs])
-    timed = scene in TIMES
+    n, s = np.array([place(run) for run in runs]).T
+    error = np.array([run.error for run in runs])
 
-    def law_of(p: Array) -> Law:
-        coefficients = np.exp(p[:3]) * [1.0, 1.0, float(timed)]
-        space, points, time = zip(coefficients.tolist(), p[3:].tolist(), strict=True)
-        return Law(scene, quantity, space, points, time, len(runs), 1.0, 1.0)
+    def law(p: Array) -> Law:
+        return Law(
+            spacing, float(np.exp(p[0])), p[1], float(floor) * np.exp(p[2]), np.exp(p[3]) if time is None else time
+        )
 
     def off(p: Array) -> Array:
-        return np.asarray(np.log(law_of(p)(n, s, np.maximum(tau, 1e-12)) / error))
+        return np.asarray(np.log(law(p)(n, s) / error))
 
-    low = np.append(np.full(3, np.log(SMALLEST)), np.full(3, EXPONENTS[0]))
-    high = np.append(np.full(3, np.log(1e3)), np.full(3, EXPONENTS[1]))
-    starts = [
-        np.append(np.log([error.max() * 5.0**p, share * error.min(), share * error.min()]), [p, 1.5, 1.0])
-        for p in (1.0, 2.0)
-        for share in (0.1, 1.0)
-    ]
-    options = {"bounds": (low, high), "loss": "soft_l1"}
-    best = min((least_squares(off, np.clip(x, low, high), **options) for x in starts), key=lambda t: t.cost)
+    bounds = ([-6.0, 0.5, -12.0, -6.0], [6.0, 4.0, -2.0, 3.0])
+    starts = [np.array([np.log(error.max() * 4.0**p), p, -5.0, -1.0]) for p in (1.0, 2.0)]
+    best = min((least_squares(off, x, bounds=bounds, loss="soft_l1") for x in starts), key=lambda t: t.cost)
     rest = off(best.x)
-    scatter, worst = np.exp([np.sqrt(np.mean(rest**2)), np.abs(rest).max()]).tolist()
-    return replace(law_of(best.x), scatter=scatter, worst=worst)
-
-
-def quantities(found: Found, scene: str) -> list[str]:
-    """What is measured on a scene, the largest last."""
-    runs = chosen(found, scene)
-    return list(runs[0].errors) if runs else []
+    return Fit(law(best.x), runs, *np.exp([np.sqrt(np.mean(rest**2)), np.abs(rest).max()]).tolist())

@@ -13,12 +13,12 @@ import csv
 from pathlib import Path
 from typing import Any
 
+import pages
 import tradeoff_figures as figures
 import tradeoff_tables as tables
 from tradeoff_results import Found, beating, load
 
 HERE = Path(__file__).resolve().parent
-MARKS = "<!-- study -->\n", "<!-- /study -->\n"
 
 
 def keep(found: Found, path: Path) -> None:
@@ -71,8 +71,7 @@ def write(study: Path, docs: Path) -> None:
         ("## Implicit against explicit", tables.lids(found), "![Implicit and explicit](tradeoff/speeds.png)\n"),
     ]
     text = "\n".join("\n\n".join(p.strip("\n") for p in part if p) + "\n" for part in parts)
-    before, rest = page.read_text().split(MARKS[0])
-    page.write_text(before + MARKS[0] + "\n" + text + "\n" + MARKS[1] + rest.split(MARKS[1])[1])
+    pages.put(page, {"study": text})
 
 
 TEXT = {
@@ -81,8 +80,9 @@ TEXT = {
     "prices": "The cheapest of all runs within an error, lucky ones among them; nothing where there is none.",
     "dials": "Error, and cost over that of the default. Nothing where a dial makes no difference, or was not run.",
     "limits": "d ln(error) / d ln(dial) at the presets; of h, dt, spacing, `contact_tol`.",
-    "laws": "error = c_h n^-p + c_s s^r + c_t tau^q, with n = R/h, s the spacing in cells and tau = dt c / R, fitted"
-    " to the runs that differ from the default in these three only (tolerances up to 1e-4 count as the default).",
+    "laws": "error = c n^-p + floor + d s: n = R/h, R the radius of the smallest body, s the length of a step, dt c /"
+    " R or, where a lid drives, its way over R. Fitted to all runs that differ from `balanced` in R/h, spacing and dt"
+    " only (tighter tolerances make no difference), the second d to the lids; in brackets what `skmpm.suggest` has.",
 }
 
 

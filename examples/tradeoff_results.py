@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import tradeoff
 import tradeoff_scenes as scenes
-from tradeoff_dials import LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, sample
+from tradeoff_dials import DEFAULT, LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, sample
 
 SCENES = ("cantilever", "hertz", "collision", "packing")
 LIDS = tuple(name for name in scenes.CASES if name not in SCENES)
@@ -154,9 +154,9 @@ def slope(found: Found, scene: str, preset: str, dial: str) -> float:
 
 
 def dial_runs(found: Found, scene: str, dial: str) -> list[tuple[Any, Run]]:
-    """Levels of a dial around the default that were run, and that make a difference on a scene."""
+    """Levels of a dial around the default of the study that were run, and that make a difference on a scene."""
     levels = LEVELS[dial] if dial in scenes.CASES[scene].dials else ()
-    runs = [(level, found.at(scene, PRESETS["balanced"] | one)) for level in levels for one in [forced(dial, level)]]
+    runs = [(level, found.at(scene, DEFAULT | one)) for level in levels for one in [forced(dial, level)]]
     seen = {id(run) for _, run in runs}
     return [(level, run) for level, run in runs if run is not None] if len(seen) > 1 else []
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 import tradeoff_fits as fits
 from tradeoff_dials import COURANT, DEFAULT, PRESETS, SLOPES, Setting
@@ -19,6 +21,8 @@ from tradeoff_results import (
     dial_runs,
     slope,
 )
+
+from skmpm.simulate.suggest import LAWS
 
 COUNTS = ("steps", "newton", "factorisations", "contact", "products", "unknowns", "points", "work")
 PRICED = (0.2, 0.1, 0.05, 0.02, 0.01)  # errors that are looked up
@@ -153,14 +157,14 @@ def ratio(one: Beating, scene: str) -> str:
 
 
 def dials(found: Found) -> str:
-    """Every level of every dial around the default: error and cost over those of `balanced`."""
+    """Every level of every dial around the default: error, and cost over that of the default."""
     lines = []
     for dial in DEFAULT:
         if dial == "perturbed":
             continue
         runs = {scene: dict(dial_runs(found, scene, dial)) for scene in SCENES}
         for level in dict.fromkeys(level for each in runs.values() for level in each):
-            cells = [relative(each.get(level), found.at(s, PRESETS["balanced"])) for s, each in runs.items()]
+            cells = [relative(each.get(level), found.at(s, DEFAULT)) for s, each in runs.items()]
             name = f"{level:g}" if isinstance(level, float) else str(level)
             lines.append((dial, name, *cells))
     return table(("dial", "level", *SCENES), lines)
@@ -195,20 +199,18 @@ def limits(found: Found) -> str:
 
 
 def laws(found: Found) -> str:
-    """Fitted constants."""
+    """Fitted constants beside those of `skmpm.suggest`."""
     lines = []
-    for scene in SCENES:
-        for quantity in fits.quantities(found, scene):
-            law = fits.fit(found, scene, quantity)
-            if law is not None:
-                terms = [
-                    f"{number(c)}, {number(e)}" if c > fits.SMALLEST * 2.0 else "0"
-                    for c, e in (law.space, law.points, law.time)
-                ]
-                lines.append((scene, quantity, *terms, str(law.runs), number(law.scatter), number(law.worst)))
-    return table(
-        ("scene", "error of", "c_h, p", "c_s, r", "c_t, q", "runs", "holds within a factor (rms)", "worst"), lines
-    )
+    for kind, each in fits.fits(found).items():
+        for fit in each:
+            used = next(law for law in LAWS[kind] if law.spacing == fit.law.spacing)
+            terms = [
+                f"{number(a)} ({number(b)})" for a, b in zip(astuple(fit.law)[1:], astuple(used)[1:], strict=True)
+            ]
+            counts = str(len(fit.runs)), number(fit.scatter), number(fit.worst)
+            lines.append((kind, fits.SCENES[kind], f"{used.spacing:g}", *terms, *counts))
+    head = ("law", "scene", "spacing [cells]", "c", "p", "floor", "d", "runs", "holds within a factor (rms)", "worst")
+    return table(head, lines)
 
 
 def lids(found: Found) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -108,6 +109,23 @@ def check_fits(scene: Scene, state: State) -> None:
 
 
 _ITS_OWN = "continue with the scene that the state was made from"
+
+
+def driven(scene: Scene) -> Iterator[tuple[str, float]]:
+    """What moves as told at t = 0, and how fast [m/s]."""
+    for i, v in enumerate(scene.wall_velocities(0.0)):
+        yield f"wall {i}", float(np.hypot(*v))
+    for i, v in enumerate(np.nan_to_num(scene.told(0.0))):
+        yield f"support {i}", float(np.hypot(*v))
+    for i, body in enumerate(scene.bodies):
+        if isinstance(body.material, Rigid):
+            yield f"rigid body {i}", float(np.hypot(*motion(body.velocity, 0.0)))
+
+
+def fastest_wave(scene: Scene) -> float:
+    """Speed of the fastest pressure wave [m/s]."""
+    soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
+    return max(float(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density)) for m in soft)
 
 
 def can_touch(scene: Scene) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +11,11 @@ from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.grid import Sheets, lay
 from skmpm.material import Rigid
-from skmpm.scene import Scene, motion
+from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.anchor import inward_normals
-from skmpm.simulate.start import can_touch, initial_motion
+from skmpm.simulate.start import can_touch, driven, fastest_wave, initial_motion
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -59,10 +58,9 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
     body = np.repeat(np.arange(count.size), count)
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
     soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
-    wave = max(float(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density)) for m in soft)
-    sheets, width = _sheets(scene, body)
+    wave, (sheets, width) = fastest_wave(scene), _sheets(scene, body)
     solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
-    lid_name, lid = max(_driven(scene), key=lambda named: named[1], default=("", 0.0))
+    lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
     v, C = initial_motion(scene)
     turning = np.zeros(count.size)
     np.maximum.at(turning, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
@@ -109,17 +107,6 @@ def _solver(scheme: Scheme, width: int) -> str:
     if scheme.linear is linear.default:
         return "banded" if width <= linear.CROSSOVER else "amg"
     return str(getattr(scheme.linear, "__name__", type(scheme.linear).__name__))
-
-
-def _driven(scene: Scene) -> Iterator[tuple[str, float]]:
-    """What moves as told, and how fast [m/s]."""
-    for i, v in enumerate(scene.wall_velocities(0.0)):
-        yield f"wall {i}", float(np.hypot(*v))
-    for i, v in enumerate(np.nan_to_num(scene.told(0.0))):
-        yield f"support {i}", float(np.hypot(*v))
-    for i, body in enumerate(scene.bodies):
-        if isinstance(body.material, Rigid):
-            yield f"rigid body {i}", float(np.hypot(*motion(body.velocity, 0.0)))
 
 
 def _approach(scene: Scene, v: Array) -> float:

@@ -1,0 +1,109 @@
+"""Cell, spacing and time step for a wanted error, by laws fitted to the runs of `docs/tradeoff.md`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.scene import Scene
+from skmpm.simulate.start import can_touch, driven, fastest_wave, initial_motion
+
+Array = NDArray[np.float64]
+
+SEVERAL = 6  # deformable bodies from which on errors at contacts even out, as in a packing
+LARGEST = 0.25  # error; what is coarser was not measured
+RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
+WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
+
+
+@dataclass(frozen=True)
+class Law:
+    """error = c n^-p + floor + d s: n = R/h, R the radius of the smallest body, s the length of a step.
+
+    s is dt c / R in free motion, c the speed of pressure waves; where something is driven, its way in a step over R.
+    For `Scheme.balanced()`, whose backward Euler is of first order.
+    """
+
+    spacing: float  # of material points [cells]
+    scale: float  # c
+    power: float  # p
+    floor: float
+    time: float  # d
+
+    def __call__(self, n: Array | float, s: Array | float) -> Array:
+        """The error."""
+        return np.asarray(self.scale * np.asarray(n) ** -self.power + self.floor + self.time * np.asarray(s))
+
+
+LAWS = {
+    "bending": (Law(0.5, 0.42, 1.0, 0.0, 0.36),),
+    "pressing": (Law(0.74, 5.5, 1.95, 0.0, 0.36),),
+    "impact": (Law(0.74, 0.51, 2.0, 0.02, 0.36), Law(0.5, 0.51, 2.0, 0.0, 0.36)),
+    "packing": (Law(0.74, 0.96, 2.0, 0.01, 0.7), Law(0.5, 3.6, 2.4, 0.0, 0.7)),
+}
+
+
+def suggest(scene: Scene, *, error: float) -> tuple[float, float, float]:
+    """The cheapest cell [m], spacing of points [m] and time step [s] for an error, with `Scheme.balanced()`.
+
+    The error is relative: the largest of what `docs/tradeoff.md` measures on its scene of that kind. *Bending*, where
+    nothing touches: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts. *Impact*,
+    where they move at t = 0: velocities after. *Packing*, six or more that something drives: pressure, work and
+    aspect ratio. Only materials, sizes and what moves at t = 0 are read, not the scene's own cell and points.
+    Without anything driven dt resolves waves; quasi-static steps may be as long as loads allow. Scenes that are not
+    in the study err twice as much at most (`examples/tradeoff_promises.py`).
+
+    Raises
+    ------
+    ValueError
+        when the error is larger than what was measured, or so small that a body would be 200 cells across
+    """
+    laws, size = LAWS[kind(scene)], _smallest(scene)
+    found = [best for law in laws if (best := _cheapest(law, error)) is not None]
+    if not found:
+        least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
+        raise ValueError(f"suggest: error = {error!r}; use one between {1.01 * least:.2g} and {LARGEST}")
+    _, n, spacing, step = min(found)
+    fastest = max((speed for _, speed in driven(scene)), default=0.0)
+    return size / n, spacing * size / n, step * size / (fastest or fastest_wave(scene))
+
+
+def kind(scene: Scene) -> str:
+    """Which of `LAWS` a scene obeys, by what can touch and what moves at t = 0."""
+    soft = scene.deformable
+    if not can_touch(scene):
+        return "bending"
+    if soft.sum() >= SEVERAL and any(speed for _, speed in driven(scene)):
+        return "packing"
+    v, _ = initial_motion(scene)
+    return "impact" if v[:, np.repeat(soft, np.diff(scene.offsets))].any() else "pressing"
+
+
+def _smallest(scene: Scene) -> float:
+    """Radius of the smallest deformable body [m]: twice its smallest radius of gyration, which is a disc's radius."""
+    count = np.diff(scene.offsets)
+    body = np.repeat(np.arange(count.size), count)
+    volume, x = scene.initial_volumes, scene.initial_positions
+
+    def mean(values: Array) -> Array:
+        total = np.bincount(body, volume * values, count.size)
+        return np.asarray(total / np.bincount(body, volume, count.size))
+
+    arm = x - np.stack([mean(x[0]), mean(x[1])])[:, body]
+    xx, xy, yy = mean(arm[0] ** 2), mean(arm[0] * arm[1]), mean(arm[1] ** 2)
+    least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
+    return 2.0 * float(np.sqrt(least[scene.deformable].min()))
+
+
+def _cheapest(law: Law, error: float) -> tuple[float, float, float, float] | None:
+    """Cost, R/h, spacing [cells] and length of a step that reach an error for least; None if none does."""
+    room = error - law(RESOLUTIONS, 0.0)
+    enough = room > 0.0
+    if not (enough.any() and error <= LARGEST):
+        return None
+    n, step = RESOLUTIONS[enough], room[enough] / law.time
+    cost = n**WORK * (1.0 + 0.5 / law.spacing**2) / step
+    k = int(np.argmin(cost))
+    return float(cost[k]), float(n[k]), law.spacing, float(step[k])
