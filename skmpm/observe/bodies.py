@@ -26,7 +26,7 @@ class PerBody:
     counted: Bools  # (bodies,) enters the means: deformable and, if so asked, in the interior
     centre: Array  # (2, bodies) of mass [m]
     diameter: Array  # (bodies,) of the disc of the initial area [m]
-    area: Array  # (bodies,) of the outline [m2]; nan without one
+    area: Array  # (bodies,) inside the curve that others touch [m2]; nan without an outline
     volume_ratio: Array  # (bodies,) J = sum V0 det F / sum V0
     coordination: Array  # (bodies,) bodies and walls that touch it
     contact_surface: Array  # (bodies,) length in contact over pi diameter
@@ -48,7 +48,8 @@ def per_body(scene: Scene, state: State, rim: Outlines, *, interior: bool) -> Pe
     centre = np.add.reduceat(state.mass * state.x, start, axis=1) / mass
     diameter = 2.0 * np.sqrt(initial / np.pi)
     outlined = np.array([bool(body.points.outline) for body in scene.bodies])
-    area = np.where(outlined, outline.area(rim, x, n), np.nan)
+    smooth = outline.curve(rim, scene.initial_positions[:, rim.point]).through(x)
+    area = np.where(outlined, smooth.area(n), np.nan)
     long, short, angle = outline.dimensions(rim, x, n)
     isotropic = _isotropic(rim, x, n)
     length = contact_length(state.contacts, rim, x, n, scene.cell)

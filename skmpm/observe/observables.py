@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm import outline
 from skmpm.observe.bodies import PerBody, away_from_walls, per_body
 from skmpm.observe.network import half_branches, moments
 from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
@@ -21,7 +22,7 @@ Bools = NDArray[np.bool_]
 class Observables:
     """The measures of a packing; see `observe` for their definitions. Stress: tension positive."""
 
-    solid_fraction: float  # outline areas / box
+    solid_fraction: float  # areas inside the outlines' curves / box
     solid_fraction_nominal: float  # initial volumes / box
     coordination: float  # Z
     contact_surface: float  # S
@@ -43,8 +44,8 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     The box is the intersection of the walls. If it is not closed, the solid fractions, the stress and the
     pressures (but those of each body) are nan. Measures of outlines are nan where a deformable body has none.
 
-    - solid fractions: area of the outlines (nominal: initial volumes) over the area of the box; of rigid
-      bodies only the part in the box counts.
+    - solid fractions: area inside the curves that bodies touch (`outline.curve`; nominal: initial volumes) over the
+      area of the box; of rigid bodies only the part in the box counts.
     - coordination Z: mean number of bodies and walls that touch a deformable body; if no contact carries a
       force, of those with a gap below 0.02 cells.
     - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the rim length with a gap
@@ -114,8 +115,9 @@ def _share(scene: Scene, state: State, rim: Outlines, bodies: PerBody, box: Regi
     """Share of each body in the box, (bodies,): of its outline or, without one, of its points."""
     start = scene.offsets[:-1]
     points = np.add.reduceat(state.volume * contains(box, state.x), start) / np.add.reduceat(state.volume, start)
-    inside = area_inside(box, rim, state.x[:, rim.point], len(scene.bodies))
-    return np.where(np.isfinite(bodies.area), inside / bodies.area, points)
+    x, n = state.x[:, rim.point], len(scene.bodies)
+    whole = np.where(np.isfinite(bodies.area), outline.area(rim, x, n), 1.0)
+    return np.where(np.isfinite(bodies.area), area_inside(box, rim, x, n) / whole, points)
 
 
 def _stress(scene: Scene, state: State, bodies: PerBody, box: Region, interior: bool) -> Array:

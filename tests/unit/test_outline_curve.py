@@ -165,3 +165,17 @@ def test_the_normal_and_the_shares_are_the_derivative_of_the_gap():
     expected = c.through(x).normals(segment, s)[:, 0] @ moved
     e = 1e-6
     assert (gap(e) - gap(-e)) / (2.0 * e) == pytest.approx(expected, rel=1e-7)
+
+
+def test_area_inside_is_that_of_what_the_points_are_on():
+    """Of a circle by the fourth power of the spacing, of a square with a hole exactly; far from the origin."""
+    errors = []
+    for n in (16, 32, 64):
+        x = ring(n) + 1e3
+        errors.append(abs(curve(one_body(x), x).through(x).area(1)[0] / np.pi - 1.0))
+    assert (np.log2(np.divide(errors[:-1], errors[1:])) > 3.9).all()
+    assert errors[-1] < 0.01 * (1.0 - np.sin(np.pi / 32) / (np.pi / 32))
+    side = np.array([[0.0, 3.0, 3.0, 0.0], [0.0, 0.0, 3.0, 3.0]])
+    x = np.concatenate([side, 1.0 + side[:, ::-1] / 3.0], axis=1) + 7.0
+    hollow = outlines([[np.arange(4), np.arange(4, 8)], []], [0, 8, 8])
+    np.testing.assert_allclose(curve(hollow, x).through(x).area(2), [8.0, 0.0])
