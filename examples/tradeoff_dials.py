@@ -69,7 +69,7 @@ SAMPLED = LEVELS | {  # in the sample; what is there more than once is drawn mor
     "explicit": (False,) * 4 + (True,),
     "walls": ("planes", "planes", "points"),
 }
-BALANCED: Setting = DEFAULT | {"newton_tol": 1e-4}
+BALANCED: Setting = DEFAULT | {"newton_tol": 1e-3}
 PRESETS: dict[str, Setting] = {
     "fast": DEFAULT | {"cells": 3.2, "pace": 4.0, "newton_tol": 1e-2},
     "balanced": BALANCED,

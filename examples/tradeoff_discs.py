@@ -119,6 +119,13 @@ def resumed(folder: Path | None) -> tuple[list[dict[str, Any]], skmpm.State | No
     return table, state, float(table[-1]["seconds"]) if table else 0.0
 
 
+def way(steps: float) -> float:
+    """Of the lid in one of so many steps from `START` to `END`, over the radius of the smallest disc."""
+    solid = float(np.pi * (RADII**2).sum())
+    height = solid / np.sqrt(solid / 0.72)
+    return float(height * (1.0 / START - 1.0 / END) / steps / SMALLEST)
+
+
 def box_of_discs(setting: Setting, cell: float) -> tuple[skmpm.Scene, float, float]:
     """Discs of the seed's radii in a box under a lid, its height and width."""
     width = float(np.sqrt(np.pi * (RADII**2).sum() / 0.72))

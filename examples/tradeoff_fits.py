@@ -1,10 +1,10 @@
 """Laws of the error, fitted to the study's runs: what `skmpm.suggest` goes by.
 
-    error = c n^-p + floor + d s
+    error = c n^-p + d s
 
 n is R/h, R the radius of the smallest body, and s the length of a step: dt c / R, c the speed of pressure waves,
 where bodies move freely, the way of the lid over R where it drives them. One law for every spacing of points that is
-worth it: in contact 0.74 h serves coarse grids best and leaves a floor, 0.5 h is for fine ones.
+worth it: in contact 0.74 h serves coarse grids best, 0.5 h fine ones.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ Array = NDArray[np.float64]
 
 SCENES = {"bending": "cantilever", "pressing": "hertz", "impact": "collision", "packing": "packing"}
 SIZES = {"cantilever": 2.0 / np.sqrt(3.0), "packing": discs.SMALLEST / discs.MEAN}  # R of `suggest` over the scene's
-STEERED = {"cells", "spacing", "pace"}
-COARSEST = 3.0  # R/h
+STEERED = ("cells", "spacing", "pace")
+COARSEST = 3.0  # R/h, on coarser grids errors follow no law
+NEAR = 0.05  # spacings that count as the same [cells]
 BEST = 1e-3  # errors below are those of the reference
-FLOORED = (0.74, ("impact", "packing"))  # spacing and kinds of laws with a floor
+STEEPEST = 2.0  # power: cells are bilinear
 
 
 @dataclass(frozen=True)
@@ -44,24 +45,29 @@ class Fit:
 def fits(found: Found) -> dict[str, list[Fit]]:
     """All laws, by kind of scene, as far as their runs are there."""
     free, driven = free_time(found), driven_time(found)
-    kinds = {
-        kind: [(law.spacing, driven if kind == "packing" else free) for law in laws] for kind, laws in LAWS.items()
+    each = {
+        kind: [
+            fitted(chosen(found, SCENES[kind], law.spacing), law.spacing, driven if kind == "packing" else free)
+            for law in laws
+        ]
+        for kind, laws in LAWS.items()
     }
-    each = {kind: [in_space(found, kind, *one) for one in both] for kind, both in kinds.items()}
     return {kind: [fit for fit in both if fit is not None] for kind, both in each.items()}
 
 
 def chosen(found: Found, scene: str, spacing: float) -> list[Run]:
-    """Runs that differ from `balanced` in R/h, spacing and dt only, at about this spacing."""
+    """Runs that differ from `balanced` in R/h, spacing and dt only, at about this spacing; one of equal ones."""
     runs = [run for run in found.runs.get(scene, {}).values() if np.isfinite(run.error) and run.error > BEST]
-    return [run for run in runs if plain(run) and abs(run.setting["spacing"] - spacing) < 0.05]
+    runs = [run for run in runs if plain(run) and abs(run.setting["spacing"] - spacing) < NEAR]
+    return list({tuple(run.setting[name] for name in STEERED): run for run in runs}.values())
 
 
 def plain(run: Run) -> bool:
     """Whether nothing else differs; tolerances of `balanced` and below make no difference that shows."""
     names = {name for name, level in run.setting.items() if level != BALANCED[name]}
     looser = {name for name in names if name.endswith("_tol") and run.setting[name] > BALANCED["newton_tol"]}
-    return {name for name in names if not name.endswith("_tol")} <= STEERED and not looser
+    coarse = run.setting["cells"] < COARSEST
+    return not coarse and {name for name in names if not name.endswith("_tol")} <= set(STEERED) and not looser
 
 
 def place(run: Run) -> tuple[float, float]:
@@ -70,13 +76,13 @@ def place(run: Run) -> tuple[float, float]:
     if run.scene == "collision":
         return n, pace * discs.COLLISION_DT * discs.wave(discs.LAWS["finite"]) / discs.R
     if run.scene == "packing":
-        return n, pace * discs.PACKING_DT * discs.LID / discs.SMALLEST
+        return n, discs.way(run.cost["steps"])
     return n, speeds.way(run) if run.scene in LIDS else 0.0
 
 
 def free_time(found: Found) -> float:
     """Constant d of free motion, from all collisions at the default's spacing; nan of too few runs."""
-    fit = fitted(chosen(found, "collision", BALANCED["spacing"]), BALANCED["spacing"], floor=True)
+    fit = fitted(chosen(found, "collision", BALANCED["spacing"]), BALANCED["spacing"])
     return float("nan") if fit is None else fit.law.time
 
 
@@ -88,15 +94,7 @@ def driven_time(found: Found) -> float:
     return float(np.exp(np.mean([np.log(run.error / place(run)[1]) for run in runs]))) if runs else float("nan")
 
 
-def in_space(found: Found, kind: str, spacing: float, time: float) -> Fit | None:
-    """The law of a kind at a spacing, its d given."""
-    floored, kinds = FLOORED
-    return fitted(
-        chosen(found, SCENES[kind], spacing), spacing, floor=spacing == floored and kind in kinds, time=time
-    )
-
-
-def fitted(runs: list[Run], spacing: float, *, floor: bool, time: float | None = None) -> Fit | None:
+def fitted(runs: list[Run], spacing: float, time: float | None = None) -> Fit | None:
     """Least squares of logarithms; None of fewer runs than constants."""
     if len(runs) < 4 or (time is not None and np.isnan(time)):
         return None
@@ -104,15 +102,13 @@ def fitted(runs: list[Run], spacing: float, *, floor: bool, time: float | None =
     error = np.array([run.error for run in runs])
 
     def law(p: Array) -> Law:
-        return Law(
-            spacing, float(np.exp(p[0])), p[1], float(floor) * np.exp(p[2]), np.exp(p[3]) if time is None else time
-        )
+        return Law(spacing, float(np.exp(p[0])), float(p[1]), float(np.exp(p[2])) if time is None else time)
 
     def off(p: Array) -> Array:
         return np.asarray(np.log(law(p)(n, s) / error))
 
-    bounds = ([-6.0, 0.5, -12.0, -6.0], [6.0, 4.0, -2.0, 3.0])
-    starts = [np.array([np.log(error.max() * 4.0**p), p, -5.0, -1.0]) for p in (1.0, 2.0)]
+    bounds = ([-6.0, 0.5, -6.0], [6.0, STEEPEST, 3.0])
+    starts = [np.array([np.log(error.max() * 4.0**p), p, -1.0]) for p in (1.0, 1.9)]
     best = min((least_squares(off, x, bounds=bounds, loss="soft_l1") for x in starts), key=lambda t: t.cost)
     rest = off(best.x)
     return Fit(law(best.x), runs, *np.exp([np.sqrt(np.mean(rest**2)), np.abs(rest).max()]).tolist())

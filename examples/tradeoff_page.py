@@ -80,7 +80,7 @@ TEXT = {
     "prices": "The cheapest of all runs within an error, lucky ones among them; nothing where there is none.",
     "dials": "Error, and cost over that of the default. Nothing where a dial makes no difference, or was not run.",
     "limits": "d ln(error) / d ln(dial) at the presets; of h, dt, spacing, `contact_tol`.",
-    "laws": "error = c n^-p + floor + d s: n = R/h, R the radius of the smallest body, s the length of a step, dt c /"
+    "laws": "error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step, dt c /"
     " R or, where a lid drives, its way over R. Fitted to all runs that differ from `balanced` in R/h, spacing and dt"
     " only (tighter tolerances make no difference), the second d to the lids; in brackets what `skmpm.suggest` has.",
 }

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import tradeoff
 import tradeoff_scenes as scenes
-from tradeoff_dials import DEFAULT, LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, sample
+from tradeoff_dials import DEFAULT, LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, resolutions, sample
 
 SCENES = ("cantilever", "hertz", "collision", "packing")
 LIDS = tuple(name for name in scenes.CASES if name not in SCENES)
@@ -124,7 +124,7 @@ class Beating:
 
 def beating(found: Found) -> list[Beating]:
     """All settings that beat `balanced` somewhere, those first that do on most scenes."""
-    settings = [*one_at_a_time(), *sample(MOST), *PRESETS.values()]
+    settings = [*one_at_a_time(), *resolutions(), *sample(MOST), *PRESETS.values()]
     settings += [setting for preset in PRESETS.values() for setting in neighbours(preset)]
     each = []
     for setting in {key(s): s for s in settings}.values():

@@ -209,7 +209,7 @@ def laws(found: Found) -> str:
             ]
             counts = str(len(fit.runs)), number(fit.scatter), number(fit.worst)
             lines.append((kind, fits.SCENES[kind], f"{used.spacing:g}", *terms, *counts))
-    head = ("law", "scene", "spacing [cells]", "c", "p", "floor", "d", "runs", "holds within a factor (rms)", "worst")
+    head = ("law", "scene", "spacing [cells]", "c", "p", "d", "runs", "holds within a factor (rms)", "worst")
     return table(head, lines)
 
 

@@ -46,7 +46,7 @@ class Scheme:
     locking: bool = False
     inertia: bool = True
     explicit: bool = False
-    newton_tol: float = 1e-4
+    newton_tol: float = 1e-3
     contact_tol: float = 1e-6
     gap_tol: float = 1e-5
     linear: Linear = field(default=_linear.default)
@@ -57,7 +57,7 @@ class Scheme:
             "theta": (0.5, 1.0, "between 1/2 (midpoint) and 1 (backward Euler)"),
             "anchor": (0.0, float("inf"), "0 (every step), a bound, or inf (never)"),
             "ghost": (0.0, 1.0, "about 0.005"),
-            "newton_tol": (1e-14, 1e-1, "about 1e-4"),
+            "newton_tol": (1e-14, 1e-1, "about 1e-3"),
             "contact_tol": (1e-14, 1e-1, "about 1e-6"),
             "gap_tol": (1e-14, 1e-1, "about 1e-5"),
             "max_newton": (1, 10_000, "about 60"),

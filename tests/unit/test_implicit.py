@@ -21,7 +21,7 @@ def squeezed(friction=0.5):
 
 
 def last(scene, steps=12, scheme=None):
-    *_, state = simulate(scene, dt=8e-6, until=steps * 8e-6, scheme=scheme or Scheme())
+    *_, state = simulate(scene, dt=8e-6, until=steps * 8e-6, scheme=scheme or Scheme.accurate())
     return state
 
 
