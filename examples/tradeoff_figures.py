@@ -80,7 +80,7 @@ def speeds(found: Found, path: Path) -> None:
             runs = [
                 r for r in found.why(scene, "speed") if r.setting["explicit"] is explicit and np.isfinite(r.error)
             ]
-            runs.sort(key=lambda r: r.seconds)
+            runs.sort(key=lambda r: r.cost["steps"])
             axis.plot(*of(runs), style, lw=1.0, label="explicit" if explicit else "implicit")
             for r in runs if explicit else []:
                 axis.annotate(f"{COURANT[r.setting['pace']]:g} h/c", (r.seconds, min(r.error, LIMIT)), fontsize=7)

@@ -97,15 +97,19 @@ class Scheme:
     def fast(**choices: Any) -> Scheme:
         """Iterations stop early: to see where a scene goes.
 
-        `choices` are fields of the scheme that differ, as in `Scheme.fast(inertia=False)`.
+        Meant for R/h = 3.2, points 0.74 h apart and four times the time step of `balanced`. Errs by 20 % (stress of a
+        cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision), 11 % (pressure and work in a
+        packing), for 1/1.4, 1/1.3, 1/4.4, 1/3.1 of the cost of `balanced` (`docs/tradeoff.md`). `choices` are fields
+        that differ, as in `Scheme.fast(inertia=False)`.
         """
         return replace(Scheme(newton_tol=1e-2), **choices)
 
     @staticmethod
     def balanced(**choices: Any) -> Scheme:
-        """The defaults.
+        """The defaults: no other setting of the study is 1.3 times cheaper at its error on more than one scene.
 
-        `choices` as in `fast`.
+        Meant for R/h = 5, points 0.74 h apart, steps in which a lid moves by 0.02 R or waves run 0.1 R. Errs by 15,
+        23, 7.4 and 2.9 % on the scenes of `fast`. `choices` as there.
         """
         return Scheme(**choices)
 
@@ -113,7 +117,8 @@ class Scheme:
     def accurate(**choices: Any) -> Scheme:
         """Iterations leave nothing that shows beside a fine grid.
 
-        `choices` as in `fast`.
+        Meant for R/h = 10, points 0.5 h apart and a quarter of the time step of `balanced`. Errs by 4.4, 7.7, 1.9 and
+        1.5 % on the scenes of `fast`, for 9, 8, 7 and 25 times the cost of `balanced`. `choices` as there.
         """
         return replace(Scheme(newton_tol=1e-6), **choices)
 
