@@ -98,7 +98,7 @@ class Scheme:
         """Iterations stop early: to see where a scene goes.
 
         Meant for R/h = 3.2, points 0.74 h apart and four times the time step of `balanced`. Errs by 20 % (stress of a
-        cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision), 11 % (pressure and work in a
+        cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision) and 11 % (work to compress a
         packing), for 1/1.4, 1/1.3, 1/4.4, 1/3.1 of the cost of `balanced` (`docs/tradeoff.md`). `choices` are fields
         that differ, as in `Scheme.fast(inertia=False)`.
         """
