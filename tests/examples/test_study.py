@@ -81,7 +81,7 @@ def test_what_is_finished_is_not_run_again_and_what_is_other_is_refused(study, m
 
 def test_a_member_that_fails_says_so_and_keeps_its_table(study, monkeypatch, tmp_path):
     chosen = study.members(study.parser().parse_args(SMALL))["mu0_seed0"]
-    monkeypatch.setitem(study.compaction.SCHEMES, "balanced", study.skmpm.Scheme(max_newton=1))
+    monkeypatch.setitem(study.compaction.SCHEMES, "balanced", study.skmpm.Scheme.accurate(max_newton=1))
     study.run("member", chosen, tmp_path, {})
     about = json.loads((tmp_path / "member" / "manifest.json").read_text())
     assert not about["finished"]

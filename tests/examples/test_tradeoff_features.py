@@ -32,7 +32,7 @@ def page(features, tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_every_line_is_measured_and_the_rest_of_the_page_stays(features, page):
     """What is off is counted as nothing, what is on as something; all tests that are named exist."""
-    assert page.startswith("before\n\n<!-- features -->\n`python examples/tradeoff_features.py`")
+    assert page.startswith("before\n\n<!-- features -->\n\n`python examples/tradeoff_features.py`")
     assert page.endswith("<!-- /features -->\n\nafter\n")
     assert "old" not in page.splitlines()
     wanted = features.scenes.features(8, 3.0, 6.0)
