@@ -99,7 +99,7 @@ class Scheme:
 
         Meant for R/h = 3.2, points 0.74 h apart and four times the time step of `balanced`. Errs by 20 % (stress of a
         cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision) and 11 % (work to compress a
-        packing), for 1/1.4, 1/1.3, 1/4.4, 1/3.1 of the cost of `balanced` (`docs/tradeoff.md`). `choices` are fields
+        packing), for 1/1.4, 1/1.5, 1/4.4, 1/3.4 of the cost of `balanced` (`docs/tradeoff.md`). `choices` are fields
         that differ, as in `Scheme.fast(inertia=False)`.
         """
         return replace(Scheme(newton_tol=1e-2), **choices)
@@ -118,7 +118,7 @@ class Scheme:
         """Iterations leave nothing that shows beside a fine grid.
 
         Meant for R/h = 10, points 0.5 h apart and a quarter of the time step of `balanced`. Errs by 4.4, 7.7, 1.9 and
-        1.5 % on the scenes of `fast`, for 9, 8, 7 and 25 times the cost of `balanced`. `choices` as there.
+        1.5 % on the scenes of `fast`, for 7, 8, 6 and 21 times the cost of `balanced`. `choices` as there.
         """
         return replace(Scheme(newton_tol=1e-6), **choices)
 
