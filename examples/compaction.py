@@ -97,7 +97,7 @@ def check(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observa
     turning = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / counts
     depth = [-(n @ (state.x - point[:, None])).min() for n, point in zip(scene.normals.T, state.walls, strict=True)]
     initial = scene.outlines, scene.initial_positions
-    area = seen.bodies.area.sum() / polygon_area(*initial)
+    area = seen.bodies.area.sum() / outlined(*initial)
     volume = scene.initial_volumes.sum()
     return {
         "step": step,
@@ -112,9 +112,10 @@ def check(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observa
     }
 
 
-def polygon_area(rim: skmpm.outline.Outlines, x: np.ndarray) -> float:
-    """Area of all outlines at points x (2, n) [m2]."""
-    return float(skmpm.outline.area(rim, x[:, rim.point], int(rim.body.max()) + 1).sum())
+def outlined(rim: skmpm.outline.Outlines, x: np.ndarray) -> float:
+    """Area inside the curves of all outlines at initial points x (2, n) [m2]."""
+    at = x[:, rim.point]
+    return float(skmpm.outline.curve(rim, at).through(at).area(int(rim.body.max()) + 1).sum())
 
 
 def draw_stages(scene: skmpm.Scene, stages: list[skmpm.State], path: Path) -> None:
