@@ -119,16 +119,23 @@ def resumed(folder: Path | None) -> tuple[list[dict[str, Any]], skmpm.State | No
     return table, state, float(table[-1]["seconds"]) if table else 0.0
 
 
-def way(steps: float) -> float:
-    """Of the lid in one of so many steps from `START` to `END`, over the radius of the smallest disc."""
-    solid = float(np.pi * (RADII**2).sum())
-    height = solid / np.sqrt(solid / 0.72)
-    return float(height * (1.0 / START - 1.0 / END) / steps / SMALLEST)
+def width_of(radii: Array) -> float:
+    """Width of the box of some discs [m]."""
+    return float(np.sqrt(np.pi * (radii**2).sum() / 0.72))
+
+
+def stride(radii: Array, squeeze: float, steps: float) -> float:
+    """Way of the lid in one of so many steps over the radius of the smallest disc.
+
+    In all it moves by `squeeze` times the height of the material spread over the width.
+    """
+    height = np.pi * (radii**2).sum() / width_of(radii)
+    return float(squeeze * height / steps / radii.min())
 
 
 def box_of_discs(setting: Setting, cell: float) -> tuple[skmpm.Scene, float, float]:
     """Discs of the seed's radii in a box under a lid, its height and width."""
-    width = float(np.sqrt(np.pi * (RADII**2).sum() / 0.72))
+    width = width_of(RADII)
     packing = skmpm.packing(RADII, width, solid_fraction=START, seed=0)
     centres, height = packing.centres, float(packing.height)
     if setting["perturbed"]:

@@ -76,8 +76,8 @@ def place(run: Run) -> tuple[float, float]:
     if run.scene == "collision":
         return n, pace * discs.COLLISION_DT * discs.wave(discs.LAWS["finite"]) / discs.R
     if run.scene == "packing":
-        return n, discs.way(run.cost["steps"])
-    return n, speeds.way(run) if run.scene in LIDS else 0.0
+        return n, discs.stride(discs.RADII, 1.0 / discs.START - 1.0 / discs.END, run.cost["steps"])
+    return n, discs.stride(speeds.RADII, speeds.STRAIN / speeds.REST, run.cost["steps"]) if run.scene in LIDS else 0.0
 
 
 def free_time(found: Found) -> float:

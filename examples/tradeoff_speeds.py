@@ -36,8 +36,7 @@ RADII = np.random.default_rng(3).uniform(0.7e-3, 1.2e-3, DISCS)
 
 def packing(setting: Setting, speed: float) -> tuple[skmpm.Scene, float, float]:
     """Discs as loosely as they were packed, their height and the height of their material spread over the width."""
-    solid = float(np.pi * (RADII**2).sum())
-    width = float(np.sqrt(solid / 0.72))
+    solid, width = float(np.pi * (RADII**2).sum()), discs.width_of(RADII)
     packed = skmpm.packing(RADII, width, solid_fraction=START, seed=3)
     cell = discs.MEAN / setting["cells"]
     bodies = [
@@ -111,13 +110,6 @@ def _integral(measured: Measured, name: str, edges: Any) -> Any:
     way = np.array(measured["way"])
     total = np.append(0.0, np.cumsum(np.array(measured[name]) * np.diff(way)))
     return np.diff(np.interp(edges, way, total))
-
-
-def way(run: Any) -> float:
-    """Of the lid in a step, over the radius of the smallest disc."""
-    width = float(np.sqrt(np.pi * (RADII**2).sum() / 0.72))
-    height = float(np.pi * (RADII**2).sum()) / width / REST
-    return float(STRAIN * height / run.cost["steps"] / RADII.min())
 
 
 def settings(speed: float) -> list[Setting]:

@@ -106,19 +106,17 @@ class Increment:
 
         What is left of it moves the body as a whole: a Newton step in the translations, which strain nothing.
         """
-        if not self.scheme.inertia or self.supports is not None:
-            return w
         return np.asarray(w - self._left(w, push).T[self.bulk.assembly.sheets.node_body].ravel())
 
     def drift(self, w: Array, push: Array) -> float:
         """The longest way that `balanced` moves a body in the step [cells]."""
-        if not self.scheme.inertia or self.supports is not None:
-            return 0.0
         return float(np.hypot(*self._left(w, push)).max()) * self.dt / self.bulk.assembly.sheets.cell
 
     def _left(self, w: Array, push: Array) -> Array:
-        """The total imbalance of every body over its mass, (2, bodies) [m/s]."""
+        """The total imbalance of every body over its mass, (2, bodies) [m/s]; none where something else holds it."""
         assembly = self.bulk.assembly
+        if not self.scheme.inertia or self.supports is not None:
+            return np.zeros((2, assembly.sheets.bodies))
         imbalance = assembly.lumped * (w - self.rest) - self._reach * self.force - push
         left, mass = (assembly.sheets.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
         return np.asarray(left / np.maximum(mass, 1e-300))

@@ -205,7 +205,7 @@ def test_laws_are_found_again(study):
             runs[results.key(run.setting)] = run
     for way in (0.01, 0.03):
         setting = dials.DEFAULT | {"pace": way}
-        steps = fits.speeds.way(results.Run("lid 2", setting, frozenset(), "", {"steps": 1.0}, {})) / way
+        steps = fits.place(results.Run("lid 2", setting, frozenset(), "", {"steps": 1.0}, {}))[1] / way
         about = (frozenset({"speed"}), "finished", {"seconds": 1.0, "steps": steps}, {"largest": 0.7 * way})
         runs_of_lid = {results.key(setting): results.Run("lid 2", setting, *about)}
     found = results.Found({"collision": runs, "lid 2": runs_of_lid})
