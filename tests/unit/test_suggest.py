@@ -65,6 +65,13 @@ def test_lengths_scale_with_bodies_and_times_with_waves():
     np.testing.assert_allclose(fast, (*slow[:2], 0.5 * slow[2]))
 
 
+def test_a_creeping_wall_does_not_lengthen_the_steps_of_a_collision():
+    """Bodies that move at t = 0 need steps that resolve waves, whatever else is driven."""
+    creeping = Wall((0, 2), (0, -1), velocity=(0, -1e-6))
+    alone, beside = (suggest(discs(2, spin=1.0, walls=walls), error=0.05) for walls in ([FLOOR], [FLOOR, creeping]))
+    assert beside == alone
+
+
 def test_the_smallest_body_and_the_stiffest_decide():
     """A bar's size is that of its depth: twice its radius of gyration across, depth / sqrt(3)."""
     small, large = discs(1, radius=R / 2, spacing=0.015).bodies[0], Body(box((1, 0), (1, 1), spacing=0.1), SOFT)
