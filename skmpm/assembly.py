@@ -15,11 +15,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.forms import MONOMIALS, PAIRS, reference_ghost, reference_gradient, reference_stiffness
-from skmpm.grid import Sheets
+from skmpm.grid import Sheets, numbered
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+STENCIL = 25  # nodes at most two cells away from a node: what cells and ghost facets couple
 FLOOR = 1e-12  # of the heaviest point of its body: the least mass of a node
 
 # Corners, in the order of `forms.reference_ghost`, of the lower (0) and upper (1) cell beside a facet with
@@ -167,6 +168,20 @@ def _neighbours(sheets: Sheets, normal: int) -> tuple[Ints, Ints]:
     return np.flatnonzero(upper >= 0), upper[upper >= 0]
 
 
+def _pairs(nodes: Ints) -> Ints:
+    """Rows and columns (2, k, k, m) of the blocks that groups of nodes (k, m) have in A."""
+    k, m = nodes.shape
+    return np.stack([np.broadcast_to(nodes[:, None], (k, k, m)), np.broadcast_to(nodes[None, :], (k, k, m))])
+
+
+def _neighbour(sheets: Sheets, row: Ints, column: Ints) -> Ints:
+    """A number for each pair of nodes at most two cells apart, ascending with row and, within it, with column."""
+    inner = sheets.along[sheets.node_body]
+    place = np.where(inner == 0, np.array([[1], [5]]), np.array([[5], [1]]))
+    place = np.sum(place * sheets.node_index, axis=0)
+    return np.asarray((STENCIL * np.arange(sheets.nodes) + STENCIL // 2 - place)[row] + place[column])
+
+
 def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) -> Assembly:
     """Compute once what stays while the sheets stay anchored.
 
@@ -178,15 +193,15 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
     ghost_nodes = facet_nodes[:, weight > 0.0]
     ghost_values = weight[weight > 0.0] * _ghost_table()[:, :, None]
 
-    corner = sheets.nodes_of_cell
-    cell_key = (corner[:, None] * nodes + corner[None, :]).transpose(2, 0, 1)  # (cells, 4, 4)
-    ghost_key = ghost_nodes[:, None] * nodes + ghost_nodes[None, :]  # (6, 6, f)
-    keys, where = np.unique(np.concatenate([cell_key.ravel(), ghost_key.ravel()]), return_inverse=True)
-    in_cells, in_ghost = where[: cell_key.size].reshape(cell_key.shape), where[cell_key.size :]
-    every = np.arange(in_cells.size)
-    scatter = sp.csr_array((np.ones(every.size), (in_cells.ravel(), every)), shape=(keys.size, every.size))
-    indptr = np.searchsorted(keys, np.arange(nodes + 1) * nodes)
-    ghost = np.bincount(in_ghost, ghost_values.ravel(), keys.size).astype(np.float64)  # of none: integers
+    pairs = [_pairs(sheets.nodes_of_cell).transpose(0, 3, 1, 2), _pairs(ghost_nodes)]
+    row, column = np.concatenate([pair.reshape(2, -1) for pair in pairs], axis=1)
+    where, some = numbered(_neighbour(sheets, row, column), STENCIL * nodes)
+    row, column = row[some], column[some]
+    in_cells, in_ghost = np.split(where, [pairs[0][0].size])
+    scatter = sp.csr_array(
+        (np.ones(in_cells.size), (in_cells, np.arange(in_cells.size))), shape=(some.size, in_cells.size)
+    )
+    ghost = np.bincount(in_ghost, ghost_values.ravel(), some.size).astype(np.float64)  # of none: integers
     felt = np.flatnonzero(ghost)
 
     n = sheets.local.shape[1]
@@ -201,10 +216,10 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
         lumped=lumped,
         # A point exactly on a grid line leaves a node without mass, where a velocity would be 0/0.
         mass=np.maximum(lumped, FLOOR * np.repeat(_heaviest(sheets, mass), 2)),
-        ghost=sp.csr_array((ghost[felt], (keys[felt] // nodes, keys[felt] % nodes)), shape=(nodes, nodes)),
+        ghost=sp.csr_array((ghost[felt], (row[felt], column[felt])), shape=(nodes, nodes)),
         moments=moments,
-        indices=keys % nodes,
-        indptr=indptr,
+        indices=column,
+        indptr=np.searchsorted(row, np.arange(nodes + 1)),
         scatter=scatter,
         ghost_data=ghost[:, None, None] * np.eye(2),
     )

@@ -24,6 +24,7 @@ Ints = NDArray[np.int64]
 
 CORNERS = np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
 """Corners of the reference square in the order of `ElementQuad1`, (2, 4)."""
+SPARSE = 30  # possible keys for each one given, beyond which sorting beats a table of all possible
 
 
 class CartesianMapping(Mapping):
@@ -76,6 +77,7 @@ class Sheets:
     cell_body: Ints  # (cells,)
     node_index: Ints  # (2, nodes) integer coordinates of the nodes
     node_body: Ints  # (nodes,)
+    along: Ints  # (bodies,) the component that runs along the rows of nodes
     bodies: int
 
     @property
@@ -89,8 +91,9 @@ class Sheets:
         cell, corner = np.tile(np.arange(self.cells), 4), self.nodes_of_cell.ravel()
         size = self.cells + self.nodes
         shares = sp.coo_array((np.ones(cell.size), (cell, self.cells + corner)), shape=(size, size))
-        piece = connected_components(shares, directed=False)[1][: self.cells]
-        owner = np.unique(np.stack([piece, self.cell_body]), axis=1)[1]
+        count, piece = connected_components(shares, directed=False)
+        owner = np.zeros(count, dtype=np.int64)
+        owner[piece[: self.cells]] = self.cell_body
         return np.bincount(owner, minlength=self.bodies)
 
     @property
@@ -226,6 +229,22 @@ class Sheets:
         return springs
 
 
+def numbered(key: Ints, size: int) -> tuple[Ints, Ints]:
+    """The number (k,) of each key (k,) among the distinct ones, ascending, and where one of each is; 0 <= key < size.
+
+    By a table of all possible keys, which is several times faster than sorting unless they are few among many.
+    """
+    if size > SPARSE * key.size:
+        _, where, number = np.unique(key, return_index=True, return_inverse=True)
+        return number, where
+    place = np.full(size, -1)
+    place[key] = np.arange(key.size)
+    there = np.flatnonzero(place >= 0)
+    where = place[there]
+    place[there] = np.arange(there.size)
+    return place[key], where
+
+
 def lay(x: Array, body: Ints, cell: float, bodies: int, inward: Array | None = None) -> Sheets:
     """Lay the sheets through points `x` (2, n) [m] of bodies `body` (n,).
 
@@ -250,19 +269,20 @@ def lay(x: Array, body: Ints, cell: float, bodies: int, inward: Array | None = N
         outer = np.where(along[b] == 0, rel[1], rel[0])
         return np.asarray(start[b] + outer * np.minimum(extent[0], extent[1])[b] + inner)
 
-    _, first, cell_of_point = np.unique(number(index, body), return_index=True, return_inverse=True)
-    cell_index, cell_body = index[:, first], body[first]
+    cell_of_point, some = numbered(number(index, body), int(start[-1]))
+    cell_index, cell_body = index[:, some], body[some]
     corner = cell_index[:, None, :] + CORNERS[:, :, None]
     owner = np.broadcast_to(cell_body, corner.shape[1:])
-    _, first, node = np.unique(number(corner.reshape(2, -1), owner.ravel()), return_index=True, return_inverse=True)
+    node, some = numbered(number(corner.reshape(2, -1), owner.ravel()), int(start[-1]))
     return Sheets(
         cell=cell,
-        cell_of_point=cell_of_point.reshape(-1),
+        cell_of_point=cell_of_point,
         local=np.clip(x / cell - cell_index[:, cell_of_point], 0.0, 1.0),
         nodes_of_cell=np.ascontiguousarray(node.reshape(4, -1)),
         cell_index=cell_index,
         cell_body=cell_body,
-        node_index=corner.reshape(2, -1)[:, first],
-        node_body=owner.ravel()[first],
+        node_index=corner.reshape(2, -1)[:, some],
+        node_body=owner.ravel()[some],
+        along=along,
         bodies=bodies,
     )

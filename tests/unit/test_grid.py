@@ -13,7 +13,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from skfem.quadrature import get_quadrature
 
 from skmpm import forms
-from skmpm.grid import CORNERS, CartesianMapping, lay
+from skmpm.grid import CORNERS, SPARSE, CartesianMapping, lay, numbered
 from skmpm.material import LinearElastic
 
 CELL = 0.25  # a power of two: positions on grid lines are exact
@@ -128,6 +128,17 @@ def test_pairs_of_body_and_cell_or_node_are_numbered_once_and_none_is_empty(seed
     expected = np.unique(np.vstack([np.floor(x / CELL), body]), axis=1)
     assert expected.shape[1] == sheets.cells == np.unique(sheets.cell_of_point).size
     assert np.array_equal(np.unique(sheets.nodes_of_cell), np.arange(sheets.nodes))
+
+
+@given(st.lists(st.integers(0, 19), max_size=12), st.integers(20, 400))
+def test_keys_are_numbered_in_ascending_order_by_table_and_by_sorting(keys, size):
+    """Python's own sorted set is the reference; sizes lie on both sides of the change from table to sorting."""
+    key = np.array(keys, dtype=np.int64)
+    number, where = numbered(key, size)
+    distinct = sorted(set(keys))
+    assert [distinct[n] for n in number] == keys
+    assert key[where].tolist() == distinct
+    assert SPARSE * 12 < 400
 
 
 @given(SEED)
