@@ -47,6 +47,8 @@ COLUMNS = [
     "kinetic",
     "elastic",
     "dissipated",
+    "kinetic_discs",
+    "swing",
 ]
 PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 
@@ -144,6 +146,7 @@ def row(step: int, scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
     report = state.report
     seen, inner = skmpm.observe(scene, state), skmpm.observe(scene, state, interior=True)
     floor, roof, left, right = seen.wall_pressure
+    kinetic_discs, swing = motion(scene, state, seen.bodies.centre)
     return {
         **compaction.row(step, scene, state, seen, sum(report.seconds.values())),
         "dt": report.dt,
@@ -159,7 +162,22 @@ def row(step: int, scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
         "kinetic": report.energy.kinetic,
         "elastic": report.energy.elastic,
         "dissipated": report.energy.dissipated,
+        "kinetic_discs": kinetic_discs,
+        "swing": swing,
     }
+
+
+def motion(scene: skmpm.Scene, state: skmpm.State, centre: np.ndarray) -> tuple[float, float]:
+    """Sums over the discs of M V.(V - c')/2 [J/m] and of M V.(X - c) [J s/m], c the middle of the box.
+
+    By the virial theorem walls feel what contacts carry, plus the first over the area of the box, less half the rate
+    of the second over it (R. Clausius, Philosophical Magazine 40 (1870) 122-127). `centre` (2, bodies), X.
+    """
+    start = scene.offsets[:-1]
+    momentum, mass = (np.add.reduceat(a, start, axis=-1) for a in (state.mass * state.v, state.mass))
+    middle, drift = 0.5 * state.walls.sum(axis=0), 0.5 * scene.wall_velocities(state.t).sum(axis=0)
+    kinetic = 0.5 * np.sum(momentum * (momentum / mass - drift[:, None]))
+    return float(kinetic), float(np.sum(momentum * (centre - middle[:, None])))
 
 
 def stage_file(folder: Path, stage: float) -> Path:

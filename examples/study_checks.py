@@ -53,6 +53,8 @@ def pressures(found: Study) -> list[Row]:
         "contacts and points": ("pressure", "pressure_points"),
         "contacts and walls": ("pressure + motion", "walls"),
         "points and walls": ("pressure_points + motion", "walls"),
+        "contacts and walls, the discs' swing taken off,": ("pressure - swing", "walls"),
+        "points and walls, the discs' swing taken off,": ("pressure_points - swing", "walls"),
     }
     result = []
     for what, (a, b) in names.items():
@@ -71,7 +73,7 @@ def over_transits(found: Study, a: str, b: str, transits: float) -> tuple[float,
     for member in (m for friction in (0.0, 0.5) for m in found.seeds(friction)):
         above = member.table["solid_fraction"] > DENSE
         samples.append(apart(member.steady(a, transits)[above], member.steady(b, transits)[above]))
-    means, worst = np.array(samples).reshape(-1, 2).T
+    means, worst = np.array([both for both in samples if np.isfinite(both[1])]).reshape(-1, 2).T
     return (float(means.mean()), float(worst.max())) if means.size else (np.nan, np.nan)
 
 

@@ -64,7 +64,17 @@ class Member:
             return sum(self.table[f"pressure_{wall}"] for wall in ("floor", "roof", "left", "right")) / 4.0
         if name in ("pressure + motion", "pressure_points + motion"):  # what the walls feel of both
             return self.table[name.split()[0]] + self.table["kinetic"] / self.box
+        if name in ("pressure - swing", "pressure_points - swing"):  # the same by the virial theorem of the discs
+            return self.table[name.split()[0]] + self._motion
         return self.table[name]
+
+    @property
+    def _motion(self) -> Array:
+        """What the motion of the discs adds to the pressure on the walls (steps,) [Pa]; nan in old tables."""
+        if "swing" not in self.table:
+            return np.full(self.table["t"].size, np.nan)
+        rate = np.diff(self.table["swing"], prepend=0.0) / self.table["dt"]
+        return (self.table["kinetic_discs"] - 0.5 * rate) / self.box
 
     def over(self, name: str, grid: Array = PHI, *, mean: bool = False) -> Array:
         """A column at the first passage of each solid fraction of `grid`; nan where it was not."""

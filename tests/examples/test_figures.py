@@ -44,7 +44,8 @@ def member(code, seed=0, friction=0.0, *, until=1.0, **changes):
         "contact_surface": 2.0 * bend, "aspect_ratio": 1.0 + (0.5 + friction) * bend + 1e-3 * seed,
         "anisotropy": 0.2 + friction * (0.3 + 0.1 * seed) + 0.0 * phi,
         "coordination": 4.0 + 3.6 * np.sqrt(np.maximum(phi - 0.842, 0.0)) - 20.0 * np.maximum(0.842 - phi, 0.0),
-        "pressure": p, "pressure_points": p, "kinetic": 0.0 * p, "interior_fraction": phi, "interior_pressure": p,
+        "pressure": p, "pressure_points": p, "kinetic": 0.0 * p, "kinetic_discs": 0.0 * p, "swing": 0.0 * p,
+        "interior_fraction": phi, "interior_pressure": p,
         **{f"pressure_{wall}": p for wall in ("floor", "roof", "left", "right")},
         "overlap": 0.0 * p, "retries": 0.0 * p, "seconds": 0.0 * p,
     }  # fmt: skip
@@ -281,6 +282,11 @@ def test_both_commands(code, ran, tmp_path):
     assert found["A_m is larger with friction"].verdict in ("not run", "does not hold"), "0.80 was not reached"
     identity = found["P = (Phi Z/4) sigma_l, sigma_l = mean(f.l) / mean(V_p) by own code"]
     assert identity.verdict == "holds", identity.measured
+    for name in ("mu0_seed0", "mu0.5_seed0"):
+        member = code.curves.read(ran).get(name)
+        walls, carried = member.column("walls")[1:], member.column("pressure - swing")[1:]
+        assert np.abs(carried - walls).mean() < 2e-3 * np.abs(walls).mean(), "virial theorem, step by step"
+        assert np.abs(member.column("pressure")[1:] - walls).mean() > 0.1 * np.abs(walls).mean(), "which is needed"
     assert page.count("at its end") == 4
     assert "| fine_mu0 | - |" in page
     again = code.figures.main(
