@@ -28,7 +28,8 @@ FIELDS = {"velocity": (3,), "stress": (9,), "pressure": (), "volume": (), "det_F
 def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[Recorder]:
     """Record states for ParaView; `with record("run.vtkhdf", scene) as film: film.write(state)`.
 
-    The file is readable after every `write`, also while the run goes on and after it is killed. It holds one
+    The file is readable after every `write`, also while the run goes on (who reads in the middle of a write reads
+    again) and after it is killed. It holds one
     vertex per material point, a polygon through the rim of every body (lines, if the body has holes), and at
     the points
 
