@@ -491,7 +491,7 @@ def test_an_unfinished_step_does_not_count(tmp_path, states, monkeypatch):
 
 
 def read_between_writes(path, attempts=20):
-    """Read what another process writes: in the middle of a write VTK shows steps without arrays, a moment later all."""
+    """Read what another process writes: in the middle of a write VTK shows steps without arrays."""
     for _ in range(attempts):
         with suppress(AttributeError):
             return read(path)
