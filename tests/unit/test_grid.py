@@ -13,7 +13,8 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from skfem.quadrature import get_quadrature
 
 from skmpm import forms
-from skmpm.grid import CORNERS, SPARSE, CartesianMapping, lay, numbered
+from skmpm.grid import CORNERS, CartesianMapping, lay, numbered
+from skmpm.grid.laying import SPARSE
 from skmpm.material import LinearElastic
 
 CELL = 0.25  # a power of two: positions on grid lines are exact

@@ -190,13 +190,13 @@ def test_the_potential_of_a_linear_material_is_never_evaluated(build):
 # --- sheets
 
 LAID = (
-    "skmpm.grid.lay",
+    "skmpm.grid.laying.lay",
     "skmpm.quadrature.fitted",
     "skmpm.outline.cells.cell_moments",
     "skmpm.assembly.prepare",
     "skmpm.assembly.ghost_facets",
-    "skmpm.grid.Sheets.interpolation",
-    "skmpm.grid.Sheets.derivatives",
+    "skmpm.grid.sheets.Sheets.interpolation",
+    "skmpm.grid.sheets.Sheets.derivatives",
 )
 
 
@@ -222,7 +222,7 @@ def test_without_fitting_no_cell_is_cut_by_an_outline():
     for scene, scheme in ((alone(), Scheme(fitted=False)), (alone(), Scheme.seed()), (without, at_nodes)):
         calls, _ = run(scene, scheme)
         assert calls["skmpm.quadrature.fitted"] == calls.below("skmpm.outline.cells") == 0
-        assert calls["skmpm.grid.lay"] > 0
+        assert calls["skmpm.grid.laying.lay"] > 0
     calls, _ = run(alone(), at_nodes)
     assert calls["skmpm.quadrature.fitted"] == calls["skmpm.outline.cells.cell_moments"] == STEPS
 
@@ -343,9 +343,12 @@ def test_pic_forms_no_gradient_of_velocities_and_no_arms():
     found = {}
     for name in ("pic", "flip", "apic"):
         calls, _ = run(scene, Scheme(transfer=getattr(transfer, name)))
-        found[name] = calls["skmpm.grid.Sheets.levers"]
+        found[name] = calls["skmpm.grid.sheets.Sheets.levers"]
         own = f"skmpm.transfer.{name}"
         assert calls[own] == STEPS == sum(calls[f"skmpm.transfer.{other}"] for other in ("pic", "flip", "apic"))
-        gradients, strains = calls["skmpm.grid.Sheets.gradient_at_points"], calls["skmpm.implicit.bulk.Bulk.at"]
+        gradients, strains = (
+            calls["skmpm.grid.sheets.Sheets.gradient_at_points"],
+            calls["skmpm.implicit.bulk.Bulk.at"],
+        )
         assert gradients - strains == (STEPS if name == "apic" else 0)
     assert found == {"pic": 0, "flip": 0, "apic": 1}

@@ -1,10 +1,4 @@
-"""Sheets: the background grid of every body, as one disconnected scikit-fem mesh.
-
-The grid is unbounded: a cell is a pair of integers, found by floor division. Each body occupies cells of its
-own sheet; the occupied (body, cell) and (body, node) pairs are numbered, and one `MeshQuad` holds them all.
-Bodies share no vertex, so every matrix assembled on this mesh is block diagonal, one block per body. Material
-points are the quadrature of that mesh.
-"""
+"""The occupied cells and nodes of all bodies, as one disconnected scikit-fem mesh whose quadrature is the points."""
 
 from __future__ import annotations
 
@@ -17,49 +11,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from skfem import CellBasis, ElementQuad1, ElementVector, MeshQuad
-from skfem.mapping import Mapping
+
+from skmpm.grid.mapping import CartesianMapping
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 CORNERS = np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
 """Corners of the reference square in the order of `ElementQuad1`, (2, 4)."""
-SPARSE = 30  # possible keys for each one given, beyond which sorting beats a table of all possible
-
-
-class CartesianMapping(Mapping):
-    """Affine map of the reference square onto equal square cells: constant, and nothing is cached."""
-
-    def __init__(self, origin: Array, cell: float) -> None:
-        self.origin, self.cell = origin, cell
-
-    def _select(self, tind: Ints | None) -> Array:
-        return self.origin if tind is None else self.origin[:, tind]
-
-    def _diagonal(self, X: Array, tind: Ints | None, value: float) -> Array:
-        points = X.shape[-1]
-        return np.broadcast_to(value * np.eye(2)[:, :, None, None], (2, 2, self._select(tind).shape[1], points))
-
-    def F(self, X: Array, tind: Ints | None = None) -> Array:
-        """Global positions (2, cells, points) [m] of local ones."""
-        local = X if X.ndim == 3 else X[:, None, :]
-        return self._select(tind)[:, :, None] + self.cell * local
-
-    def invF(self, x: Array, tind: Ints | None = None) -> Array:
-        """Local coordinates of global positions (2, cells, points) [m]; not clipped."""
-        return (x - self._select(tind)[:, :, None]) / self.cell
-
-    def DF(self, X: Array, tind: Ints | None = None) -> Array:
-        """Jacobian, (2, 2, cells, points) [m]."""
-        return self._diagonal(X, tind, self.cell)
-
-    def invDF(self, X: Array, tind: Ints | None = None) -> Array:
-        """Inverse Jacobian, (2, 2, cells, points) [1/m]."""
-        return self._diagonal(X, tind, 1.0 / self.cell)
-
-    def detDF(self, X: Array, tind: Ints | None = None) -> Array:
-        """Jacobian determinant, (cells, points) [m2]."""
-        return np.broadcast_to(self.cell**2, (self._select(tind).shape[1], X.shape[-1]))
 
 
 @dataclass(frozen=True)
@@ -227,62 +186,3 @@ class Sheets:
         springs[middle] = stiffness[held, None, None] * np.eye(2)
         springs[outer] = stiffness[held, None, None] * np.einsum("ib,jb->bij", across, across)
         return springs
-
-
-def numbered(key: Ints, size: int) -> tuple[Ints, Ints]:
-    """The number (k,) of each key (k,) among the distinct ones, ascending, and where one of each is; 0 <= key < size.
-
-    By a table of all possible keys, which is several times faster than sorting unless they are few among many.
-    """
-    if size > SPARSE * key.size:
-        _, where, number = np.unique(key, return_index=True, return_inverse=True)
-        return number, where
-    place = np.full(size, -1)
-    place[key] = np.arange(key.size)
-    there = np.flatnonzero(place >= 0)
-    where = place[there]
-    place[there] = np.arange(there.size)
-    return place[key], where
-
-
-def lay(x: Array, body: Ints, cell: float, bodies: int, inward: Array | None = None) -> Sheets:
-    """Lay the sheets through points `x` (2, n) [m] of bodies `body` (n,).
-
-    `inward` (2, n), where given, decides for a point exactly on a grid line: it belongs to the cell on the
-    side `inward` points to, so that a rim that lies on a line does not open cells outside its body.
-    """
-    probe = x / cell if inward is None else x / cell + 1e-9 * inward
-    index = np.floor(probe).astype(np.int64)
-    low = np.full((2, bodies), np.iinfo(np.int64).max)
-    high = np.full((2, bodies), np.iinfo(np.int64).min)
-    for axis in (0, 1):
-        np.minimum.at(low[axis], body, index[axis])
-        np.maximum.at(high[axis], body, index[axis])
-    present = high[0] >= low[0]
-    extent = np.where(present, high - low + 2, 0)
-    along = np.where(extent[0] <= extent[1], 0, 1)  # rows run along the shorter side
-    start = np.concatenate([[0], np.cumsum(extent[0] * extent[1])])
-
-    def number(ij: Ints, b: Ints) -> Ints:
-        rel = ij - low[:, b]
-        inner = np.where(along[b] == 0, rel[0], rel[1])
-        outer = np.where(along[b] == 0, rel[1], rel[0])
-        return np.asarray(start[b] + outer * np.minimum(extent[0], extent[1])[b] + inner)
-
-    cell_of_point, some = numbered(number(index, body), int(start[-1]))
-    cell_index, cell_body = index[:, some], body[some]
-    corner = cell_index[:, None, :] + CORNERS[:, :, None]
-    owner = np.broadcast_to(cell_body, corner.shape[1:])
-    node, some = numbered(number(corner.reshape(2, -1), owner.ravel()), int(start[-1]))
-    return Sheets(
-        cell=cell,
-        cell_of_point=cell_of_point,
-        local=np.clip(x / cell - cell_index[:, cell_of_point], 0.0, 1.0),
-        nodes_of_cell=np.ascontiguousarray(node.reshape(4, -1)),
-        cell_index=cell_index,
-        cell_body=cell_body,
-        node_index=corner.reshape(2, -1)[:, some],
-        node_body=owner.ravel()[some],
-        along=along,
-        bodies=bodies,
-    )
