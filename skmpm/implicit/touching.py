@@ -24,6 +24,7 @@ Ints = NDArray[np.int64]
 
 # Share of what A resists that turning may take along a direction, with the impulses of the last step or of this one.
 SOFT, UNSTABLE = 0.5, 0.95
+PATIENCE = 12  # of the contact solver where contacts turn: it takes one to six, or one is about to snap and a hundred
 SOON = 0.08  # contacts with gaps up to this many cells are known to the solver: more than an iteration moves them
 
 
@@ -201,7 +202,8 @@ class Touching:
             linear = coulomb.Linear(W[k:, :k], W[k:, k:] + turns.compliance, rest, W[:k, k:])
         self._measure_by(contacts.diagonal(), q)
         tol = self.step.scheme.contact_tol
-        r, info = coulomb.solve(contacts, q, rows.friction, r0=known, tol=tol, linear=linear)
+        limit = {} if linear is None else {"iterations": PATIENCE}
+        r, info = coulomb.solve(contacts, q, rows.friction, r0=known, tol=tol, linear=linear, **limit)
         self.iterations, self.stopped = self.iterations + info.iterations, info.residual
         self.timer.lap("contact")
         if not info.converged:
