@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 
 from skmpm import Body, NeoHookean, Scene, Scheme, StepFailed, Wall, disc, initial, linear, simulate, step
-from skmpm.implicit import Bulk, Increment, Touching
+from skmpm.implicit import Bulk, Increment, Touching, touching
 from skmpm.implicit.newton import Mixing
 
 R = 1e-3
@@ -32,9 +32,9 @@ def test_settled_normals_give_nearly_the_same_step(monkeypatch, friction):
     expected = last(scene)
     solve = Touching.solve
 
-    def lost(touching, solver, gradient):
-        touching.lost = 1
-        return solve(touching, solver, gradient)
+    def lost(contacts, solver, gradient):
+        contacts.lost = 1
+        return solve(contacts, solver, gradient)
 
     monkeypatch.setattr(Touching, "solve", lost)
     state = last(scene)
@@ -43,6 +43,14 @@ def test_settled_normals_give_nearly_the_same_step(monkeypatch, friction):
     assert state.wall_force[:, 1] == pytest.approx(expected.wall_force[:, 1], rel=1e-2)
     assert state.report.overlap < 1e-4
     assert state.contacts.gap.min() > -1e-4 * scene.cell
+
+
+def test_normals_are_kept_where_the_contact_solver_gives_up_on_contacts_that_turn(monkeypatch):
+    """It may take no Newton step: the step is found all the same, and reported as one with kept normals."""
+    monkeypatch.setattr(touching, "PATIENCE", 0)
+    state = last(squeezed(0.0))
+    assert state.report.settled
+    assert state.report.residual < Scheme().gap_tol
 
 
 def test_mixing_converges_where_plain_iteration_diverges():
