@@ -159,9 +159,15 @@ def polygons(found: Study) -> Row:
     return Row(claim, rule, "; ".join(texts), verdict)
 
 
-def apparent(cells: float) -> float:
+def apparent(cells: float, jammed: float = JAMMED) -> float:
     """Jamming fraction with a gap of one cell between bodies."""
-    return JAMMED / (1.0 + 0.5 / cells) ** 2
+    return jammed / (1.0 + 0.5 / cells) ** 2
+
+
+def resisting(found: Study, friction: float) -> tuple[float, float]:
+    """First change of the packings under the usual lid, without a gap: mean and standard error."""
+    value, error = mean(np.array([change(m) for m in found.seeds(friction)]))
+    return float(value), float(error)
 
 
 def change(member: Member | None) -> float:
@@ -179,19 +185,21 @@ def jamming(found: Study) -> list[Row]:
     shared = np.array([change(found.get(f"seed_mu0_r{cells}")) for cells in CELLS])
     formula = np.array([apparent(cells) for cells in CELLS])
     there = np.isfinite(shared).all()
-    text = "; ".join(f"R/h = {c}: {figure(s)} ({f:.3f})" for c, s, f in zip(CELLS, shared, formula, strict=True))
+    fast = [resisting(found, friction) for friction in (0.0, 0.5)]
+    own = [figure(apparent(cells, fast[0][0])) for cells in CELLS]
+    text = "; ".join(
+        f"R/h = {c}: {figure(s)} ({f:.3f}, {o})" for c, s, f, o in zip(CELLS, shared, formula, own, strict=True)
+    )
     moved = decide((np.abs(shared - formula) <= NEAR).all() and (np.diff(shared) > 0).all()) if there else NOT_RUN
     slow = np.array([change(found.get(f"slow_mu{friction:g}")) for friction in (0.0, 0.5)])
-    fast = [mean(np.array([change(m) for m in found.seeds(friction)])) for friction in (0.0, 0.5)]
     low, high = JAMMING
     first, both = np.isfinite(slow[0]), np.isfinite(slow).all()
-    values = [
-        f"slow lid {figure(s)}, 2 m/s {figure(float(v), float(e))}" for s, (v, e) in zip(slow, fast, strict=True)
-    ]
+    values = [f"slow lid {figure(s)}, 2 m/s {figure(*usual)}" for s, usual in zip(slow, fast, strict=True)]
     with_friction = figure(change(found.get("seed_mu0.5_r6")))
     return [
         Row("in the seed's mode the first change moves with R/h as 0.842/(1 + h/2R)^2 says",
-            f"each within {NEAR} of the formula (in brackets), larger with R/h",
+            f"each within {NEAR} of the formula (in brackets; then with the packings' own fraction at 2 m/s instead "
+            f"of {JAMMED}), larger with R/h",
             f"{text}; friction 0.5, R/h = 6: {with_friction}", moved),
         Row("the seed's first change at 0.72 is that of a gap of one cell at R/h = 6", f"within {NEAR} of 0.72",
             figure(shared[0]), decide(abs(shared[0] - REGIMES[0]) <= NEAR) if np.isfinite(shared[0]) else NOT_RUN),
