@@ -208,7 +208,21 @@ def jamming(found: Study) -> list[Row]:
         Row("with friction it comes earlier", "slow lid: smaller than without", values[1],
             decide(slow[1] < slow[0]) if both else NOT_RUN),
         first_breaks(found),
+        gaps(found),
     ]  # fmt: skip
+
+
+def gaps(found: Study) -> Row:
+    """How far discs that push each other are apart, in the seed's mode and in ours."""
+    kinds = {"seed's mode, R/h = 6": "seed_mu0_r6", "R/h = 8": "seed_mu0_r8", "R/h = 10": "seed_mu0_r10"}
+    texts, stage = [], study.STAGES[0]
+    for what, name in {**kinds, "gap corrected": "mu0_seed0"}.items():
+        member = found.get(name)
+        state = study_stages.states(member).get(stage) if member else None
+        if state is not None:
+            texts.append(f"{what}: {figure(study_stages.apart(study_stages.scene(member), state), digits=2)} h")
+    claim = f"distance of discs that push each other at a nominal {stage:.2f}, mean over pairs"
+    return Row(claim, "-", "; ".join(texts) or "-", "shown" if texts else NOT_RUN)
 
 
 def first_breaks(found: Study) -> Row:

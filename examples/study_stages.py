@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import compaction
 import numpy as np
 import study
+from scipy.spatial import KDTree
 from study_curves import Member
 
 import skmpm
@@ -31,6 +32,7 @@ def states(member: Member) -> dict[float, skmpm.State]:
 class Network:
     """Pairs in contact: two bodies, or a body and a wall, with the sum of their contact forces."""
 
+    pairs: Array  # (2, k) their numbers; walls are negative, and second
     ends: Array  # (2, 2, k) x and y of the centres of both; of a wall, of where it is touched [m]
     branch: Array  # (2, k) from the second centre to the first; for a wall to the centre of its body's mirror image
     force: Array  # (2, k) on the first [N/m]
@@ -56,7 +58,8 @@ def network(state: skmpm.State) -> Network:
     centre = np.array([np.bincount(state.body, state.mass * c) for c in state.x]) / mass
     wall = pairs[1] < 0
     one, other = centre[:, pairs[0]], np.where(wall, touched, centre[:, np.maximum(pairs[1], 0)])
-    return Network(np.stack([one, other]), np.where(wall, 2.0, 1.0) * (one - other), total, np.where(wall, 0.5, 1.0))
+    branch = np.where(wall, 2.0, 1.0) * (one - other)
+    return Network(pairs, np.stack([one, other]), branch, total, np.where(wall, 0.5, 1.0))
 
 
 def identity(member: Member, state: skmpm.State) -> float:
@@ -71,6 +74,20 @@ def identity(member: Member, state: skmpm.State) -> float:
     work = np.einsum("ik,ik->k", seen.force, seen.branch)
     volume = state.volume.sum() / (state.body.max() + 1)
     return float(phi * Z / 4.0 * (work @ seen.share) / seen.share.sum() / volume / P)
+
+
+def apart(scene: skmpm.Scene, state: skmpm.State) -> float:
+    """Mean distance between the rims of two discs that push each other, in cells.
+
+    Rims are polygons with ten points to a side.
+    """
+    rim, pairs = scene.outlines, network(state).pairs
+    begin, end = (state.x[:, points].T[:, None] for points in (rim.point, rim.point[rim.next]))
+    along = np.linspace(0.0, 1.0, 10, endpoint=False)[:, None]
+    rims = (1.0 - along) * begin + along * end
+    trees = [KDTree(rims[rim.body == b].reshape(-1, 2)) for b in range(len(scene.bodies))]
+    nearest = [trees[a].query(trees[b].data)[0].min() for a, b in pairs[:, pairs[1] >= 0].T]
+    return float(np.mean(nearest)) / scene.cell if nearest else np.nan
 
 
 def polygons(scene: skmpm.Scene, state: skmpm.State) -> float:

@@ -3,11 +3,14 @@
 import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+import skmpm
 
 ROOT = Path(__file__).parents[2]
 MODULES = ("curves", "fits", "stages", "claims", "checks", "pictures", "snapshots")
@@ -252,6 +255,20 @@ def test_the_shape_of_ellipses_and_hexagons(code):
 
 def test_symbols_are_written_as_such(code):
     assert code.figures.greek("Phi_max, alpha, alphabet") == r"$\Phi_{max}$, $\alpha$, alphabet"
+
+
+def test_how_far_discs_that_push_each_other_are_apart(code):
+    """Two discs whose polygons have corners that face each other, 0.3 cells apart; a third that pushes nothing."""
+    gel, centres = skmpm.LinearElastic(E=1e7, nu=0.3, density=1e3), ((0.0, 0.0), (2.06, 0.0), (0.0, 2.5))
+    bodies = [skmpm.Body(skmpm.disc(centre, 1.0, spacing=0.15), gel) for centre in centres]
+    scene = skmpm.Scene(bodies, cell=0.2)
+    state = skmpm.initial(scene)
+    one = np.ones((2, 1))
+    pushed = replace(state.contacts, bodies=np.array([[0], [1]]), x=one, normal=one, force=one)
+    facing = [state.x[0, state.body == b] for b in (0, 1)]
+    expected = (facing[1].min() - facing[0].max()) / scene.cell
+    assert expected == pytest.approx(0.3, abs=0.02)
+    assert code.stages.apart(scene, replace(state, contacts=pushed)) == pytest.approx(expected, rel=0.02)
 
 
 @pytest.fixture(scope="module")
