@@ -138,7 +138,8 @@ def resumed(folder: Path, about: dict[str, Any]) -> tuple[list[dict[str, str]], 
     state = skmpm.load(folder / "last.checkpoint")
     with (folder / "observables.csv").open() as file:
         table = [line for line in csv.DictReader(file) if line["seconds"] and float(line["t"]) <= state.t]
-    return table, state
+    unknown = {name: "nan" for name in COLUMNS if table and not table[0].get(name)}  # to the version that began it
+    return [line | unknown for line in table], state
 
 
 def row(step: int, scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:

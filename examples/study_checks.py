@@ -110,7 +110,10 @@ def lid(found: Study) -> Row:
 
 
 def worst_of(found: Study, kind: str, name: str, above: float) -> tuple[float, str]:
-    """Worst deviation of the `kind` members from the first packing, both frictions; nan unless both were run."""
+    """Worst deviation of the `kind` members from the first packing, both frictions; nan unless both were run.
+
+    Beside it by how much the packings deviate from each other.
+    """
     both, texts = [], []
     for friction in (0.0, 0.5):
         usual, other = found.get(f"mu{friction:g}_seed0"), found.get(f"{kind}_mu{friction:g}")
@@ -119,8 +122,17 @@ def worst_of(found: Study, kind: str, name: str, above: float) -> tuple[float, s
         averaged = name == "pressure"
         far = apart(*(m.over(name, grid, mean=averaged) for m in (usual, other))) if known else (np.nan, np.nan)
         both.append(far[1])
-        texts.append(f"friction {friction:g}: {percent(far)}")
+        texts.append(f"friction {friction:g}: {percent(far)}{scatter(found, friction, name, grid)}")
     return float(np.max(both)), "; ".join(texts)
+
+
+def scatter(found: Study, friction: float, name: str, grid: Array) -> str:
+    """Standard deviation of the packings over their mean, averaged over the solid fractions that all reached."""
+    samples = np.array([m.over(name, grid, mean=name == "pressure") for m in found.seeds(friction)])
+    if len(samples) < 2 or not (there := np.isfinite(samples).all(axis=0)).any():
+        return ""
+    relative = samples[:, there].std(axis=0, ddof=1) / np.abs(samples[:, there].mean(axis=0))
+    return f" (packings scatter by {100 * relative.mean():.1f} %)"
 
 
 def compaction_fits(found: Study, friction: float) -> list[tuple[Member, Compaction]]:
