@@ -57,20 +57,25 @@ def pressures(found: Study) -> list[Row]:
         "points and walls, the discs' swing taken off,": ("pressure_points - swing", "walls"),
     }
     result = []
+    packings = [m for friction in (0.0, 0.5) for m in found.seeds(friction)]
+    slow = [m for friction in (0.0, 0.5) if (m := found.get(f"slow_mu{friction:g}"))]
     for what, (a, b) in names.items():
-        one, *longer = (over_transits(found, a, b, transits) for transits in (1.0, 2.0, 4.0))
+        one, *longer = (over_transits(packings, a, b, transits) for transits in (1.0, 2.0, 4.0))
+        lid = over_transits(slow, a, b, 1.0)
         rule = f"worst < 3 % above Phi = {DENSE}, at every step, of means over one transit time"
         text = percent(one)
         if np.isfinite(one[1]):
             text += f"; over 2 and 4 transit times worst {', '.join(f'{100 * worst:.2f}' for _, worst in longer)} %"
+        if np.isfinite(lid[1]):
+            text += f"; lid at 0.5 m/s: {percent(lid)}"
         result.append(Row(f"P from {what} agree", rule, text, verdict(one[1], 0.03)))
     return result
 
 
-def over_transits(found: Study, a: str, b: str, transits: float) -> tuple[float, float]:
+def over_transits(members: list[Member], a: str, b: str, transits: float) -> tuple[float, float]:
     """Mean and worst difference of two pressures above `DENSE`, as means over so many transit times."""
     samples = []
-    for member in (m for friction in (0.0, 0.5) for m in found.seeds(friction)):
+    for member in members:
         above = member.table["solid_fraction"] > DENSE
         samples.append(apart(member.steady(a, transits)[above], member.steady(b, transits)[above]))
     means, worst = np.array([both for both in samples if np.isfinite(both[1])]).reshape(-1, 2).T
