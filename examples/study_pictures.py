@@ -12,7 +12,7 @@ from PIL import Image
 from study_checks import compaction_fits, power_fits
 from study_claims import CELLS, JAMMED, apparent, bends, change, resisting
 from study_curves import PHI, PLANE, YOUNG, Array, Member, Study
-from study_snapshots import figure4
+from study_snapshots import distant, figure4
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -24,7 +24,7 @@ DASHES = {0.0: "--", 0.5: ":"}  # of fits, black
 LABELS = {"contact_surface": "contact specific surface S", "anisotropy": "orientation anisotropy $A_m$",
           "aspect_ratio": r"aspect ratio $\alpha$"}  # fmt: skip
 FRACTION = r"solid fraction $\Phi$ by outlines"
-DPI = 120, 110, 100, 90, 80  # the first at which a picture is small enough
+DPI = 120, 110, 100, 90, 80, 70  # the first at which a picture is small enough
 LARGEST = 120_000  # bytes
 TONES = 64  # colours of a picture
 
@@ -212,6 +212,11 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
         "Interior pressure where it first resists. Left, the seed's mode: vertical lines at 0.842 / (1 + h/2R)^2, "
         "dashed, and with the mean first change of our packings at 2 m/s instead of 0.842, dotted; dots where the "
         "first change is found. Right, with the gap corrected.",
+    ),
+    "distant.png": (
+        distant,
+        "A corner of the box at a nominal 0.75, without friction: discs by pressure, each picture with its own scale,"
+        " and lines of force. In the seed's mode discs push each other across gaps.",
     ),
     "forgetting.png": (
         forgetting,

@@ -1,9 +1,10 @@
-"""The seed's Figure 4: stages of a packing with their pressures and forces."""
+"""Packings with their pressures and forces: the seed's Figure 4, and what its mode makes of the first stage."""
 
 from __future__ import annotations
 
 import matplotlib
 import numpy as np
+import study
 import study_stages
 from study_curves import PLANE, Study
 
@@ -16,6 +17,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 FRICTIONS = (0.0, 0.5)  # from above
+CORNER = 12.0  # width and height of what is shown of the box [mm]
 STEPS = 12  # of the colours of pressure
 
 
@@ -39,6 +41,20 @@ def figure4(found: Study) -> Figure | None:
     for discs in drawn:
         discs.set_clim(0.0, top)
     figure.colorbar(drawn[0], ax=axes, label="pressure of a disc / E*", shrink=0.6)
+    return figure
+
+
+def distant(found: Study) -> Figure | None:
+    """A corner of the box at the first stage, in the seed's mode and with the gap corrected."""
+    kinds = {"seed's mode, R/h = 6": found.get("seed_mu0_r6"), "gap corrected": found.get("mu0_seed0")}
+    states = {what: study_stages.states(m).get(study.STAGES[0]) for what, m in kinds.items() if m is not None}
+    if len(states) < len(kinds) or None in states.values():
+        return None
+    figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.9), layout="constrained")
+    for axis, (what, state) in zip(axes, states.items(), strict=True):
+        packing(axis, study_stages.scene(kinds[what]), state)
+        low = 1e3 * np.array([state.walls[2, 0], state.walls[0, 1]]) - 0.3
+        axis.set(title=what, xlim=(low[0], low[0] + CORNER), ylim=(low[1], low[1] + CORNER))
     return figure
 
 

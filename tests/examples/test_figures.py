@@ -322,7 +322,7 @@ def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
     ):
         shutil.copytree(ran / name, tmp_path / "study" / copy)
     drawn(code, tmp_path / "study", tmp_path / "docs")
-    assert len(list((tmp_path / "docs" / "study").iterdir())) == 6
+    assert len(list((tmp_path / "docs" / "study").iterdir())) == 7
     manifest = tmp_path / "study" / "forgetful_mu0.5" / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"finished": true', '"finished": false'))
     options = ["--study", str(tmp_path / "study"), "--docs", str(tmp_path / "docs")]
