@@ -105,7 +105,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "line searches": lambda c: c.named("newton._search"),
     "gravity evaluated": lambda c: c.named("forces._gravity"),
     "loads evaluated": lambda c: c.named("Scene.forces"),
-    "sheets laid": lambda c: c.named("grid.lay"),
+    "sheets laid": lambda c: c.named("laying.lay"),
     "weights fitted": lambda c: c.named("quadrature.fitted"),
     "outlines cut by cells": lambda c: c.named("cells.cell_moments"),
     "patterns made": lambda c: c.named("assembly.prepare"),
