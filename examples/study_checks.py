@@ -44,7 +44,12 @@ def verdict(worst: float, limit: float) -> str:
 
 def percent(both: tuple[float, float]) -> str:
     """A mean and a worst deviation."""
-    return f"mean {100 * both[0]:.2f} %, worst {100 * both[1]:.2f} %" if np.isfinite(both[1]) else "-"
+    return f"mean {hundredths(both[0])} %, worst {hundredths(both[1])} %" if np.isfinite(both[1]) else "-"
+
+
+def hundredths(share: float) -> str:
+    """A share in percent, with as many digits as it takes to see it."""
+    return f"{100 * share:.2f}" if share > 2e-4 or share == 0.0 else f"{100 * share:.1g}"
 
 
 def pressures(found: Study) -> list[Row]:
@@ -65,7 +70,7 @@ def pressures(found: Study) -> list[Row]:
         rule = f"worst < 3 % above Phi = {DENSE}, at every step, of means over one transit time"
         text = percent(one)
         if np.isfinite(one[1]):
-            text += f"; over 2 and 4 transit times worst {', '.join(f'{100 * worst:.2f}' for _, worst in longer)} %"
+            text += f"; over 2 and 4 transit times worst {', '.join(hundredths(worst) for _, worst in longer)} %"
         if np.isfinite(lid[1]):
             text += f"; lid at 0.5 m/s: {percent(lid)}"
         result.append(Row(f"P from {what} agree", rule, text, verdict(one[1], 0.03)))
