@@ -20,6 +20,7 @@ NEAR = 0.02  # how near a measured solid fraction must be to the seed's or the g
 JAMMED, JAMMING = 0.842, (0.83, 0.86)  # frictionless, mean and by protocol
 EARLY = np.linspace(0.55, 1.00, 181)  # solid fractions, the seed's mode's included
 CELLS = (6, 8, 10)  # per mean radius, of the runs in the seed's mode
+SHARED = {f"seed's mode, R/h = {cells}": f"seed_mu0_r{cells}" for cells in CELLS}  # these by what they are
 POLYGON = 0.05  # excess of shape half way between an ellipse and a hexagon
 NOT_RUN = "not run"
 
@@ -214,9 +215,8 @@ def jamming(found: Study) -> list[Row]:
 
 def gaps(found: Study) -> Row:
     """How far discs that push each other are apart, in the seed's mode and in ours."""
-    kinds = {"seed's mode, R/h = 6": "seed_mu0_r6", "R/h = 8": "seed_mu0_r8", "R/h = 10": "seed_mu0_r10"}
     texts, stage = [], study.STAGES[0]
-    for what, name in {**kinds, "gap corrected": "mu0_seed0"}.items():
+    for what, name in {**SHARED, "gap corrected": "mu0_seed0"}.items():
         member = found.get(name)
         state = study_stages.states(member).get(stage) if member else None
         if state is not None:
@@ -228,8 +228,7 @@ def gaps(found: Study) -> Row:
 def first_breaks(found: Study) -> Row:
     """The first break of alpha, in the seed's mode and with the gap corrected."""
     claim, texts = "the first break of alpha, box instead of interior", []
-    kinds = {f"seed's mode, R/h = {cells}": f"seed_mu0_r{cells}" for cells in CELLS}
-    kinds |= {"seed's mode, R/h = 6, friction 0.5": "seed_mu0.5_r6"}
+    kinds = {**SHARED, "seed's mode, R/h = 6, friction 0.5": "seed_mu0.5_r6"}
     kinds |= {f"slow lid, friction {friction:g}": f"slow_mu{friction:g}" for friction in (0.0, 0.5)}
     for what, name in kinds.items():
         member = found.get(name)

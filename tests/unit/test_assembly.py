@@ -99,6 +99,8 @@ def test_the_pattern_is_that_of_cells_and_ghost_facets_with_ascending_columns(se
     expected = sp.coo_array((np.ones(len(pairs)), np.array(pairs).T), shape=(sheets.nodes, sheets.nodes)).tocsr()
     assert np.array_equal(fast.indptr, expected.indptr)
     assert np.array_equal(fast.indices, expected.sorted_indices().indices)
+    A = fast.matrix(fast.stiffness(np.zeros((2, 2, 2, 2, volume.size))), 1.0)
+    assert A.blocksize == (2, 2) and A.shape == (2 * sheets.nodes,) * 2
 
 
 @given(SEED, st.booleans())
