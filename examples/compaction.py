@@ -91,18 +91,21 @@ def row(
     }
 
 
-def check(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables, dt: float) -> dict[str, float]:
-    """What must hold: area by outlines and by det F, how far points are outside, turning per step, wall forces."""
+def check(
+    step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables, dt: float, filled: float
+) -> dict[str, float]:
+    """What must hold: area by outlines and by det F, how far points are outside, turning per step, wall forces.
+
+    `filled` is the area by outlines at the start [m2].
+    """
     counts = np.bincount(state.body)
     turning = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / counts
     depth = [-(n @ (state.x - point[:, None])).min() for n, point in zip(scene.normals.T, state.walls, strict=True)]
-    initial = scene.outlines, scene.initial_positions
-    area = seen.bodies.area.sum() / outlined(*initial)
     volume = scene.initial_volumes.sum()
     return {
         "step": step,
         "solid_fraction_nominal": seen.solid_fraction_nominal,
-        "area": area,
+        "area": seen.bodies.area.sum() / filled,
         "volume": state.volume.sum() / volume,
         "outside": max(0.0, *depth) / scene.cell,
         "spin": np.abs(turning).max() * dt,
@@ -113,7 +116,7 @@ def check(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observa
 
 
 def outlined(rim: skmpm.outline.Outlines, x: np.ndarray) -> float:
-    """Area inside the curves of all outlines at initial points x (2, n) [m2]."""
+    """Area inside the curves of all outlines at points x (2, n) [m2]."""
     at = x[:, rim.point]
     return float(skmpm.outline.curve(rim, at).through(at).area(int(rim.body.max()) + 1).sum())
 
@@ -182,6 +185,7 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
     table: list[dict[str, float]] = []
     checks: list[dict[str, float]] = []
     stages = [start]
+    filled = outlined(scene.outlines, scene.initial_positions)
     with (
         skmpm.record(options.out / "packing.vtkhdf", scene) as series,
         (options.out / "observables.csv").open("w", newline="") as file,
@@ -204,7 +208,7 @@ def run(options: argparse.Namespace) -> list[dict[str, float]]:
             now = perf_counter()
             seen = skmpm.observe(scene, state)
             table.append(row(step, scene, state, seen, now - last))
-            checks.append(check(step, scene, state, seen, options.dt))
+            checks.append(check(step, scene, state, seen, options.dt, filled))
             last = now
             writer.writerow(table[-1])
             checks_writer.writerow(checks[-1])
