@@ -20,9 +20,18 @@ import study_claims
 import study_curves
 import study_pictures
 from study_claims import Row
-from study_curves import Member, Study
+from study_curves import EARLY, Member, Study
 
 PAGE = "study.md"
+CURVES = (
+    "pressure",
+    "contact_surface",
+    "anisotropy",
+    "aspect_ratio",
+    "coordination",
+    "interior_fraction",
+    "interior_pressure",
+)
 
 
 def table(header: tuple[str, ...], lines: list[tuple[str, ...]]) -> str:
@@ -84,12 +93,24 @@ def pictures(captions: dict[str, str]) -> str:
     return "\n\n".join(shown) or "Nothing has been run yet."
 
 
+def curves(found: Study) -> str:
+    """What the pictures show as a table in CSV: the curves of every member, 0.0025 of a solid fraction apart."""
+    lines = ["member,solid_fraction," + ",".join(CURVES)]
+    for name, member in found.members.items():
+        values = np.stack([member.over(column, EARLY) for column in CURVES], axis=1)
+        reached = np.isfinite(values).any(axis=1)
+        for phi, line in zip(EARLY[reached], values[reached], strict=True):
+            lines.append(f"{name},{phi:.4f}," + ",".join(f"{value:.5g}" for value in line))
+    return "\n".join(lines) + "\n"
+
+
 def main(options: argparse.Namespace) -> list[Row]:
     """Draw the pictures and fill the page; returns the judged rows."""
     with np.errstate(invalid="ignore"):  # nan stands for what was not reached
         found = study_curves.read(options.study)
         claims, checks = study_claims.rows(found), study_checks.rows(found)
         captions = study_pictures.draw(found, options.docs / "study")
+        (options.docs / "study" / "curves.csv").write_text(curves(found))
     parts = {
         "claims": judged(claims),
         "checks": judged(checks),

@@ -129,8 +129,7 @@ def worst_of(found: Study, kind: str, name: str, above: float) -> tuple[float, s
         usual, other = found.get(f"mu{friction:g}_seed0"), found.get(f"{kind}_mu{friction:g}")
         grid = PHI[above < PHI]
         known = usual is not None and other is not None
-        averaged = name == "pressure"
-        far = apart(*(m.over(name, grid, mean=averaged) for m in (usual, other))) if known else (np.nan, np.nan)
+        far = apart(*(m.over(name, grid) for m in (usual, other))) if known else (np.nan, np.nan)
         both.append(far[1])
         texts.append(f"friction {friction:g}: {percent(far)}{scatter(found, friction, name, grid)}")
     return float(np.max(both)), "; ".join(texts)
@@ -138,7 +137,7 @@ def worst_of(found: Study, kind: str, name: str, above: float) -> tuple[float, s
 
 def scatter(found: Study, friction: float, name: str, grid: Array) -> str:
     """Standard deviation of the packings over their mean, averaged over the solid fractions that all reached."""
-    samples = np.array([m.over(name, grid, mean=name == "pressure") for m in found.seeds(friction)])
+    samples = np.array([m.over(name, grid) for m in found.seeds(friction)])
     if len(samples) < 2 or not (there := np.isfinite(samples).all(axis=0)).any():
         return ""
     relative = samples[:, there].std(axis=0, ddof=1) / np.abs(samples[:, there].mean(axis=0))
@@ -148,15 +147,14 @@ def scatter(found: Study, friction: float, name: str, grid: Array) -> str:
 def compaction_fits(found: Study, friction: float) -> list[tuple[Member, Compaction]]:
     """The law of each packing that has one."""
     fits = [
-        (m, compaction_law(PHI, m.over("coordination"), m.over("pressure", mean=True) / YOUNG))
-        for m in found.seeds(friction)
+        (m, compaction_law(PHI, m.over("coordination"), m.over("pressure") / YOUNG)) for m in found.seeds(friction)
     ]
     return [(member, fit) for member, fit in fits if fit is not None]
 
 
 def power_fits(found: Study, friction: float) -> list[Power]:
     """Coordination above jamming of each packing; means over a transit time."""
-    fits = [power_law(PHI, m.over("coordination", mean=True), Z_J[friction]) for m in found.seeds(friction)]
+    fits = [power_law(PHI, m.over("coordination", averaged=True), Z_J[friction]) for m in found.seeds(friction)]
     return [fit for fit in fits if fit is not None]
 
 
@@ -183,6 +181,6 @@ def forgetting(found: Study) -> Row:
     claim, at = "sheets laid anew at every step: P over that of the same packing", np.array([0.85, 0.90, 0.95])
     if usual is None or other is None:
         return Row(claim, "-", "-", NOT_RUN)
-    ratio = other.over("pressure", at, mean=True) / usual.over("pressure", at, mean=True)
+    ratio = other.over("pressure", at) / usual.over("pressure", at)
     text = "; ".join(f"at {phi:.2f}: {figure(r, digits=2)}" for phi, r in zip(at, ratio, strict=True))
     return Row(claim, "-", text, "shown")

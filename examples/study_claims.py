@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import study
 import study_stages
-from study_curves import PHI, PLANE, Array, Member, Study, mean
+from study_curves import EARLY, PHI, PLANE, Array, Member, Study, mean
 from study_fits import Broken, broken, first_change
 
 AT = np.array([0.80, 0.85, 0.90, 0.95])  # solid fractions at which frictions are compared
 REGIMES = np.array([0.72, 0.90])  # where the seed's change
 NEAR = 0.02  # how near a measured solid fraction must be to the seed's or the gap's
 JAMMED, JAMMING = 0.842, (0.83, 0.86)  # frictionless, mean and by protocol
-EARLY = np.linspace(0.55, 1.00, 181)  # solid fractions, the seed's mode's included
 CELLS = (6, 8, 10)  # per mean radius, of the runs in the seed's mode
 SHARED = {f"seed's mode, R/h = {cells}": f"seed_mu0_r{cells}" for cells in CELLS}  # these by what they are
 POLYGON = 0.05  # excess of shape half way between an ellipse and a hexagon

@@ -13,9 +13,11 @@ import numpy as np
 
 Array = np.ndarray
 
-PHI = np.linspace(0.70, 1.00, 121)  # the common grid of solid fractions by outlines
+EARLY = np.linspace(0.55, 1.00, 181)  # solid fractions by outlines, the seed's mode's included
+PHI = EARLY[60:]  # those of the ensemble, from 0.70
 YOUNG = 10e6  # [Pa]
 PLANE = YOUNG / (1.0 - 0.45**2)  # E* [Pa]
+AVERAGED = "pressure", "interior_pressure", "interior_fraction"  # always shown as means over one transit time
 FILLING = 0.72  # nominal solid fraction at which the box of `compaction.build` would be a square
 
 
@@ -76,9 +78,12 @@ class Member:
         rate = np.diff(self.table["swing"], prepend=0.0) / self.table["dt"]
         return (self.table["kinetic_discs"] - 0.5 * rate) / self.box
 
-    def over(self, name: str, grid: Array = PHI, *, mean: bool = False) -> Array:
-        """A column at the first passage of each solid fraction of `grid`; nan where it was not."""
-        values = self.steady(name) if mean else self.column(name)
+    def over(self, name: str, grid: Array = PHI, *, averaged: bool = False) -> Array:
+        """A column at the first passage of each solid fraction of `grid`; nan where it was not.
+
+        Of those in `AVERAGED`, and of all if `averaged`, the mean over one transit time.
+        """
+        values = self.steady(name) if averaged or name in AVERAGED else self.column(name)
         return first_passage(self.table["solid_fraction"], values, grid)
 
 
@@ -133,12 +138,12 @@ class Study:
         with_friction = {m.options.seed: m for m in self.seeds(0.5)}
         return [(m, with_friction[m.options.seed]) for m in self.seeds(0.0) if m.options.seed in with_friction]
 
-    def curve(self, friction: float, name: str, *, mean_over_time: bool = False) -> tuple[Array, Array]:
+    def curve(self, friction: float, name: str) -> tuple[Array, Array]:
         """Mean and standard error over the packings on PHI; nan where fewer than all reached it."""
         found = self.seeds(friction)
         if not found:
             return np.full(PHI.size, np.nan), np.full(PHI.size, np.nan)
-        samples = np.array([m.over(name, mean=mean_over_time) for m in found])
+        samples = np.array([m.over(name) for m in found])
         whole = np.isfinite(samples).all(axis=0)
         return mean(np.where(whole, samples, np.nan))
 

@@ -72,8 +72,8 @@ def figure2(found: Study) -> Figure | None:
 
 
 def band(axis: Axes, found: Study, friction: float, name: str, unit: float = 1.0) -> None:
-    """Mean over the packings and its standard error; pressures as means over a transit time."""
-    value, error = found.curve(friction, name, mean_over_time=name == "pressure")
+    """Mean over the packings and its standard error."""
+    value, error = found.curve(friction, name)
     count = len(found.seeds(friction))
     if count == 0:
         return
@@ -87,8 +87,7 @@ def thin(axis: Axes, found: Study, friction: float, name: str, unit: float = 1.0
     for kind, style in (("fine", "--"), ("slow", ":")):
         member = found.get(f"{kind}_mu{friction:g}")
         if member is not None:
-            values = unit * member.over(name, mean=name == "pressure")
-            axis.plot(PHI, values, COLOURS[friction], linestyle=style, linewidth=0.8)
+            axis.plot(PHI, unit * member.over(name), COLOURS[friction], linestyle=style, linewidth=0.8)
 
 
 def fitted(
@@ -185,7 +184,7 @@ def forgetting(found: Study) -> Figure | None:
         return None
     figure, axis = plt.subplots(figsize=(6.5, 4), layout="constrained")
     for label, member in both.items():
-        axis.plot(PHI, member.over("pressure", mean=True) / PLANE, linewidth=1.4, label=label)
+        axis.plot(PHI, member.over("pressure") / PLANE, linewidth=1.4, label=label)
     axis.set(xlabel=FRACTION, ylabel="pressure / E*")
     axis.legend(fontsize=8)
     return figure

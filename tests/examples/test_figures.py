@@ -1,5 +1,6 @@
 """The study's figures: fits on curves of known constants, the rules of the claims, and both commands in small."""
 
+import csv
 import re
 import shutil
 import sys
@@ -92,6 +93,19 @@ def test_first_passage_ignores_going_back(code):
     x, y = np.array([0.0, 1.0, 0.5, 2.0]), np.array([0.0, 10.0, 99.0, 20.0])
     found = code.curves.first_passage(x, y, np.array([-1.0, 0.5, 1.5, 3.0]))
     assert found == pytest.approx([np.nan, 5.0, 15.0, np.nan], nan_ok=True)
+
+
+def test_the_curves_are_a_table(code):
+    """Closed forms of the made-up runs, by member and solid fraction; nothing where nothing was reached."""
+    lines = code.figures.curves(ensemble(code, seeds=1)).splitlines()
+    table = list(csv.DictReader(lines))
+    assert [line["member"] for line in table[:: len(table) - 1]] == ["mu0_seed0", "mu0.5_seed0"]
+    assert len(table) == 2 * 119, "of 0.693 to 0.990"
+    last = {line["solid_fraction"]: line for line in table if line["member"] == "mu0.5_seed0"}
+    assert float(last["0.8000"]["aspect_ratio"]) == pytest.approx(1.0 + 1.0 * 0.08, abs=1e-4)
+    assert float(last["0.9500"]["pressure"]) == pytest.approx(3e6 * 0.13, rel=2e-3)
+    assert float(last["0.9500"]["interior_fraction"]) == pytest.approx(0.95, rel=1e-3)
+    assert last["0.6950"]["pressure"] == "nan", "a transit time from the start"
 
 
 def test_the_height_follows_from_the_nominal_fraction(code):
@@ -291,7 +305,7 @@ def drawn(code, study, docs):
 def test_both_commands(code, ran, tmp_path):
     """Study, then figures: the pictures that can be drawn, small ones, and a page with measured figures."""
     rows, page = drawn(code, ran, tmp_path / "docs")
-    pictures = {path.name: path.stat().st_size for path in (tmp_path / "docs" / "study").iterdir()}
+    pictures = {path.name: path.stat().st_size for path in (tmp_path / "docs" / "study").glob("*.png")}
     assert set(pictures) == {"figure2.png", "figure4.png", "pressure.png", "coordination.png"}
     assert all(2_000 < size < 120_000 for size in pictures.values())
     assert set(re.findall(r"!\[.*\]\(study/(.*)\)", page)) == set(pictures)
@@ -322,7 +336,7 @@ def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
     ):
         shutil.copytree(ran / name, tmp_path / "study" / copy)
     drawn(code, tmp_path / "study", tmp_path / "docs")
-    assert len(list((tmp_path / "docs" / "study").iterdir())) == 7
+    assert len(list((tmp_path / "docs" / "study").glob("*.png"))) == 7
     manifest = tmp_path / "study" / "forgetful_mu0.5" / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"finished": true', '"finished": false'))
     options = ["--study", str(tmp_path / "study"), "--docs", str(tmp_path / "docs")]
