@@ -152,7 +152,7 @@ def row(step: int, scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
         **compaction.row(step, scene, state, seen, sum(report.seconds.values())),
         "dt": report.dt,
         "retries": report.retries,
-        "pressure_points": seen.pressure_points,
+        "pressure_points": of_points(scene, state, seen),
         "pressure_floor": floor,
         "pressure_roof": roof,
         "pressure_left": left,
@@ -166,6 +166,15 @@ def row(step: int, scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
         "kinetic_discs": kinetic_discs,
         "swing": swing,
     }
+
+
+def of_points(scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables) -> float:
+    """Pressure of the points over the box [Pa]: their stress, and their motion relative to the centre of their disc.
+
+    That is what contact forces carry; `Observables.pressure_points` has the motion of the discs in it as well.
+    """
+    volume = np.add.reduceat(state.volume, scene.offsets[:-1])
+    return float(seen.bodies.pressure_points @ volume / np.ptp(state.walls, axis=0).prod())
 
 
 def motion(scene: skmpm.Scene, state: skmpm.State, centre: np.ndarray) -> tuple[float, float]:

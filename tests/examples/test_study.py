@@ -5,6 +5,7 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -63,6 +64,24 @@ def test_an_interrupted_member_goes_on_from_its_checkpoint(study, monkeypatch, t
     whole, again = (json.loads((tmp_path / name / "manifest.json").read_text()) for name in ("whole", "cut"))
     assert again == whole
     assert whole["finished"]
+
+
+def test_the_pressure_of_the_points_leaves_out_how_discs_move(study):
+    """By the parallel axis theorem: that of the library, which has all motion, less the motion of the centres."""
+    chosen = study.members(study.parser().parse_args(SMALL))["mu0.5_seed1"]
+    options = study.compaction.parser().parse_args([])
+    vars(options).update(chosen)
+    scene, _ = study.compaction.build(options)
+    *_, state = study.skmpm.simulate(scene, dt=options.dt, until=20 * options.dt)
+    seen = study.skmpm.observe(scene, state)
+    mass = np.bincount(state.body, state.mass)
+    velocity = np.array([np.bincount(state.body, state.mass * v) for v in state.v]) / mass
+    drift = velocity @ mass / mass.sum()
+    moving = np.sum(mass * (velocity - drift[:, None]) ** 2) / 2.0
+    box = scene.initial_volumes.sum() / seen.solid_fraction_nominal
+    found = study.row(20, scene, state)["pressure_points"]
+    assert found == pytest.approx(seen.pressure_points - moving / box, rel=1e-6)
+    assert found < 0.9 * seen.pressure_points, "and it makes a difference here"
 
 
 def test_what_is_finished_is_not_run_again_and_what_is_other_is_refused(study, monkeypatch, tmp_path):
