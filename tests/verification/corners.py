@@ -4,6 +4,7 @@ Bodies are of E = 1 MPa, nu = 0.3, 1000 kg/m3, their sides or diameters 2 R = 0.
 Overlap and depth are measured on the polygons through the rim points, by clipping and by crossing numbers.
 """
 
+import logging
 from dataclasses import dataclass
 
 import meshio
@@ -118,25 +119,50 @@ class Run:
     state: object
     newton: np.ndarray  # (steps,) iterations
     settled: int  # steps whose normals were those of an earlier iteration
+    halved: int  # steps that failed, and were tried again with half the length
+    capped: int  # of these, steps that took all iterations Newton may take
     overlap: float  # largest share of the area, by the report
     gap: float  # lowest [cells]
     gain: float  # largest gain of kinetic + elastic energy beyond what went in, of any step, over the largest energy
+
+
+class Said(logging.Handler):
+    """What the library warned of while it is open."""
+
+    def __init__(self):
+        super().__init__()
+        self.texts = []
+
+    def emit(self, record):
+        """Keep what a record says."""
+        self.texts.append(record.getMessage())
+
+    def __enter__(self):
+        logging.getLogger("skmpm").addHandler(self)
+        return self
+
+    def __exit__(self, *_):
+        logging.getLogger("skmpm").removeHandler(self)
 
 
 def run(scene, dt, until, scheme=None):
     """Follow a scene and keep the worst."""
     scheme = Scheme() if scheme is None else scheme
     start = state = initial(scene, scheme=scheme)
-    newton, settled, overlap, gap, lost, energy = [], 0, 0.0, 0.0, [0.0], [start.report.energy.kinetic]
-    for state in simulate(scene, dt=dt, until=until, scheme=scheme, start=start):
-        report = state.report
-        newton.append(report.newton)
-        settled += report.settled
-        overlap, gap = max(overlap, report.overlap), min(gap, deepest(scene, state))
-        lost.append(report.energy.dissipated)
-        energy.append(report.energy.kinetic + report.energy.elastic)
+    newton, settled, halved, overlap, gap = [], 0, 0, 0.0, 0.0
+    lost, energy = [0.0], [start.report.energy.kinetic]
+    with Said() as said:
+        for state in simulate(scene, dt=dt, until=until, scheme=scheme, start=start):
+            report = state.report
+            newton.append(report.newton)
+            settled += report.settled
+            halved += report.retries
+            overlap, gap = max(overlap, report.overlap), min(gap, deepest(scene, state))
+            lost.append(report.energy.dissipated)
+            energy.append(report.energy.kinetic + report.energy.elastic)
+    capped = sum("Newton iterations" in text for text in said.texts)
     gain = max(0.0, -float(np.diff(lost).min())) / max(energy)
-    return Run(scene, start, state, np.array(newton), settled, overlap, gap, gain)
+    return Run(scene, start, state, np.array(newton), settled, halved, capped, overlap, gap, gain)
 
 
 # Shapes.

@@ -3,8 +3,9 @@
 A corner is pressed into a face and a wall, corners meet tip to tip, a disc settles in a notch, a peg fills a slot, a
 heap of polygons, convex and not, is squeezed until it fills its box, and discs of unlike size and resolution touch.
 Bars of every step: bodies share at most 0.05 % of their area, no rim point lies deeper than 0.05 cells in another
-body (on the polygons through the rim points), and Newton takes at most 3 iterations on average, never all of its 60.
-Grid offset, direction and place are random; every other place has friction 0.5, the others none.
+body (on the polygons through the rim points), and Newton takes at most 3 iterations on average, never all it may (8
+with inertia, 60 without). Grid offset, direction and place are random; every other place has friction 0.5, the
+others none.
 """
 
 from functools import cache
@@ -40,7 +41,7 @@ from ledger import Row, numbers
 from skmpm import Body, LinearElastic, Scene, Scheme, StepFailed, initial, simulate
 
 PLACES = 20  # of the table
-OVERLAP, GAP, NEWTON, CAP = 5e-4, -0.05, 3.0, 60
+OVERLAP, GAP, NEWTON = 5e-4, -0.05, 3.0
 QUASI_STATIC = Scheme.accurate(inertia=False)
 SHORT = ("hexagon", "L", "star", "C")
 OFFSETS = (0.0, 0.01, 0.1, 0.5)  # of tips that meet [cells]
@@ -96,7 +97,7 @@ def bars(found):
     assert found.overlap <= OVERLAP
     assert found.gap > GAP
     assert found.newton.mean() <= NEWTON
-    assert found.newton.max() < CAP
+    assert found.capped == 0
 
 
 def imbalance(found):
@@ -246,13 +247,14 @@ def compressed(name, k, steps=10):
     h, rng = 0.1, np.random.default_rng(300 + k)
     radii, spacings = (h * np.array(a) for a in UNLIKE[name])
     scene = stack(rng, cell=h, radii=radii, spacings=spacings)
-    ratios, newton, gap, start = np.full(steps, np.nan), np.zeros(steps), 0.0, initial(scene)
+    ratios, newton, gap, start = np.full(steps, np.nan), [], 0.0, initial(scene)
     state = start
     try:
-        for i, state in enumerate(simulate(scene, dt=1.0 / steps, until=1.0, scheme=QUASI_STATIC, start=start)):
-            force = float(np.hypot(*state.wall_force[1]))
-            ratios[i] = approach(force, radii) / (0.2 * radii.min() * state.t)
-            newton[i] = state.report.newton
+        for state in simulate(scene, dt=1.0 / steps, until=1.0, scheme=QUASI_STATIC, start=start):
+            force, time = float(np.hypot(*state.wall_force[1])), steps * state.t
+            if abs(time - round(time)) < 1e-6:  # a whole step, and not half of one that failed
+                ratios[round(time) - 1] = approach(force, radii) / (0.2 * radii.min() * state.t)
+            newton.append(state.report.newton)
             gap = min(gap, deepest(scene, state))
     except StepFailed:  # what is missing stays nan
         pass
@@ -286,21 +288,21 @@ def of_all(name, problem, runs, reference, test, extra=""):
     newton = np.concatenate([r.newton for r in runs])
     overlap, gap, clipped = max(r.overlap for r in runs), min(r.gap for r in runs), max(map(witness, runs))
     mean, most = newton.mean(), newton.max()
-    settled = sum(r.settled for r in runs)
+    settled, halved, capped = (sum(getattr(r, name) for r in runs) for name in ("settled", "halved", "capped"))
     missed = [
         text
         for text, bad in (
             (f"overlap {overlap:.2g}", max(overlap, clipped) > OVERLAP),
             (f"gap {gap:.2g}", gap <= GAP),
             (f"Newton {mean:.2g}", mean > NEWTON),
-            ("Newton's cap", most >= CAP),
+            (f"Newton's cap in {capped} steps", capped > 0),
         )
         if bad
     ]
     text = (
         f"overlap {100 * overlap:.1g} % of the area (at the end, by clipping: {100 * clipped:.1g} %), lowest gap"
         f" {gap:.2g} h; Newton {mean:.3g} on average, {most} at most, normals kept in {settled} of {newton.size}"
-        f" steps{extra}"
+        f" steps, {halved} halved{extra}"
     )
     goal = "0.05 %, -0.05 h, 3, never its cap: " + ("missed: " + ", ".join(missed) if missed else "met")
     return Row(problem, reference, name, text, "-", goal, test)
