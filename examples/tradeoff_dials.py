@@ -80,7 +80,6 @@ SLOPES = {"cells": 0.8, "pace": 2.0, "spacing": 1.4, "contact_tol": 10.0}  # fac
 COURANT = {4.0: 0.8, 2.0: 0.6, 1.0: 0.4, 0.5: 0.2, 0.25: 0.1, 0.125: 0.05}  # dt c/h of explicit steps, by pace
 CONTACTS = {"outlines": outlines, "shared_nodes": shared_nodes}
 TRANSFERS = {"apic": apic, "pic": pic, "flip": flip}
-ROOM = 10.0  # of `gap_tol` over `newton_tol`, as in the defaults
 SEED = 8  # of the sample
 
 
@@ -103,7 +102,7 @@ def scheme_of(setting: Setting, *, inertia: bool, solver: skmpm.linear.Linear | 
         inertia=inertia,
         newton_tol=setting["newton_tol"],
         contact_tol=setting["contact_tol"],
-        gap_tol=min(max(ROOM * setting["newton_tol"], setting["contact_tol"]), 0.1),
+        gap_tol=max(skmpm.Scheme().gap_tol, setting["contact_tol"]),
         linear=solver or linear_of(setting),
         explicit=setting["explicit"],
     )

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import skmpm
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DOCS = EXAMPLES.parent / "docs"
 
@@ -62,6 +64,13 @@ def test_every_setting_is_a_scheme_and_larger_samples_begin_with_smaller(study):
     loose = dials.DEFAULT | {"contact_tol": 1e-4, "theta": 0.5}
     same = [name for name in ("cantilever", "hertz", "collision") if scenes.setting_on(name, loose) == dials.DEFAULT]
     assert same == ["cantilever"]
+
+
+def test_presets_are_those_of_the_library(study):
+    """What the study measures under their names solves as tightly as they do."""
+    dials = study("dials")
+    for name, setting in dials.PRESETS.items():
+        assert dials.scheme_of(setting, inertia=True) == getattr(skmpm.Scheme, name)()
 
 
 def test_ends_of_runs(study, tmp_path):
