@@ -36,7 +36,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Iterate:
-    """Impulses, their velocities and the natural map's residual relative to |q~|."""
+    """Impulses, their velocities and the natural map's residual relative to the problem's reference."""
 
     r: Array  # (m,)
     u: Array  # (m,)
@@ -77,7 +77,7 @@ class Problem:
         """The iterate with normal impulses of push |q~| on every contact."""
         normal = np.arange(self.q.size) % (self.contacts // self.mu.size) == 0
         normal[self.contacts :] = False
-        return self.at(push * self.reference * normal)
+        return self.at(push * float(np.linalg.norm(self.q)) * normal)
 
     def stray(self, r: Array, u: Array, gain: float) -> float:
         """Alart & Curnier's natural map, whose zero Newton seeks; any gain > 0 has the same zeros."""
@@ -95,8 +95,8 @@ def is_sparse(W: Matrix) -> bool:
     return bool(sp.issparse(W))
 
 
-def scaled(W: Matrix, q: Array, mu: Array, contacts: int) -> tuple[Problem, Array]:
-    """Return the problem with unit diag(W), and s = sqrt(diag W)."""
+def scaled(W: Matrix, q: Array, mu: Array, contacts: int, reference: float | None = None) -> tuple[Problem, Array]:
+    """Return the problem with unit diag(W), and s = sqrt(diag W); residuals are relative to `reference` or |q~|."""
     if is_sparse(W) and q.size > DENSE:
         W = sp.csr_array(W, dtype=float).sorted_indices()  # a copy: scaled in place
         s = root(np.abs(W.diagonal()))
@@ -108,7 +108,8 @@ def scaled(W: Matrix, q: Array, mu: Array, contacts: int) -> tuple[Problem, Arra
     q = q / s
     if contacts > mu.size:
         q[1:contacts:2][mu == 0.0] = 0.0  # rows without an unknown
-    slope, reference = scaled_friction(mu, s[:contacts]), max(float(np.linalg.norm(q)), FLOOR)
+    slope = scaled_friction(mu, s[:contacts])
+    reference = max(float(np.linalg.norm(q)) if reference is None else reference, FLOOR)
     return Problem(W, q, slope, reference, contacts, _largest_eigenvalue(W[:contacts, :contacts])), s
 
 

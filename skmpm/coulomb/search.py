@@ -31,7 +31,7 @@ _PUSHES = 1.0, 10.0  # |q~| on every contact: where small problems start once mo
 
 @dataclass(frozen=True)
 class Info:
-    """How a solve went; ``residual`` is the natural map relative to |q~|."""
+    """How a solve went; ``residual`` is the natural map relative to |q~|, or to the reference given."""
 
     iterations: int  # Newton steps
     sweeps: int
@@ -50,6 +50,7 @@ def solve(
     sweeps: int = 80,
     iterations: int = 600,
     linear: Linear | None = None,
+    reference: float | None = None,
 ) -> tuple[Array, Info]:
     """Find r with u = W r + q such that every contact obeys Signorini and Coulomb; return (r, info).
 
@@ -69,6 +70,7 @@ def solve(
     r0 : like q, impulses to start from [N s]
     sweeps : in the first round, from a poor start; the second round doubles them
     linear : further unknowns, without a cone, that the impulses act on and that act on them
+    reference : what residuals are relative to, instead of |q~|, like `residual`
 
     Raises
     ------
@@ -85,7 +87,7 @@ def solve(
         W, q = linear.join(W, q)
         r0 = np.concatenate([r0, np.zeros(q.size - contacts)])
     with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
-        problem, s = scaled(W, q, mu, contacts)
+        problem, s = scaled(W, q, mu, contacts, reference)
         start = problem.at(problem.clamp(-problem.q if problem.uncoupled else s * r0))
         best, info = _search(problem, start, tol, sweeps, iterations)
         r = unscaled(best.r[:contacts], best.u[:contacts], problem.mu, s[:contacts], mu)

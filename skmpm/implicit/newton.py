@@ -65,7 +65,8 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     for iteration in range(limit + 1):
         gradient, size = step.gradient(w, at)
         push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
-        size = max(size, float(np.linalg.norm(push)))
+        if touching:
+            size = max(size, float(np.linalg.norm(push)), touching.round_off / scheme.newton_tol)
         imbalance = float(np.linalg.norm(step.unsupported(gradient - push))) / size if size > 0.0 else 0.0
         exact = iteration == 1 and step.exact and touching is None
         close = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol

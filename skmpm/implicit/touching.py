@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,6 +26,7 @@ Ints = NDArray[np.int64]
 # Share of what A resists that turning may take along a direction, with the impulses of the last step or of this one.
 SOFT, UNSTABLE = 0.5, 0.95
 PATIENCE = 12  # of the contact solver where contacts turn: it takes one to six, or one is about to snap and a hundred
+ROUNDING = 5.0  # how far from rest, in what rounding does to it, counts as resting
 SOON = 0.08  # contacts with gaps up to this many cells are known to the solver: more than an iteration moves them
 
 
@@ -76,9 +78,17 @@ class Touching:
     normal: Array | None = None  # (2, k) along which the forces act, if this step found them
 
     @cached_property
-    def extent(self) -> float:
-        """How far from the origin things are [m]."""
-        return float(np.abs(self.step.bulk.assembly.sheets.position).max(initial=0.0))
+    def noise(self) -> float:
+        """What rounding of positions does to velocities of gaps [m/s]."""
+        extent = float(np.abs(self.step.bulk.assembly.sheets.position).max(initial=0.0))
+        return 4.0 * float(np.finfo(float).eps) * extent / self.step.dt
+
+    @property
+    def round_off(self) -> float:
+        """The size of the push that such gaps would make [kg/s]; none before the first solve."""
+        if self.last is None or self.last.key.size == 0:
+            return 0.0
+        return ROUNDING * float(np.linalg.norm(self.noise / np.maximum(self.last.scale[0], 1e-300)))
 
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
@@ -200,10 +210,10 @@ class Touching:
         if turns is not None:
             rest = turns.Z @ moved - W[k:, :k] @ known
             linear = coulomb.Linear(W[k:, :k], W[k:, k:] + turns.compliance, rest, W[:k, k:])
-        self._measure_by(contacts.diagonal(), q)
-        tol = self.step.scheme.contact_tol
+        self.last = self._measure_by(contacts.diagonal(), q)
+        relative: dict[str, Any] = {"tol": self.step.scheme.contact_tol, "reference": self.last.reference}
         limit = {} if linear is None else {"iterations": PATIENCE}
-        r, info = coulomb.solve(contacts, q, rows.friction, r0=known, tol=tol, linear=linear, **limit)
+        r, info = coulomb.solve(contacts, q, rows.friction, r0=known, linear=linear, **relative, **limit)
         self.iterations, self.stopped = self.iterations + info.iterations, info.residual
         self.timer.lap("contact")
         if not info.converged:
@@ -211,12 +221,16 @@ class Touching:
             return None
         return r, info.linear
 
-    def _measure_by(self, diagonal: Array, q: Array) -> None:
-        """Make residuals relative to the size of q, or to what the rounding of positions makes of it."""
-        noise = 4.0 * np.finfo(float).eps * self.extent / self.step.dt
-        size = float(np.linalg.norm(np.maximum(np.abs(q), noise) / np.sqrt(np.maximum(diagonal, 1e-300))))
+    def _measure_by(self, diagonal: Array, q: Array) -> Measure:
+        """Residuals are relative to the size of q where contacts close, or to what rounding makes `gap_tol` of.
+
+        Contacts that stay open do not count: how far they are says nothing of how large forces are.
+        """
         scale = diagonal.reshape(-1, 2).T if self.rows.tangential else np.stack([diagonal, diagonal])
-        self.last = Measure(self.rows.key, scale, max(size, 1e-300))
+        u = q.reshape(self.rows.size, -1)
+        closing = np.where(u[:, :1] < 0.0, np.abs(u), 0.0).ravel()
+        size = np.maximum(closing, self.noise / self.step.scheme.gap_tol) / np.sqrt(np.maximum(diagonal, 1e-300))
+        return Measure(self.rows.key, scale, max(float(np.linalg.norm(size)), 1e-300))
 
     def _push(self) -> Array:
         return self.step.scheme.theta * self.rows.at_nodes(self.rows.D.T @ self.r)

@@ -31,13 +31,14 @@ class Budget:
     external: float  # work in the step
     push_out: float
     noise: float  # of energies, by rounding
+    tolerated: float  # what the tolerances of contacts, and gaps that are there by rounding, may give
 
     @property
     def gained(self) -> float:
         """What nothing gave, relative to the largest of all."""
         after = self.kinetic + self.elastic
         largest = max(abs(self.before), abs(after), abs(self.external), self.push_out, self.noise)
-        return (after - self.before - self.external - self.push_out) / largest
+        return (after - self.before - self.external - self.push_out - self.tolerated) / largest
 
 
 def budget_of(increment: Increment, solution: Solution, displacement: Array) -> Budget:
@@ -46,11 +47,13 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
     moving = increment.scheme.inertia
     start, end = (bulk.energy(bulk.at(u)) + anchored for u in (increment.start, displacement))
     external = float(increment.force @ w * increment.dt - solution.reaction @ increment.told)
-    push_out = 0.0
+    push_out = tolerated = 0.0
     if solution.touching is not None:
-        rows, r = solution.touching.rows, solution.touching.r
+        rows, r, u = solution.touching.rows, solution.touching.r, solution.touching.u
         external -= float(r @ rows.given_components)  # the work of walls and rigid bodies
         push_out = float(rows.forces(r, increment.dt)[0] @ rows.pushed)
+        tolerated = float(bulk.assembly.mass.sum()) * solution.touching.noise**2
+        tolerated += float(np.maximum((r * u).reshape(rows.size, -1).sum(axis=1), 0.0).sum()) if rows.size else 0.0
     return Budget(
         before=start + (kinetic_energy(bulk.assembly, increment.v0) if moving else 0.0),
         kinetic=kinetic_energy(bulk.assembly, increment.after(w)) if moving else 0.0,
@@ -58,6 +61,7 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
         external=external,
         push_out=push_out,
         noise=max(ROUNDING**2 * bulk.modulus * float(bulk.assembly.volume.sum()), 1e-300),
+        tolerated=tolerated,
     )
 
 

@@ -165,6 +165,21 @@ def test_the_state_at_t_0_holds_the_contacts_there():
 # --- failures and checkpoints
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+@pytest.mark.parametrize("overlap", [0.0, 1e-12])
+def test_bodies_that_overlap_by_rounding_rest(friction, overlap):
+    """Boxes side by side, i L + L being more than (i + 1) L for some i, or by 1e-12 R: nothing is pushed away."""
+    side = 0.01
+    bodies = [
+        Body(box((i * side - overlap * i * R, 0.0), (side, side), spacing=side / 10), NeoHookean(1e6, 0.3, 1e3))
+        for i in range(7)
+    ]
+    scene = Scene(bodies, cell=side / 6, friction=friction)
+    states = list(simulate(scene, dt=1e-4, until=2e-3))
+    assert sum(state.report.retries for state in states) == 0
+    assert np.abs(states[-1].v).max() <= 10.0 * (overlap * R + 1e-16) / 1e-4
+
+
 def test_a_failed_step_gives_back_the_very_state_it_was_given():
     scene = squeeze(speed=5.0)
     for scheme in (Scheme(max_newton=1), Scheme(max_newton=1, anchor=0.0)):

@@ -135,6 +135,20 @@ def test_a_heavy_disc_on_a_light_one_does_not_sink(solver):
     assert abs(found.creep) < 1e-4
 
 
+@pytest.mark.parametrize("spacing", [8, 12])
+def test_a_grain_of_gel_rests_under_its_own_weight(spacing):
+    """The seed's disc, 1 mm and 10 MPa: it gives way by a millionth of R, and other contacts near by are far from that.
+
+    Full steps throughout, and after 5 ms the floor bears the weight within 0.1 %.
+    """
+    r = 1e-3
+    grain = Body(disc((0.0, r), r, spacing=r / spacing), NeoHookean(1e7, 0.45, 990.0))
+    scene = Scene([grain], cell=r / 5.0, walls=[Wall((0, 0), (0, 1), friction=0.5)], gravity=(0.0, -9.81))
+    states = list(simulate(scene, dt=1.5e-5, until=5e-3))
+    assert sum(state.report.retries for state in states) == 0
+    assert -states[-1].wall_force[0, 1] == pytest.approx(9.81 * states[-1].mass.sum(), rel=1e-3)
+
+
 # The table and its figures.
 
 PILES, BURDENS = range(4), 20
