@@ -34,7 +34,7 @@ class Scheme:
     explicit : forces of the start of the step instead of its end, A the lumped mass and a ghost penalty on
         accelerations; dt must stay below about 0.7 h/c
     linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which picks by size
-    max_newton : Newton iterations after which a step fails
+    max_newton : Newton iterations after which a step fails; where things touch and have inertia it does after eight
     """
 
     theta: float = 1.0

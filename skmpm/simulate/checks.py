@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 TRAVEL = 1.0  # [cells] in one step; contact finds what is less than a cell deep
 SUNK = 0.05  # [cells] of a point behind a wall
 DEEP = 0.25  # [cells] of one body in another
-GAIN = 5e-7  # of the energies: a minimiser of the incremental potential loses some
+GAIN = 5e-7  # of the energies: backward Euler loses some, but where their potential curves downwards
 UNSTABLE = 0.05  # the same in an explicit step, which swings about the energy it keeps
 
 

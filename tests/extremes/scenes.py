@@ -141,7 +141,7 @@ def gap_of(dials: Dials) -> float:
 
 
 def squeeze(dials: Dials) -> Case:
-    """Discs of radii 0.7 to 1.2 in a box, or a lattice of other shapes, squeezed by a lid; friction everywhere."""
+    """Discs of radii 0.74 to 1.26 R in a box, or a lattice of other shapes, squeezed by a lid, with friction."""
     n = 12 if dials.bodies is None else dials.bodies
     centres, radii, width, height = _packed(n, dials)
     solid = float((np.pi if dials.shape == "disc" else 4.0) * (radii**2).sum())

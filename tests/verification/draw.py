@@ -39,8 +39,10 @@ MODULES = (
 HEAD = """# Verification
 
 Every line below is measured by the function that its test calls, with larger sizes where the test takes a short
-version; `python tests/verification/draw.py` measures all of them anew and writes this page and its figures. A goal
-that is missed says so, with its true figure and the reason.
+version; `python tests/verification/draw.py` measures them anew and writes this page and its figures. Only the
+packings of 100 and 300 discs are read from the tables that `tests/verification/packings.py` leaves in
+docs/verification/packings, made in two hours with the version of their commit. A goal that is missed says so, with
+its true figure and the reason.
 """
 
 

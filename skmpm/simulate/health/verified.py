@@ -151,7 +151,7 @@ def _scheme(scene: Scene, health: Health, scheme: Scheme) -> Lines:
         verified = "collisions of two were verified, lasting contact was with theta = 1"
         yield f"scheme: theta = {scheme.theta:g} with contact; {verified}; use theta = 1"
     if scheme.contact is shared_nodes:
-        verified = "they stop bodies one to two and a half cells apart"
+        verified = "bodies feel each other one to two and a half cells too early"
         yield f"scheme: contact = shared_nodes; {verified}; use contact.outlines unless you want the seed's method"
     slides = any(isinstance(body.material, NeoHookean) for body in scene.bodies) and health.friction == 0.0
     if slides and not scheme.inertia:
