@@ -192,12 +192,18 @@ _GIVE = "give a file written by skmpm.save"
 _GO_BACK = "go back to an earlier checkpoint or start the run again"
 
 
+def writable(path: str | Path) -> Path:
+    """The place to write, a link followed; FileNotFoundError where there is no directory for it."""
+    path = Path(path).resolve()
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path}: there is no directory {path.parent}; make it first")
+    return path
+
+
 @contextmanager
 def _replacing(path: Path) -> Iterator[IO[bytes]]:
     """Yield a file that takes the place of `path` once it is safely on the disk; removed on any failure."""
-    path = path.resolve()  # a link stays a link
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no directory {path.parent}; make it first")
+    path = writable(path)
     temporary = path.parent / f".skmpm-{uuid4().hex}.tmp"
     try:
         with temporary.open("xb") as file:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.io.checkpoint import writable
 from skmpm.material import LinearElastic, NeoHookean, determinant
 from skmpm.scene import Scene, State
 
@@ -51,10 +52,12 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     ------
     ImportError
         without h5py
+    FileNotFoundError
+        when there is no directory for the file
     ValueError
         when the file to be continued is no recording of this scene
     """
-    path = Path(path)
+    path = writable(path)
     again = append and path.exists()
     with _open(path, "r+" if again else "w") as file:
         if again:

@@ -12,7 +12,7 @@ from skmpm.observe.bodies import PerBody, away_from_walls, per_body
 from skmpm.observe.network import half_branches, moments
 from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
 from skmpm.outline import Outlines
-from skmpm.scene import Scene, State
+from skmpm.scene import Scene, State, check_fits
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -64,6 +64,7 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     pressure on walls is nan then.
     Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147.
     """
+    check_fits(scene, state, "observe")
     rim = scene.outlines
     bodies = per_body(scene, state, rim, interior=interior)
     own = bodies.counted

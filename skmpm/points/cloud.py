@@ -19,7 +19,9 @@ class Points:
     """Material points of one body and, if it has one, its outline.
 
     `outline` holds closed loops of indices of the points on the rim, in order: outer loops counter-clockwise,
-    holes clockwise; the last point of a loop is joined to its first. Only types are converted: see `check`.
+    holes clockwise; the last point of a loop is joined to its first. Bodies touch on curves through the rim
+    points; where the rim turns by more than 50 degrees it has a corner, where it turns by less it is taken for round.
+    Arrays are copied and their types converted; they are not checked: see `check`.
     """
 
     x: Floats  # (2, n) [m]
@@ -27,9 +29,9 @@ class Points:
     outline: tuple[Integers, ...] = ()  # one (m,) per loop
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "x", np.asarray(self.x, dtype=np.float64))
-        object.__setattr__(self, "volume", np.asarray(self.volume, dtype=np.float64))
-        object.__setattr__(self, "outline", tuple(np.asarray(loop, dtype=np.int64) for loop in self.outline))
+        object.__setattr__(self, "x", np.array(self.x, dtype=np.float64))
+        object.__setattr__(self, "volume", np.array(self.volume, dtype=np.float64))
+        object.__setattr__(self, "outline", tuple(np.array(loop, dtype=np.int64) for loop in self.outline))
 
     @property
     def n(self) -> int:

@@ -26,7 +26,9 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
 
     Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
     rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of rim
-    corners and midpoints are the outline, the largest first. The volumes add up to the area of the mesh.
+    corners and midpoints are the outline, the largest first. The volumes add up to the area of the mesh. A mesh of
+    several parts is not cut: for a Body of each give one part at a time. Polygons of eight and more sides are taken
+    for round: see `Points`.
 
     Parameters
     ----------
@@ -68,6 +70,11 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
 
 def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
     """Nodes in use (2, n) and, per type, the nodes of each cell (corners, cells), counter-clockwise."""
+    if not (hasattr(mesh, "cells") and hasattr(mesh, "points")):
+        raise ValueError(
+            f"the mesh is a {type(mesh).__name__}; give a meshio.Mesh, as meshio.read(path) or, of a mesh of"
+            " scikit-fem, skfem.io.meshio.to_meshio(mesh)"
+        )
     if others := sorted({block.type for block in mesh.cells} - {*CORNERS, *NOT_AREAS}):
         raise ValueError(f"the mesh has cells of type {others}; give cells of type 'triangle' and 'quad'")
     data = [[block.data for block in mesh.cells if block.type == kind and len(block.data)] for kind in CORNERS]

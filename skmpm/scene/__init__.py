@@ -1,5 +1,6 @@
 """What is simulated (Scene) and where it stands (State), with the checks that speak to the user."""
 
+from skmpm.scene.check import check_fits
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, Derived, Energy, Pace, Report, State, StepFailed
@@ -18,6 +19,7 @@ __all__ = [
     "StepFailed",
     "Support",
     "Wall",
+    "check_fits",
     "field_values",
     "motion",
 ]

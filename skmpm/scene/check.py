@@ -11,13 +11,17 @@ from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.outline import Outlines, area, lens_depth, overlap
 from skmpm.points import Points
 from skmpm.points import check as check_points
+from skmpm.points.cloud import signed_area
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, vector
 from skmpm.scene.places import Place
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
+    from skmpm.scene.state import State
 
 Array = NDArray[np.float64]
+
+MISFIT = 1.5  # of the volume of points and the area in their outline; a rim of five points bounds 0.76 of its disc
 
 
 def check(scene: Scene) -> None:
@@ -34,7 +38,11 @@ def check(scene: Scene) -> None:
         )
     if callable(scene.gravity):
         X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
-        field_values("gravity(X, t) at t = 0", scene.gravity(X, 0.0), X)
+        try:
+            value = scene.gravity(X, 0.0)
+        except TypeError as error:
+            raise SceneError(f"gravity(X, t): {error}; give a function of positions and time") from error
+        field_values("gravity(X, t) at t = 0", value, X)
     else:
         vector("gravity", scene.gravity)
     for i, wall in enumerate(scene.walls):
@@ -59,11 +67,28 @@ def _check_body(name: str, body: Body) -> None:
         raise SceneError(f"{name}: material is {material!r}; use LinearElastic, NeoHookean or Rigid")
     _positive(f"{name}: density", material.density, "a density in kg/m3")
     if not isinstance(material, Rigid):
+        _check_outline(name, body.points)
         _positive(f"{name}: Young's modulus E", material.E, "a modulus in Pa")
         nu = _number(f"{name}: Poisson's ratio nu", material.nu, "give one between -1 and 0.5")
         if not -1.0 < nu < 0.5:
             raise SceneError(f"{name}: Poisson's ratio nu = {nu}; it lies between -1 and 0.5, both excluded")
     _check_motion(name, body)
+
+
+def _check_outline(name: str, points: Points) -> None:
+    """What a deformable body fills is one piece, as large as its points say."""
+    areas = np.array([signed_area(points.x[:, loop]) for loop in points.outline])
+    if (areas > 0.0).sum() > 1:
+        raise SceneError(
+            f"{name}: its outline has {(areas > 0.0).sum()} outer loops; parts of one body do not touch each other,"
+            " make a Body of each"
+        )
+    inside, volume = float(areas.sum()), float(points.volume.sum())
+    if points.outline and not 1.0 / MISFIT < volume / inside < MISFIT:
+        raise SceneError(
+            f"{name}: its points have a volume of {volume:.4g} m2 in all, its outline bounds {inside:.4g} m2; scale"
+            " both alike"
+        )
 
 
 def _check_motion(name: str, body: Body) -> None:
@@ -159,6 +184,23 @@ def _first_overlap(scene: Scene, rim: Outlines, x: Array, slack: float) -> tuple
     if depth[worst] <= slack:
         return None
     return int(pairs[0, worst]), int(pairs[1, worst]), float(depth[worst])
+
+
+def check_fits(scene: Scene, state: State, name: str) -> None:
+    """Raise SceneError unless a state, called `name` to the user, can be one of this scene."""
+    body = np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
+    for what, found, wanted in (
+        ("points", state.x.shape[1], scene.initial_positions.shape[1]),
+        ("walls", len(state.walls), len(scene.walls)),
+        ("supports", len(state.support_force), len(scene.supports)),
+    ):
+        if found != wanted:
+            raise SceneError(f"{name}: the state has {found} {what}, the scene {wanted}; {_ITS_OWN}")
+    if not np.array_equal(state.body, body):
+        raise SceneError(f"{name}: the state's points belong to other bodies than the scene's; {_ITS_OWN}")
+
+
+_ITS_OWN = "continue with the scene that the state was made from"
 
 
 def _number(name: str, value: float, remedy: str) -> float:

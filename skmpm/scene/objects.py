@@ -30,7 +30,7 @@ class Body:
     points : its points and outline
     material : LinearElastic, NeoHookean or Rigid
     velocity : (2,) [m/s], or a function of positions (2, n) -> (2, n) at t = 0; for `Rigid` (2,) or a function of
-        time t -> (2,) for the whole run
+        time t -> (2,) for the whole run, taken at the middle of each step
     spin : initial angular velocity about the centre of mass [rad/s], counter-clockwise
     """
 
@@ -48,7 +48,7 @@ class Wall:
     ----------
     point : (2,) [m] at t = 0
     normal : (2,)
-    velocity : (2,) [m/s] or a function of time t -> (2,)
+    velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step
     friction : Coulomb coefficient against every body
     """
 
@@ -83,7 +83,7 @@ class Load:
     Parameters
     ----------
     where : positions (2, n) [m] -> (n,) bool
-    force : (2,) in total [N/m] or a function of time t -> (2,)
+    force : (2,) in total [N/m] or a function of time t -> (2,), taken at t + theta dt of each step from t on
     """
 
     where: Where

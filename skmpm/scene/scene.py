@@ -31,7 +31,8 @@ class Scene:
     supports : material that moves as told
     loads : dead loads
     friction : Coulomb coefficient between bodies
-    gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n)
+    gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n), taken at t + theta dt of
+        each step from t on
 
     Raises
     ------

@@ -7,14 +7,14 @@ from pathlib import Path
 from time import perf_counter
 
 from skmpm.implicit import NotConverged
-from skmpm.io import save
+from skmpm.io import save, writable
 from skmpm.progress import Progress
-from skmpm.scene import Scene, SceneError, State
+from skmpm.scene import Scene, SceneError, State, check_fits
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.anchor import check_whole
 from skmpm.simulate.pace import ROUNDING, advanced, asked
-from skmpm.simulate.start import check_fits, initial
+from skmpm.simulate.start import initial
 
 CHECKPOINT_EVERY = 30.0  # [s]
 
@@ -46,14 +46,20 @@ def simulate(
     SceneError
         when `start` is not a state of this scene, a velocity, load or gravity is not finite
     ValueError
-        when dt or until is not a time
+        when dt or until is not a time, the scheme no Scheme, the start no State
+    FileNotFoundError
+        when there is no directory for the checkpoint
     """
+    if not isinstance(scheme, Scheme):
+        raise ValueError(f"simulate: scheme = {scheme!r}; give a Scheme, as skmpm.Scheme.fast()")
+    if start is not None and not isinstance(start, State):
+        raise ValueError(f"simulate: start = {start!r}; give a State, as skmpm.load(path)")
     check_time("simulate: dt", dt, SHORTEST, "a time step greater than zero")
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:
-        check_fits(scene, start)
+        check_fits(scene, start, "start")
     first = asked(_first(scene, scheme) if start is None else start, float(dt))
-    return _run(scene, first, until, scheme, progress, None if checkpoint is None else Path(checkpoint))
+    return _run(scene, first, until, scheme, progress, None if checkpoint is None else writable(checkpoint))
 
 
 def _first(scene: Scene, scheme: Scheme) -> State:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import Rigid
-from skmpm.scene import Contacts, Energy, Report, Scene, SceneError, State, field_values, motion
+from skmpm.scene import Contacts, Energy, Report, Scene, State, field_values, motion
 from skmpm.scheme import Scheme
 from skmpm.simulate.anchor import anchored, assembly_of
 from skmpm.simulate.report import kinetic_energy
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """The state at t = 0, with the contacts found there."""
-    x, volume = scene.initial_positions, scene.initial_volumes
+    x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
     density = np.array([b.material.density for b in scene.bodies])
     v, C = initial_motion(scene)
@@ -92,23 +92,6 @@ def _field(velocity: object, x: Array, reach: float) -> tuple[Array, Array]:
 
     columns = [(at(x + s[:, None]) - at(x - s[:, None])) / (2.0 * reach) for s in steps]
     return at(x), np.stack(columns, axis=1)
-
-
-def check_fits(scene: Scene, state: State) -> None:
-    """Raise SceneError unless a state can be one of this scene."""
-    body = np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
-    for what, found, wanted in (
-        ("points", state.x.shape[1], scene.initial_positions.shape[1]),
-        ("walls", len(state.walls), len(scene.walls)),
-        ("supports", len(state.support_force), len(scene.supports)),
-    ):
-        if found != wanted:
-            raise SceneError(f"start: the state has {found} {what}, the scene {wanted}; {_ITS_OWN}")
-    if not np.array_equal(state.body, body):
-        raise SceneError(f"start: the state's points belong to other bodies than the scene's; {_ITS_OWN}")
-
-
-_ITS_OWN = "continue with the scene that the state was made from"
 
 
 def driven(scene: Scene) -> Iterator[tuple[str, float]]:

@@ -526,6 +526,8 @@ with record({str(path)!r}, discs()) as film:
 
 def test_misuse_of_a_recording_is_explained(tmp_path, states):
     path, scene = tmp_path / "s", discs()
+    with pytest.raises(FileNotFoundError, match=r"there is no directory .*none; make it first"):
+        write(tmp_path / "none" / "s", scene, [])
     with record(path, scene) as film:
         film.write(states[1])
         for late in (states[1], states[0], replace(states[1], t=float("nan"))):

@@ -12,7 +12,7 @@ from skmpm.observe import observe
 from skmpm.observe.regions import area_inside, contains, region, share_inside
 from skmpm.outline import outlines
 from skmpm.points import Points, disc
-from skmpm.scene import Body, Contacts, Scene, Wall
+from skmpm.scene import Body, Contacts, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate
 
@@ -254,7 +254,7 @@ def test_a_rim_forced_all_around_is_contact_all_around():
     angle = 2 * np.pi * np.arange(24) / 24
     circle = np.array((np.cos(angle), np.sin(angle)))
     ring = np.hstack([1.5 * circle, circle[:, ::-1]])
-    hull = Body(Points(ring, np.full(48, 0.05), (np.arange(24), np.arange(24, 48))), SOFT)
+    hull = Body(Points(ring, np.full(48, 0.08), (np.arange(24), np.arange(24, 48))), SOFT)
     scene = Scene([polygon(circle, np.pi), hull], cell=0.2)
     state = initial(scene)
     touching = state.contacts.gap < 1e-9
@@ -662,6 +662,14 @@ def test_order_of_the_bodies_does_not_matter(seed, order):
     np.testing.assert_allclose(a.stress, b.stress, atol=1e-12)
     for f in fields(a.bodies):
         np.testing.assert_allclose(getattr(a.bodies, f.name)[..., order], getattr(b.bodies, f.name), atol=1e-9)
+
+
+def test_a_state_of_another_scene_is_refused():
+    few, more = (
+        Scene([Body(disc((3.0 * i, 0.0), 1.0, spacing=0.4), SOFT) for i in range(n)], cell=0.4) for n in (1, 2)
+    )
+    with pytest.raises(SceneError, match=r"observe: the state has .* points, the scene .*; continue with the scene"):
+        observe(few, initial(more))
 
 
 def test_observing_changes_nothing():

@@ -261,6 +261,8 @@ def test_bad_meshes_are_refused(mesh, words):
 
 @pytest.mark.parametrize("order", [-1, 20])
 def test_orders_without_a_rule_are_refused(order):
+    with pytest.raises(ValueError, match=r"the mesh is a str; give a meshio.Mesh, as meshio.read\(path\)"):
+        from_mesh("grain.msh")
     with pytest.raises(ValueError, match="order is"):
         from_mesh(MESHES["triangles"](), order=order)
 

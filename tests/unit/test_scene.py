@@ -29,6 +29,10 @@ def wall(point=(0.0, -R), normal=(0.0, 1.0), **options):
     return scene(walls=[Wall((0.0, 9.0), (0.0, -1.0)), Wall(point, normal, **options)])
 
 
+def two_loops():
+    return (*at(0).outline, *(loop + at(0).n for loop in at(0).outline))
+
+
 def moved(points, index, value):
     x = points.x.copy()
     x[:, index] = value
@@ -53,6 +57,18 @@ BAD = {
     "cell none": (lambda: scene(cell=None), "cell = None.*metres"),
     "cell text": (lambda: scene(cell="fine"), "cell = 'fine'.*metres"),
     "cell pair": (lambda: scene(cell=(1.0, 1.0)), r"cell = \(1.0, 1.0\).*metres"),
+    "two parts in one body": (
+        lambda: scene(Points(np.hstack([at(0).x, at(3).x]), np.tile(at(0).volume, 2), two_loops())),
+        "body 0: its outline has 2 outer loops; .*make a Body of each",
+    ),
+    "points stretched, volumes not": (
+        lambda: scene(Points([[2.0], [1.0]] * ROUND.x, ROUND.volume, ROUND.outline)),
+        "body 0: its points have a volume of 3.142 m2 in all, its outline bounds 6.*scale both",
+    ),
+    "gravity of time alone": (
+        lambda: scene(gravity=lambda t: (0.0, -10.0)),
+        r"gravity\(X, t\): .*takes 1 positional argument.*a function of positions and time",
+    ),
     "no points": (lambda: scene(Points(np.zeros((2, 0)), np.zeros(0))), r"body 0.*\(2, 0\).*n > 0"),
     "points nan": (lambda: scene(moved(ROUND, 7, np.nan)), "body 0.*point 7 is not finite"),
     "points turned": (lambda: scene(Points(ROUND.x.T, ROUND.volume)), r"body 0.*components first"),

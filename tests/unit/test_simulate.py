@@ -10,7 +10,7 @@ import pytest
 from skmpm.io import load, save
 from skmpm.linear import banded
 from skmpm.material import LinearElastic, NeoHookean
-from skmpm.points import box, disc
+from skmpm.points import Points, box, disc
 from skmpm.scene import Body, Load, Scene, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
@@ -91,6 +91,34 @@ def test_a_time_step_that_is_none_is_refused(dt):
 def test_an_end_that_is_none_is_refused(until):
     with pytest.raises(ValueError, match=r"simulate: until = "):
         list(simulate(free(), dt=1e-5, until=until))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"scheme": "fast"}, r"scheme = 'fast'; give a Scheme, as skmpm.Scheme.fast\(\)"),
+        ({"start": "run.chk"}, r"start = 'run.chk'; give a State, as skmpm.load\(path\)"),
+    ],
+)
+def test_what_is_no_scheme_and_no_state_is_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        simulate(free(), dt=1e-5, until=1e-4, **options)
+
+
+def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_run(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"there is no directory .*none; make it first"):
+        simulate(free(), dt=1e-5, until=1e-4, checkpoint=tmp_path / "none" / "run.chk")
+
+
+def test_what_becomes_of_a_state_or_of_what_bodies_were_made_from_does_not_change_the_scene():
+    """Positions in millimetres for a plot; one buffer for all bodies."""
+    points = disc((0.0, 0.0), R, spacing=0.5 * CELL)
+    buffer = points.x.copy()
+    scene = Scene([Body(Points(buffer, points.volume, points.outline), LINEAR)], cell=CELL)
+    buffer += 3.0 * R
+    x = initial(scene).x
+    x *= 1e3
+    np.testing.assert_array_equal(initial(scene).x, points.x)
 
 
 SCHEMES = {
