@@ -31,14 +31,19 @@ class Budget:
     external: float  # work in the step
     push_out: float
     noise: float  # of energies, by rounding
+    exchanged: float  # kinetic, elastic and external, one with another
     tolerated: float  # what the tolerances of contacts, and gaps that are there by rounding, may give
+
+    @property
+    def surplus(self) -> float:
+        """What nothing gave."""
+        return self.kinetic + self.elastic - self.before - self.external - self.push_out - self.tolerated
 
     @property
     def gained(self) -> float:
         """What nothing gave, relative to the largest of all."""
         after = self.kinetic + self.elastic
-        largest = max(abs(self.before), abs(after), abs(self.external), self.push_out, self.noise)
-        return (after - self.before - self.external - self.push_out - self.tolerated) / largest
+        return self.surplus / max(abs(self.before), abs(after), abs(self.external), self.push_out, self.noise)
 
 
 def budget_of(increment: Increment, solution: Solution, displacement: Array) -> Budget:
@@ -46,6 +51,7 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
     bulk, w, anchored = increment.bulk, solution.w, _at_anchor(increment.bulk)
     moving = increment.scheme.inertia
     start, end = (bulk.energy(bulk.at(u)) + anchored for u in (increment.start, displacement))
+    kinetic = [kinetic_energy(bulk.assembly, v) if moving else 0.0 for v in (increment.v0, increment.after(w))]
     external = float(increment.force @ w * increment.dt - solution.reaction @ increment.told)
     push_out = tolerated = 0.0
     if solution.touching is not None:
@@ -55,12 +61,13 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
         tolerated = float(bulk.assembly.mass.sum()) * solution.touching.noise**2
         tolerated += float(np.maximum((r * u).reshape(rows.size, -1).sum(axis=1), 0.0).sum()) if rows.size else 0.0
     return Budget(
-        before=start + (kinetic_energy(bulk.assembly, increment.v0) if moving else 0.0),
-        kinetic=kinetic_energy(bulk.assembly, increment.after(w)) if moving else 0.0,
+        before=start + kinetic[0],
+        kinetic=kinetic[1],
         elastic=end,
         external=external,
         push_out=push_out,
         noise=max(ROUNDING**2 * bulk.modulus * float(bulk.assembly.volume.sum()), 1e-300),
+        exchanged=abs(kinetic[1] - kinetic[0]) + abs(end - start) + abs(external),
         tolerated=tolerated,
     )
 
