@@ -50,7 +50,7 @@ class Measure:
 
     key: Ints  # (k,)
     scale: Array  # (2, k) the diagonal of W
-    reference: float  # size of the right-hand side
+    reference: float  # size of the right-hand side where contacts close
 
 
 @dataclass
