@@ -295,7 +295,7 @@ def of_all(name, problem, runs, reference, test, extra=""):
             (f"overlap {overlap:.2g}", max(overlap, clipped) > OVERLAP),
             (f"gap {gap:.2g}", gap <= GAP),
             (f"Newton {mean:.2g}", mean > NEWTON),
-            (f"Newton's cap in {capped} steps", capped > 0),
+            (f"steps at Newton's cap: {capped}", capped > 0),
         )
         if bad
     ]
