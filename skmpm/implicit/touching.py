@@ -224,13 +224,17 @@ class Touching:
     def _measure_by(self, diagonal: Array, q: Array) -> Measure:
         """Residuals are relative to the size of q where contacts close, or to what rounding makes `gap_tol` of.
 
-        Contacts that stay open do not count: how far they are says nothing of how large forces are.
+        Contacts that stay open do not count: how far they are says nothing of how large forces are. Nor does how fast
+        contacts slide, beyond what friction can change of it.
         """
-        scale = diagonal.reshape(-1, 2).T if self.rows.tangential else np.stack([diagonal, diagonal])
-        u = q.reshape(self.rows.size, -1)
-        closing = np.where(u[:, :1] < 0.0, np.abs(u), 0.0).ravel()
-        size = np.maximum(closing, self.noise / self.step.scheme.gap_tol) / np.sqrt(np.maximum(diagonal, 1e-300))
-        return Measure(self.rows.key, scale, max(float(np.linalg.norm(size)), 1e-300))
+        rows = self.rows
+        scale = diagonal.reshape(-1, 2).T if rows.tangential else np.stack([diagonal, diagonal])
+        scale = np.maximum(scale, 1e-300)
+        speed = np.abs(q).reshape(rows.size, -1).T  # (1 or 2, k)
+        closing = np.where(q[:: len(speed)] < 0.0, speed, 0.0)
+        closing[1:] = np.minimum(closing[1:], rows.friction * closing[0] * (scale[1] / scale[0]))
+        size = np.maximum(closing, self.noise / self.step.scheme.gap_tol) / np.sqrt(scale[: len(speed)])
+        return Measure(rows.key, scale, max(float(np.linalg.norm(size)), 1e-300))
 
     def _push(self) -> Array:
         return self.step.scheme.theta * self.rows.at_nodes(self.rows.D.T @ self.r)

@@ -193,8 +193,10 @@ _GO_BACK = "go back to an earlier checkpoint or start the run again"
 
 
 def writable(path: str | Path) -> Path:
-    """The place to write, a link followed; FileNotFoundError where there is no directory for it."""
+    """The place to write, a link followed; FileNotFoundError, IsADirectoryError where no file can be."""
     path = Path(path).resolve()
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a directory; give a file in it")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no directory {path.parent}; make it first")
     return path

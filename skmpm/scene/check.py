@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import signature
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,14 +15,14 @@ from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, vector
 from skmpm.scene.places import Place
+from skmpm.scene.state import State
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
-    from skmpm.scene.state import State
 
 Array = NDArray[np.float64]
 
-MISFIT = 1.5  # of the volume of points and the area in their outline; a rim of five points bounds 0.76 of its disc
+MISFIT = 1.5  # of the volume of points and the area in their outline, which may leave out half a spacing
 
 
 def check(scene: Scene) -> None:
@@ -39,10 +40,10 @@ def check(scene: Scene) -> None:
     if callable(scene.gravity):
         X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
         try:
-            value = scene.gravity(X, 0.0)
+            signature(scene.gravity).bind(X, 0.0)
         except TypeError as error:
             raise SceneError(f"gravity(X, t): {error}; give a function of positions and time") from error
-        field_values("gravity(X, t) at t = 0", value, X)
+        field_values("gravity(X, t) at t = 0", scene.gravity(X, 0.0), X)
     else:
         vector("gravity", scene.gravity)
     for i, wall in enumerate(scene.walls):
@@ -84,10 +85,12 @@ def _check_outline(name: str, points: Points) -> None:
             " make a Body of each"
         )
     inside, volume = float(areas.sum()), float(points.volume.sum())
-    if points.outline and not 1.0 / MISFIT < volume / inside < MISFIT:
+    ends = [points.x[:, np.roll(loop, -1)] - points.x[:, loop] for loop in points.outline]
+    beyond = sum(float(np.hypot(*edge).sum()) for edge in ends) * 0.5 * np.sqrt(volume / points.n)
+    if points.outline and not inside / MISFIT < volume < MISFIT * (inside + beyond):
         raise SceneError(
-            f"{name}: its points have a volume of {volume:.4g} m2 in all, its outline bounds {inside:.4g} m2; scale"
-            " both alike"
+            f"{name}: its points have a volume of {volume:.4g} m2 in all, its outline bounds {inside:.4g} m2; give"
+            " volumes in m2 that add up to the body, and an outline along its rim"
         )
 
 
@@ -188,6 +191,8 @@ def _first_overlap(scene: Scene, rim: Outlines, x: Array, slack: float) -> tuple
 
 def check_fits(scene: Scene, state: State, name: str) -> None:
     """Raise SceneError unless a state, called `name` to the user, can be one of this scene."""
+    if not isinstance(state, State):
+        raise SceneError(f"{name}: {state!r} is no State; give one, as skmpm.load(path)")
     body = np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
     for what, found, wanted in (
         ("points", state.x.shape[1], scene.initial_positions.shape[1]),

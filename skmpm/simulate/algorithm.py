@@ -9,13 +9,13 @@ import numpy as np
 
 from skmpm.implicit import Increment, NotConverged, Timer, Touching, advance
 from skmpm.linear import Response, one_thread
-from skmpm.scene import Scene, State, StepFailed
+from skmpm.scene import Scene, State, StepFailed, check_fits
 from skmpm.scheme import Scheme
 from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, check_whole, derived_of
 from skmpm.simulate.checks import check_step
 from skmpm.simulate.forces import external_force, told
 from skmpm.simulate.report import budget_of, report_of
-from skmpm.simulate.start import can_touch
+from skmpm.simulate.start import can_touch, check_scheme
 from skmpm.simulate.update import kept_solver, moved
 from skmpm.transfer import to_nodes
 
@@ -31,8 +31,11 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         when the step's equations are not solved, or where it leads cannot be (`simulate.checks`); its `state` is the
         one given here
     ValueError
-        when dt is not a time; SceneError when a prescribed velocity, load or gravity is not finite
+        when dt is not a time, the scheme no Scheme; SceneError when the state is none of this scene, a prescribed
+        velocity, load or gravity not finite
     """
+    check_scheme("step", scheme)
+    check_fits(scene, state, "step")
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, given = Timer(), state
     state = anchored(scene, given, scheme)

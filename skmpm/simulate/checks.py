@@ -46,9 +46,10 @@ def _check_energy(scheme: Scheme, halvings: int, after: State, budget: Budget) -
     times the square of the way: a share of what the step exchanges that falls with its length.
     """
     curved = not scheme.explicit and halvings >= HALVINGS and budget.surplus <= CURVED * budget.exchanged
-    if not curved and budget.gained > (UNSTABLE if scheme.explicit else GAIN):
+    gained = budget.surplus / budget.largest
+    if not curved and gained > (UNSTABLE if scheme.explicit else GAIN):
         b = after.body[np.argmin(determinant(after.F))]
-        raise NotConverged(f"body {b}", f"the bodies gain {100 * budget.gained:.2g} % of energy from nothing")
+        raise NotConverged(f"body {b}", f"the bodies gain {100 * gained:.2g} % of energy from nothing")
 
 
 def _check_travel(scene: Scene, before: State, after: State) -> None:

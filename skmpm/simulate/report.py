@@ -13,6 +13,7 @@ from skmpm.scene import Energy, Report
 
 Array = NDArray[np.float64]
 
+TOLERATED = 2e-6  # of the energies, that tolerances may give in a step
 ROUNDING = 100.0 * float(np.finfo(float).eps)  # of strains
 
 
@@ -32,18 +33,20 @@ class Budget:
     push_out: float
     noise: float  # of energies, by rounding
     exchanged: float  # kinetic, elastic and external, one with another
-    tolerated: float  # what the tolerances of contacts, and gaps that are there by rounding, may give
+    tolerated: float  # given by contacts that act and are open, as far as their tolerances let them
+    rounding: float  # given by gaps that are there by rounding
+
+    @property
+    def largest(self) -> float:
+        """The largest energy of all."""
+        after = self.kinetic + self.elastic
+        return max(abs(self.before), abs(after), abs(self.external), self.push_out, self.noise)
 
     @property
     def surplus(self) -> float:
-        """What nothing gave."""
-        return self.kinetic + self.elastic - self.before - self.external - self.push_out - self.tolerated
-
-    @property
-    def gained(self) -> float:
-        """What nothing gave, relative to the largest of all."""
-        after = self.kinetic + self.elastic
-        return self.surplus / max(abs(self.before), abs(after), abs(self.external), self.push_out, self.noise)
+        """What neither anything nor the tolerances gave."""
+        tolerated = min(self.tolerated, TOLERATED * self.largest) + self.rounding
+        return self.kinetic + self.elastic - self.before - self.external - self.push_out - tolerated
 
 
 def budget_of(increment: Increment, solution: Solution, displacement: Array) -> Budget:
@@ -53,13 +56,13 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
     start, end = (bulk.energy(bulk.at(u)) + anchored for u in (increment.start, displacement))
     kinetic = [kinetic_energy(bulk.assembly, v) if moving else 0.0 for v in (increment.v0, increment.after(w))]
     external = float(increment.force @ w * increment.dt - solution.reaction @ increment.told)
-    push_out = tolerated = 0.0
+    push_out = tolerated = rounding = 0.0
     if solution.touching is not None:
         rows, r, u = solution.touching.rows, solution.touching.r, solution.touching.u
         external -= float(r @ rows.given_components)  # the work of walls and rigid bodies
         push_out = float(rows.forces(r, increment.dt)[0] @ rows.pushed)
-        tolerated = float(bulk.assembly.mass.sum()) * solution.touching.noise**2
-        tolerated += float(np.maximum((r * u).reshape(rows.size, -1).sum(axis=1), 0.0).sum()) if rows.size else 0.0
+        rounding = float(bulk.assembly.mass.sum()) * solution.touching.noise**2
+        tolerated = float(np.maximum((r * u).reshape(rows.size, -1).sum(axis=1), 0.0).sum()) if rows.size else 0.0
     return Budget(
         before=start + kinetic[0],
         kinetic=kinetic[1],
@@ -69,6 +72,7 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
         noise=max(ROUNDING**2 * bulk.modulus * float(bulk.assembly.volume.sum()), 1e-300),
         exchanged=abs(kinetic[1] - kinetic[0]) + abs(end - start) + abs(external),
         tolerated=tolerated,
+        rounding=rounding,
     )
 
 

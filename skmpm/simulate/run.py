@@ -14,7 +14,7 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.anchor import check_whole
 from skmpm.simulate.pace import ROUNDING, advanced, asked
-from skmpm.simulate.start import initial
+from skmpm.simulate.start import check_scheme, initial
 
 CHECKPOINT_EVERY = 30.0  # [s]
 
@@ -44,16 +44,13 @@ def simulate(
     StepFailed
         when the shortest step's equations are not solved; its `state` is the last good one
     SceneError
-        when `start` is not a state of this scene, a velocity, load or gravity is not finite
+        when `start` is no state of this scene, a velocity, load or gravity is not finite
     ValueError
-        when dt or until is not a time, the scheme no Scheme, the start no State
+        when dt or until is not a time, the scheme no Scheme
     FileNotFoundError
         when there is no directory for the checkpoint
     """
-    if not isinstance(scheme, Scheme):
-        raise ValueError(f"simulate: scheme = {scheme!r}; give a Scheme, as skmpm.Scheme.fast()")
-    if start is not None and not isinstance(start, State):
-        raise ValueError(f"simulate: start = {start!r}; give a State, as skmpm.load(path)")
+    check_scheme("simulate", scheme)
     check_time("simulate: dt", dt, SHORTEST, "a time step greater than zero")
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """The state at t = 0, with the contacts found there."""
+    check_scheme("initial", scheme)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
     density = np.array([b.material.density for b in scene.bodies])
@@ -62,6 +63,12 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     nothing = np.zeros((2, rows.size))
     contacts = Contacts(rows.bodies, rows.x, rows.normal, nothing, rows.gap, rows.key, rows.point)
     return replace(state, contacts=contacts, report=at_start)
+
+
+def check_scheme(name: str, scheme: object) -> None:
+    """Raise ValueError unless a scheme is one; `name` says whose it is."""
+    if not isinstance(scheme, Scheme):
+        raise ValueError(f"{name}: scheme = {scheme!r}; give a Scheme, as skmpm.Scheme.fast()")
 
 
 def initial_motion(scene: Scene) -> tuple[Array, Array]:

@@ -63,11 +63,11 @@ BAD = {
     ),
     "points stretched, volumes not": (
         lambda: scene(Points([[2.0], [1.0]] * ROUND.x, ROUND.volume, ROUND.outline)),
-        "body 0: its points have a volume of 3.142 m2 in all, its outline bounds 6.*scale both",
+        "body 0: its points have a volume of 3.142 m2 in all, its outline bounds 6.*give volumes in m2",
     ),
     "gravity of time alone": (
         lambda: scene(gravity=lambda t: (0.0, -10.0)),
-        r"gravity\(X, t\): .*takes 1 positional argument.*a function of positions and time",
+        r"gravity\(X, t\): too many positional arguments; give a function of positions and time",
     ),
     "no points": (lambda: scene(Points(np.zeros((2, 0)), np.zeros(0))), r"body 0.*\(2, 0\).*n > 0"),
     "points nan": (lambda: scene(moved(ROUND, 7, np.nan)), "body 0.*point 7 is not finite"),
@@ -232,3 +232,13 @@ def test_cells_without_points_do_not_exist():
     assert (ring.x <= lower + 0.25 + 1e-9).all()
     assert set(np.unique(sheets.nodes_of_cell)) == set(range(sheets.nodes))
     assert not ((sheets.cell_index == [[0], [0]]).all(axis=0)).any()
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (3, 3), (2, 30), (6, 6)])
+def test_an_outline_may_go_through_the_outermost_points_of_a_lattice(shape):
+    """It bounds less than the points' volumes: half a spacing is missing all around."""
+    nx, ny = shape
+    x, y = np.meshgrid(np.arange(nx), np.arange(ny))
+    number = np.arange(nx * ny).reshape(ny, nx)
+    rim = np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
+    Scene([Body(Points([x.ravel(), y.ravel()], np.ones(nx * ny), (rim,)), GEL)], cell=2.0)

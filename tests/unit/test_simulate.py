@@ -11,7 +11,7 @@ from skmpm.io import load, save
 from skmpm.linear import banded
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, box, disc
-from skmpm.scene import Body, Load, Scene, StepFailed, Support, Wall
+from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 from skmpm.transfer import flip, pic
@@ -97,7 +97,7 @@ def test_an_end_that_is_none_is_refused(until):
     ("options", "message"),
     [
         ({"scheme": "fast"}, r"scheme = 'fast'; give a Scheme, as skmpm.Scheme.fast\(\)"),
-        ({"start": "run.chk"}, r"start = 'run.chk'; give a State, as skmpm.load\(path\)"),
+        ({"start": "run.chk"}, r"start: 'run.chk' is no State; give one, as skmpm.load\(path\)"),
     ],
 )
 def test_what_is_no_scheme_and_no_state_is_refused(options, message):
@@ -105,9 +105,21 @@ def test_what_is_no_scheme_and_no_state_is_refused(options, message):
         simulate(free(), dt=1e-5, until=1e-4, **options)
 
 
+def test_a_step_and_the_initial_state_refuse_the_same():
+    one, two = free(), Scene([round_body(), round_body((3 * R, 0.0))], cell=CELL)
+    with pytest.raises(SceneError, match=r"step: the state has .* points, the scene"):
+        step(two, initial(one), 1e-5)
+    with pytest.raises(ValueError, match="step: scheme = 'fast'; give a Scheme"):
+        step(one, initial(one), 1e-5, scheme="fast")
+    with pytest.raises(ValueError, match="initial: scheme = 'fast'; give a Scheme"):
+        initial(one, scheme="fast")
+
+
 def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_run(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"there is no directory .*none; make it first"):
         simulate(free(), dt=1e-5, until=1e-4, checkpoint=tmp_path / "none" / "run.chk")
+    with pytest.raises(IsADirectoryError, match=r"is a directory; give a file in it"):
+        simulate(free(), dt=1e-5, until=1e-4, checkpoint=tmp_path)
 
 
 def test_what_becomes_of_a_state_or_of_what_bodies_were_made_from_does_not_change_the_scene():

@@ -149,6 +149,19 @@ def test_a_grain_of_gel_rests_under_its_own_weight(spacing):
     assert -states[-1].wall_force[0, 1] == pytest.approx(9.81 * states[-1].mass.sum(), rel=1e-3)
 
 
+def test_how_fast_a_frictionless_floor_slides_below_grains_does_not_matter():
+    """Two grains that touch with friction, on a floor without: at 20 m/s it bears them as it does at rest."""
+    r, gel = 1e-3, NeoHookean(1e7, 0.45, 990.0)
+    grains = [Body(disc((x, r), r, spacing=r / 8), gel) for x in (-1.05 * r, 1.05 * r)]
+
+    def borne(speed):
+        floor = Wall((0, 0), (0, 1), velocity=(speed, 0.0))
+        scene = Scene(grains, cell=r / 5.0, walls=[floor], friction=0.5, gravity=(0.0, -9.81))
+        return [-state.wall_force[0, 1] for state in simulate(scene, dt=1.5e-5, until=1.5e-3)]
+
+    assert borne(20.0) == pytest.approx(borne(0.0), rel=1e-6)
+
+
 # The table and its figures.
 
 PILES, BURDENS = range(4), 20
