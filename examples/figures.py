@@ -23,15 +23,7 @@ from study_claims import Row
 from study_curves import EARLY, Member, Study
 
 PAGE = "study.md"
-CURVES = (
-    "pressure",
-    "contact_surface",
-    "anisotropy",
-    "aspect_ratio",
-    "coordination",
-    "interior_fraction",
-    "interior_pressure",
-)
+CURVES = (*study_checks.CURVES, "interior_fraction", "interior_pressure")
 
 
 def table(header: tuple[str, ...], lines: list[tuple[str, ...]]) -> str:

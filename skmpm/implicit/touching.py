@@ -49,7 +49,7 @@ class Measure:
     """What residuals are relative to: that of the last contact solve."""
 
     key: Ints  # (k,)
-    scale: Array  # (2, k) the diagonal of W
+    scale: Array  # (2, k) the diagonal of W, not zero
     reference: float  # size of the right-hand side where contacts close
 
 
@@ -88,7 +88,7 @@ class Touching:
         """The size of the push that such gaps would make [kg/s]; none before the first solve."""
         if self.last is None or self.last.key.size == 0:
             return 0.0
-        return ROUNDING * float(np.linalg.norm(self.noise / np.maximum(self.last.scale[0], 1e-300)))
+        return ROUNDING * float(np.linalg.norm(self.noise / self.last.scale[0]))
 
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
@@ -211,9 +211,9 @@ class Touching:
             rest = turns.Z @ moved - W[k:, :k] @ known
             linear = coulomb.Linear(W[k:, :k], W[k:, k:] + turns.compliance, rest, W[:k, k:])
         self.last = self._measure_by(contacts.diagonal(), q)
-        relative: dict[str, Any] = {"tol": self.step.scheme.contact_tol, "reference": self.last.reference}
-        limit = {} if linear is None else {"iterations": PATIENCE}
-        r, info = coulomb.solve(contacts, q, rows.friction, r0=known, linear=linear, **relative, **limit)
+        tol, reference = self.step.scheme.contact_tol, self.last.reference
+        limit: dict[str, Any] = {} if linear is None else {"linear": linear, "iterations": PATIENCE}
+        r, info = coulomb.solve(contacts, q, rows.friction, r0=known, tol=tol, reference=reference, **limit)
         self.iterations, self.stopped = self.iterations + info.iterations, info.residual
         self.timer.lap("contact")
         if not info.converged:

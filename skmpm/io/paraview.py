@@ -52,8 +52,8 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     ------
     ImportError
         without h5py
-    FileNotFoundError
-        when there is no directory for the file
+    FileNotFoundError, IsADirectoryError
+        when there is no directory for the file, or it is one
     ValueError
         when the file to be continued is no recording of this scene
     """

@@ -62,6 +62,11 @@ class Scene:
         return np.concatenate([[0], np.cumsum([body.points.x.shape[1] for body in self.bodies])]).astype(int)
 
     @cached_property
+    def owner(self) -> Ints:
+        """Body of each point, (n,)."""
+        return np.repeat(np.arange(len(self.bodies)), np.diff(self.offsets))
+
+    @cached_property
     def initial_positions(self) -> Array:
         """Positions of all points at t = 0, (2, n) [m]."""
         return np.concatenate([body.points.x for body in self.bodies], axis=1)

@@ -47,8 +47,8 @@ def simulate(
         when `start` is no state of this scene, a velocity, load or gravity is not finite
     ValueError
         when dt or until is not a time, the scheme no Scheme
-    FileNotFoundError
-        when there is no directory for the checkpoint
+    FileNotFoundError, IsADirectoryError
+        when there is no directory for the checkpoint, or it is one
     """
     check_scheme("simulate", scheme)
     check_time("simulate: dt", dt, SHORTEST, "a time step greater than zero")

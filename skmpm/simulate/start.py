@@ -22,7 +22,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """The state at t = 0, with the contacts found there."""
     check_scheme("initial", scheme)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
-    body = np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
+    body = scene.owner.copy()
     density = np.array([b.material.density for b in scene.bodies])
     v, C = initial_motion(scene)
     n = x.shape[1]

@@ -307,6 +307,7 @@ def test_both_commands(code, ran, tmp_path):
     rows, page = drawn(code, ran, tmp_path / "docs")
     pictures = {path.name: path.stat().st_size for path in (tmp_path / "docs" / "study").glob("*.png")}
     assert set(pictures) == {"figure2.png", "figure4.png", "pressure.png", "coordination.png"}
+    assert {path.name for path in (tmp_path / "docs" / "study").iterdir()} == {*pictures, "curves.csv"}
     assert all(2_000 < size < 120_000 for size in pictures.values())
     assert set(re.findall(r"!\[.*\]\(study/(.*)\)", page)) == set(pictures)
     found = {row.claim: row for row in rows}
