@@ -7,6 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 
+# W_tt / W_nn of tangential rows that do not respond. Rounding of u_t, 1e-16 of W_nn r, is 1e-16 sqrt(W_nn / W_tt)
+# in the row's own scale: below this ratio it hides residuals of 1e-10, the smallest tolerance in use.
+NEGLIGIBLE = 1e-12
+
 
 def project(r: ArrayLike, mu: ArrayLike) -> Array:
     """Return the nearest point to r, (2k,) or normals only (k,), in the Coulomb cones ``|r_t| <= mu r_n``."""
@@ -24,7 +28,7 @@ def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, ref
 
     The term mu |u_t| n makes this natural map exact friction and not its convex relaxation (De Saxce & Feng,
     Math. Comput. Modelling 28 (1998) 225-245). It certifies any solver. r [N s], u [m/s] and
-    scale = diag(W) [1/kg] are (2k,) or, normals only, (k,).
+    scale = diag(W) [1/kg] are (2k,) or, normals only, (k,); rows are scaled as `row_scales` says.
     """
     return float(np.linalg.norm(residuals(r, u, mu, scale))) / reference
 
@@ -32,7 +36,7 @@ def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, ref
 def residuals(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike) -> Array:
     """Return every contact's part of `residual`, (k,), in scaled variables."""
     r, u, mu = np.asarray(r, dtype=float), np.asarray(u, dtype=float), np.asarray(mu, dtype=float)
-    s = root(np.asarray(scale, dtype=float))
+    s = root(row_scales(scale, mu.size))
     parts = natural(r * s, u / s, scaled_friction(mu, s))
     return np.asarray(np.linalg.norm(parts.reshape(mu.size, r.size // max(mu.size, 1)), axis=1))
 
@@ -57,6 +61,19 @@ def split(r: Array, mu: Array) -> tuple[Array, Array, Array]:
     """Return the normal rows (k, 1), the tangential rows (k, 1), if there are none (k, 0), and mu (k, 1)."""
     rows = r.reshape(mu.size, -1)
     return rows[:, :1], rows[:, 1:], mu[:, None]
+
+
+def row_scales(diagonal: ArrayLike, contacts: int) -> Array:
+    """Return what rows are scaled by: diag(W), (2k,) or (k,) [1/kg], where a tangential row does not respond W_nn.
+
+    A support may prescribe how a point moves along the contact: W_tt is zero, or what rounding leaves of zero, and
+    friction acts all the same, ``r_t = -mu r_n sign(u_t)``.
+    """
+    diagonal = np.array(diagonal, dtype=float)
+    if diagonal.size > contacts:
+        normal, tangential = diagonal[0::2], diagonal[1::2]
+        diagonal[1::2] = np.where(tangential > NEGLIGIBLE * normal, tangential, normal)
+    return diagonal
 
 
 def root(scale: Array) -> Array:

@@ -35,7 +35,7 @@ def newton(p: Problem, x: Iterate, tol: float, limit: int, gain: float, shortest
 
 def _step(p: Problem, r: Array, u: Array, gain: float) -> Array:
     """Solve u_n = 0 where closed, u_t = 0 where it sticks, r_t = +-mu r_n where it slips, as at (r, u)."""
-    free, B = _states((r - gain * u)[: p.contacts], p.mu, r.size - p.contacts)
+    free, B = _states((r - gain * u + p.slide)[: p.contacts], p.mu, r.size - p.contacts)
     rows = p.W[free]
     start = B @ r[free]
     correction = B @ _solve_regular(rows @ B, -(rows @ start + p.q[free]), p.shift)

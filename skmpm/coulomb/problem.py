@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.coulomb.law import Array, clamp, natural, root, scaled_friction, split
+from skmpm.coulomb.law import NEGLIGIBLE, Array, clamp, natural, root, row_scales, scaled_friction, split
 
 Matrix: TypeAlias = Any  # dense or CSR, with @
 
@@ -16,6 +16,7 @@ FLOOR = 1e-300  # a problem with |q~| below it is at rest
 DENSE = 200  # rows up to which dense algebra beats sparse bookkeeping
 SHIFT = 1e-6
 ROUNDING = 1e-14  # of entries of W~
+HUGE = 1e200  # impulse that no cone contains
 
 
 @dataclass(frozen=True)
@@ -53,13 +54,20 @@ class Problem:
     reference: float
     contacts: int  # rows; those that follow are linear
     largest: float  # bound of the largest eigenvalue of the contacts' W
+    slide: Array | float = 0.0  # (m,) against the velocity of rows that do not respond: larger than any impulse
     shift: float = SHIFT  # of the diagonal of a Newton step's matrix: keeps redundant contacts in hand
 
     @property
     def uncoupled(self) -> bool:
-        """Whether W is diagonal: then r is -q pulled into the cones."""
+        """Whether W is diagonal: then r is `independent`."""
         entries = self.W.data if is_sparse(self.W) else self.W
-        return bool(np.count_nonzero(np.abs(entries) > ROUNDING) == self.q.size)
+        responding = np.count_nonzero(np.abs(self.W.diagonal()) > ROUNDING)
+        return bool(np.count_nonzero(np.abs(entries) > ROUNDING) == responding)
+
+    @property
+    def independent(self) -> Array:
+        """The impulses of contacts that do not act on each other: -q pulled into the cones."""
+        return self.clamp(self.slide - self.q)
 
     def at(self, r: Array, u: Array | None = None) -> Iterate:
         """Return r with its velocities and its error."""
@@ -87,7 +95,8 @@ class Problem:
         """The proximal problem at r: the same with velocities u + weight (r_new - r) of the contacts."""
         diagonal = np.where(np.arange(self.q.size) < self.contacts, weight, 0.0)
         added = sp.diags_array(diagonal, format="csr") if is_sparse(self.W) else np.diag(diagonal)
-        return replace(self, W=self.W + added, q=self.q - diagonal * r, shift=min(self.shift, 1e-3 * weight))
+        q, shift = self.q - diagonal * r, min(self.shift, 1e-3 * weight)
+        return replace(self, W=self.W + added, q=q, slide=0.0, shift=shift)
 
 
 def is_sparse(W: Matrix) -> bool:
@@ -99,18 +108,38 @@ def scaled(W: Matrix, q: Array, mu: Array, contacts: int, reference: float | Non
     """Return the problem with unit diag(W), and s = sqrt(diag W); residuals are relative to `reference` or |q~|."""
     if is_sparse(W) and q.size > DENSE:
         W = sp.csr_array(W, dtype=float).sorted_indices()  # a copy: scaled in place
-        s = root(np.abs(W.diagonal()))
+        s = _roots(W, mu, contacts)
         W.data /= np.repeat(s, np.diff(W.indptr)) * s[W.indices]
     else:
         W = np.asarray(sp.coo_array(W).toarray() if is_sparse(W) else W, dtype=float)
-        s = root(np.abs(W.diagonal()))
+        s = _roots(W, mu, contacts)
         W = W / (s[:, None] * s)
     q = q / s
     if contacts > mu.size:
         q[1:contacts:2][mu == 0.0] = 0.0  # rows without an unknown
     slope = scaled_friction(mu, s[:contacts])
     reference = max(float(np.linalg.norm(q)) if reference is None else reference, FLOOR)
-    return Problem(W, q, slope, reference, contacts, _largest_eigenvalue(W[:contacts, :contacts])), s
+    largest, slide = _largest_eigenvalue(W[:contacts, :contacts]), _slide(W, q, contacts, mu.size)
+    return Problem(W, q, slope, reference, contacts, largest, slide), s
+
+
+def _roots(W: Matrix, mu: Array, contacts: int) -> Array:
+    """Square roots of the scales of all rows."""
+    diagonal = W.diagonal()
+    return root(np.abs(np.concatenate([row_scales(diagonal[:contacts], mu.size), diagonal[contacts:]])))
+
+
+def _slide(W: Matrix, q: Array, contacts: int, k: int) -> Array | float:
+    """What `Problem.slide` is: HUGE against q where all entries of a tangential row are round-off, else zero."""
+    suspects = np.flatnonzero(W.diagonal()[1:contacts:2] < NEGLIGIBLE) if contacts > k else np.zeros(0)
+    if not suspects.size:
+        return 0.0
+    rows = 2 * suspects + 1
+    largest = abs(W[rows]).max(axis=1)
+    largest = largest.toarray().ravel() if is_sparse(W) else largest
+    slide = np.zeros_like(q)
+    slide[rows] = np.where(largest < ROUNDING, -HUGE * np.sign(q[rows]), 0.0)
+    return slide
 
 
 def _largest_eigenvalue(W: Matrix) -> float:

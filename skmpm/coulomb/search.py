@@ -88,7 +88,7 @@ def solve(
         r0 = np.concatenate([r0, np.zeros(q.size - contacts)])
     with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
         problem, s = scaled(W, q, mu, contacts, reference)
-        start = problem.at(problem.clamp(-problem.q if problem.uncoupled else s * r0))
+        start = problem.at(problem.independent if problem.uncoupled else problem.clamp(s * r0))
         best, info = _search(problem, start, tol, sweeps, iterations)
         r = unscaled(best.r[:contacts], best.u[:contacts], problem.mu, s[:contacts], mu)
         return r, replace(info, linear=best.r[contacts:] / s[contacts:])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
@@ -214,6 +214,69 @@ def test_a_jam_is_reported_not_raised(friction, copies):
     q = np.tile([-1.0, 0.0, -1.0, 0.0], copies)
     r, info = coulomb.solve(W, q, np.full(2 * copies, friction))
     assert not info.converged and info.residual > 0.1 and np.isfinite(r).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-20, -1e-20, 1e-32])
+@pytest.mark.parametrize("slide", [3.0, -3.0, 1e-9, 0.0])
+@pytest.mark.parametrize("compliance", [1.0, 4e-8, 7e5])
+def test_a_point_that_a_support_moves_along_the_contact(compliance, slide, noise):
+    """W = diag(w, 0), also with what rounding makes of zero: r = (1, -mu sign(slide)) / w, the support bears r_t."""
+    W, q, mu = compliance * np.diag([1.0, noise]), np.array([-1.0, slide]), np.array([0.5])
+    r, info = coulomb.solve(W, q, mu, tol=1e-12)
+    assert info.converged
+    np.testing.assert_allclose(compliance * r, [1.0, -0.5 * np.sign(slide)], rtol=1e-9)
+    u, size = W @ r + q, np.hypot(1.0, slide) / np.sqrt(compliance)
+    assert coulomb.residual(r, u, mu, W.diagonal(), reference=size) < 1e-12
+    wrong = coulomb.residual(r * [1.0, -1.0], u, mu, W.diagonal(), reference=size)
+    assert wrong >= 0.2 * abs(slide) / np.hypot(1.0, slide), "of the size of the slip, in any units"
+
+
+def held_at(W, q, held, noise):
+    """The problem with the tangential rows of some contacts held; what is left of them is round-off."""
+    W, rows = W.copy(), 2 * held + 1
+    W[rows] *= noise
+    W[:, rows] *= noise
+    return W, q
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-10, 1e-13])
+@pytest.mark.parametrize("sparse", [False, True])
+@given(SEED, st.floats(0.0, 2.0), st.floats(-3, 3), st.floats(-3, 3))
+@settings(max_examples=25)
+def test_contacts_with_and_without_a_tangential_response(sparse, noise, seed, friction, length, mass):
+    """Where r_t is known the law is one-sided: r_t = -mu r_n sign(q_t), checked on its own; so in any units."""
+    k = 120 if sparse else 6
+    rng, velocity, mass = np.random.default_rng(seed), 10.0**length, 10.0**mass
+    H = np.kron(np.eye(k // 6), np.ones((12, 13))) * rng.normal(size=(2 * k, k // 6 * 13))
+    H *= np.repeat(10.0 ** rng.uniform(-1, 1, size=k), 2)[:, None]
+    W, q, mu = H @ H.T, rng.normal(size=2 * k) * np.linalg.norm(H, axis=1), np.full(k, friction)
+    held = rng.choice(k, k // 3, replace=False)
+    W, q = held_at(W, q, held, noise)
+    r, info = coulomb.solve(sp.csr_array(W / mass) if sparse else W / mass, velocity * q, mu, tol=1e-10)
+    assume(info.converged or sparse)  # definite W: but for one in thousands solved
+    assert info.converged
+    s = np.sqrt(coulomb.row_scales(W.diagonal(), k))
+    np.testing.assert_allclose(s[2 * held + 1], s[2 * held])
+    x, size = r * s / (mass * velocity), np.linalg.norm(q / s)
+    u = (W @ (r / (mass * velocity)) + q) / s
+    assert max(-x[::2].min(), -u[::2].min(), np.minimum(x[::2], u[::2]).max()) < 1e-9 * size
+    np.testing.assert_allclose(
+        x[2 * held + 1], -friction * np.sign(q[2 * held + 1]) * x[2 * held], atol=1e-9 * size, rtol=1e-9
+    )
+    other = (x + size) / s
+    expected = coulomb.residual(other, u * s, mu, W.diagonal())
+    in_units = coulomb.residual(mass * velocity * other, velocity * u * s, mu, W.diagonal() / mass)
+    assert in_units == pytest.approx(velocity * np.sqrt(mass) * expected, rel=1e-9)
+
+
+def test_scales_of_rows():
+    """Ordinary rows keep diag(W), tangential ones that are negligible or negative take their normal row's."""
+    W = np.array([2.0, 3.0, 2.0, 1e-3, 5.0, 1e-14, 7.0, 0.0, 1.0, -1e-18])
+    expected = [2.0, 3.0, 2.0, 1e-3, 5.0, 5.0, 7.0, 7.0, 1.0, 1.0]
+    np.testing.assert_array_equal(coulomb.row_scales(W, 5), expected)
+    np.testing.assert_array_equal(coulomb.row_scales(expected, 5), expected)
+    np.testing.assert_array_equal(coulomb.row_scales(W[::2], 5), W[::2])
+    assert W[5] == 1e-14
 
 
 def test_what_is_not_a_number_ends():
