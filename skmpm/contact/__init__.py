@@ -7,6 +7,6 @@ the seed's.
 
 from skmpm.contact.nodes import shared_nodes
 from skmpm.contact.rims import outlines
-from skmpm.contact.rows import ContactLaw, Linearise, Rows
+from skmpm.contact.rows import ContactLaw, Linearise, Rows, given_velocities
 
-__all__ = ["ContactLaw", "Linearise", "Rows", "outlines", "shared_nodes"]
+__all__ = ["ContactLaw", "Linearise", "Rows", "given_velocities", "outlines", "shared_nodes"]

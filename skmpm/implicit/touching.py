@@ -16,6 +16,7 @@ from skmpm.contact import Linearise, Rows
 from skmpm.contact.rows import lookup
 from skmpm.implicit.failure import NotConverged, pair
 from skmpm.implicit.increment import Increment
+from skmpm.implicit.relevant import check_response, relevant
 from skmpm.implicit.turning import Turning, sticking, turning
 from skmpm.linear import Response, Solver
 
@@ -27,7 +28,6 @@ Ints = NDArray[np.int64]
 SOFT, UNSTABLE = 0.5, 0.95
 PATIENCE = 12  # of the contact solver where contacts turn: it takes one to six, or one is about to snap and a hundred
 ROUNDING = 5.0  # how far from rest, in what rounding does to it, counts as resting
-SOON = 0.08  # contacts with gaps up to this many cells are known to the solver: more than an iteration moves them
 
 
 @dataclass
@@ -65,6 +65,7 @@ class Touching:
     key: Ints  # of the contacts whose forces are known
     force: Array  # (2, k) [N/m]
     timer: Timer
+    held: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))  # (2, n) by supports
     iterations: int = 0
     stopped: float = 0.0  # residual of the last solve
     worst: int = 0  # the contact with the largest part of it, where that found no solution
@@ -93,7 +94,8 @@ class Touching:
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
         self.timer.lap("bulk")
-        self.rows = self._relevant(self.linearise(w))
+        sheets = self.step.bulk.assembly.sheets
+        self.rows = relevant(self.linearise(w), sheets, self.step.supports, self.held)
         if self.settled is not None and self.settled.size:
             self.rows = self.rows.along(self.settled, w)
         self.r = self._known()
@@ -101,6 +103,13 @@ class Touching:
         residual = self._residual()
         self.timer.lap("detection")
         return self._push(), residual
+
+    def worst_pair(self) -> str:
+        """The contact of the last `measure` with the largest residual, as text."""
+        if self.last is None:
+            return "contacts not solved yet"
+        scale = self._scale(self.last)
+        return pair(self.rows.bodies[:, np.argmax(coulomb.residuals(self.r, self.u, self.rows.friction, scale))])
 
     def _known(self) -> Array:
         """The impulses known so far on the current rows: as they stand in the frame, as vectors where they stick."""
@@ -113,14 +122,6 @@ class Touching:
         turned = np.stack([np.einsum("ik,ik->k", a, vector) for a in (rows.normal, rows.tangent)], axis=1).ravel()
         sticks = sticking(r, rows.friction) & sticking(turned, rows.friction)
         return np.where(np.repeat(sticks, 2), turned, r)
-
-    def _relevant(self, rows: Rows) -> Rows:
-        """Contacts that may close in an iteration, and can move: supports decide where points go that they hold."""
-        rows = rows.among(rows.gap < SOON * self.step.bulk.assembly.sheets.cell)
-        if self.step.supports is None or rows.size == 0:
-            return rows
-        normal = rows.H[:: 2 if rows.tangential else 1]
-        return rows.among(abs(normal @ self.step.supports.T).sum(axis=1) > 1e-12)
 
     def solve(self, solver: Solver, gradient: Array) -> tuple[Array, Array]:
         """Newton direction and push of the new impulses, which obey the contact law on the linearised bulk.
@@ -225,16 +226,23 @@ class Touching:
         """Residuals are relative to the size of q where contacts close, or to what rounding makes `gap_tol` of.
 
         Contacts that stay open do not count: how far they are says nothing of how large forces are. Nor does how fast
-        contacts slide, beyond what friction can change of it.
+        contacts slide, beyond what friction can change of it: nothing where a support prescribes the sliding.
+
+        Raises
+        ------
+        NotConverged
+            where a contact closes at a point that supports hold against it
         """
-        rows = self.rows
-        scale = diagonal.reshape(-1, 2).T if rows.tangential else np.stack([diagonal, diagonal])
-        scale = np.maximum(scale, 1e-300)
+        rows, responds = self.rows, diagonal.reshape(self.rows.size, -1).T > 0.0
+        check_response(rows, diagonal[:: len(responds)], self.step.supports)
+        scaled = coulomb.row_scales(diagonal, rows.size)
+        responds[1:] &= (scaled == diagonal).reshape(rows.size, -1).T[1:]
+        scale = scaled.reshape(rows.size, -1).T[[0, -1]]
         speed = np.abs(q).reshape(rows.size, -1).T  # (1 or 2, k)
         closing = np.where(q[:: len(speed)] < 0.0, speed, 0.0)
         closing[1:] = np.minimum(closing[1:], rows.friction * closing[0] * (scale[1] / scale[0]))
         size = np.maximum(closing, self.noise / self.step.scheme.gap_tol) / np.sqrt(scale[: len(speed)])
-        return Measure(rows.key, scale, max(float(np.linalg.norm(size)), 1e-300))
+        return Measure(rows.key, scale, max(float(np.linalg.norm(np.where(responds, size, 0.0))), 1e-300))
 
     def _push(self) -> Array:
         return self.step.scheme.theta * self.rows.at_nodes(self.rows.D.T @ self.r)
@@ -245,7 +253,10 @@ class Touching:
             return 0.0
         if last is None:
             return float("inf")
+        return coulomb.residual(self.r, self.u, rows.friction, self._scale(last), reference=last.reference)
+
+    def _scale(self, last: Measure) -> Array:
+        """The diagonal of W as far as the last solve knew it, typical values for contacts that it did not know."""
         typical = np.median(last.scale, axis=1)
-        scale = np.stack([lookup(last.key, last.scale[i], rows.key, float(typical[i])) for i in (0, 1)])
-        flat = scale.T.ravel() if rows.tangential else scale[0]
-        return coulomb.residual(self.r, self.u, rows.friction, flat, reference=last.reference)
+        scale = np.stack([lookup(last.key, last.scale[i], self.rows.key, float(typical[i])) for i in (0, 1)])
+        return scale.T.ravel() if self.rows.tangential else scale[0]

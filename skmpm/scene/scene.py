@@ -102,6 +102,14 @@ class Scene:
         return [held(self, i, support) for i, support in enumerate(self.supports)]
 
     @cached_property
+    def held_components(self) -> NDArray[np.bool_]:
+        """Which components of the points' motion supports prescribe, (2, n)."""
+        held = np.zeros((2, self.offsets[-1]), dtype=bool)
+        for place, velocity in zip(self.held, self.told(0.0), strict=True):
+            held[:, place.points] |= ~np.isnan(velocity)[:, None]
+        return held
+
+    @cached_property
     def loaded(self) -> Sequence[Place]:
         """The points that share each load."""
         return [spread(self, i, load) for i, load in enumerate(self.loads)]

@@ -53,7 +53,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             solution = advance(increment, touching, solver, timer)
             after = moved(scene, state, increment, solution)
             timer.lap("transfer")
-            budget = budget_of(increment, solution, after.displacement)
+            budget = budget_of(scene, state, increment, solution, after.displacement)
             timer.lap("report")
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
@@ -75,7 +75,10 @@ def _touching(
         scene, state, increment.bulk.assembly.sheets, increment.dt, increment.scheme.theta
     )
     timer.lap("detection")
-    return Touching(linearise, increment, state.contacts.key, state.contacts.force, timer, response=response)
+    contacts = state.contacts
+    return Touching(
+        linearise, increment, contacts.key, contacts.force, timer, held=scene.held_components, response=response
+    )
 
 
 def check_time(name: str, value: object, lowest: float, what: str) -> None:

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
+from skmpm.contact import given_velocities
 from skmpm.implicit import Bulk, Increment, Solution
-from skmpm.scene import Energy, Report
+from skmpm.scene import Energy, Report, Scene, State
+from skmpm.simulate.forces import external_force
 
 Array = NDArray[np.float64]
 
@@ -49,8 +51,12 @@ class Budget:
         return self.kinetic + self.elastic - self.before - self.external - self.push_out - tolerated
 
 
-def budget_of(increment: Increment, solution: Solution, displacement: Array) -> Budget:
-    """The energies of a step that ends at this nodal displacement."""
+def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, displacement: Array) -> Budget:
+    """The energies of a step from a state to this nodal displacement.
+
+    With inertia the work is that of the forces of the step, by which the energies of the time scheme balance. A
+    quasi-static step takes the mean of the forces at both its ends, of second order: the area under their curve.
+    """
     bulk, w, anchored = increment.bulk, solution.w, _at_anchor(increment.bulk)
     moving = increment.scheme.inertia
     start, end = (bulk.energy(bulk.at(u)) + anchored for u in (increment.start, displacement))
@@ -63,6 +69,8 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
         push_out = float(rows.forces(r, increment.dt)[0] @ rows.pushed)
         rounding = float(bulk.assembly.mass.sum()) * solution.touching.noise**2
         tolerated = float(np.maximum((r * u).reshape(rows.size, -1).sum(axis=1), 0.0).sum()) if rows.size else 0.0
+    if not moving:
+        external = 0.5 * (external + _work_at_start(scene, state, increment, w))
     return Budget(
         before=start + kinetic[0],
         kinetic=kinetic[1],
@@ -74,6 +82,18 @@ def budget_of(increment: Increment, solution: Solution, displacement: Array) -> 
         tolerated=tolerated,
         rounding=rounding,
     )
+
+
+def _work_at_start(scene: Scene, state: State, increment: Increment, w: Array) -> float:
+    """The work of loads, supports, walls and rigid bodies along a step if their forces stayed as they are [J/m]."""
+    contacts, middle = state.contacts, state.t + 0.5 * increment.dt
+    loads = external_force(scene, state, state.t) @ w
+    supports = state.support_force.ravel() @ increment.told
+    tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
+    force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent
+    velocity = np.concatenate([given_velocities(scene, middle), scene.wall_velocities(middle)[::-1].T], axis=1)
+    relative = velocity[:, contacts.bodies[0]] - velocity[:, contacts.bodies[1]]
+    return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
 
 
 def report_of(
