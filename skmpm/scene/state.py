@@ -66,6 +66,7 @@ class Pace:
     dt: float = 0.0  # [s] the full step that was asked for
     halvings: int = 0
     calm: int = 0  # good steps in a row since the last failure or growth
+    part: int = 0  # of the full step that is being made, in 1/1024 of it
 
 
 @dataclass(frozen=True)

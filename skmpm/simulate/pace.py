@@ -3,17 +3,45 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from skmpm.scene import Pace, Scene, State, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
 
 HALVINGS = 10  # at most: the shortest step is a thousandth of the one asked for
-CALM = 4  # good steps before the next is twice as long; even, so that full steps begin where they would have
+PARTS = 2**HALVINGS  # of a full step: what a step of any length is a multiple of
+CALM = 4  # good steps before the next may be twice as long
 ROUNDING = 1e-9  # share of a step by which the sum of many may miss `until`
 
 _log = logging.getLogger("skmpm")
+
+
+@dataclass(frozen=True)
+class Retried:
+    """The retries of a run, for one summary at its end."""
+
+    steps: int = 0
+    failures: int = 0
+    shortest: float = float("inf")  # [s]
+    at: float = 0.0  # [s] where the shortest step began
+    last: str = ""  # why the last one failed
+
+    def after(self, state: State, failures: Sequence[StepFailed]) -> Retried:
+        """With one more step, which led to `state` after some failures."""
+        kept = replace(self, steps=self.steps + 1, failures=self.failures + len(failures))
+        if not failures:
+            return kept
+        if state.report.dt < self.shortest:
+            kept = replace(kept, shortest=state.report.dt, at=state.t - state.report.dt)
+        return replace(kept, last=str(failures[-1]))
+
+    def __str__(self) -> str:
+        return (
+            f"{self.failures} steps failed and were repeated with half the length, {self.steps} succeeded; the"
+            f" shortest was {self.shortest:.3g} s at t = {self.at:.6g} s; the last failure: {self.last}"
+        )
 
 
 def asked(state: State, dt: float) -> State:
@@ -21,29 +49,32 @@ def asked(state: State, dt: float) -> State:
     return state if state.pace.dt == dt else replace(state, pace=Pace(dt=dt))
 
 
-def advanced(scene: Scene, state: State, until: float, scheme: Scheme) -> State:
+def advanced(scene: Scene, state: State, until: float, scheme: Scheme) -> tuple[State, list[StepFailed]]:
     """One step of the length that the pace allows, at most to `until` [s]; what fails is tried with half the length.
 
-    Full steps begin where they would without failures: halves go on until they fill one.
+    Also returns the failures on the way. Full steps begin where they would without failures: a step grows only where
+    a longer one would have begun.
 
     Raises
     ------
     StepFailed
         when the shortest step fails too, or where a shorter one does not help; its `state` is the one given here
     """
-    given, retries = state, 0
+    given, failures = state, list[StepFailed]()
     while True:
         dt, ends = _length(state, until)
         try:
             after = step(scene, state, dt, scheme=scheme)
         except StepFailed as failure:
             if not failure.curable or state.pace.halvings == HALVINGS:
-                raise _given_up(failure, given, retries) from failure
-            state, retries = replace(state, pace=_halved(state.pace, dt)), retries + 1
-            _log.warning("%s; trying dt = %.3g s", failure, _length(state, until)[0])
+                raise _given_up(failure, given, len(failures)) from failure
+            state = replace(state, pace=_halved(state.pace, dt))
+            failures.append(failure)
+            _log.info("%s; trying dt = %.3g s", failure, _length(state, until)[0])
             continue
+        report, shortened = replace(after.report, retries=len(failures)), dt < (1.0 - ROUNDING) * _step_of(state.pace)
         t = float(until) if ends else after.t
-        return replace(after, t=t, report=replace(after.report, retries=retries), pace=_went_well(state.pace))
+        return replace(after, t=t, report=report, pace=_went_well(state.pace, shortened)), failures
 
 
 def _step_of(pace: Pace) -> float:
@@ -64,13 +95,16 @@ def _halved(pace: Pace, failed: float) -> Pace:
     return replace(pace, halvings=halvings, calm=0)
 
 
-def _went_well(pace: Pace) -> Pace:
-    """The pace after a good step: longer after `CALM` of them, which fill two or more of the longer ones."""
-    if pace.halvings == 0:
-        return pace
-    if pace.calm + 1 < CALM:
-        return replace(pace, calm=pace.calm + 1)
-    return replace(pace, halvings=pace.halvings - 1, calm=0)
+def _went_well(pace: Pace, shortened: bool) -> Pace:
+    """The pace after a good step: longer after `CALM` of them, where a step twice as long would begin.
+
+    After a step that was shortened to end at `until`, full steps begin anew.
+    """
+    part = 0 if shortened else (pace.part + PARTS // 2**pace.halvings) % PARTS
+    calm = min(pace.calm + 1, CALM) if pace.halvings else 0
+    if calm < CALM or part % (2 * PARTS // 2**pace.halvings):
+        return replace(pace, calm=calm, part=part)
+    return replace(pace, halvings=pace.halvings - 1, calm=0, part=part)
 
 
 def _given_up(failure: StepFailed, state: State, retries: int) -> StepFailed:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from threading import current_thread, main_thread
 from time import perf_counter
+from types import FrameType
 
 from skmpm.implicit import NotConverged
 from skmpm.io import save, writable
@@ -13,10 +18,12 @@ from skmpm.scene import Scene, SceneError, State, check_fits
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.anchor import check_whole
-from skmpm.simulate.pace import ROUNDING, advanced, asked
+from skmpm.simulate.pace import ROUNDING, Retried, advanced, asked
 from skmpm.simulate.start import check_scheme, initial
 
 CHECKPOINT_EVERY = 30.0  # [s]
+
+_log = logging.getLogger("skmpm")
 
 
 def simulate(
@@ -32,12 +39,13 @@ def simulate(
     """Yield the state after every step until `t >= until` [s]; the last step is shortened to end there.
 
     A step that fails is tried again with half the length, down to dt / 1024; after four good steps it is doubled,
-    where steps of that length would have begun. What is yielded then lies between the times asked for:
-    `state.report.dt` and `.retries` say so, and the logger "skmpm" warns with the reason.
+    where steps of that length would have begun. What is yielded then lies between the times asked for, which are
+    among the times of the states all the same. `state.report.dt` and `.retries` tell; the logger "skmpm" says why, at
+    level INFO for every retry and in one warning when the run ends.
 
     `start` continues from a state; `progress` shows step, time, ETA, residual and retries on a terminal; `checkpoint`
-    is a file that keeps the last state, written every half minute and when the run ends: at `until`, by an error, or
-    because the caller's loop does.
+    is a file that keeps the last state, written every half minute and when the run ends: at `until`, by an error,
+    because the caller's loop does, or by SIGTERM (unless the caller handles that signal).
 
     Raises
     ------
@@ -73,11 +81,12 @@ def _run(
     scene: Scene, state: State, until: float, scheme: Scheme, progress: bool, checkpoint: Path | None
 ) -> Iterator[State]:
     """The loop of `simulate`."""
-    saved = perf_counter()
+    saved, retried = perf_counter(), Retried()
     try:
-        with Progress(state.t, until, shown=progress) as bar:
+        with Progress(state.t, until, shown=progress) as bar, _exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > ROUNDING * state.pace.dt:
-                state = advanced(scene, state, until, scheme)
+                state, failures = advanced(scene, state, until, scheme)
+                retried = retried.after(state, failures)
                 if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:
                     save(checkpoint, state)
                     saved = perf_counter()
@@ -86,3 +95,23 @@ def _run(
     finally:
         if checkpoint is not None:
             save(checkpoint, state)
+        if retried.failures:
+            _log.warning("%s", retried)
+
+
+@contextmanager
+def _exit_at_sigterm(*, wanted: bool) -> Iterator[None]:
+    """Turn SIGTERM, which queues send before they kill, into SystemExit, unless the caller handles it already."""
+    if not (wanted and current_thread() is main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL):
+        yield
+        return
+    signal.signal(signal.SIGTERM, _exit)
+    try:
+        yield
+    finally:
+        if current_thread() is main_thread():
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _exit(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)

@@ -101,12 +101,43 @@ def test_what_a_smaller_step_cannot_cure_is_not_tried_again():
     assert "retries" not in str(failure.value)
 
 
-def test_every_retry_is_told(monkeypatch, caplog):
-    scripted(monkeypatch, lambda t, dt: dt > DT / 2)
-    with caplog.at_level(logging.WARNING, logger="skmpm"):
-        ended(free(), 2 * DT)
-    assert len(caplog.messages) == 1
-    assert "scripted; use a smaller dt; trying dt = 3.81e-06 s" in caplog.messages[0]
+def test_every_retry_is_told_at_level_info_and_all_of_them_in_one_warning(monkeypatch, caplog):
+    scripted(monkeypatch, lambda t, dt: dt > DT / 2 and t < 4 * DT)
+    with caplog.at_level(logging.INFO, logger="skmpm"):
+        ended(free(), 8 * DT)
+    told, warned = ([r.message for r in caplog.records if r.levelno == n] for n in (logging.INFO, logging.WARNING))
+    assert len(told) == 2
+    assert all("scripted; use a smaller dt; trying dt = 3.81e-06 s" in message for message in told)
+    assert len(warned) == 1
+    assert warned[0].startswith("2 steps failed and were repeated with half the length, 12 succeeded; the shortest")
+    assert "3.81e-06 s at t = 0 s; the last failure: scripted" in warned[0]
+
+
+def test_a_run_without_failures_warns_of_nothing(monkeypatch, caplog):
+    scripted(monkeypatch, lambda t, dt: False)
+    ended(free(), 4 * DT)
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_states_at_round_times_exist_whatever_fails_in_between(monkeypatch, seed):
+    """One good half step and another failure, and all steps were off by half a step for good."""
+    rng = np.random.default_rng(seed)
+    tried = scripted(monkeypatch, lambda t, dt: t < 20 * DT and dt > DT / 8 and rng.random() < 0.4)
+    states = list(simulate(free(), dt=DT, until=40 * DT))
+    assert len(tried) > len(states), "something failed"
+    assert set(range(1, 41)) <= {s.t / DT for s in states}
+    assert all((s.t - s.report.dt) / s.report.dt % 1.0 == 0.0 for s in states), "a multiple of itself"
+    assert [s.report.dt for s in states[-8:]] == [DT] * 8
+
+
+def test_a_half_step_that_is_followed_by_a_failure_does_not_shift_the_full_ones(monkeypatch):
+    """The case that showed it: 0 fails, a half step succeeds, the second half fails."""
+    failing = {(0.0, DT), (0.5 * DT, 0.5 * DT)}
+    scripted(monkeypatch, lambda t, dt: (t, dt) in failing)
+    states = list(simulate(free(), dt=DT, until=8 * DT))
+    assert set(range(1, 9)) <= {s.t / DT for s in states}
+    assert states[-1].report.dt == DT
 
 
 # --- real failures
@@ -211,6 +242,38 @@ for state in simulate(squeeze(), dt=DT, until=4000 * DT, checkpoint={str(path)!r
     identical(ended(squeeze(), left.t + 3 * DT, start=left), ended(squeeze(), left.t + 3 * DT))
 
 
+@pytest.mark.parametrize("handled", [False, True])
+def test_sigterm_leaves_a_checkpoint_unless_the_caller_handles_it(tmp_path, handled):
+    """Queues send it before they kill."""
+    path = tmp_path / "run"
+    code = f"""
+import signal, sys
+sys.path.insert(0, {str(__file__.rpartition("/")[0])!r})
+from test_simulate import DT, simulate, squeeze
+if {handled}:
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(7))
+for state in simulate(squeeze(), dt=DT, until=4000 * DT, checkpoint={str(path)!r}):
+    print(round(state.t / DT), flush=True)
+"""
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        for line in process.stdout:
+            if int(line) >= 4:
+                break
+        process.send_signal(signal.SIGTERM)
+        told = int([line, *process.stdout.readlines()][-1])
+    assert process.returncode == (7 if handled else 128 + signal.SIGTERM)
+    assert told <= round(load(path).t / DT) <= told + 1
+
+
+def test_the_handler_of_sigterm_is_put_back(tmp_path):
+    before = signal.getsignal(signal.SIGTERM)
+    run = simulate(free(velocity=(1.0, 0.0)), dt=DT, until=3 * DT, checkpoint=tmp_path / "run")
+    next(run)
+    assert signal.getsignal(signal.SIGTERM) is not before
+    run.close()
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
 # --- states of other scenes
 
 
@@ -239,7 +302,7 @@ def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):
     save(tmp_path / "run", ended(IMPACT, 2 * DT))
     with np.load(tmp_path / "run", allow_pickle=False) as archive:
         about = json.loads(archive["header"].tobytes())
-    assert about["state"]["pace"] == {"dt": DT, "halvings": 0, "calm": 0}
+    assert about["state"]["pace"] == {"dt": DT, "halvings": 0, "calm": 0, "part": 0}
 
 
 def test_a_body_whose_cells_fall_apart_is_refused():
