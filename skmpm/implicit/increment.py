@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skmpm.elimination import Elimination
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import StartForces
-from skmpm.linear import Solver, diagonal
+from skmpm.linear import HeldRotation, Solver, diagonal
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -101,19 +101,31 @@ class Increment:
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
         )
 
-    def balanced(self, w: Array, push: Array) -> Array:
-        """The velocity w with the total momentum of every body right to round-off.
+    def balanced(self, w: Array, push: Array, limit: float) -> Array:
+        """The velocity w with the momentum of every body right to round-off against the last contact solve's push.
 
-        What is left of it moves the body as a whole: a Newton step in the translations, which strain nothing.
+        A full Newton step leaves only round-off of it. After a shortened or accelerated one, which combines balanced
+        velocities, a body in contact may have to move by more than `limit` [cells]: gaps would no longer be what
+        they were, so it is left where it is, and its balance is that of `newton_tol`.
         """
-        return np.asarray(w - self._left(w, push).T[self.bulk.assembly.sheets.node_body].ravel())
+        left = self._left(w, push)
+        left = np.where(self._in_cells(left) <= limit, left, 0.0)
+        return np.asarray(w - left.T[self.bulk.assembly.sheets.node_body].ravel())
 
-    def drift(self, w: Array, push: Array) -> float:
-        """The longest way that `balanced` moves a body in the step [cells]."""
-        return float(np.hypot(*self._left(w, push)).max()) * self.dt / self.bulk.assembly.sheets.cell
+    def drift(self, w: Array, push: Array) -> Array:
+        """How far its missing momentum would move every body that touches nothing in the step, (bodies,) [cells].
+
+        A body in contact answers such a force with its stiffness and that of its neighbours, not with its mass.
+        """
+        pushed = self.bulk.assembly.sheets.sums(np.abs(push).reshape(-1, 2).T).sum(axis=0) > 0.0
+        return np.where(pushed, 0.0, self._in_cells(self._left(w, push)))
+
+    def _in_cells(self, velocity: Array) -> Array:
+        """Lengths of the ways in the step of velocities (2, bodies) [m/s], (bodies,) [cells]."""
+        return np.asarray(np.hypot(*velocity) * self.dt / self.bulk.assembly.sheets.cell)
 
     def _left(self, w: Array, push: Array) -> Array:
-        """The total imbalance of every body over its mass, (2, bodies) [m/s]; none where something else holds it."""
+        """The total imbalance of every body over its mass, (2, bodies) [m/s]; none where supports hold something."""
         assembly = self.bulk.assembly
         if not self.scheme.inertia or self.supports is not None:
             return np.zeros((2, assembly.sheets.bodies))
@@ -161,13 +173,13 @@ class Increment:
         except np.linalg.LinAlgError:
             if projected or not self.scheme.inertia:
                 raise
-            return self._solver(self._steadied(A, at))
+            return self._steadied(A, at)
 
-    def _steadied(self, A: sp.bsr_array, at: Configuration) -> sp.bsr_array:
-        """A with more inertia for bodies that pressure would drive round if their contacts did not hold them.
+    def _steadied(self, A: sp.bsr_array, at: Configuration) -> Solver:
+        """A solver with more inertia for bodies that pressure would drive round if contacts did not hold them.
 
         A pressed body has less energy as it turns with its loads left behind, by 2 p V theta^2 / 2; in long steps
-        that exceeds its inertia.
+        that exceeds its inertia. Translations keep theirs, so that an iteration balances the momentum of the body.
         """
         sheets, mass = self.bulk.assembly.sheets, self.bulk.assembly.mass
         weight = mass[::2]
@@ -179,7 +191,10 @@ class Increment:
         missing = np.maximum(STEADY - held / np.maximum(inertia, 1e-300), 0.0)
         data, rows = A.data.copy(), np.repeat(np.arange(sheets.nodes), np.diff(A.indptr))
         data[rows == A.indices] += (missing[sheets.node_body] * weight)[:, None, None] * np.eye(2)
-        return sp.bsr_array((data, A.indices, A.indptr), shape=A.shape)
+        solver = self._solver(sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
+        if self.supports is not None:
+            return solver
+        return HeldRotation(solver, sheets.node_body, missing, sheets.sums(weight[None])[0])
 
     def _solver(self, A: sp.bsr_array) -> Solver:
         sheets, linear = self.bulk.assembly.sheets, self.scheme.linear

@@ -24,7 +24,7 @@ STUCK = 0.8  # share of the imbalance left by an iteration that tells of a conta
 FREE = 0.05  # the best rate to count on where nothing holds bodies
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
-DRIFT = 1e-4  # cells that the balance of momentum may move a body in the end; then gaps are what they were
+DRIFT = 1e-4  # [cells] by which the balance of momentum may move a body in the end; then gaps are what they were
 FAR, NEAR = 20.0, 500.0  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
 
 
@@ -60,7 +60,7 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         _check_balance(step)
     scheme, w, solver = step.scheme, _first(step), kept
     at, projected, before, factorised = step.at(w), False, np.inf, 0
-    mixing, share = Mixing(step.bulk.assembly.mass), 1.0
+    mixing, share, solved = Mixing(step.bulk.assembly.mass), 1.0, np.zeros_like(w)
     limit = min(HASTE, scheme.max_newton) if touching and scheme.inertia else scheme.max_newton
     for iteration in range(limit + 1):
         gradient, size = step.gradient(w, at)
@@ -70,10 +70,12 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         imbalance = float(np.linalg.norm(step.unsupported(gradient - push))) / size if size > 0.0 else 0.0
         exact = iteration == 1 and step.exact and touching is None
         close = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
-        if exact or (close and step.drift(w, push) <= DRIFT):
+        if exact or (close and step.drift(w, solved).max() <= DRIFT):
             reaction = step.reaction(gradient - push)
-            w = step.balanced(w, push)
+            w = step.balanced(w, solved, DRIFT)
             return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)
+        if iteration == limit:
+            break
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         late = _late(step, touching, iteration, imbalance, before)
         if solver is None or (late and not step.answer.linear):
@@ -91,14 +93,29 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
             direction, push = touching.solve(solver, gradient)
         else:
             direction = -solver(gradient)
-        mixed = mixing.mixed(w, direction, share, wanted=slow)
+        mixed, solved = mixing.mixed(w, direction, share, wanted=slow), push
         w, at = _move(step, w, at, direction, mixed, gradient - push, push)
         timer.lap("bulk")
-    raise NotConverged(
-        worst_body(step.bulk.assembly.sheets, step.unsupported(gradient - push)),
-        f"no convergence in {limit} Newton iterations, momentum imbalance {imbalance:.2g}"
-        f" (wanted {scheme.newton_tol:g}), contact residual {residual:.2g} (wanted {scheme.gap_tol:g})",
-    )
+    unmet = _unmet(step, touching, gradient - push, imbalance, residual, step.drift(w, solved))
+    what = ", ".join(f"{problem} at {place}" for place, problem in unmet)
+    raise NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {what}")
+
+
+def _unmet(
+    step: Increment, touching: Touching | None, momentum: Array, imbalance: float, residual: float, drift: Array
+) -> list[tuple[str, str]]:
+    """The criteria of convergence that are not met, where and by how much; `momentum` (2 nodes,) is missing."""
+    scheme, sheets, unmet = step.scheme, step.bulk.assembly.sheets, []
+    if not imbalance <= scheme.newton_tol:
+        size = f"momentum imbalance {imbalance:.2g} (wanted {scheme.newton_tol:g})"
+        unmet.append((worst_body(sheets, step.unsupported(momentum)), size))
+    if touching is not None and not residual <= scheme.gap_tol:
+        unmet.append((touching.worst_pair(), f"contact residual {residual:.2g} (wanted {scheme.gap_tol:g})"))
+    if not drift.max() <= DRIFT:
+        b = int(np.argmax(drift))
+        size = f"{drift[b]:.2g} cells of drift without any contact (wanted {DRIFT:g})"
+        unmet.append((f"body {b}", size))
+    return unmet
 
 
 def _late(step: Increment, touching: Touching | None, iteration: int, imbalance: float, before: float) -> bool:

@@ -11,6 +11,7 @@ from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
 from skmpm.linear.response import Response
+from skmpm.linear.rotation import HeldRotation
 from skmpm.linear.solver import Linear, Solver, half_bandwidth
 from skmpm.linear.threads import one_thread
 
@@ -20,6 +21,7 @@ __all__ = [
     "Banded",
     "Diagonal",
     "Direct",
+    "HeldRotation",
     "Linear",
     "Response",
     "Solver",

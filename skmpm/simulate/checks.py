@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 TRAVEL = 1.0  # [cells] in one step; contact finds what is less than a cell deep
 SUNK = 0.05  # [cells] of a point behind a wall
 DEEP = 0.25  # [cells] of one body in another
-GAIN = 5e-7  # of the energies: backward Euler loses some, but where their potential curves downwards
-HALVINGS, CURVED = 6, 0.05  # after which such a gain is taken, up to this share of what the step exchanges
-UNSTABLE = 0.05  # the same in an explicit step, which swings about the energy it keeps
+GAIN = 5e-7  # of the energies, for tolerances and rounding
+CURVED = 0.05  # of the energy that a step exchanges: what it may gain where the potential curves downwards
+UNSTABLE = 0.05  # of the energies in an explicit step, which swings about the energy it keeps
 
 
 def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> float:
@@ -30,7 +30,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
         b = after.body[np.argmin(determinant(after.F))]
         raise NotConverged(f"body {b}", "points are turned inside out at the end of the step")
     if scheme.inertia and scheme.theta == 1.0:
-        _check_energy(scheme, before.pace.halvings, after, budget)
+        _check_energy(scheme, after, budget)
     if not can_touch(scene):
         return 0.0
     _check_travel(scene, before, after)
@@ -39,17 +39,27 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     return _check_overlap(scene, after, scheme.contact is outlines)
 
 
-def _check_energy(scheme: Scheme, halvings: int, after: State, budget: Budget) -> None:
-    """The bodies gain no energy, or in short steps no more than backward Euler may.
+def _check_energy(scheme: Scheme, after: State, budget: Budget) -> None:
+    """The bodies gain no energy, or little of what the step exchanges.
 
-    Where the potential curves downwards along the way, as for a column that buckles, it gains half the curvature
-    times the square of the way: a share of what the step exchanges that falls with its length.
+    In a solved step of backward Euler the energy changes by the work of loads, walls and supports less
+    1/2 |v1 - v0|_M^2 + R, R = E(u0) - E(u1) + dt E'(u1) w, contacts included. R is half the curvature of the
+    potential along the way times its square: negative where pressed bodies rotate or a column buckles, and a share
+    of what is exchanged that falls with the length of the step.
     """
-    curved = not scheme.explicit and halvings >= HALVINGS and budget.surplus <= CURVED * budget.exchanged
-    gained = budget.surplus / budget.largest
-    if not curved and gained > (UNSTABLE if scheme.explicit else GAIN):
+    if scheme.explicit:
+        limit, of = UNSTABLE * budget.largest, f"{_percent(budget.surplus, budget.largest)} of their energy"
+    else:
+        limit = GAIN * budget.largest + CURVED * budget.exchanged
+        of = f"{_percent(budget.surplus, budget.exchanged)} of what the step exchanges"
+    if budget.surplus > limit:
         b = after.body[np.argmin(determinant(after.F))]
-        raise NotConverged(f"body {b}", f"the bodies gain {100 * gained:.2g} % of energy from nothing")
+        most = _percent(UNSTABLE if scheme.explicit else CURVED, 1.0)
+        raise NotConverged(f"body {b}", f"the bodies gain energy from nothing, {of} (at most {most})")
+
+
+def _percent(value: float, of: float) -> str:
+    return f"{100.0 * value / max(of, 1e-300):.2g} %"
 
 
 def _check_travel(scene: Scene, before: State, after: State) -> None:

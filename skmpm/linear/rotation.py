@@ -1,0 +1,61 @@
+"""More inertia for the rotation and deformation of bodies, none for their translation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.linear.solver import Solver
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class HeldRotation:
+    """The inverse of A + c (M - M T (T'M T)^-1 T'M) for every body, T its translations, by a solver for A + c M.
+
+    Translations store no energy, A T = M T, so (A + c M) T = (1 + c) M T and by Woodbury's formula the inverse is
+    (A + c M)^-1 + c / (1 + c) T (T'M T)^-1 T'.
+    """
+
+    solver: Solver  # for A + c M
+    body: Ints  # (nodes,)
+    c: Array  # (bodies,)
+    mass: Array  # (bodies,) [kg/m]
+
+    @property
+    def name(self) -> str:
+        """Which solver works on A + c M."""
+        return self.solver.name
+
+    @property
+    def _mobility(self) -> Array:
+        """What A + c M takes from the response of the bodies to a force, (bodies,) [m/kg]."""
+        return self.c / ((1.0 + self.c) * np.maximum(self.mass, 1e-300))
+
+    @cached_property
+    def _members(self) -> sp.csr_array:
+        """Sums over the nodes of every body, (bodies, nodes)."""
+        nodes = self.body.size
+        return sp.csr_array((np.ones(nodes), (self.body, np.arange(nodes))), shape=(self.c.size, nodes))
+
+    def __call__(self, b: Array, /) -> Array:
+        """The solution for b (n,) or (n, m)."""
+        moved = self._mobility[:, None] * (self._members @ b.reshape(self.body.size, -1))
+        return np.asarray(self.solver(b) + moved[self.body].reshape(b.shape))
+
+    def compliance(self, H: sp.csr_array) -> sp.csr_array:
+        """H A^-1 H' for rows H that touch one body each; dense within a body."""
+        own = sp.csr_array(self.solver.compliance(H))
+        translated = np.stack([H[:, k::2].sum(axis=1) for k in (0, 1)], axis=1)
+        owner = np.zeros(H.shape[0], dtype=np.int64)
+        filled = np.flatnonzero(np.diff(H.indptr))
+        owner[filled] = self.body[H.indices[H.indptr[filled]] // 2]
+        row = np.repeat(np.arange(H.shape[0]), np.diff(own.indptr))
+        added = self._mobility[owner[row]] * np.einsum("ek,ek->e", translated[row], translated[own.indices])
+        return sp.csr_array((own.data + added, own.indices, own.indptr), shape=own.shape)
