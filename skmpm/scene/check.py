@@ -204,6 +204,20 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
             raise SceneError(f"{name}: the state has {found} {what}, the scene {wanted}; {_ITS_OWN}")
     if not np.array_equal(state.body, scene.owner):
         raise SceneError(f"{name}: the state's points belong to other bodies than the scene's; {_ITS_OWN}")
+    other = np.flatnonzero(np.abs(state.wall_normals - scene.normals.T).max(axis=1, initial=0.0) > 1e-9)
+    if other.size:
+        i = int(other[0])
+        raise SceneError(
+            f"{name}: wall {i} of the state has the normal {state.wall_normals[i]}, that of the scene"
+            f" {scene.normals[:, i]}; keep the walls and their order"
+        )
+    density = np.array([body.material.density for body in scene.bodies])
+    wrong = np.flatnonzero(np.abs(state.mass - density[state.body] * scene.initial_volumes) > 1e-9 * state.mass)
+    if wrong.size:
+        raise SceneError(
+            f"{name}: points of body {state.body[wrong[0]]} have other masses in the state than in the scene;"
+            " keep the bodies, their materials and their order"
+        )
 
 
 _ITS_OWN = "continue with the scene that the state was made from"

@@ -105,6 +105,7 @@ class State:
     stress_anchor: Array  # (2, 2, n) [Pa]
     displacement: Array  # (2 nodes,) of the nodes since then [m]
     walls: Array  # (walls, 2) a point of each wall [m]
+    wall_normals: Array  # (walls, 2) unit, into the free side
     wall_force: Array  # (walls, 2) exerted by the bodies in the last step [N/m]
     support_force: Array  # (supports, 2) the same on each support
     contacts: Contacts

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 TRAVEL = 1.0  # [cells] in one step; contact finds what is less than a cell deep
 SUNK = 0.05  # [cells] of a point behind a wall
 DEEP = 0.25  # [cells] of one body in another
+FOLD = 4  # segments of a local fold, which a shorter step may not make; farther apart a body closes on itself
 GAIN = 5e-7  # of the energies, for tolerances and rounding
 CURVED = 0.05  # of the energy that a step exchanges: what it may gain where the potential curves downwards
 UNSTABLE = 0.05  # of the energies in an explicit step, which swings about the energy it keeps
@@ -31,6 +32,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
         raise NotConverged(f"body {b}", "points are turned inside out at the end of the step")
     if scheme.inertia and scheme.theta == 1.0:
         _check_energy(scheme, after, budget)
+    _check_crossings(scene, after)
     if not can_touch(scene):
         return 0.0
     _check_travel(scene, before, after)
@@ -60,6 +62,25 @@ def _check_energy(scheme: Scheme, after: State, budget: Budget) -> None:
 
 def _percent(value: float, of: float) -> str:
     return f"{100.0 * value / max(of, 1e-300):.2g} %"
+
+
+def _check_crossings(scene: Scene, after: State) -> None:
+    """No deformable body is folded or passes through itself: what a body touches are other bodies and walls."""
+    rim = scene.outlines
+    if rim.m == 0:
+        return
+    x = after.x[:, rim.point]
+    pairs = outline.crossings(rim, x, np.flatnonzero(scene.deformable))
+    if pairs.size == 0:
+        return
+    i, j = pairs[:, 0]
+    fold = np.ptp(pairs, axis=0).max() <= FOLD
+    raise NotConverged(
+        f"body {rim.body[i]}",
+        f"its outline crosses itself near ({x[0, i]:.6g}, {x[1, i]:.6g}) and ({x[0, j]:.6g}, {x[1, j]:.6g}) m",
+        "use a smaller dt" if fold else "a body does not touch itself: load it less, or make it of several bodies",
+        curable=bool(fold),
+    )
 
 
 def _check_travel(scene: Scene, before: State, after: State) -> None:

@@ -15,7 +15,6 @@ from skmpm.simulate.forces import external_force
 
 Array = NDArray[np.float64]
 
-TOLERATED = 2e-6  # of the energies, that tolerances may give in a step
 ROUNDING = 100.0 * float(np.finfo(float).eps)  # of strains
 
 
@@ -35,7 +34,7 @@ class Budget:
     push_out: float
     noise: float  # of energies, by rounding
     exchanged: float  # kinetic, elastic and external, one with another
-    tolerated: float  # given by contacts that act and are open, as far as their tolerances let them
+    tolerated: float  # given by contacts that act and are open, as far as `gap_tol` lets them
     rounding: float  # given by gaps that are there by rounding
 
     @property
@@ -47,8 +46,8 @@ class Budget:
     @property
     def surplus(self) -> float:
         """What neither anything nor the tolerances gave."""
-        tolerated = min(self.tolerated, TOLERATED * self.largest) + self.rounding
-        return self.kinetic + self.elastic - self.before - self.external - self.push_out - tolerated
+        given = self.external + self.push_out + self.tolerated + self.rounding
+        return self.kinetic + self.elastic - self.before - given
 
 
 def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, displacement: Array) -> Budget:

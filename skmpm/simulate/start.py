@@ -42,6 +42,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         stress_anchor=np.zeros((2, 2, n)),
         displacement=np.zeros(0),
         walls=np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2),
+        wall_normals=scene.normals.T.copy(),
         wall_force=np.zeros((len(scene.walls), 2)),
         support_force=np.zeros((len(scene.supports), 2)),
         contacts=Contacts.none(),

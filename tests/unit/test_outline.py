@@ -354,3 +354,54 @@ def test_all_pairs_of_a_packing_at_once(monkeypatch):
     np.testing.assert_array_equal(pairs.T, expected)
     monkeypatch.setattr("skmpm.outline.overlaps.CHUNK", 100)
     np.testing.assert_allclose(outline.overlap(o, x, n)[1], area, rtol=1e-13)
+
+
+# --- outlines that cross themselves
+
+
+def crossed(loops, chosen=(0,)):
+    rim, x, _ = build(loops)
+    return outline.crossings(rim, x, np.array(chosen))
+
+
+def reference_crossings(loops):
+    """All pairs of edges, by the parameters at which their lines meet."""
+    rim, x, _ = build(loops)
+    found = []
+    for i in range(rim.m):
+        for j in range(i + 1, rim.m):
+            if rim.next[i] == j or rim.next[j] == i:
+                continue
+            edges = np.stack([x[:, rim.next[i]] - x[:, i], x[:, j] - x[:, rim.next[j]]], axis=1)
+            if abs(np.linalg.det(edges)) > 1e-14:
+                s, t = np.linalg.solve(edges, x[:, j] - x[:, i])
+                if 0.0 < s < 1.0 and 0.0 < t < 1.0:
+                    found.append((i, j))
+    return found
+
+
+@given(SEEDS)
+def test_crossings_are_those_of_all_pairs_of_edges(seed):
+    """Stars, some of whose points are moved, so that about half of them cross themselves."""
+    rng = np.random.default_rng(seed)
+    x = star(rng, 16)
+    x += rng.choice([0.0, 0.4]) * rng.normal(size=x.shape)
+    if outline.backward_turns(*build([x])[:2])[0] < np.pi / 2:
+        assert not reference_crossings([x]), "what is left out of the search does not cross itself"
+    found = crossed([x])
+    assert sorted(map(tuple, found.T.tolist())) == reference_crossings([x])
+
+
+def test_convex_bodies_turn_back_nowhere_and_a_figure_of_eight_by_a_whole_turn():
+    rim, x, _ = build([regular(40)], [SQUARE])
+    assert outline.backward_turns(rim, x) == pytest.approx([0.0, 0.0], abs=1e-12)
+    a = 2.0 * np.pi * (np.arange(100) + 0.5) / 100
+    eight = np.array([np.sin(2.0 * a), np.sin(a)])
+    assert crossed([eight]).shape[1] == 1
+    assert crossed([eight], chosen=()).shape[1] == 0
+
+
+def test_a_hole_that_is_driven_through_the_rim_crosses_it():
+    hole = regular(24, 0.5)[:, ::-1]
+    assert crossed([regular(40), hole]).size == 0
+    assert crossed([regular(40), hole + np.array([[0.6], [0.0]])]).shape[1] == 2

@@ -298,6 +298,22 @@ def test_a_state_of_another_scene_is_refused_before_anything_is_done(other, told
             next(simulate(other, dt=DT, until=4 * DT, start=start))
 
 
+def test_reordered_walls_and_bodies_are_refused_on_restart():
+    """Their numbers agree, but a state knows where its walls face and what its bodies weigh."""
+    scene = squeeze()
+    state = ended(scene, 2 * DT)
+    swapped = replace(scene, walls=scene.walls[::-1])
+    with pytest.raises(
+        SceneError, match=r"start: wall 0 of the state has the normal \[.*keep the walls and their order"
+    ):
+        next(simulate(swapped, dt=DT, until=4 * DT, start=state))
+    heavy = replace(scene.bodies[1], material=replace(SOFT, density=2.0 * SOFT.density))
+    mixed = replace(scene, bodies=[scene.bodies[0], heavy])
+    state = ended(mixed, 2 * DT)
+    with pytest.raises(SceneError, match=r"start: points of body 0 have other masses .*keep the bodies"):
+        next(simulate(replace(scene, bodies=[heavy, scene.bodies[0]]), dt=DT, until=4 * DT, start=state))
+
+
 def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):
     save(tmp_path / "run", ended(IMPACT, 2 * DT))
     with np.load(tmp_path / "run", allow_pickle=False) as archive:

@@ -1,0 +1,53 @@
+"""Outlines that cross themselves: bodies that a deformation has folded, or driven through themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skmpm.outline.topology import Floats, Integers, Outlines
+
+# Where a simple loop first touches itself its tangents are opposite, and the arc between the two places that bounds
+# the cavity turns back by pi. Half of that leaves room for the turns of a polygon and for one step beyond.
+BACKWARD = 0.5 * np.pi  # [rad]
+
+
+def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
+    """Find segments (2, k) of one body that cross, among some bodies `chosen`; the first < the second.
+
+    Only loops that turn back by more than `BACKWARD` in all are searched, which leaves out convex bodies.
+
+    Parameters
+    ----------
+    x : (2, m) positions of the boundary points [m]
+    """
+    folded = np.flatnonzero(backward_turns(outlines, x) > BACKWARD)
+    segment = np.flatnonzero(np.isin(outlines.body, np.intersect1d(folded, chosen)))
+    if segment.size == 0:
+        return np.zeros((2, 0), dtype=np.int64)
+    start, end = x[:, segment], x[:, outlines.next[segment]]
+    longest = float(np.hypot(*(end - start)).max())
+    near = cKDTree(0.5 * (start + end).T).query_pairs(longest * (1.0 + 1e-9), output_type="ndarray").T
+    i, j = segment[near]
+    apart = (outlines.body[i] == outlines.body[j]) & (outlines.next[i] != j) & (outlines.next[j] != i)
+    i, j = i[apart], j[apart]
+    cross = _separates(outlines, x, i, j) & _separates(outlines, x, j, i)
+    return np.sort(np.stack([i[cross], j[cross]]), axis=0)
+
+
+def backward_turns(outlines: Outlines, x: Floats) -> Floats:
+    """Sum of the turns to the right along the outline of each body, (bodies,) [rad]; zero for a convex one."""
+    ahead = x[:, outlines.next] - x
+    back = ahead[:, outlines.previous]
+    turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))
+    return np.asarray(np.bincount(outlines.body, np.maximum(-turn, 0.0)), dtype=np.float64)
+
+
+def _separates(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> NDArray[np.bool_]:
+    """Whether the line through segment i has the ends of segment j strictly on its two sides, (k,)."""
+    origin, along = x[:, i], x[:, outlines.next[i]] - x[:, i]
+    first, second = (
+        along[0] * (x[1, k] - origin[1]) - along[1] * (x[0, k] - origin[0]) for k in (j, outlines.next[j])
+    )
+    return np.asarray(first * second < 0.0, dtype=np.bool_)

@@ -1,0 +1,52 @@
+"""What a solved step must not lead to."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skmpm import Body, NeoHookean, Rigid, Scene, StepFailed, Support, Wall, observe, simulate
+
+sys.path.append(str(Path(__file__).parents[1] / "verification"))
+from sectors import sector
+
+GUM = NeoHookean(1e6, 0.3, 1000.0)
+
+
+def ring(gap=0.5, thickness=0.2):
+    """A ring of mean radius 1 m that is open to the right."""
+    half = 0.5 * thickness
+    return sector(1.0 - half, 1.0 + half, 0.5 * gap, 2.0 * np.pi - 0.5 * gap, spacing=thickness / 4)
+
+
+@pytest.mark.parametrize("by", ["walls", "supports"])
+def test_a_ring_that_closes_on_itself_is_told_so(by):
+    """Its arms once passed through each other, with an overlap of zero; in a scene without any contact as well."""
+    if by == "walls":
+        walls = [Wall((0, -1.1), (0, 1)), Wall((0, 1.1), (0, -1), velocity=(0, -2.0))]
+        scene = Scene([Body(ring(), GUM)], cell=0.09, walls=walls)
+    else:
+
+        def end(sign):
+            return lambda x: (x[0] > 0.85) & (sign * x[1] > 0.0)
+
+        held = [Support(end(s), velocity=(0.0, -s * 0.3)) for s in (1.0, -1.0)]
+        scene = Scene([Body(ring(), GUM)], cell=0.09, supports=held)
+    crossed = r"body 0: its outline crosses itself near .* does not touch itself: load it less, or make it of several"
+    last = None
+    with pytest.raises(StepFailed, match=crossed) as failure:
+        for state in simulate(scene, dt=4e-3, until=2.0):
+            last = state
+    assert not failure.value.curable
+    assert failure.value.state is last
+    assert 0.2 < last.t < 1.9
+    assert observe(scene, last).overlap == 0.0
+
+
+def test_a_rigid_body_may_be_bent():
+    """What does not deform is not looked at, whatever its shape."""
+    hook = Body(ring(), Rigid(1000.0), velocity=(0.1, 0.0))
+    disc = Body(sector(0.2, 0.3, 0.1, 3.0, spacing=0.03), GUM)
+    *_, state = simulate(Scene([hook, disc], cell=0.05), dt=1e-3, until=5e-3)
+    assert state.t == 5e-3
