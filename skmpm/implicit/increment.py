@@ -17,6 +17,7 @@ from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
 
+DRIFT = 1e-4  # [cells] by which the balance of momentum may move a body in the end; then gaps are what they were
 STEADY = 0.25  # of a body's inertia must be left of what resists its turning
 HOLD = 1e-3  # of its shear modulus: the springs that keep a floating body in place in one Newton iteration
 
@@ -101,24 +102,24 @@ class Increment:
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
         )
 
-    def balanced(self, w: Array, push: Array, limit: float) -> Array:
-        """The velocity w with the momentum of every body right to round-off against the last contact solve's push.
+    def balanced(self, w: Array, push: Array, solved: Array) -> Array | None:
+        """The velocity w with the momentum of every body right to round-off, None where gaps would not stay.
 
-        A full Newton step leaves only round-off of it. After a shortened or accelerated one, which combines balanced
-        velocities, a body in contact may have to move by more than `limit` [cells]: gaps would no longer be what
-        they were, so it is left where it is, and its balance is that of `newton_tol`.
+        Against the `push` of the contact forces as they are reported or, in long steps of pressed bodies, against
+        that of the last contact solve, `solved`, whose normals are those of the iteration before: a full Newton step
+        leaves only round-off of it, whatever the mass. After a shortened or accelerated step either correction may be
+        longer than `DRIFT`.
         """
-        left = self._left(w, push)
-        left = np.where(self._in_cells(left) <= limit, left, 0.0)
-        return np.asarray(w - left.T[self.bulk.assembly.sheets.node_body].ravel())
+        for impulse in (push, solved):
+            left = self._left(w, impulse)
+            if self._in_cells(left).max() <= DRIFT:
+                return np.asarray(w - left.T[self.bulk.assembly.sheets.node_body].ravel())
+        return None
 
-    def drift(self, w: Array, push: Array) -> Array:
-        """How far its missing momentum would move every body that touches nothing in the step, (bodies,) [cells].
-
-        A body in contact answers such a force with its stiffness and that of its neighbours, not with its mass.
-        """
-        pushed = self.bulk.assembly.sheets.sums(np.abs(push).reshape(-1, 2).T).sum(axis=0) > 0.0
-        return np.where(pushed, 0.0, self._in_cells(self._left(w, push)))
+    def drift(self, w: Array, push: Array, solved: Array) -> Array:
+        """How far at the least the momentum that every body lacks would move it in the step, (bodies,) [cells]."""
+        ways = [self._in_cells(self._left(w, impulse)) for impulse in (push, solved)]
+        return np.asarray(min(ways, key=np.max))
 
     def _in_cells(self, velocity: Array) -> Array:
         """Lengths of the ways in the step of velocities (2, bodies) [m/s], (bodies,) [cells]."""

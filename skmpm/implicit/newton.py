@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.failure import NotConverged, worst_body
-from skmpm.implicit.increment import Increment
+from skmpm.implicit.increment import DRIFT, Increment
 from skmpm.implicit.touching import Timer, Touching
 from skmpm.linear import Solver
 from skmpm.material import determinant
@@ -24,7 +24,6 @@ STUCK = 0.8  # share of the imbalance left by an iteration that tells of a conta
 FREE = 0.05  # the best rate to count on where nothing holds bodies
 PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
 SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
-DRIFT = 1e-4  # [cells] by which the balance of momentum may move a body in the end; then gaps are what they were
 FAR, NEAR = 20.0, 500.0  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
 
 
@@ -62,7 +61,7 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     at, projected, before, factorised = step.at(w), False, np.inf, 0
     mixing, share, solved = Mixing(step.bulk.assembly.mass), 1.0, np.zeros_like(w)
     limit = min(HASTE, scheme.max_newton) if touching and scheme.inertia else scheme.max_newton
-    for iteration in range(limit + 1):
+    for iteration in range(limit + 2):
         gradient, size = step.gradient(w, at)
         push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
         if touching:
@@ -70,11 +69,11 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         imbalance = float(np.linalg.norm(step.unsupported(gradient - push))) / size if size > 0.0 else 0.0
         exact = iteration == 1 and step.exact and touching is None
         close = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
-        if exact or (close and step.drift(w, solved).max() <= DRIFT):
+        balanced = step.balanced(w, push, solved) if exact or close else None
+        if balanced is not None:
             reaction = step.reaction(gradient - push)
-            w = step.balanced(w, solved, DRIFT)
-            return Solution(w, touching, iteration, factorised, residual, imbalance, reaction, solver)
-        if iteration == limit:
+            return Solution(balanced, touching, iteration, factorised, residual, imbalance, reaction, solver)
+        if iteration >= limit + close:  # one full step more balances what is close
             break
         slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
         late = _late(step, touching, iteration, imbalance, before)
@@ -93,10 +92,10 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
             direction, push = touching.solve(solver, gradient)
         else:
             direction = -solver(gradient)
-        mixed, solved = mixing.mixed(w, direction, share, wanted=slow), push
+        mixed, solved = mixing.mixed(w, direction, 1.0 if close else share, wanted=slow and not close), push
         w, at = _move(step, w, at, direction, mixed, gradient - push, push)
         timer.lap("bulk")
-    unmet = _unmet(step, touching, gradient - push, imbalance, residual, step.drift(w, solved))
+    unmet = _unmet(step, touching, gradient - push, imbalance, residual, step.drift(w, push, solved))
     what = ", ".join(f"{problem} at {place}" for place, problem in unmet)
     raise NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {what}")
 
@@ -113,7 +112,7 @@ def _unmet(
         unmet.append((touching.worst_pair(), f"contact residual {residual:.2g} (wanted {scheme.gap_tol:g})"))
     if not drift.max() <= DRIFT:
         b = int(np.argmax(drift))
-        size = f"{drift[b]:.2g} cells of drift without any contact (wanted {DRIFT:g})"
+        size = f"momentum that would move it by {drift[b]:.2g} cells (wanted {DRIFT:g}) missing"
         unmet.append((f"body {b}", size))
     return unmet
 

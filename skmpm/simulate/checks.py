@@ -21,7 +21,7 @@ SUNK = 0.05  # [cells] of a point behind a wall
 DEEP = 0.25  # [cells] of one body in another
 FOLD = 4  # segments of a local fold, which a shorter step may not make; farther apart a body closes on itself
 GAIN = 5e-7  # of the energies, for tolerances and rounding
-CURVED = 0.05  # of the energy that a step exchanges: what it may gain where the potential curves downwards
+CURVED = 0.01  # of the energy that a step exchanges: what it may gain where the potential curves downwards
 UNSTABLE = 0.05  # of the energies in an explicit step, which swings about the energy it keeps
 
 

@@ -138,20 +138,22 @@ def test_a_failure_names_the_criteria_that_are_not_met_and_no_other(iterations, 
     assert all(float(value) > float(wanted) for value, wanted in found)
 
 
-def test_momentum_that_a_body_lacks_is_a_drift_only_where_nothing_touches_it():
+def test_a_body_is_balanced_against_the_last_contact_solve_or_not_at_all():
     """A pressed body answers a force with its stiffness: at 800 us its mass would ask for 1e-7 of contact forces."""
     scene = squeezed()
     state = last(scene, 4)
-    bulk, zero = Bulk(state.derived.assembly, [(scene.bodies[0].material, slice(None))], None, None), 0.0
+    assembly = state.derived.assembly
+    bulk = Bulk(assembly, [(scene.bodies[0].material, slice(None))], None, None)
     still = np.zeros_like(state.displacement)
     step = Increment(bulk, state.displacement, still, still, 8e-6, Scheme())
     sheets, push = bulk.assembly.sheets, still.copy()
     moving = np.repeat(sheets.node_body == 1, 2) * 1.0
-    assert step.drift(moving, push) == pytest.approx([zero, np.sqrt(2.0) * 8e-6 / scene.cell])
-    push[np.repeat(sheets.node_body == 1, 2)] = 1e-9
-    assert step.drift(moving, push).max() == 0.0
-    assert step.balanced(moving, still, np.inf) == pytest.approx(still, abs=1e-12)
-    assert (step.balanced(moving, still, 1e-4) == moving).all(), "too far for a correction"
+    kick = assembly.lumped * moving  # what would balance it
+    assert step.drift(moving, push, push) == pytest.approx([0.0, np.sqrt(2.0) * 8e-6 / scene.cell])
+    assert step.balanced(moving, push, push) is None, "too far for a correction"
+    assert step.drift(moving, push, kick).max() < 1e-12
+    assert step.balanced(moving, push, kick) == pytest.approx(moving, rel=1e-12)
+    assert step.balanced(moving, push, 0.9999 * kick) == pytest.approx(0.9999 * moving, rel=1e-12)
 
 
 def test_what_a_step_may_gain_is_a_share_of_what_it_exchanges_whatever_went_before():
@@ -167,9 +169,9 @@ def test_what_a_step_may_gain_is_a_share_of_what_it_exchanges_whatever_went_befo
         )  # fmt: skip
 
     for state in states:
-        checks.check_step(scene, Scheme(), state, state, budget(1e-4, 0.01))
+        checks.check_step(scene, Scheme(), state, state, budget(1e-4, 0.02))
         with pytest.raises(
-            RuntimeError, match=r"gain energy from nothing, 10 % of what the step exchanges \(at most 5 %"
+            RuntimeError, match=r"gain energy from nothing, 10 % of what the step exchanges \(at most 1 %"
         ):
             checks.check_step(scene, Scheme(), state, state, budget(1e-4, 1e-3))
 
