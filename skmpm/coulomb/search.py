@@ -1,4 +1,4 @@
-"""The search for the impulses: accelerated projected sweeps, Newton's method, proximal problems."""
+"""The search for the impulses: accelerated projected sweeps, Newton's method, proximal problems, Lemke's method."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from skmpm.coulomb.law import Array, clamp
 from skmpm.coulomb.newton import newton
+from skmpm.coulomb.path import follow
 from skmpm.coulomb.problem import DENSE, Iterate, Linear, Matrix, Problem, is_sparse, scaled, unscaled
 
 _NEAR = 0.05  # a start with a smaller residual goes to Newton after a few sweeps, which find most states ...
@@ -28,6 +29,12 @@ _INNER = 30  # Newton steps for each, and gain
 _PATIENCE = 150  # Newton steps that must halve the residual
 _PUSHES = 1.0, 10.0  # |q~| on every contact: where small problems start once more
 
+# Paths, the last resort. 300 random contacts of 20 bodies, friction 1 to 2: 200 to more than 10,000 pieces, six in
+# ten below 3,000; so short paths are tried first.
+_PIECES = 10, 10, 20, 40, 80, 160  # at most, of one path after another, per contact
+_WORK = 2e10  # of all paths: about ten seconds
+_PATH_ROWS = 1500  # beyond, half of them acting on average, the work is not enough for a piece per contact
+
 
 @dataclass(frozen=True)
 class Info:
@@ -38,6 +45,7 @@ class Info:
     residual: float
     converged: bool
     linear: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (m,) the further unknowns
+    pieces: int = 0  # of paths, the last resort
 
 
 def solve(
@@ -56,11 +64,14 @@ def solve(
 
     Accelerated projected sweeps find most contact states, a semismooth Newton method (Alart & Curnier,
     Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375) the rest; where Newton stalls, because W is singular or
-    nearly so, it goes on with proximal problems. It stops on `residual` below tol |q~|, never on an increment;
-    rows without an unknown do not count in q~. Where W is diagonal the solution is a formula. ``info.converged`` is
-    False, and r the best found, after ``iterations`` Newton steps or when 150 of them do not halve the residual: the
-    usual reason is that no solution exists (a rigid jam). Where W is singular r is one of many; round-off, about
-    1e-16 |W~| |r~|, bounds the residual from below.
+    nearly so, it goes on with proximal problems. The last resort, for up to 1,500 rows, is Lemke's method: a path of
+    solutions from contacts that are all opened, which ends at a solution wherever some motion opens every contact by
+    more than mu |u_t|, but may be too long (`info.pieces`; it gives up after about ten seconds). It stops on
+    `residual` below tol |q~|, never on an increment; rows without an unknown do not count in q~. Where W is diagonal
+    the solution is a formula. ``info.converged`` is False, and r the best found, after ``iterations`` Newton steps or
+    when 150 of them do not halve the residual, and the last resort fails: the usual reason is that no solution exists
+    (a rigid jam). Where W is singular r is one of many; round-off, about 1e-16 |W~| |r~|, bounds the residual from
+    below.
 
     Parameters
     ----------
@@ -69,6 +80,7 @@ def solve(
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
     r0 : like q, impulses to start from [N s]
     sweeps : in the first round, from a poor start; the second round doubles them
+    iterations : at most; with fewer than 150, or `linear`, there is no last resort
     linear : further unknowns, without a cone, that the impulses act on and that act on them
     reference : what residuals are relative to, instead of |q~|, like `residual`
 
@@ -111,7 +123,24 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> 
         if best.error > tol and steps < limit:
             x, count = _proximal(p, best if push is None else p.pressed(push), tol, limit - steps)
             best, steps = _better(best, x), steps + count
-    return best, Info(steps, swept, best.error, best.error <= tol)
+    pieces = 0
+    if best.error > tol and limit >= _PATIENCE and p.contacts == p.q.size <= _PATH_ROWS:
+        x, count, pieces = _paths(p, tol)
+        best, steps = _better(best, x), steps + count
+    return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
+
+
+def _paths(p: Problem, tol: float) -> tuple[Iterate, int, int]:
+    """Follow paths of solutions until one ends, and take Newton steps from there; return those and all pieces too."""
+    pieces, work = 0, _WORK
+    for seed, most in enumerate(_PIECES):
+        r, count, work = follow(p, seed, most * p.mu.size, work)
+        pieces += count
+        if r is not None:
+            return *_steps(p, p.at(r), tol, _PATIENCE, _GAINS, _SHORTEST), pieces
+        if work < 0.0:
+            break
+    return p.at(np.zeros_like(p.q)), 0, pieces
 
 
 def _better(x: Iterate, y: Iterate) -> Iterate:

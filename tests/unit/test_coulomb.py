@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 from skmpm import coulomb
+from skmpm.coulomb.path import follow
+from skmpm.coulomb.problem import scaled
 
 MU = st.sampled_from([0.0, 0.1, 0.3, 0.5, 1.0, 2.0])
 SEED = st.integers(0, 2**32 - 1)
@@ -277,6 +279,30 @@ def test_scales_of_rows():
     np.testing.assert_array_equal(coulomb.row_scales(expected, 5), expected)
     np.testing.assert_array_equal(coulomb.row_scales(W[::2], 5), W[::2])
     assert W[5] == 1e-14
+
+
+@given(SEED, st.lists(MU, min_size=1, max_size=12), st.integers(0, 3))
+def test_a_path_of_solutions_ends_at_one(seed, mu, draw):
+    """W of full rank, with and without tangential rows, to 1e-6: 1e-9 on the diagonal, |r~| up to 1e3 |q~|."""
+    W, q, mu = random_problem(seed, mu)
+    problems = [scaled(W, q, mu, q.size)[0], scaled(sp.csr_array(W[::2, ::2]), q[::2], 0.0 * mu, mu.size)[0]]
+    for p in problems:
+        r, pieces, _ = follow(p, draw, 10_000, 1e12)
+        assert p.at(r).error < 1e-6
+        assert (pieces > 0) == (p.q[:: p.q.size // mu.size].min() < 0.0)
+
+
+def test_a_path_is_the_last_resort():
+    """It is followed where all else fails, unless fewer than 150 Newton steps are allowed; pieces and work end it."""
+    H = np.kron([[1.0], [-1.0]], np.eye(2))  # closed from both sides
+    W, q, mu = H @ H.T, np.array([-1.0, 0.0, -1.0, 0.0]), np.full(2, 0.5)
+    assert coulomb.solve(W, q, mu)[1].pieces > 0
+    assert coulomb.solve(W, q, mu, iterations=149)[1].pieces == 0
+    assert coulomb.solve(np.eye(4), q, mu)[1].pieces == 0
+    W, q, mu = random_problem(0, [0.5] * 12)
+    p, _ = scaled(W, q, mu, q.size)
+    assert follow(p, 0, 2, 1e12)[:2] == (None, 2)
+    assert follow(p, 0, 10_000, 1.0)[:2] == (None, 1)
 
 
 def test_what_is_not_a_number_ends():

@@ -2,7 +2,7 @@
 
 The library that test_contact_solver.py solves: what `Scheme` steps hand to `coulomb.solve`, of every run the problem
 that takes the solver the most Newton steps. Without names all runs are made, which takes some minutes. The matrix is
-kept as its lower triangle; r0 are the impulses that the run started from.
+kept as its lower triangle; r0 are the impulses that the run started from. One problem is random: see `random_bodies`.
 """
 
 import sys
@@ -31,6 +31,7 @@ class Problem:
     mu: np.ndarray
     r0: np.ndarray
     linear: coulomb.Linear | None = None
+    factor: sp.csr_array | None = None  # H, of W = H H', where that is kept instead of W
 
     def solve(self, *, warm, tol=TOL):
         """Impulses and info, from the run's own impulses or from nothing."""
@@ -43,7 +44,11 @@ class Problem:
 
 def triangle(A):
     """The lower triangle of a symmetric matrix, as arrays to keep."""
-    A = sp.csr_array(sp.tril(A))
+    return packed(sp.csr_array(sp.tril(A)))
+
+
+def packed(A):
+    """A matrix as arrays to keep."""
     A.sort_indices()
     small = np.int16 if A.shape[0] < 2**15 else np.int32
     data = A.data.view(np.uint8).reshape(-1, 8).T  # signs and exponents together, which compress
@@ -52,10 +57,16 @@ def triangle(A):
 
 def whole(arrays):
     """The symmetric matrix of a lower triangle."""
-    size = arrays["indptr"].size - 1
-    data = np.ascontiguousarray(arrays["data"].T).view(float).ravel()
-    L = sp.csr_array((data, arrays["indices"].astype(np.int32), arrays["indptr"]), shape=(size, size))
+    L = unpacked(arrays)
     return sp.csr_array(L + sp.tril(L, -1).T)
+
+
+def unpacked(arrays):
+    """The matrix of kept arrays, square if no number of columns is among them."""
+    size = arrays["indptr"].size - 1
+    shape = size, int(arrays["columns"]) if "columns" in arrays else size
+    data = np.ascontiguousarray(arrays["data"].T).view(float).ravel()
+    return sp.csr_array((data, arrays["indices"].astype(np.int32), arrays["indptr"]), shape=shape)
 
 
 def save(name, problem):
@@ -63,13 +74,18 @@ def save(name, problem):
     W, q = problem.W, problem.q
     if problem.linear is not None:
         W, q = problem.linear.join(W, q)
+    H = problem.factor
+    matrix = triangle(W) if H is None else {**packed(H), "columns": np.array(H.shape[1])}
     FOLDER.mkdir(exist_ok=True)
-    np.savez_compressed(FOLDER / f"{name}.npz", q=q, mu=problem.mu, r0=problem.r0, **triangle(W))
+    np.savez_compressed(FOLDER / f"{name}.npz", q=q, mu=problem.mu, r0=problem.r0, **matrix)
 
 
 def load(path):
     """Read one problem."""
     with np.load(path) as arrays:
+        if "columns" in arrays:
+            H = unpacked(arrays)
+            return Problem(sp.csr_array(H @ H.T), arrays["q"], arrays["mu"], arrays["r0"], factor=H)
         W, q, mu, r0 = whole(arrays), arrays["q"], arrays["mu"], arrays["r0"]
     k = r0.size
     if q.size == k:
@@ -213,6 +229,30 @@ def rigid(discs, fraction, friction):
     return problems
 
 
+def random_bodies(bodies, contacts, friction, gap, seed):
+    """Rigid bodies with contacts at random points, normals and pairs, one in ten with a wall; W of rank 3 bodies.
+
+    Without impulses contacts move as rigid bodies do, apart from gaps that are `gap` of the size of these velocities:
+    there is a motion that opens every contact without sliding. Rows are multiples of 1/1024, so that files are small.
+    """
+    draw = np.random.default_rng(seed)
+    angle, point = draw.uniform(0.0, 2.0 * np.pi, contacts), draw.uniform(-1.0, 1.0, (2, 2, contacts))
+    first = draw.integers(bodies, size=contacts)
+    second = (first + draw.integers(1, bodies, contacts)) % bodies
+    light = draw.uniform(0.7, 1.4, bodies)  # 1 / sqrt(mass)
+    H = np.zeros((contacts, 2, bodies, 3))
+    each, other = np.arange(contacts), draw.random(contacts) > 0.1
+    for row, (x, y) in enumerate([(np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))]):
+        for body, sign, at in ((first, 1.0, point[0]), (second, -1.0 * other, point[1])):
+            turn = 1.6 * (at[0] * y - at[1] * x)  # moments of inertia are 0.4 of the masses
+            H[each, row, body] = (sign * light[body] * np.stack([x, y, turn])).T
+    factor = np.round(1024.0 * H.reshape(2 * contacts, -1)) / 1024.0
+    s, q = np.linalg.norm(factor, axis=1), factor @ draw.normal(size=3 * bodies)
+    q[::2] += gap * s[::2] * np.linalg.norm(q / s)
+    W, r0 = sp.csr_array(factor @ factor.T), np.zeros(2 * contacts)
+    return Problem(W, q, np.full(contacts, friction), r0, factor=sp.csr_array(factor))
+
+
 def plain(make):
     """The run's problems without the linear unknowns of contacts that turn."""
     return [replace(problem, linear=None) for problem in make()]
@@ -257,6 +297,7 @@ RUNS = {
     "ride": partial(ride, False),
     "rigid_mu0.0": partial(rigid, 40, 0.7, 0.0),
     "rigid_mu0.5": partial(rigid, 40, 0.7, 0.5),
+    "bodies_mu1.5_300": lambda: [random_bodies(20, 300, 1.5, 1e-3, 3)],
 }
 
 

@@ -16,7 +16,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from ledger import Row
-from save_problems import FOLDER, load
+from save_problems import FOLDER, load, random_bodies
+from scipy.optimize import linprog
 
 from skmpm import coulomb
 
@@ -115,6 +116,44 @@ def test_solves_what_has_a_solution_when_contacts_are_redundant(seed, mu, rank):
     r, info = coulomb.solve(W, q, mu, tol=TOL)
     assert info.converged
     assert violation(W, q, mu, r) < 1e-8
+
+
+def opening(H, q, mu):
+    """The largest t <= 1 with ``u_n >= mu |u_t| + t`` at all contacts for some motion v: a linear program.
+
+    u = H v + q, rows scaled by their size. Where it is positive the contacts have a solution (Klarbring & Pang, SIAM
+    J. Optim. 8 (1998); Acary, Cadoux, Lemarechal & Malick, Z. Angew. Math. Mech. 91 (2011) 155-175).
+    """
+    s = np.linalg.norm(H, axis=1)
+    (H_n, H_t), (q_n, q_t) = ((a[::2], a[1::2]) for a in (H / s[:, None], q / s))
+    slope = mu * s[1::2] / s[::2]
+    edges = [(H_n + sign * slope[:, None] * H_t, q_n + sign * slope * q_t) for sign in (1.0, -1.0)]
+    A = np.vstack([np.hstack([-rows, np.ones((mu.size, 1))]) for rows, _ in edges])
+    cost, free = np.append(np.zeros(H.shape[1]), -1.0), [(None, None)] * H.shape[1]
+    found = linprog(cost, A_ub=A, b_ub=np.concatenate([b for _, b in edges]), bounds=[*free, (None, 1.0)])
+    assert found.status == 0
+    return -found.fun
+
+
+@settings(derandomize=True)
+@given(SEED, st.integers(3, 10), st.floats(2.0, 5.0), st.floats(0.5, 2.0), st.sampled_from([1e-2, 1e-3, 1e-4]))
+def test_solves_random_contacts_of_rigid_bodies_that_can_all_open(seed, bodies, ratio, friction, gap):
+    """Two to five contacts a body, mu in [0.5, 2]: a solution exists (linear program), and all laws hold to 1e-9.
+
+    W has rank 3 bodies for four to ten rows a body. Without Lemke's method about one in forty fails.
+    """
+    p = random_bodies(bodies, round(ratio * bodies), friction, gap, seed)
+    assert opening(p.factor.toarray(), p.q, p.mu) > 0.0
+    r, info = p.solve(warm=False)
+    assert info.converged
+    assert violation(p.W, p.q, p.mu, r) < 1e-9
+
+
+def test_the_saved_problem_of_random_contacts_has_a_solution():
+    """That of the library, 300 contacts of 20 bodies: also if friction were a hundred times larger."""
+    p = load(FOLDER / "bodies_mu1.5_300.npz")
+    for times in (1.0, 100.0):
+        assert opening(p.factor.toarray(), p.q, times * p.mu) > 0.0
 
 
 # Bodies at one node, in corners, in stacks: W = H M^-1 H'.
@@ -294,6 +333,7 @@ GROUPS = {
     "heavy": "a disc on one or two that are 1e4 times lighter, dt = 10 and 20 ms",
     "ride": "a disc carried along by four plates, sheet laid anew at every step (W singular)",
     "rigid": "rigid discs of an initial packing (W singular)",
+    "bodies": "random contacts of 20 rigid bodies, friction 1.5 (W singular)",
 }
 STEPS = {  # at most so many Newton steps, from either start: about half as much again as it takes
     "discs": 300,
@@ -306,6 +346,7 @@ STEPS = {  # at most so many Newton steps, from either start: about half as much
     "heavy": 90,
     "ride": 90,
     "rigid": 350,
+    "bodies": 350,
 }
 LIBRARY = sorted(path.stem for path in FOLDER.glob("*.npz"))
 

@@ -1,0 +1,140 @@
+"""The path of solutions as all contacts close: Lemke's method.
+
+(Cottle, Pang & Stone, The Linear Complementarity Problem, 1992; with friction Stewart & Trinkle, Int. J. Numer.
+Methods Eng. 39 (1996) 2673-2691.) Velocities are u + g e with e > 0 on the normal rows: all contacts opened by a gap.
+Where g is large no contact acts, and there is no other solution. The law is piecewise linear in the plane, and so is
+the path of solutions that begins there: along a piece all contacts keep their states, at its end one changes. The gap
+may grow again on the way. If some motion opens every contact by more than mu |u_t|, solutions are bounded for all
+g >= 0, so the path leads to g = 0 (for the criterion see Klarbring & Pang, SIAM J. Optim. 8 (1998)). How many pieces
+it has depends on e.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.coulomb.law import Array
+from skmpm.coulomb.problem import Problem, is_sparse
+
+OPEN, STICK, PLUS, MINUS = range(4)  # the last two slip, r_t = +-mu r_n
+SIGN = np.array([0.0, 0.0, 1.0, -1.0])
+REGULAR = 1e-9  # added to diag(W~): pieces are unique where contacts are redundant, and impulses finite
+STEADY = 1e-12  # rates of inequalities, relative to the largest, that are round-off
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Vertex:
+    """Where a piece begins, and the inequality that its first contact leaves: it grows along the piece."""
+
+    state: Ints  # (k,)
+    gap: float
+    contact: int
+    leaving: int  # row of `_margins`
+
+
+def follow(p: Problem, seed: int, limit: int, work: float) -> tuple[Array | None, int, float]:
+    """Follow a path to g = 0: the impulses, or None, the number of pieces, and the work left.
+
+    The directions e are one to one and a half, drawn with the seed. A piece costs m^3 + 8 n m of work, of n rows and
+    m unknowns; a path ends without impulses after `limit` pieces, or where the work is used up.
+    """
+    W = np.ascontiguousarray((p.W.toarray() if is_sparse(p.W) else p.W).T) + REGULAR * np.eye(p.q.size)
+    e = np.zeros(p.q.size)
+    e[:: p.q.size // p.mu.size] = 1.0 + 0.5 * np.random.default_rng(seed).random(p.mu.size)
+    x, load = _first(p, e), np.stack([p.q, e], axis=1)
+    if x.gap <= 0.0:
+        return np.zeros_like(p.q), 0, work
+    for piece in range(1, limit + 1):
+        try:
+            r, u, size = _piece(W, load, p.mu, x.state)
+        except np.linalg.LinAlgError:
+            return None, piece, work
+        work -= size**3 + 8.0 * p.q.size * size
+        following = _next(x, r, u, p.mu)
+        if following is None or work < 0.0:
+            return None, piece, work
+        if following.gap <= 0.0:
+            return r[..., 0].ravel(), piece, work
+        x = following
+    return None, limit, work
+
+
+def _first(p: Problem, e: Array) -> Vertex:
+    """The largest gap at which a contact acts."""
+    stride = p.q.size // p.mu.size
+    gaps = -p.q[::stride] / e[::stride]
+    contact = int(np.argmax(gaps))
+    state = np.full(p.mu.size, OPEN)
+    state[contact] = _slip(p.q[contact * stride + 1] if stride > 1 else 0.0)
+    return Vertex(state, float(gaps[contact]), contact, 0)
+
+
+def _slip(velocity: float) -> int:
+    """The state of a contact that closes while it slides."""
+    return MINUS if velocity > 0.0 else PLUS
+
+
+def _piece(columns: Array, load: Array, mu: Array, state: Ints) -> tuple[Array, Array, int]:
+    """Impulses and velocities (k, rows, 2), as value at g = 0 and rate in g, and the number of unknowns.
+
+    Columns of W are given as rows, which are next to each other in memory.
+    """
+    stride = load.shape[0] // mu.size
+    closed, stick = np.flatnonzero(state != OPEN), np.flatnonzero(state == STICK)
+    slope = SIGN[state[closed]] * mu[closed]
+    free = np.concatenate([stride * closed, stride * stick + 1])
+    acting = columns[free]
+    if stride > 1:
+        slips = np.flatnonzero(slope)
+        acting[slips] += slope[slips, None] * columns[2 * closed[slips] + 1]
+    x = np.linalg.solve(acting[:, free].T, -load[free])
+    r = np.zeros((mu.size, stride, 2))
+    r[closed, 0] = x[: closed.size]
+    if stride > 1:
+        r[closed, 1] = slope[:, None] * x[: closed.size]
+        r[stick, 1] = x[closed.size :]
+    return r, ((x.T @ acting).T + load).reshape(mu.size, stride, 2), free.size
+
+
+def _margins(state: Ints, r: Array, u: Array, mu: Array) -> Array:
+    """What is not negative as long as states stay, (2, k, 2): value at g = 0 and rate in g.
+
+    Open: u_n. Slipping: r_n and, with friction, the velocity against the impulse. Sticking: mu r_n -+ r_t. Else zero.
+    """
+    out = np.zeros((2, *state.shape, 2))
+    slips, sticks = state >= PLUS, state == STICK
+    out[0] = np.where((state == OPEN)[:, None], u[:, 0], r[:, 0])
+    if r.shape[1] > 1:
+        edge = mu[:, None] * r[:, 0]
+        out[0, sticks] = (edge - r[:, 1])[sticks]
+        out[1, sticks] = (edge + r[:, 1])[sticks]
+        out[1, slips] = (-SIGN[state] * (mu > 0.0))[slips, None] * u[slips, 1]
+    return out
+
+
+def _next(x: Vertex, r: Array, u: Array, mu: Array) -> Vertex | None:
+    """The end of the piece that begins at x, with gap 0 if it gets there; None if it has no end."""
+    value, rate = np.moveaxis(_margins(x.state, r, u, mu), -1, 0)
+    down = -1.0 if rate[x.leaving, x.contact] < 0.0 else 1.0
+    rate = down * rate
+    falls = rate < -STEADY * np.abs(rate).max()
+    falls[x.leaving, x.contact] = False
+    left = np.where(falls, np.maximum(value + down * x.gap * rate, 0.0) / np.where(falls, -rate, 1.0), np.inf)
+    row, contact = divmod(int(np.argmin(left)), mu.size)
+    gap = x.gap + down * float(left[row, contact])
+    if gap <= 0.0 or not np.isfinite(gap):
+        return Vertex(x.state, 0.0, contact, row) if gap <= 0.0 else None
+    state, now = x.state.copy(), x.state[contact]
+    if now == OPEN:
+        velocity = u[contact, 1] @ [1.0, gap] if u.shape[1] > 1 else 0.0
+        state[contact], row = _slip(velocity), 0
+    elif now == STICK:
+        state[contact], row = (PLUS, MINUS)[row], 1
+    else:
+        state[contact], row = (OPEN, 0) if row == 0 else (STICK, now - PLUS)
+    return Vertex(state, gap, contact, row)
