@@ -32,7 +32,7 @@ QUICK = {
     "cells": [3.0],
     "single": [300, 1000],
     "steps": 2,
-    "memory_steps": 40,
+    "memory_steps": 320,
 }
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 KEEP_PAGES = {"MALLOC_MMAP_THRESHOLD_": str(2**32), "MALLOC_TRIM_THRESHOLD_": str(2**34)}  # glibc [bytes]

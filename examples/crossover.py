@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from skmpm import Body, NeoHookean, Scene, disc, initial, linear
+from skmpm import Body, NeoHookean, Scene, Scheme, disc, initial, linear
 from skmpm.simulate.anchor import assembly_of, bulk_of
 
 
@@ -32,7 +32,7 @@ def main(across: tuple[int, ...] = (10, 20, 40, 60, 80, 120, 160, 200)) -> list[
         h = 2.0 / cells
         scene = Scene([Body(disc((0.123 * h, 0.377 * h), 1.0, spacing=0.65 * h), gel)], cell=h)
         state = initial(scene)
-        bulk, assembly = bulk_of(scene, state), assembly_of(state)
+        bulk, assembly = bulk_of(scene, state, Scheme()), assembly_of(state)
         stiffness = bulk.stiffness(bulk.at(state.displacement), projected=False)
         ratios = []
         for steps in (10.0, 1000.0):

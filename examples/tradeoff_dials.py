@@ -18,7 +18,7 @@ from skmpm.transfer import apic, flip, pic
 Setting = dict[str, Any]
 
 NEVER = float("inf")
-DEFAULT: Setting = {  # what runs differ from; the defaults of `Scheme`, with a tighter `newton_tol`
+DEFAULT: Setting = {  # what runs differ from; `Scheme(mean_dilatation=False)`, with a tighter `newton_tol`
     "cells": 5.0,  # R/h
     "spacing": 0.74,  # of material points [cells]
     "pace": 1.0,  # time step, in that of the scene
@@ -27,7 +27,7 @@ DEFAULT: Setting = {  # what runs differ from; the defaults of `Scheme`, with a 
     "contact": "outlines",
     "transfer": "apic",
     "material": "own",  # or "other": linear for finite strain and the other way round
-    "locking": False,
+    "mean_dilatation": False,
     "ghost": 0.005,
     "fitted": True,
     "newton_tol": 1e-6,
@@ -46,7 +46,7 @@ LEVELS: dict[str, tuple[Any, ...]] = {  # one at a time, the default among them
     "contact": ("outlines", "shared_nodes"),
     "transfer": ("apic", "pic", "flip"),
     "material": ("own", "other"),
-    "locking": (False, True),
+    "mean_dilatation": (False, True),
     "ghost": (0.0, 0.001, 0.005, 0.02, 0.1),
     "fitted": (True, False),
     "newton_tol": (1e-8, 1e-6, 1e-4, 1e-3, 1e-2),
@@ -98,7 +98,7 @@ def scheme_of(setting: Setting, *, inertia: bool, solver: skmpm.linear.Linear | 
         transfer=TRANSFERS[setting["transfer"]],
         ghost=setting["ghost"],
         fitted=setting["fitted"],
-        locking=setting["locking"],
+        mean_dilatation=setting["mean_dilatation"],
         inertia=inertia,
         newton_tol=setting["newton_tol"],
         contact_tol=setting["contact_tol"],

@@ -19,6 +19,8 @@ from skmpm.grid import Sheets, numbered
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Selection = Ints | slice  # of points or cells
+ALL = slice(None)
 
 STENCIL = 25  # nodes at most two cells away from a node: what cells and ghost facets couple
 FLOOR = 1e-12  # of the heaviest point of its body: the least mass of a node
@@ -93,36 +95,50 @@ class Assembly:
         u = displacement.reshape(-1, 2)
         return u - self.sheets.means(u.T).T[self.sheets.node_body]
 
-    def stiffness(self, C: Array, added: Array | None = None) -> Array:
+    def stiffness(self, C: Array, added: tuple[Selection, Array] | None = None) -> Array:
         """Data of the stiffness in the pattern of A, (blocks, 2, 2).
 
-        From tangents `C` (2, 2, 2, 2, n), and cell matrices (cells, 64), by blocks, to be `added`.
+        From tangents `C` (2, 2, 2, 2, n), and matrices (k, 64), by blocks, to be `added` to those of k cells.
         """
         flat = C.reshape(4, 4, -1)
         entries = np.stack([flat[a, b] for a, b in PAIRS], axis=1)
         moments = (self.moments @ entries).reshape(6, -1, 10).transpose(1, 0, 2).reshape(-1, 60)
         cells = moments @ _stiffness_table()
         if added is not None:
-            cells += added
+            cells[added[0]] += added[1]
         return np.asarray((self.scatter @ cells.reshape(-1, 4)).reshape(-1, 2, 2) + self.ghost_data)
 
-    def cell_sums(self, values: Array) -> Array:
-        """Sums over the points of every cell of V values, (cells,); `values` (n,)."""
-        sums = np.bincount(self.sheets.cell_of_point, self.volume * values, self.sheets.cells)
-        return np.asarray(sums, dtype=np.float64)
+    def cell_sums(self, values: Array, points: Selection = ALL) -> Array:
+        """Sums over points of every cell of V values, (cells,); `values` (points,)."""
+        cell = self.sheets.cell_of_point[points]
+        return np.asarray(np.bincount(cell, self.volume[points] * values, self.sheets.cells), dtype=np.float64)
 
-    def mean_dilatation(self, volumes: Array) -> Array:
-        """Volume over undeformed volume of each point's cell, (n,), from both per anchor volume, (2, n)."""
-        now, rest = (self.cell_sums(v) for v in volumes)
-        return np.asarray((now / rest)[self.sheets.cell_of_point])
+    def mean_dilatation(self, volumes: Array, points: Selection = ALL) -> Array:
+        """Volume over undeformed volume of each point's cell, (points,), from both per anchor volume, (2, points).
 
-    def mean_dilatation_stiffness(self, slope: Array, modulus: Array, rest: Array) -> Array:
-        """Twin of `forms.mean_dilatation_stiffness`, by cells and blocks, (cells, 64), of rank one each."""
+        `points` are all those of their cells.
+        """
+        cell = self.sheets.cell_of_point[points]
+        now, rest = (self.cell_sums(v, points)[cell] for v in volumes)
+        return np.asarray(now / rest)
+
+    def mean_dilatation_stiffness(
+        self, slope: Array, modulus: Array, rest: Array, points: Selection = ALL, cells: Selection = ALL
+    ) -> Array:
+        """Twin of `forms.mean_dilatation_stiffness`, by cells and blocks, (cells, 64), of rank one each.
+
+        `slope` (2, 2, points) and `rest` (points,) are those of all points of these cells, `modulus` of every cell.
+        """
         sheets = self.sheets
-        first = self.moments[: 3 * sheets.cells] @ slope.reshape(4, -1).T  # of 1, xi, eta
+        of_point = slope.reshape(4, -1)
+        if not isinstance(points, slice):
+            of_point = np.zeros((4, self.volume.size))
+            of_point[:, points] = slope.reshape(4, -1)
+        rows = (np.arange(3)[:, None] * sheets.cells + np.arange(sheets.cells)[cells]).ravel()
+        first = self.moments[slice(rows.size) if isinstance(cells, slice) else rows] @ of_point.T  # of 1, xi, eta
         growth = np.einsum("mciI,mIa->cai", first.reshape(3, -1, 2, 2), _gradient_table()).reshape(-1, 8)
         growth *= sheets.cell
-        weighted = (modulus / self.cell_sums(rest))[:, None] * growth
+        weighted = (modulus[cells] / self.cell_sums(rest, points)[cells])[:, None] * growth
         return _by_blocks(weighted[:, :, None] * growth[:, None, :])
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:

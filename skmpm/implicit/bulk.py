@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.assembly import Assembly
+from skmpm.assembly import Assembly, Selection
 from skmpm.material import Elastic
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ class Configuration:
 
     displacement: Array  # (2 nodes,) since anchoring [m]
     F: Array  # (2, 2, n) since anchoring
-    dilatation: Array | None = None  # (n,) mean of each point's cell, None where every point keeps its own
+    dilatation: Array | None = None  # (n,) mean of each point's cell, nan where a point keeps its own; None if all do
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Bulk:
     materials: Sequence[tuple[Elastic, NDArray[np.int64] | slice]]  # each with its points
     F_anchor: Array | None  # (2, 2, n), None where undeformed
     stress_anchor: Array | None  # (2, 2, n) [Pa], None where unstressed
-    locking: bool = False  # whether the materials are told mean dilatations, against locking
+    averaged: tuple[bool, ...] = ()  # which materials take the mean dilatation of a cell; () for none
 
     @property
     def linear(self) -> bool:
@@ -48,19 +48,47 @@ class Bulk:
         F = self.assembly.sheets.gradient_at_points(displacement)
         F[0, 0] += 1.0
         F[1, 1] += 1.0
-        if not self.locking:
-            return Configuration(displacement, F)
-        return Configuration(displacement, F, self.assembly.mean_dilatation(self._evaluate("volumes", F)))
+        return Configuration(displacement, F, self._mean_dilatation(F) if any(self.averaged) else None)
+
+    def _mean_dilatation(self, F: Array) -> Array:
+        points, _ = self._averaged
+        dilatation = np.full(F.shape[-1], np.nan)
+        dilatation[points] = self.assembly.mean_dilatation(self._evaluate_averaged("volumes", F), points)
+        return dilatation
+
+    @property
+    def _averaged(self) -> tuple[Selection, Selection]:
+        """The points, by material, and the cells whose dilatation is averaged."""
+        if len(self.materials) == 1:
+            return slice(None), slice(None)
+        chosen = [points for (_, points), one in zip(self.materials, self.averaged, strict=True) if one]
+        points = np.concatenate([np.arange(self.assembly.volume.size)[own] for own in chosen])
+        if all(self.averaged):
+            return points, slice(None)
+        within = np.zeros(self.assembly.sheets.cells, dtype=bool)
+        within[self.assembly.sheets.cell_of_point[points]] = True
+        return points, np.flatnonzero(within)
+
+    def _of_material(self, k: int, method: str, F: Array, dilatation: Array | None, **options: bool) -> Array:
+        """Energy, stress, tangent, ... of the points of one material."""
+        material, points = self.materials[k]
+        fields = [F, self.F_anchor, self.stress_anchor]
+        if dilatation is not None and self.averaged[k]:
+            fields.append(dilatation)
+        if len(self.materials) > 1:
+            fields = [None if a is None else a[..., points] for a in fields]
+        return np.asarray(getattr(material, method)(*fields, **options))
+
+    def _evaluate_averaged(self, method: str, F: Array, dilatation: Array | None = None) -> Array:
+        """Volumes, slopes or moduli of the points whose dilatation is averaged, (..., points)."""
+        parts = [self._of_material(k, method, F, dilatation) for k, one in enumerate(self.averaged) if one]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
 
     def _evaluate(self, method: str, F: Array, dilatation: Array | None = None, **options: bool) -> Array:
         """Energy, stress, tangent, ... of every point by its own material."""
-        fields = [F, self.F_anchor, self.stress_anchor] + ([] if dilatation is None else [dilatation])
-        if len(self.materials) == 1:
-            return np.asarray(getattr(self.materials[0][0], method)(*fields, **options))
-        parts = []
-        for material, points in self.materials:
-            own = [None if a is None else a[..., points] for a in fields]
-            parts.append(getattr(material, method)(*own, **options))
+        parts = [self._of_material(k, method, F, dilatation, **options) for k in range(len(self.materials))]
+        if len(parts) == 1:
+            return parts[0]
         out = np.empty((*parts[0].shape[:-1], F.shape[-1]))
         for part, (_, points) in zip(parts, self.materials, strict=True):
             out[..., points] = part
@@ -81,18 +109,16 @@ class Bulk:
     def stiffness(self, at: Configuration, *, projected: bool) -> Array:
         """Stiffness in the pattern of A, positive semi-definite where `projected`, (blocks, 2, 2) [Pa]."""
         C = self._evaluate("tangent", at.F, at.dilatation, projected=projected)
-        return self.assembly.stiffness(C, self._bulk_stiffness(at, projected))
+        return self.assembly.stiffness(C, None if at.dilatation is None else self._bulk_stiffness(at, projected))
 
-    def _bulk_stiffness(self, at: Configuration, projected: bool) -> Array | None:
-        """What mean dilatations add to the matrices of the cells, (cells, 64) [Pa]."""
-        if at.dilatation is None:
-            return None
-        modulus = np.empty(self.assembly.sheets.cells)
-        modulus[self.assembly.sheets.cell_of_point] = self._evaluate("bulk_tangent", at.F, at.dilatation)
-        slope, (_, rest) = self._evaluate("volume_slope", at.F), self._evaluate("volumes", at.F)
-        return self.assembly.mean_dilatation_stiffness(
-            slope, np.maximum(modulus, 0.0) if projected else modulus, rest
-        )
+    def _bulk_stiffness(self, at: Configuration, projected: bool) -> tuple[Selection, Array]:
+        """What mean dilatations add to the matrices of cells: which cells, and (their number, 64) [Pa]."""
+        points, cells = self._averaged
+        modulus = np.zeros(self.assembly.sheets.cells)
+        tangent = self._evaluate_averaged("bulk_tangent", at.F, at.dilatation)
+        modulus[self.assembly.sheets.cell_of_point[points]] = np.maximum(tangent, 0.0) if projected else tangent
+        slope, (_, rest) = (self._evaluate_averaged(name, at.F) for name in ("volume_slope", "volumes"))
+        return cells, self.assembly.mean_dilatation_stiffness(slope, modulus, rest, points, cells)
 
     def cauchy(self, at: Configuration) -> Array:
         """Cauchy stress of the points, (2, 2, n) [Pa]."""

@@ -9,7 +9,7 @@ an average over neighbours: it then takes the place of the points' own wherever 
 Nagtegaal, Parks & Rice, CMAME 4, 1974; Simo, Taylor & Pister, CMAME 51, 1985).
 """
 
-from skmpm.material.elastic import Elastic, Isotropic, determinant, product
+from skmpm.material.elastic import Elastic, Isotropic, determinant, poisson_ratio, product
 from skmpm.material.hessian import hessian, projected_hessian
 from skmpm.material.linear import LinearElastic
 from skmpm.material.neohookean import NeoHookean
@@ -26,6 +26,7 @@ __all__ = [
     "Rigid",
     "determinant",
     "hessian",
+    "poisson_ratio",
     "product",
     "projected_hessian",
 ]

@@ -89,6 +89,12 @@ class Isotropic:
         return min(lam + 2.0 * mu, 10.0 * mu)
 
 
+def poisson_ratio(material: Elastic) -> float:
+    """Poisson's ratio at zero strain, from the Lame constants: lambda / 2 (lambda + mu)."""
+    lam, mu = material.lame
+    return lam / (2.0 * (lam + mu))
+
+
 def determinant(F: Array) -> Array:
     """Determinants (n,) of (2, 2, n)."""
     return np.asarray(F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0])

@@ -42,7 +42,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     own = scene.deformable[state.body]
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
     force, moved_as = external_force(scene, state, state.t + scheme.theta * dt), told(scene, state.t + 0.5 * dt)
-    bulk, supports = bulk_of(scene, state, locking=scheme.locking), derived_of(state).supports
+    bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
     increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, moved_as)
     timer.lap("transfer")
     try:

@@ -16,7 +16,7 @@ from skmpm.implicit import Bulk, NotConverged
 from skmpm.material import Rigid, determinant, product
 from skmpm.quadrature import fitted
 from skmpm.scene import Derived, Scene, SceneError, State
-from skmpm.scheme import Scheme
+from skmpm.scheme import Scheme, averages_dilatation
 
 Array = NDArray[np.float64]
 
@@ -160,8 +160,8 @@ def assembly_of(state: State) -> Assembly:
     return derived_of(state).assembly
 
 
-def bulk_of(scene: Scene, state: State, *, locking: bool = False) -> Bulk:
-    """The deformable bodies' energy, grouped by material; `locking` as in Scheme."""
+def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
+    """The deformable bodies' energy, grouped by material."""
     own = scene.deformable[state.body]
     body = state.body[own]
     of_body = [b.material for b in scene.bodies]
@@ -170,4 +170,4 @@ def bulk_of(scene: Scene, state: State, *, locking: bool = False) -> Bulk:
     F, stress = state.F_anchor[:, :, own], state.stress_anchor[:, :, own]
     undeformed = bool((np.eye(2)[:, :, None] == F).all())
     known = (None if undeformed else F, stress if stress.any() else None)
-    return Bulk(assembly_of(state), groups, *known, locking)
+    return Bulk(assembly_of(state), groups, *known, tuple(averages_dilatation(scheme, kind) for kind in kinds))

@@ -75,7 +75,7 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
 
 def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     materials, scheme = tuple(body.material for body in scene.bodies), increment.scheme
-    options = (scheme.theta, scheme.inertia, scheme.explicit, scheme.linear, scheme.locking, scheme.contact)
+    options = (scheme.theta, scheme.inertia, scheme.explicit, scheme.linear, scheme.mean_dilatation, scheme.contact)
     return (increment.dt, *options, materials)
 
 

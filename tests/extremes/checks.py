@@ -170,7 +170,7 @@ class Watch:
         self.rounded += float(np.abs(self.scene.gravity) @ far * m.sum())
         kinetic = 0.5 * float(m @ (new.v**2).sum(axis=0))
         elastic, rounding = energy.elastic, 0.0
-        if not self.case.scheme.locking:
+        if not self.case.scheme.mean_dilatation:
             elastic, rounding = self._elastic(new, J)
             self._limit(
                 "elastic of points over reported - 1",

@@ -41,7 +41,7 @@ class Dials:
     bodies: int | None = None  # 1 in free fall, 2 in a collision, 12 squeezed
     shape: str = "disc"  # or "box" (2R wide), "point" (one point and no outline, which needs Scheme.seed())
     outlined: bool = False  # contact by outlines even for points, which have none
-    locking: bool = False
+    mean_dilatation: bool = False
     gap: float | None = None  # between two bodies at the start, over R; None: they close it in the first step
     steps: int = 150  # at most
     quarter_turns: int = 0
@@ -238,7 +238,7 @@ def _case(
         bodies, cell=dials.cell, walls=walls, friction=dials.friction, gravity=c**2 / L * (turn @ gravity)
     )
     seeds_way = dials.shape == "point" and not dials.outlined
-    scheme = skmpm.Scheme.seed() if seeds_way else skmpm.Scheme(locking=dials.locking, **dials.scheme)
+    scheme = skmpm.Scheme.seed() if seeds_way else skmpm.Scheme(mean_dilatation=dials.mean_dilatation, **dials.scheme)
     return Case(name, dials, scene, dials.dt, duration * L / c, scheme)
 
 

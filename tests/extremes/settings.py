@@ -43,7 +43,7 @@ def few(name, value, steps, scenes=ALL, limit=LIMIT):
 
 def locked(nu):
     """Poisson's ratio with the cure against locking."""
-    return Setting(f"{nu:g} cured", {"nu": nu, "locking": True})
+    return Setting(f"{nu:g} cured", {"nu": nu, "mean_dilatation": True})
 
 
 def of_bodies(n, **options):

@@ -68,7 +68,7 @@ def finer(case: Case) -> Case:
         gap=gap_of(d),
         cells=cells,
         dt_c_h=step * cells,
-        locking=d.nu > 0.49,
+        mean_dilatation=d.nu > 0.49,
         steps=100_000,
     )
     until = min(case.until, case.until if case.name == "squeeze" else 20.0 * d.length / d.speed)

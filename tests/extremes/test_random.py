@@ -86,7 +86,7 @@ def drawn(number, choice, theta=1.0):
         bodies=bodies,
         shape=shape,
         outlined=shape == "point" and choice(False, False, False, True),
-        locking=choice(False, True),
+        mean_dilatation=choice(False, True),
         gap=choice(None, 0.0),
         steps=choice(6, 3, 12, 12),
         quarter_turns=choice(0, 1, 2, 3),
@@ -131,7 +131,7 @@ def run(name, dials):
         if "end above it" in str(unbuilt) or "do not pack" in str(unbuilt):
             return None
         raise
-    slow = case.scheme.locking and case.scheme.linear is linear.amg
+    slow = case.scheme.mean_dilatation and case.scheme.linear is linear.amg
     return limited(replace(case, until=min(case.until, dials.steps * case.dt)), SLOW if slow else SECONDS, most=STEPS)
 
 
@@ -205,7 +205,7 @@ FOUND = {  # by random draws, made small; each was a defect of the library once
             offset=(0.0, 0.0),
             solid_fraction=0.8513076908800894,
             bodies=2,
-            locking=True,
+            mean_dilatation=True,
             steps=6,
             seed=2,
             loose=(0.54, 0.48),
@@ -239,7 +239,7 @@ FOUND = {  # by random draws, made small; each was a defect of the library once
             points_per_cell=0.8,
             offset=(-1e-9, 0.0),
             bodies=4,
-            locking=True,
+            mean_dilatation=True,
             mirrored=True,
             seed=12,
             loose=(0.54, 0.48),

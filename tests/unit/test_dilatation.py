@@ -3,6 +3,8 @@
 Derivatives by the complex step where the code allows it, else by central differences.
 """
 
+from itertools import product as product_of
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,13 +20,14 @@ SEED = st.integers(0, 2**32 - 1)
 CELL = 0.2
 SOFT, LINEAR = NeoHookean(2e6, 0.49, 1200.0), LinearElastic(1e7, 0.45, 990.0)
 MIXES = {"soft": [SOFT, SOFT], "linear": [LINEAR, LINEAR], "mixed": [SOFT, LINEAR]}
+ALL, NONE, FIRST = (True, True), (), (True, False)  # which of two materials are averaged
 
 
 def random_gradients(rng, n, size=0.2):
     return np.eye(2)[:, :, None] + rng.uniform(-size, size, size=(2, 2, n))
 
 
-def random_bulk(seed, mix="mixed", anchored=True, locking=True, points=20, ghost=0.01):
+def random_bulk(seed, mix="mixed", anchored=True, averaged=ALL, points=20, ghost=0.01):
     """Two bodies on top of each other, with cells of one and of many points."""
     rng = np.random.default_rng(seed)
     body = rng.permutation(np.repeat([0, 1], points))
@@ -34,7 +37,7 @@ def random_bulk(seed, mix="mixed", anchored=True, locking=True, points=20, ghost
     materials = [(m, np.flatnonzero(body == b)) for b, m in enumerate(MIXES[mix])]
     stress = 1e5 * rng.normal(size=(2, 2, body.size))
     F_anchor = random_gradients(rng, body.size) if anchored else None
-    bulk = Bulk(assembly, materials, F_anchor, stress + stress.swapaxes(0, 1) if anchored else None, locking)
+    bulk = Bulk(assembly, materials, F_anchor, stress + stress.swapaxes(0, 1) if anchored else None, averaged)
     return rng, bulk, 0.03 * CELL * rng.normal(size=2 * assembly.sheets.nodes)
 
 
@@ -48,12 +51,13 @@ def assert_close(actual, expected, tol):
 
 
 @pytest.mark.parametrize("anchored", [False, True], ids=["undeformed anchor", "deformed anchor"])
+@pytest.mark.parametrize("averaged", [ALL, FIRST, FIRST[::-1]], ids=["all", "first", "second"])
 @pytest.mark.parametrize("mix", MIXES)
 @settings(max_examples=10)
 @given(seed=SEED)
-def test_force_is_the_derivative_of_the_energy_and_stiffness_that_of_the_force(mix, anchored, seed):
+def test_force_is_the_derivative_of_the_energy_and_stiffness_that_of_the_force(mix, averaged, anchored, seed):
     """Central differences of step 1e-6 cells: errors of 1e-10 by curvature, 1e-9 by cancellation."""
-    rng, bulk, U = random_bulk(seed, mix, anchored)
+    rng, bulk, U = random_bulk(seed, mix, anchored, averaged)
     d, step = rng.normal(size=U.size), 1e-6 * CELL
     ahead, behind = (bulk.at(U + s * step * d) for s in (1, -1))
     at = bulk.at(U)
@@ -88,7 +92,7 @@ def test_fast_stiffness_equals_the_mixed_form(seed):
     expected = forms.mean_dilatation_stiffness(basis, slope, modulus, rest).toarray()
     added = fast.mean_dilatation_stiffness(slope, modulus, rest)
     nothing = np.zeros((2, 2, 2, 2, n))
-    assert_close(dense(bulk, fast.stiffness(nothing, added)), expected, 1e-12)
+    assert_close(dense(bulk, fast.stiffness(nothing, (slice(None), added))), expected, 1e-12)
 
 
 @given(SEED)
@@ -105,7 +109,7 @@ def test_mean_dilatation_is_the_ratio_of_the_cells_volumes(seed):
 @pytest.mark.parametrize("mix", ["soft", "linear"])
 def test_a_uniform_deformation_is_as_it_was(mix):
     """Energy, force, Cauchy stress: where all points share a dilatation its mean says nothing new."""
-    _, plain, _ = random_bulk(1, mix, anchored=False, locking=False)
+    _, plain, _ = random_bulk(1, mix, anchored=False, averaged=NONE)
     _, mean, _ = random_bulk(1, mix, anchored=False)
     U = (plain.assembly.sheets.position.T @ np.array([[0.1, 0.05], [-0.02, -0.08]])).ravel()
     for ask in (lambda b: np.array([b.energy(b.at(U))]), lambda b: b.force(b.at(U)), lambda b: b.cauchy(b.at(U))):
@@ -127,7 +131,7 @@ def test_anchored_anew_in_the_same_cells_nothing_changes():
         first.materials,
         F_anchor,
         None,
-        True,
+        ALL,
     )
     relative = product(end, np.repeat(np.linalg.inv(G)[:, :, None], n, axis=2))
     early, late = (first._evaluate("volumes", end), anew._evaluate("volumes", relative))
@@ -143,8 +147,45 @@ def test_anchored_anew_in_the_same_cells_nothing_changes():
         assert_close(new, old, 1e-11)
 
 
-def test_without_locking_nothing_of_it_is_computed(monkeypatch):
-    _, bulk, U = random_bulk(3, locking=False)
+@pytest.mark.parametrize("mix", ["soft", "mixed"])
+def test_bodies_of_another_material_are_as_without_bit_for_bit(mix):
+    """And those averaged as where all are: forces, stresses, and blocks of the stiffness."""
+    (_, none, U), (_, both, _), (_, first, _) = (random_bulk(4, mix, averaged=a) for a in (NONE, ALL, FIRST))
+    own = first.assembly.sheets.node_body == 0
+    at_node, at_point = np.repeat(own, 2), np.isin(np.arange(40), first.materials[0][1])
+    block = own[first.assembly.indices]
+    for ask, mask in (
+        (lambda b: b.force(b.at(U)), at_node),
+        (lambda b: b.cauchy(b.at(U)), at_point),
+        (lambda b: np.moveaxis(b.stiffness(b.at(U), projected=False), 0, -1), block),
+        (lambda b: np.moveaxis(b.stiffness(b.at(U), projected=True), 0, -1), block),
+    ):
+        assert np.array_equal(ask(first)[..., ~mask], ask(none)[..., ~mask])
+        assert np.array_equal(ask(first)[..., mask], ask(both)[..., mask])
+        assert not np.array_equal(ask(both), ask(none))
+
+
+@pytest.mark.parametrize("mix", ["soft", "mixed"])
+def test_bodies_of_another_material_pay_nothing(mix, monkeypatch):
+    """Nothing of mean dilatations is asked of points or cells of theirs."""
+    _, bulk, U = random_bulk(5, mix, averaged=FIRST)
+    asked = []
+    for law, method in product_of((NeoHookean, LinearElastic), ("volumes", "volume_slope", "bulk_tangent")):
+        original = getattr(law, method)
+        monkeypatch.setattr(
+            law, method, lambda self, F, *rest, _f=original: asked.append(F.shape[-1]) or _f(self, F, *rest)
+        )
+    sums, original = [], type(bulk.assembly).cell_sums
+    monkeypatch.setattr(
+        type(bulk.assembly), "cell_sums", lambda self, v, *rest: sums.append(v.size) or original(self, v, *rest)
+    )
+    added = bulk._bulk_stiffness(bulk.at(U), False)
+    assert set(asked) == set(sums) == {20}
+    assert len(added[1]) == np.sum(bulk.assembly.sheets.cell_body == 0) < bulk.assembly.sheets.cells
+
+
+def test_off_nothing_of_it_is_computed(monkeypatch):
+    _, bulk, U = random_bulk(3, averaged=NONE)
     for name in ("mean_dilatation", "mean_dilatation_stiffness", "cell_sums"):
         monkeypatch.setattr(type(bulk.assembly), name, None)
     at = bulk.at(U)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from skmpm import contact, linear, transfer
-from skmpm.scheme import Scheme
+from skmpm.material import LinearElastic, NeoHookean
+from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme, averages_dilatation
 
 BAD = [
     ({"theta": 0.49}, r"theta = 0.49.*between 1/2"),
@@ -54,8 +55,9 @@ def test_the_default_is_outlines_on_sheets_laid_once():
 
 def test_seed_is_shared_nodes_on_sheets_laid_at_every_step():
     seed = Scheme.seed()
-    assert (seed.anchor, seed.contact, seed.fitted) == (0.0, contact.shared_nodes, False)
-    others = {f.name for f in fields(Scheme)} - {"anchor", "contact", "fitted"}
+    assert (seed.anchor, seed.contact) == (0.0, contact.shared_nodes)
+    assert seed.fitted is seed.mean_dilatation is False
+    others = {f.name for f in fields(Scheme)} - {"anchor", "contact", "fitted", "mean_dilatation"}
     assert all(getattr(seed, name) == getattr(Scheme(), name) for name in others)
 
 
@@ -74,10 +76,17 @@ def test_gaps_cannot_be_better_than_the_contact_solves():
     Scheme(gap_tol=1e-8, contact_tol=1e-9)
 
 
-def test_locking_is_yes_or_no():
-    assert Scheme(locking=True).locking
-    with pytest.raises(ValueError, match="locking = 'mean'; use True or False"):
-        Scheme(locking="mean")
+def test_mean_dilatation_is_yes_or_no_or_by_the_material():
+    """By Poisson's ratio from 0.4 on, whatever rounding its Lame constants suffer."""
+    assert Scheme().mean_dilatation is None
+    with pytest.raises(ValueError, match=r"mean_dilatation = 'mean'; use True, False, or None \(by the material\)"):
+        Scheme(mean_dilatation="mean")
+    for law in (LinearElastic, NeoHookean):
+        for nu in (-0.5, 0.0, 0.3, 0.399, 0.4, 0.45, 0.49, 0.4999999):
+            material = law(0.7, nu, 1.0)
+            chosen = [averages_dilatation(Scheme(mean_dilatation=choice), material) for choice in (None, True, False)]
+            assert chosen == [nu >= 0.4, True, False], nu
+    assert NEARLY_INCOMPRESSIBLE == 0.4
 
 
 def test_presets_differ_in_the_tolerance_of_the_balance_alone_and_take_other_choices():

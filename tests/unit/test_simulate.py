@@ -429,7 +429,7 @@ def test_bodies_of_every_shape_and_material_share_a_scene():
         ({"inertia": False}, {}),
         ({}, {"theta": 0.5}),
         ({}, {"explicit": True}),
-        ({}, {"locking": True}),
+        ({}, {"mean_dilatation": True}),
         ({}, {"ghost": 0.02}),
     ],
 )

@@ -21,6 +21,7 @@ MODULES = (
     "patch",
     "fem_elasticity",
     "locking",
+    "mean_dilatation",
     "large_deflection",
     "manufactured",
     "dynamics",

@@ -122,9 +122,11 @@ def test_a_body_anchored_anew_forgets_its_stress_as_it_crosses_cells():
     """Why the default is to anchor once: with the points' volumes as weights, 2.5 points per cell, anchor = 0.
 
     At rest the force stays to 1e-4; after one cell a quarter of it is gone, after six three quarters, and the outline
-    has lost 2 % more area than det F knows. Weights fitted to the cells leave more than 0.8 of it.
+    has lost 2 % more area than det F knows. Weights fitted to the cells leave more than 0.8 of it. All without mean
+    dilatation, as the seed's mode is; with it the force at rest stays to 2.3e-3.
     """
-    still, moved = (ride(7, anchor=0.0, fitted=False, cells=cells) for cells in (0.0, CELLS))
+    seeds = {"anchor": 0.0, "fitted": False, "mean_dilatation": False}
+    still, moved = (ride(7, **seeds, cells=cells) for cells in (0.0, CELLS))
     assert np.abs(still.kept - 1.0).max() < 1e-4
     assert 0.2 < moved.kept[-1] < 0.3
     assert moved.kept[np.searchsorted(moved.cells[moved.held], 1.0)] < 0.8
@@ -140,7 +142,7 @@ ANEW = {"volumes as weights": False, "fitted weights": True}
 
 def anew(rings, fitted):
     """Anchored at every step; the contact solver's last digits are out of reach in some of these steps."""
-    return ride(rings, anchor=0.0, fitted=fitted, contact_tol=2e-5, gap_tol=1e-4)
+    return ride(rings, anchor=0.0, fitted=fitted, mean_dilatation=False, contact_tol=2e-5, gap_tol=1e-4)
 
 
 def per_cell(run):

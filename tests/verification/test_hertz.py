@@ -72,7 +72,7 @@ def reference(depth, arcs=False):
 
 
 @cache
-def finite_elements(stroke, cap=None, n=32):
+def finite_elements(stroke, cap=None, n=32, nu=NU):
     """Depth, force and half-width by the second moment of half a disc under a frictionless plate; all over R or E* R.
 
     Quadratic triangles, finest at the contact; the plate comes down by `stroke`; symmetric below without `cap`, else
@@ -84,7 +84,7 @@ def finite_elements(stroke, cap=None, n=32):
     s, t = mesh.p
     mesh = MeshTri(np.stack([s * np.sqrt(1 - t**2 / 2), t * np.sqrt(1 - s**2 / 2)]), mesh.t)
     basis = Basis(mesh, ElementVector(ElementTriP2()), intorder=4)
-    lam, mu = LinearElastic(1 - NU**2, NU, 1.0).lame
+    lam, mu = LinearElastic(1 - nu**2, nu, 1.0).lame
     K = BilinearForm(lambda u, v, w: lam * div(u) * div(v) + 2 * mu * ddot(sym_grad(u), sym_grad(v))).assemble(basis)
     x, y = basis.doflocs
     vertical, rim = np.arange(basis.N) % 2 == 1, np.hypot(x, y) > 0.999

@@ -126,7 +126,7 @@ def test_rigid_translation_gives_no_force(material):
     """To round-off of the stiffness times the displacement, by hundreds of radii."""
     scene = Scene([round_body((0, 0), material)], cell=CELL)
     state = initial(scene)
-    bulk = bulk_of(scene, state)
+    bulk = bulk_of(scene, state, Scheme())
     displacement = np.tile([0.3, -0.7], state.displacement.size // 2)
     assert np.abs(bulk.force(bulk.at(displacement))).max() <= 1e-12 * material.E * 0.7
 
@@ -156,7 +156,7 @@ def test_rigid_rotation_gives_no_force_and_no_false_stress_neohookean(angle):
         derived=None,
     )
     for at in (state, anchored(scene, turned, Scheme())):
-        bulk, position = bulk_of(scene, at), at.derived.assembly.sheets.position
+        bulk, position = bulk_of(scene, at, Scheme()), at.derived.assembly.sheets.position
         there = bulk.at(((turn - np.eye(2)) @ position).T.ravel())
         assert np.abs(bulk.force(there)).max() <= 1e-12 * SOFT.E * R
         assert np.abs(bulk.cauchy(there)).max() <= 1e-12 * SOFT.E
@@ -179,7 +179,7 @@ def test_linear_elasticity_sees_a_false_strain_in_rotation():
     """cos(angle) - 1 in both directions, as its documentation says."""
     scene = Scene([round_body((0, 0), LINEAR)], cell=CELL)
     state = initial(scene)
-    bulk, angle = bulk_of(scene, state), 0.1
+    bulk, angle = bulk_of(scene, state, Scheme()), 0.1
     turn = rotation(angle)
     stress = bulk.cauchy(bulk.at(((turn - np.eye(2)) @ state.derived.assembly.sheets.position).T.ravel()))
     lam, mu = LINEAR.lame
