@@ -11,6 +11,7 @@ from skmpm.outline.measures import area, centroid, dimensions, normals, perimete
 from skmpm.outline.near import candidates, closest, inside
 from skmpm.outline.overlaps import lens_depth, overlap
 from skmpm.outline.topology import Outlines, outlines
+from skmpm.outline.widths import thickness
 
 __all__ = [
     "Cubics",
@@ -32,4 +33,5 @@ __all__ = [
     "overlap",
     "perimeter",
     "second_moments",
+    "thickness",
 ]

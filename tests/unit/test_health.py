@@ -195,6 +195,8 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
     "R/h": (limits.RESOLUTION, r"body 0 and 1 more: R/h = 3.2;",
             lambda v: replace(pair(), cell=R / v), None, {}),
     "R/h alone": (limits.SMALLEST, r"body 0: R/h = 1;", lambda v: small(20, v), None, {}),
+    "thin": (limits.THIN, r"body 0 and 1 more: 4 cells across its thinnest part of 0.001 m;", lambda v: Scene(
+        [Body(box((x, 0.0), (9 * R, R), spacing=R / 12), GEL) for x in (0.0, 10 * R)], cell=R / v), None, {}),
     "points": (limits.FEWEST, r"body 0: 1.8 points per cell of material;",
                lambda v: small(300, np.sqrt(300 / np.pi / v)), None, {}),
     "dt": (limits.COURANT, r"step: dt c/h = 15;", lambda v: pair(), lambda s, v: v * DT, {}),
@@ -225,7 +227,7 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
 def test_a_warning_beyond_each_limit_and_none_before(name):
     """By 1e-4 of the limit; one line with the object, the value, what was verified, the remedy."""
     limit, says, scene, dt, options = LIMITED[name]
-    sign = -1.0 if limit in (limits.RESOLUTION, limits.SMALLEST, limits.FEWEST) else 1.0
+    sign = -1.0 if limit in (limits.RESOLUTION, limits.SMALLEST, limits.THIN, limits.FEWEST) else 1.0
     for passed in (-1.0, 0.0, 1.0):
         value = limit.value * (1.0 + passed * sign * LEAST)
         given = scene(value)

@@ -22,6 +22,7 @@ MODULES = (
     "fem_elasticity",
     "locking",
     "mean_dilatation",
+    "thin_parts",
     "large_deflection",
     "manufactured",
     "dynamics",

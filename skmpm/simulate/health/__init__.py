@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.health.numbers import Health, examine, memory_of
@@ -37,7 +39,7 @@ def _lines(health: Health) -> dict[str, str]:
         "bodies": f"{health.points.size}, rigid {health.rigid}; {around}",
         "points": f"{health.points.sum()}, {each} a body, {health.points_per_cell.min():.3g} or more per filled cell",
         "grid": f"{health.cells} cells of {health.cell:.6g} m, {health.unknowns} unknowns",
-        "R/h": f"{health.resolution.min():.3g} smallest, {health.resolution.mean():.3g} mean",
+        "R/h": f"{health.resolution.min():.3g} smallest, {health.resolution.mean():.3g} mean; {_across(health)}",
         "dt c/h": f"{health.courant:.3g}, c = {health.wave:.4g} m/s" if health.inertia else "none without inertia",
         "driven": f"{health.lid_name}, {health.lid:.3g} h a step" if health.lid else "nothing",
         "motion": f"{health.approach:.3g} h a step past each other" if health.touches else "nothing can touch",
@@ -46,6 +48,11 @@ def _lines(health: Health) -> dict[str, str]:
         "solver": f"{health.solver}, half bandwidth {health.half_bandwidth}",
         "memory": f"about {_bytes(health.memory)} besides the program",
     }
+
+
+def _across(health: Health) -> str:
+    known = health.across[~np.isnan(health.across)]
+    return f"{known.min():.3g} cells across the thinnest part" if known.size else "no outlines"
 
 
 def _contact(health: Health) -> str:

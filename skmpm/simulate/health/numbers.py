@@ -11,6 +11,7 @@ from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.grid import Sheets, lay
 from skmpm.material import Rigid
+from skmpm.outline import thickness
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
@@ -31,6 +32,7 @@ class Health:
     own: Ints  # (deformable,) their numbers among the bodies
     points_per_cell: Array  # (deformable,) points over area in cells
     resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
+    across: Array  # (deformable,) cells across the thinnest part; nan without outline
     cells: int
     unknowns: int
     cell: float  # h [m]
@@ -64,7 +66,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
     v, C = initial_motion(scene)
     turning = np.zeros(count.size)
     np.maximum.at(turning, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
-    rims = scene.outlines.m if touches else 0
+    rim = scene.outlines
     return Health(
         points=count,
         rigid=count.size - own.size,
@@ -72,6 +74,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
         own=own,
         points_per_cell=count[own] / area,
         resolution=np.sqrt(area / np.pi),
+        across=thickness(rim, scene.initial_positions[:, rim.point], count.size)[own] / scene.cell,
         cells=sheets.cells,
         unknowns=2 * sheets.nodes,
         cell=scene.cell,
@@ -89,7 +92,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
         theta=scheme.theta,
         half_bandwidth=width,
         solver=solver,
-        memory=memory_of(int(count.sum()), 2 * sheets.nodes, rims, width, solver),
+        memory=memory_of(int(count.sum()), 2 * sheets.nodes, rim.m if touches else 0, width, solver),
     )
 
 

@@ -26,6 +26,7 @@ class Limit(NamedTuple):
 # In the order of the checks; beside each limit, what showed it (pages are those of docs/).
 RESOLUTION = Limit(3.2, "piles and packings have R/h of 3.2 and more, Hertz's force is met from 5 on")  # test_pile
 SMALLEST = Limit(1.0, "bodies had R/h of 2 and more")  # test_corners, unlike discs
+THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells bend by up to 46, 24, 7.5, 2.1 % too little")  # test_thin_parts
 FEWEST = Limit(1.8, "1.8 and more were verified, with 1 a uniform stress is off by 10 %")  # large.py, test_patch
 COURANT = Limit(15.0, "piles run at 15, packings at 8 to 12")  # test_pile, results, architecture
 EXPLICIT = Limit(0.7, "explicit steps are stable to 0.7 wherever a disc lies on the grid")  # test_explicit
@@ -80,6 +81,14 @@ def _resolution(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     if _below(smallest, limit):
         remedy = f"use cell = {_down(health.cell * smallest / limit.value)} m or less"
         yield f"{_worst(health, R, limit.value > R)}: R/h = {smallest:.3g}; {limit.where}; {remedy}"
+
+
+def _thin(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    across = np.where(np.isnan(health.across), np.inf, health.across)
+    if _below(least := float(across.min()), THIN):
+        who, width = _worst(health, across, THIN.value > across), least * health.cell
+        remedy = f"use cell = {_down(width / THIN.value)} m or less"
+        yield f"{who}: {least:.3g} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
 
 
 def _points(scene: Scene, health: Health, scheme: Scheme) -> Lines:
@@ -168,6 +177,7 @@ def _scheme(scene: Scene, health: Health, scheme: Scheme) -> Lines:
 
 CHECKS: tuple[Callable[[Scene, Health, Scheme], Lines], ...] = (
     _resolution,
+    _thin,
     _points,
     _courant,
     _travel,
