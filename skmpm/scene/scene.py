@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import Rigid
-from skmpm.outline import Outlines, outlines
+from skmpm.outline import Outlines, outlines, thickness
 from skmpm.scene.check import check
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, told
 from skmpm.scene.places import Place, held, spread
@@ -85,6 +85,11 @@ class Scene:
     def outlines(self) -> Outlines:
         """The outlines of all bodies, as indices into the arrays of a state."""
         return outlines([body.points.outline for body in self.bodies], self.offsets)
+
+    @cached_property
+    def thickness(self) -> Array:
+        """Width of the thinnest part of each body at t = 0, (bodies,) [m]; nan without an outline."""
+        return thickness(self.outlines, self.initial_positions[:, self.outlines.point], len(self.bodies))
 
     @cached_property
     def normals(self) -> Array:

@@ -17,6 +17,7 @@ from skmpm.simulate.start import can_touch
 Array = NDArray[np.float64]
 
 TRAVEL = 1.0  # [cells] in one step; contact finds what is less than a cell deep
+THROUGH = 0.25  # of the thinnest part of all bodies, which what moves past the others must not pass unseen
 SUNK = 0.05  # [cells] of a point behind a wall
 DEEP = 0.25  # [cells] of one body in another
 FOLD = 4  # segments of a local fold, which a shorter step may not make; farther apart a body closes on itself
@@ -35,10 +36,11 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     _check_crossings(scene, after)
     if not can_touch(scene):
         return 0.0
-    _check_travel(scene, before, after)
-    if scheme.contact is outlines:
+    exact = scheme.contact is outlines
+    _check_travel(scene, before, after, exact)
+    if exact:
         _check_walls(scene, after)
-    return _check_overlap(scene, after, scheme.contact is outlines)
+    return _check_overlap(scene, after, exact)
 
 
 def _check_energy(scheme: Scheme, after: State, budget: Budget) -> None:
@@ -83,12 +85,17 @@ def _check_crossings(scene: Scene, after: State) -> None:
     )
 
 
-def _check_travel(scene: Scene, before: State, after: State) -> None:
-    """No point moves more than a cell away from the common motion, none arrives at a wall so fast."""
+def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> None:
+    """No point moves so far from the common motion that it may pass through a body, none arrives at a wall so fast.
+
+    With outlines, bodies that pass each other by less than their thickness overlap, which is looked for.
+    """
     moved = after.x - before.x
     relative = np.hypot(*(moved - (moved @ before.mass / before.mass.sum())[:, None]))
     if float(relative.max()) > TRAVEL * scene.cell:
-        raise _jumped(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
+        farthest = THROUGH * float(np.nanmin(scene.thickness)) if exact else 0.0
+        if float(relative.max()) > max(TRAVEL * scene.cell, farthest):
+            raise _jumped(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
         near = np.flatnonzero(normal @ (after.x - end[:, None]) < scene.cell)
         approach = -normal @ (moved[:, near] - (end - start)[:, None])

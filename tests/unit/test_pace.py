@@ -167,6 +167,16 @@ def test_bodies_do_not_jump_past_each_other():
     step(alone, initial(alone), 4 * DT)  # nothing is in its way
 
 
+def test_a_disc_that_turns_between_plates_jumps_over_nothing():
+    """R/h = 15 and 0.12 rad a step move its boundary by 1.8 cells, along the plates."""
+    cell, dt = R / 15, 2e-5
+    body = Body(disc((0.0, R), R, spacing=0.74 * cell), NeoHookean(1e7, 0.45, 990.0), spin=0.12 / dt)
+    scene = Scene([body], cell=cell, walls=[Wall((0, 0), (0, 1)), Wall((0, 2 * R), (0, -1))])
+    states = list(simulate(scene, dt=dt, until=4 * dt))
+    assert np.hypot(*(states[1].x - states[0].x)).max() > 1.5 * cell
+    assert sum(s.report.retries for s in states) == 0
+
+
 def test_common_motion_is_no_jump():
     speed = 2.0 * CELL / DT
     discs = [round_body((3.0 * R * i, 0.0), SOFT, velocity=(speed, 0.0)) for i in (0, 1)]

@@ -11,7 +11,6 @@ from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.grid import Sheets, lay
 from skmpm.material import Rigid
-from skmpm.outline import thickness
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
@@ -74,7 +73,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
         own=own,
         points_per_cell=count[own] / area,
         resolution=np.sqrt(area / np.pi),
-        across=thickness(rim, scene.initial_positions[:, rim.point], count.size)[own] / scene.cell,
+        across=scene.thickness[own] / scene.cell,
         cells=sheets.cells,
         unknowns=2 * sheets.nodes,
         cell=scene.cell,
