@@ -11,6 +11,9 @@ import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
+from balance import ROUNDING, balance_of, given_forces, slip_on_walls, supports_missed, travel, value_at
+from geometry import crossings, deepest, loops_of, shared_area, shared_points
+from published import ends
 from scenes import Case
 
 import skmpm
@@ -18,7 +21,15 @@ import skmpm
 MOMENTUM = 1e-10  # of sum m |v| + dt sum |forces|, per step
 ENERGY = 1e-6  # of the largest of all energies so far: Newton's tolerance; what a run may gain, in all
 CONE = 1e-9  # of friction f_n, and of the largest force
+UNBALANCED = 1.0  # newton_tol of the nodal forces, in a step that does not keep momentum to round-off
+MOMENT = 1e-3  # of sum |arm| |force|, and stress times area
+MOMENT_MOVING = 0.02  # the same where bodies turn: what the transfer to points makes of nodes' angular momentum
+SLIP = 1e-3  # [cells] in a step, of a contact that sticks
+MISSED = 1e-3  # [cells] by the mean displacement of a support
+TRAVEL = 3.0  # diameters of the largest body, in a quasi-static step
+DEPTH = 0.3  # [cells] of a boundary point in the polygon of another body
 OPEN = 1e-3  # [cells] gap of a contact that carries force
+OPEN_STILL = 1e-2  # [cells] the same without inertia: gap_tol is relative to where soft springs would let bodies go
 BEHIND = 0.05  # [cells] points behind walls
 OVERLAP = 0.01  # of the bodies' area
 MANY = 40  # bodies up to which points are looked for in polygons
@@ -97,9 +108,11 @@ class Watch:
         self._limit("1 - J", float(1.0 - J.min()), 1.0, new, "a point turned inside out")
         if J.min() <= 0.0:
             return
-        self._momentum(old, new)
+        self._balance(old, new)
         self._energy(old, new, J)
         self._contacts(new)
+        self._sliding(old, new)
+        self._prescribed(old, new)
         self._places(new)
 
     def finish(self) -> None:
@@ -144,31 +157,55 @@ class Watch:
         self.found.setdefault("finite", f"not finite at t = {state.t:.6g} s, step {self.steps}")
         return False
 
-    def _momentum(self, old: skmpm.State, new: skmpm.State) -> None:
-        """Change of momentum against gravity, walls and supports, over sum m |v| + dt sum |forces|."""
-        dt, m = new.t - old.t, new.mass
-        weight = m.sum() * np.asarray(self.scene.gravity)
-        given = dt * (weight - new.wall_force.sum(axis=0) - new.support_force.sum(axis=0))
-        size = float((m * np.abs(old.v)).sum() + (m * np.abs(new.v)).sum())
-        size += dt * float(np.abs(weight).sum() + np.abs(cartesian(new.contacts)).sum())
-        gained = (new.v - old.v) @ m
+    def _balance(self, old: skmpm.State, new: skmpm.State) -> None:
+        """Change of momentum against weight, loads, contacts, walls and supports: of all, and of every body.
+
+        Without supports a step keeps momentum to round-off, else to Newton's tolerance of the nodal forces.
+        """
+        scheme, b = self.case.scheme, balance_of(self.case, old, new)
+        exact = scheme.inertia and not self.scene.supports
         # The duration of a step is only known to the rounding of the times it lies between.
-        rounding = 4.0 * np.finfo(float).eps * new.t / dt * float(np.abs(given).max())
-        error = max(float(np.abs(gained - given).max()) - rounding, 0.0)
-        self._limit("momentum", error / max(size, 1e-300), MOMENTUM, new, "momentum not balanced")
+        rounding = 4.0 * np.finfo(float).eps * new.t / (new.t - old.t)
+        elastic = 0.0 if exact else b.elastic
+        limit = MOMENTUM if exact else UNBALANCED * scheme.newton_tol
+        size = b.total_size + float(np.sum(elastic))
+        noise = 0.0 if exact else float(b.rounding.sum())
+        error = max(b.total - rounding * b.total_size - noise, 0.0) / max(size, 1e-300)
+        self._limit("momentum", error, limit, new, "momentum not balanced")
+        errors = np.maximum(b.force - rounding * b.force_size - b.rounding, 0.0)
+        errors /= np.maximum(b.force_size + elastic, 1e-300)
+        self._limit("momentum of a body", float(np.nanmax(errors)), limit, new, "forces on a body not balanced")
+        self._moment(new, b)
         if self.scene.walls:
-            self.impulse = self.impulse + dt * new.wall_force[min(1, len(self.scene.walls) - 1)]
+            self.impulse = self.impulse + (new.t - old.t) * new.wall_force[min(1, len(self.scene.walls) - 1)]
+
+    def _moment(self, new: skmpm.State, b) -> None:
+        """Of bodies that no support holds, where points keep their angular momentum and contacts lie on outlines."""
+        scheme = self.case.scheme
+        if not (scheme.contact is skmpm.contact.outlines and scheme.anchor == np.inf and scheme.theta == 1.0):
+            return
+        if scheme.transfer is not skmpm.transfer.apic:
+            return
+        # Stress of a linear material has no moment about places at t = 0, about others by as much as they are moved.
+        size, reach = b.moment_size + b.elastic * self.scene.cell, np.ptp(new.x, axis=1).max()
+        error = np.maximum(np.nan_to_num(b.moment) - b.turned * size - b.rounding * reach, 0.0)
+        error = float((error / np.maximum(size, 1e-300)).max())
+        limit = MOMENT_MOVING if scheme.inertia else MOMENT + UNBALANCED * scheme.newton_tol
+        self._limit("moment", error, limit, new, "moments on a body not balanced")
 
     def _energy(self, old: skmpm.State, new: skmpm.State, J: np.ndarray) -> None:
         """Energies of the points, which are at most those of the nodes, against the work of walls and gravity."""
         dt, m, energy = new.t - old.t, new.mass, new.report.energy
         walls = self.scene.wall_velocities(0.5 * (old.t + new.t))
         self.external -= dt * float((walls * new.wall_force).sum())
-        self.external += float(np.asarray(self.scene.gravity) @ ((new.x - old.x) @ m))
+        for support, force in zip(self.scene.supports, new.support_force, strict=True):
+            self.external -= dt * float(value_at(support.velocity, 0.5 * (old.t + new.t)) @ force)
+        theta = self.case.scheme.theta
+        self.external += float((given_forces(self.scene, m, old.t + theta * dt) * (new.x - old.x)).sum())
         # Far from the origin positions are rounded, at every step: so much work of gravity is not seen in them.
         far = np.finfo(float).eps * np.abs(new.x).max(axis=1)
-        self.rounded += float(np.abs(self.scene.gravity) @ far * m.sum())
-        kinetic = 0.5 * float(m @ (new.v**2).sum(axis=0))
+        self.rounded += float(np.abs(given_forces(self.scene, m, new.t)).sum(axis=1) @ far)
+        kinetic = 0.5 * float(m @ (new.v**2).sum(axis=0)) if self.case.scheme.inertia else 0.0
         elastic, rounding = energy.elastic, 0.0
         if not self.case.scheme.mean_dilatation:
             elastic, rounding = self._elastic(new, J)
@@ -183,7 +220,7 @@ class Watch:
         self.largest = max(sizes)
         allowed = self.start + self.external + self.rounded + energy.push_out + energy.relaid + rounding
         scale = max(self.largest, 1e-300)
-        if self.case.scheme.theta == 1.0:  # other rules may gain
+        if self.case.scheme.theta == 1.0 and self.case.scheme.inertia:  # other rules may gain
             self._limit("energy gained", (kinetic + elastic - allowed) / scale, ENERGY, new, "energy gained")
             fell = old.report.energy.dissipated - energy.dissipated
             self._limit("dissipation undone", fell / scale, ENERGY, new, "dissipated energy came back")
@@ -192,7 +229,10 @@ class Watch:
         self.worst["push-out"] = max(self.worst.get("push-out", 0.0), energy.push_out / scale)
 
     def _elastic(self, state: skmpm.State, J: np.ndarray) -> tuple[float, float]:
-        """Of neo-Hookean points, W = mu/2 (F:F - 2 - 2 ln J) + lam/2 (ln J)^2; and what rounding of F makes of it."""
+        """Of the points; and what rounding of F makes of it.
+
+        Neo-Hookean W = mu/2 (F:F - 2 - 2 ln J) + lam/2 (ln J)^2, linear mu e:e + lam/2 (tr e)^2, e = sym F - I.
+        """
         E, nu = (np.array([getattr(b.material, name) for b in self.scene.bodies]) for name in ("E", "nu"))
         mu, lam = (E / (2 * (1 + nu)))[state.body], (E * nu / ((1 + nu) * (1 - 2 * nu)))[state.body]
         # F:F - 2 - 2 ln J without the cancellation: F:F - 2 J = (F11 - F22)^2 + (F12 + F21)^2.
@@ -200,9 +240,17 @@ class Watch:
         shear = (F[0, 0] - F[1, 1]) ** 2 + (F[0, 1] + F[1, 0]) ** 2
         W = 0.5 * mu * (shear + 2.0 * beyond_log(J)) + 0.5 * lam * np.log1p(J - 1.0) ** 2
         volume = state.weight / J
+        e = 0.5 * (F + F.transpose(1, 0, 2)) - np.eye(2)[:, :, None]
+        small = mu * np.square(e).sum(axis=(0, 1)) + 0.5 * lam * (e[0, 0] + e[1, 1]) ** 2
+        linear = np.array([isinstance(b.material, skmpm.LinearElastic) for b in self.scene.bodies])[state.body]
+        W = np.where(linear, small, W)
         # Strains are known to about 10 eps: alone that holds `least`, next to the true strain twice the product.
         elastic = float(volume @ W)
-        least = float(volume @ (2.0 * mu + np.abs(lam))) * (10.0 * float(np.finfo(float).eps)) ** 2
+        strain = 10.0 * float(np.finfo(float).eps) if self.case.scheme.inertia else ROUNDING
+        least = float(volume @ (2.0 * mu + np.abs(lam))) * strain**2
+        # A quadratic form in displacements is known to so much of what their gradients could make of it.
+        gradient = np.square(F - np.eye(2)[:, :, None]).sum(axis=(0, 1)) * linear
+        least += 100.0 * float(np.finfo(float).eps) * float((volume * (2.0 * mu + np.abs(lam))) @ gradient)
         return elastic, least + 2.0 * float(np.sqrt(max(elastic, 0.0) * least))
 
     def _contacts(self, state: skmpm.State) -> None:
@@ -222,20 +270,51 @@ class Watch:
         self._limit("outside the cone", excess, CONE, state, "friction beyond Coulomb's cone")
         if self.case.scheme.contact is skmpm.contact.outlines:
             loaded = f_n > 1e-3 * largest
-            self._limit("loaded gap", float(contacts.gap[loaded].max(initial=0.0)) / h, OPEN, state, "force at a gap")
+            limit = OPEN if self.case.scheme.inertia else OPEN_STILL
+            self._limit(
+                "loaded gap", float(contacts.gap[loaded].max(initial=0.0)) / h, limit, state, "force at a gap"
+            )
+
+    def _sliding(self, old: skmpm.State, new: skmpm.State) -> None:
+        """On walls, by the points' own displacements: what sticks does not slide, friction opposes what slides."""
+        outlined, theta = self.case.scheme.contact is skmpm.contact.outlines, self.case.scheme.theta
+        if not (outlined and theta == 1.0 and self.scene.walls and new.contacts.force.size):
+            return
+        index, slip = slip_on_walls(self.scene, old, new)
+        f_n, f_t = new.contacts.force[:, index]
+        mu = np.array([w.friction for w in self.scene.walls])[-1 - new.contacts.bodies[1, index]]
+        loaded = f_n > 1e-3 * max(float(np.abs(new.contacts.force[0]).max()), 1e-300)
+        sticks = loaded & (np.abs(f_t) < (1.0 - 1e-3) * mu * f_n)
+        along = loaded & (np.abs(f_t) > 1e-3 * mu * f_n)
+        slid, drawn = np.abs(slip[sticks]), (np.sign(f_t) * slip)[along]
+        self._limit("slip", float(slid.max(initial=0.0)) / self.scene.cell, SLIP, new, "sticks and slides [cells]")
+        self._limit("drag", float(drawn.max(initial=0.0)) / self.scene.cell, SLIP, new, "friction drives [cells]")
+
+    def _prescribed(self, old: skmpm.State, new: skmpm.State) -> None:
+        """Supports move as prescribed; a quasi-static step leads to an equilibrium nearby."""
+        if self.scene.supports:
+            missed = supports_missed(self.scene, old, new) / self.scene.cell
+            self._limit("support", missed, MISSED, new, "a support moves otherwise than prescribed [cells]")
+        if not self.case.scheme.inertia:
+            self._limit("travel", travel(self.scene, old, new), TRAVEL, new, "thrown away by a quasi-static step")
 
     def _places(self, state: skmpm.State) -> None:
-        """Bodies do not share area, points are in front of the walls."""
+        """Bodies do not share area nor cross themselves, points are in front of the walls."""
         for wall, point in zip(self.scene.walls, state.walls, strict=True):
             depth = -float((np.asarray(wall.normal) @ (state.x - point[:, None])).min()) / self.scene.cell
             if self.case.scheme.contact is skmpm.contact.outlines:
                 self._limit("behind a wall", depth, BEHIND, state, "points behind a wall [cells]")
         self._limit("overlap", state.report.overlap, OVERLAP, state, "bodies overlap")
+        crossed = [crossings(loops_of(self.scene, state, b)) for b in range(len(self.scene.bodies))]
+        self._limit("crossings", float(max(crossed)), 0.5, state, f"body {np.argmax(crossed)} crosses itself")
         if len(self.scene.bodies) <= MANY:
             share = shared_points(self.scene, state)
             if share > OVERLAP:  # few and large points count for more than what they share
                 share = shared_area(self.scene, state)
             self._limit("inner points in other bodies", share, OVERLAP, state, "points lie in other bodies")
+            if self.case.scheme.contact is skmpm.contact.outlines:
+                depth = deepest(self.scene, state) / self.scene.cell
+                self._limit("depth", depth, DEPTH, state, "a boundary point lies in another body [cells]")
 
 
 def determinant(F: np.ndarray) -> np.ndarray:
@@ -248,97 +327,3 @@ def beyond_log(J: np.ndarray) -> np.ndarray:
     e = J - 1.0
     series = e**2 * (1 / 2 - e * (1 / 3 - e * (1 / 4 - e * (1 / 5 - e / 6))))
     return np.where(np.abs(e) < 1e-3, series, e - np.log1p(e))
-
-
-def cartesian(contacts) -> np.ndarray:
-    """Forces (2, k) on the first bodies, in x and y."""
-    tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
-    return contacts.force[0] * contacts.normal + contacts.force[1] * tangent
-
-
-def shared_points(scene: skmpm.Scene, state: skmpm.State) -> float:
-    """Area of the points that lie inside the outline of another body, over that of all; rims touch by nature."""
-    shared, offsets = 0.0, scene.offsets
-    on_rim = np.zeros(state.body.size, dtype=bool)
-    on_rim[scene.outlines.point] = True
-    for b, body in enumerate(scene.bodies):
-        other = (state.body != b) & ~on_rim
-        if not other.any():
-            continue
-        for loop in body.points.outline:
-            polygon = state.x[:, offsets[b] + loop]
-            near = other & (state.x > polygon.min(axis=1)[:, None]).all(axis=0)
-            near &= (state.x < polygon.max(axis=1)[:, None]).all(axis=0)
-            where = np.flatnonzero(near)
-            if where.size:
-                shared += float(state.weight[where[inside(polygon, state.x[:, where])]].sum())
-    return shared / float(state.weight.sum())
-
-
-def shared_area(scene: skmpm.Scene, state: skmpm.State) -> float:
-    """Area inside the outlines (polygons) of two bodies, over that of all, counted on a lattice of h/20."""
-    fine, shared, offsets = scene.cell / 20.0, 0.0, scene.offsets
-    polygons = [state.x[:, offsets[b] + body.points.outline[0]] for b, body in enumerate(scene.bodies)]
-    for a, one in enumerate(polygons):
-        for other in polygons[a + 1 :]:
-            low = np.maximum(one.min(axis=1), other.min(axis=1))
-            high = np.minimum(one.max(axis=1), other.max(axis=1))
-            if (low < high).all():
-                axes = (np.arange(i + 0.5 * fine, j, fine) for i, j in zip(low, high, strict=True))
-                x = np.stack(np.meshgrid(*axes)).reshape(2, -1)
-                x = x[:, inside(one, x)]
-                shared += float(inside(other, x).sum()) * fine**2
-    return shared / float(state.weight.sum())
-
-
-def inside(polygon: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Whether points x (2, n) lie inside a polygon (2, m): parity of the edges that a ray to the right crosses."""
-    a, b = polygon[:, :, None], np.roll(polygon, -1, axis=1)[:, :, None]
-    crosses = (a[1] > x[1]) != (b[1] > x[1])
-    side = (x[0] - a[0]) * (b[1] - a[1]) - (x[1] - a[1]) * (b[0] - a[0])
-    left = np.where(b[1] > a[1], side < 0.0, side > 0.0)
-    return (crosses & left).sum(axis=0) % 2 == 1
-
-
-def ends(case: Case, state: skmpm.State, impulse: np.ndarray) -> dict[str, float]:
-    """What users publish, without dimension: speeds over the closing speed, the lid's impulse over E R^2 / c."""
-    d = case.dials
-    c = d.closing * d.speed
-    m, body = state.mass, state.body
-    total = np.bincount(body, m)
-    v = np.stack([np.bincount(body, m * component) for component in state.v]) / total
-    turn = np.bincount(body, m * rotation_rate(state)) / total
-    if case.name in ("squeeze", "crush"):
-        found = {"impulse": float(np.linalg.norm(impulse)) * d.speed / (d.stress * d.length**2)}
-        points = case.dials.shape == "point"
-        return found if points else found | {"elongation": float(elongation(state).mean()) - 1.0}
-    values = {"velocity x": v[0, 0], "velocity y": v[1, 0], "spin": turn[0] * d.length}
-    if len(total) > 1 and case.name == "collision":
-        values |= {"velocity x of 2": v[0, 1], "velocity y of 2": v[1, 1], "spin of 2": turn[1] * d.length}
-    return {name: float(value / c) for name, value in values.items()}
-
-
-def rotation_rate(state: skmpm.State) -> np.ndarray:
-    """Of the points, (n,) [1/s]: the skew part of C F_rel^-1, as C is by positions at the anchor."""
-    F, A = np.moveaxis(state.F, -1, 0), np.moveaxis(state.F_anchor, -1, 0)
-    L = np.moveaxis(state.C, -1, 0) @ A @ np.linalg.inv(F)
-    return 0.5 * (L[:, 1, 0] - L[:, 0, 1])
-
-
-def elongation(state: skmpm.State) -> np.ndarray:
-    """Ratio of the principal radii of gyration of every body, (bodies,)."""
-    w, total = state.volume, np.bincount(state.body, state.volume)
-    centre = np.stack([np.bincount(state.body, w * x) for x in state.x]) / total
-    d = state.x - centre[:, state.body]
-    xx, yy, xy = (np.bincount(state.body, w * a * b) for a, b in ((d[0], d[0]), (d[1], d[1]), (d[0], d[1])))
-    half, root = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
-    return np.sqrt((half + root) / np.maximum(half - root, 1e-300))
-
-
-def difference(found: dict[str, float], fine: dict[str, float], name: str) -> float:
-    """Error against a fine reference: of velocities over the closing speed; of impulse and elongation relative."""
-    if not found or set(found) != set(fine):
-        return float("nan")
-    if name in ("squeeze", "crush"):
-        return max(abs(found[k] - fine[k]) / max(abs(fine[k]), 1e-3) for k in fine)
-    return max(abs(found[k] - fine[k]) for k in fine)

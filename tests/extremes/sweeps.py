@@ -17,7 +17,8 @@ from functools import partial
 from time import process_time
 
 import numpy as np
-from checks import Outcome, difference, examine
+from checks import Outcome, examine
+from published import difference
 from scenes import SCENES, Case, Dials, crush, gap_of
 from settings import ALL, COLUMNS, KEPT, LIMIT, SWEEPS, WORST, Setting, columns, read, write
 
