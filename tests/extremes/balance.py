@@ -151,6 +151,23 @@ def slip_on_walls(scene: skmpm.Scene, old: skmpm.State, new: skmpm.State) -> tup
     return index, normal[0] * moved[1] - normal[1] * moved[0]
 
 
+def behind_walls(scene: skmpm.Scene, state: skmpm.State) -> np.ndarray:
+    """How far boundary points lie behind walls, (walls, m) [m]; minus infinity where a support moves them there."""
+    x = state.x[:, scene.outlines.point]
+    depth = np.full((len(scene.walls), x.shape[1]), -np.inf)
+    for w, wall in enumerate(scene.walls):
+        normal = np.asarray(wall.normal, dtype=float)
+        free = np.ones(state.body.size, dtype=bool)
+        for support, place in zip(scene.supports, scene.held, strict=True):
+            velocity = support.velocity(0.0) if callable(support.velocity) else support.velocity
+            held = np.array([v is not None for v in velocity])
+            if np.abs(normal[held]).max(initial=0.0) > 1e-9:  # its whole body: cells share what is prescribed
+                free &= ~np.isin(state.body, state.body[place.points])
+        own = free[scene.outlines.point]
+        depth[w, own] = -(normal @ (x - state.walls[w][:, None]))[own]
+    return depth
+
+
 def supports_missed(scene: skmpm.Scene, old: skmpm.State, new: skmpm.State) -> float:
     """How far the mean displacement of a support's points is from what is prescribed, at most [m]."""
     dt, missed = new.t - old.t, 0.0

@@ -11,7 +11,7 @@ import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
-from balance import ROUNDING, balance_of, given_forces, slip_on_walls, supports_missed, travel, value_at
+from balance import ROUNDING, balance_of, behind_walls, given_forces, slip_on_walls, supports_missed, travel, value_at
 from geometry import crossings, deepest, loops_of, shared_area, shared_points
 from published import ends
 from scenes import Case
@@ -27,15 +27,19 @@ MOMENT_MOVING = 0.02  # the same where bodies turn: what the transfer to points 
 SLIP = 1e-3  # [cells] in a step, of a contact that sticks
 MISSED = 1e-3  # [cells] by the mean displacement of a support
 TRAVEL = 3.0  # diameters of the largest body, in a quasi-static step
-DEPTH = 0.3  # [cells] of a boundary point in the polygon of another body
+SUNK = 1e-3  # [cells] of a boundary point behind a wall that was in front of it
+DEPTH = 0.15  # [cells] of a boundary point in the polygon of another body
 OPEN = 1e-3  # [cells] gap of a contact that carries force
-OPEN_STILL = 1e-2  # [cells] the same without inertia: gap_tol is relative to where soft springs would let bodies go
+STILL = (
+    10.0  # times that, SLIP and SUNK without inertia: gap_tol is relative to where soft springs would let bodies go
+)
 BEHIND = 0.05  # [cells] points behind walls
 OVERLAP = 0.01  # of the bodies' area
 MANY = 40  # bodies up to which points are looked for in polygons
 REMEDY = re.compile(
     r"\b(smaller|larger|use|lower|raise|add|give|move|let|finer|coarser|fewer|more|try)\b", re.IGNORECASE
 )
+OBJECT = re.compile(r"\b(body|bodies|wall|support|load|gravity|scene)\b")
 
 
 @dataclass
@@ -112,6 +116,7 @@ class Watch:
         self._energy(old, new, J)
         self._contacts(new)
         self._sliding(old, new)
+        self._sunk(old, new)
         self._prescribed(old, new)
         self._places(new)
 
@@ -124,8 +129,11 @@ class Watch:
         """What a failure must tell, and that the last good state is one."""
         if "t = " not in str(error):
             self.found["message"] = "the failure does not name its time"
-        if not REMEDY.search(str(error)):
-            self.found["message"] = "the failure names no remedy"
+        reason = str(error).split("; given up after")[0]
+        if not OBJECT.search(reason):
+            self.found["message"] = f"the failure names no object: {error}"
+        if not REMEDY.search(reason):
+            self.found["message"] = f"the failure names no remedy: {error}"
         if self.state is not None and error.state.t != self.state.t:
             self.found["state"] = f"the failure's state is of t = {error.state.t:.6g} s, not of the last step"
         self._finite(error.state)
@@ -270,7 +278,7 @@ class Watch:
         self._limit("outside the cone", excess, CONE, state, "friction beyond Coulomb's cone")
         if self.case.scheme.contact is skmpm.contact.outlines:
             loaded = f_n > 1e-3 * largest
-            limit = OPEN if self.case.scheme.inertia else OPEN_STILL
+            limit = OPEN * (1.0 if self.case.scheme.inertia else STILL)
             self._limit(
                 "loaded gap", float(contacts.gap[loaded].max(initial=0.0)) / h, limit, state, "force at a gap"
             )
@@ -287,8 +295,18 @@ class Watch:
         sticks = loaded & (np.abs(f_t) < (1.0 - 1e-3) * mu * f_n)
         along = loaded & (np.abs(f_t) > 1e-3 * mu * f_n)
         slid, drawn = np.abs(slip[sticks]), (np.sign(f_t) * slip)[along]
-        self._limit("slip", float(slid.max(initial=0.0)) / self.scene.cell, SLIP, new, "sticks and slides [cells]")
-        self._limit("drag", float(drawn.max(initial=0.0)) / self.scene.cell, SLIP, new, "friction drives [cells]")
+        h, times = self.scene.cell, 1.0 if self.case.scheme.inertia else STILL
+        self._limit("slip", float(slid.max(initial=0.0)) / h, times * SLIP, new, "sticks and slides [cells]")
+        self._limit("drag", float(drawn.max(initial=0.0)) / h, times * SLIP, new, "friction drives [cells]")
+
+    def _sunk(self, old: skmpm.State, new: skmpm.State) -> None:
+        """Boundary points stay in front of walls, unless a support moves them or they were behind before."""
+        if not (self.case.scheme.contact is skmpm.contact.outlines and self.case.scheme.theta == 1.0):
+            return
+        times = 1.0 if self.case.scheme.inertia else STILL
+        before, after = (behind_walls(self.scene, state) / self.scene.cell for state in (old, new))
+        deeper = np.where(after > np.maximum(before, 0.0), after, 0.0)
+        self._limit("sunk", float(deeper.max(initial=0.0)), times * SUNK, new, "sinks into a wall [cells]")
 
     def _prescribed(self, old: skmpm.State, new: skmpm.State) -> None:
         """Supports move as prescribed; a quasi-static step leads to an equilibrium nearby."""
