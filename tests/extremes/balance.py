@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import skmpm
 
@@ -161,8 +162,9 @@ def behind_walls(scene: skmpm.Scene, state: skmpm.State) -> np.ndarray:
         for support, place in zip(scene.supports, scene.held, strict=True):
             velocity = support.velocity(0.0) if callable(support.velocity) else support.velocity
             held = np.array([v is not None for v in velocity])
-            if np.abs(normal[held]).max(initial=0.0) > 1e-9:  # its whole body: cells share what is prescribed
-                free &= ~np.isin(state.body, state.body[place.points])
+            if np.abs(normal[held]).max(initial=0.0) > 1e-9:  # cells share what is prescribed
+                near, _ = cKDTree(scene.initial_positions[:, place.points].T).query(scene.initial_positions.T)
+                free &= near > 2.0 * scene.cell
         own = free[scene.outlines.point]
         depth[w, own] = -(normal @ (x - state.walls[w][:, None]))[own]
     return depth
