@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact import outlines
 from skmpm.implicit import NotConverged
-from skmpm.material import determinant
+from skmpm.material import LinearElastic, determinant
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme
 from skmpm.simulate.report import Budget
@@ -28,9 +28,11 @@ UNSTABLE = 0.05  # of the energies in an explicit step, which swings about the e
 
 def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> float:
     """Area shared by bodies over the area of all bodies after a step; NotConverged where the step cannot be right."""
-    if not np.isfinite(budget.elastic):  # the stress of a midpoint says nothing of the end
-        b = after.body[np.argmin(determinant(after.F))]
-        raise NotConverged(f"body {b}", "points are turned inside out at the end of the step")
+    if not (np.isfinite(budget.elastic) and float(after.volume.min()) > 0.0):
+        b = int(after.body[np.argmin(determinant(after.F))])
+        linear = isinstance(scene.bodies[b].material, LinearElastic)
+        remedy = "use a smaller dt" + (" or NeoHookean: LinearElastic holds for small strains" if linear else "")
+        raise NotConverged(f"body {b}", "points are turned inside out at the end of the step", remedy)
     if scheme.inertia and scheme.theta == 1.0:
         _check_energy(scheme, after, budget)
     _check_crossings(scene, after)
