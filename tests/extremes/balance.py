@@ -113,7 +113,9 @@ def balance_of(case, old: skmpm.State, new: skmpm.State) -> Balance:
     arm = new.x - centre[:, body]
     spin = spin_gained(case, old, new) / dt
     moment = sums(body, cross(arm, given - gained) - spin)
-    moment_size = sums(body, np.hypot(*arm) * (np.hypot(*given) + np.hypot(*gained)) + np.abs(spin))
+    drift = np.stack([sums(body, new.mass * v) for v in old.v]) / sums(body, new.mass)
+    swirl = new.mass * np.hypot(*(old.v - drift[:, body])) / dt * float(case.scheme.inertia)
+    moment_size = sums(body, np.hypot(*arm) * (np.hypot(*given) + np.hypot(*gained) + swirl) + np.abs(spin))
     for b, f, x in ends:
         r = x - centre[:, b]
         moment += sums(b, cross(r, f))

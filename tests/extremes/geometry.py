@@ -38,6 +38,8 @@ def filled(loops: list[np.ndarray], x: np.ndarray) -> np.ndarray:
 
 def crossings(loops: list[np.ndarray]) -> int:
     """Number of pairs of edges, of one loop or of two, that cross each other at inner points of both."""
+    if not loops:
+        return 0
     a, b = edges_of(loops)
     size = ROUNDING * float(np.square(np.ptp(a, axis=1)).sum())
 
