@@ -113,7 +113,7 @@ class Watch:
             return
         J = determinant(new.F)
         self._limit("1 - J", float(1.0 - J.min()), 1.0, new, "a point turned inside out")
-        if J.min() <= 0.0:
+        if "1 - J" in self.found:  # later energies would be those of an impossible state
             return
         self._balance(old, new)
         self._energy(old, new, J)
