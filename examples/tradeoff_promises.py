@@ -214,7 +214,8 @@ ALL, LARGE = (0.2, 0.1, 0.05, 0.02), (0.2, 0.1, 0.05)
 
 def line(promise: Promise, error: float) -> tuple[tuple[str, ...], bool]:
     """A row of the table, and whether the promise is kept."""
-    at = skmpm.suggest(promise.asked, error=error)
+    asked = skmpm.suggest(promise.asked, error=error)
+    at = (asked.cell, asked.spacing, asked.dt)
     began = process_time()
     found = promise.measure(at)
     largest = max(found.values())

@@ -12,7 +12,7 @@ from skmpm.packing import Packing, PackingError, packing
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, report, simulate, step, suggest
+from skmpm.simulate import Suggestion, initial, report, simulate, step, suggest
 
 __version__ = "0.1.0"
 
@@ -32,6 +32,7 @@ __all__ = [
     "Scheme",
     "State",
     "StepFailed",
+    "Suggestion",
     "Support",
     "Wall",
     "box",

@@ -7,6 +7,6 @@ from skmpm.simulate.algorithm import step
 from skmpm.simulate.health import report
 from skmpm.simulate.run import simulate
 from skmpm.simulate.start import initial
-from skmpm.simulate.suggest import suggest
+from skmpm.simulate.suggest import Suggestion, suggest
 
-__all__ = ["initial", "report", "simulate", "step", "suggest"]
+__all__ = ["Suggestion", "initial", "report", "simulate", "step", "suggest"]

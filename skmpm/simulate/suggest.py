@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.outline import thickness
 from skmpm.scene import Scene
-from skmpm.simulate.start import can_touch, driven, fastest_wave, initial_motion
+from skmpm.simulate.health.course import SEVERAL, Course, course_of
+from skmpm.simulate.health.verified import APPROACH, COURANT, LID, RESOLUTION, SMALLEST, THIN
+from skmpm.simulate.start import can_touch, fastest_wave
 
 Array = NDArray[np.float64]
 
-SEVERAL = 6  # deformable bodies from which on errors at contacts even out, as in a packing
 LARGEST = 0.25  # error; what is coarser was not measured
 RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
 WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
@@ -44,41 +46,77 @@ LAWS = {
 }
 
 
-def suggest(scene: Scene, *, error: float) -> tuple[float, float, float]:
-    """The cheapest cell [m], spacing of points [m] and time step [s] for an error, with `Scheme.balanced()`.
+@dataclass(frozen=True)
+class Suggestion:
+    """Cell, spacing of points and time step for a wanted error, and what the scene was taken for."""
+
+    cell: float  # [m]
+    spacing: float  # of material points [m]
+    dt: float  # [s]
+    kind: str  # "bending", "pressing", "impact", "packing" or "pour"
+    why: str  # what the kind and the time step follow from, in words
+
+    def __str__(self) -> str:
+        """All in a sentence."""
+        return (
+            f"{self.kind}: {self.why}; use cell = {self.cell:.3g} m, spacing = {self.spacing:.3g} m,"
+            f" dt = {self.dt:.3g} s"
+        )
+
+
+def suggest(scene: Scene, *, error: float) -> Suggestion:
+    """The cheapest cell, spacing of points and time step for an error, with `Scheme.balanced()`.
 
     The error is relative: the largest of what `docs/tradeoff.md` measures on its scene of that kind. *Bending*, where
     nothing touches: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts. *Impact*,
-    where they move at t = 0: velocities after. *Packing*, six or more that something drives: pressure, work and
-    aspect ratio. Only materials, sizes and what moves at t = 0 are read, not the scene's own cell and points.
-    In impacts, and without anything driven, dt resolves waves; quasi-static steps may be as long as loads allow. Four
-    scenes that are not in the study err by less than twice what was asked (`examples/tradeoff_promises.py`).
+    where they move by themselves at t = 0: velocities after. *Packing*, six or more that something drives: pressure,
+    work and aspect ratio. *Pour*, where gravity lets them fall: as packing, or pressing where they are few. Only
+    materials, sizes, gravity and what moves at t = 0 are read, not the scene's own cell and points.
+    In impacts, and without anything driven, dt resolves waves; else it follows from how far things move in a step.
+    What the health report would warn of is not suggested: there the cell or the step is smaller than the error asks
+    for. Four scenes that are not in the study err by less than twice what was asked
+    (`examples/tradeoff_promises.py`).
 
     Raises
     ------
     ValueError
         when the error is larger than what was measured, or so small that a body would be 200 cells across
     """
-    like, size = kind(scene), _smallest(scene)
-    laws = LAWS[like]
+    course, size = course_of(scene), _smallest(scene)
+    laws = LAWS[_measured_as(scene, course.kind)]
     found = [best for law in laws if (best := _cheapest(law, error)) is not None]
     if not found:
         least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
         raise ValueError(f"suggest: error = {error!r}; use one between {1.01 * least:.2g} and {LARGEST}")
-    _, n, spacing, step = min(found)
-    told = 0.0 if like == "impact" else max((speed for _, speed in driven(scene)), default=0.0)
-    return size / n, spacing * size / n, step * size / (told or fastest_wave(scene))
+    _, n, spacing, way = min(found)
+    cell = min(size / n, _coarsest(scene))
+    dt = min(way * size / course.pace, _longest(scene, course, cell))
+    paced = "dt resolves waves" if course.waves else "dt follows from the way per step"
+    return Suggestion(cell, spacing * cell, dt, course.kind, f"{course.why}, so {paced}")
 
 
-def kind(scene: Scene) -> str:
-    """Which of `LAWS` a scene obeys, by what can touch and what moves at t = 0."""
-    soft = scene.deformable
-    if not can_touch(scene):
-        return "bending"
-    if soft.sum() >= SEVERAL and any(speed for _, speed in driven(scene)):
-        return "packing"
-    v, _ = initial_motion(scene)
-    return "impact" if v[:, np.repeat(soft, np.diff(scene.offsets))].any() else "pressing"
+def _measured_as(scene: Scene, kind: str) -> str:
+    """Which of `LAWS` a kind obeys."""
+    if kind == "pour":
+        return "packing" if scene.deformable.sum() >= SEVERAL else "pressing"
+    return kind
+
+
+def _coarsest(scene: Scene) -> float:
+    """The largest cell that the health report does not warn of [m]."""
+    rim, own, count = scene.outlines, scene.deformable, len(scene.bodies)
+    radius = np.sqrt(np.bincount(scene.owner, scene.initial_volumes, count) / np.pi)[own].min()
+    across = thickness(rim, scene.initial_positions[:, rim.point], count)[own]
+    limit = (RESOLUTION if can_touch(scene) else SMALLEST).value
+    return float(min(radius / limit, np.min(across[~np.isnan(across)], initial=np.inf) / THIN.value))
+
+
+def _longest(scene: Scene, course: Course, cell: float) -> float:
+    """The longest step that the health report does not warn of [s]."""
+    limits = [(COURANT.value, fastest_wave(scene) if course.waves else 0.0)]
+    if can_touch(scene):
+        limits += [(LID.value, course.driven), (APPROACH.value, course.approach)]
+    return min((value * cell / speed for value, speed in limits if speed > 0.0), default=float("inf"))
 
 
 def _smallest(scene: Scene) -> float:

@@ -23,6 +23,7 @@ MODULES = (
     "locking",
     "mean_dilatation",
     "thin_parts",
+    "long_steps",
     "large_deflection",
     "manufactured",
     "dynamics",

@@ -15,8 +15,8 @@ __all__ = ["Health", "examine", "memory_of", "report", "warnings_of"]
 def report(scene: Scene, dt: float, *, scheme: Scheme = Scheme()) -> str:  # noqa: B008
     """What `simulate` would be asked for, as text: sizes, resolution, motion per step, solver, memory, warnings.
 
-    Sheets are laid, nothing is solved. Motions are those at t = 0. A line that begins with `!` names an object, its
-    value, what was verified and the remedy.
+    Sheets are laid, nothing is solved. Motions are those at t = 0 and what bodies gain by falling. A line that begins
+    with `!` names an object, its value, what was verified and the remedy.
 
     Raises
     ------
@@ -42,12 +42,19 @@ def _lines(health: Health) -> dict[str, str]:
         "R/h": f"{health.resolution.min():.3g} smallest, {health.resolution.mean():.3g} mean; {_across(health)}",
         "dt c/h": f"{health.courant:.3g}, c = {health.wave:.4g} m/s" if health.inertia else "none without inertia",
         "driven": f"{health.lid_name}, {health.lid:.3g} h a step" if health.lid else "nothing",
-        "motion": f"{health.approach:.3g} h a step past each other" if health.touches else "nothing can touch",
+        "motion": _motion(health),
         "bulk": f"{law}; {f'theta = {health.theta:g}' if health.inertia else 'quasi-static'}",
         "contact": _contact(health),
         "solver": f"{health.solver}, half bandwidth {health.half_bandwidth}",
         "memory": f"about {_bytes(health.memory)} besides the program",
     }
+
+
+def _motion(health: Health) -> str:
+    if not health.touches:
+        return "nothing can touch"
+    after = f", after falling by {health.fall:.3g} m" if health.fall else ""
+    return f"{health.approach:.3g} h a step past each other{after}"
 
 
 def _across(health: Health) -> str:

@@ -15,6 +15,7 @@ from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.anchor import inward_normals
+from skmpm.simulate.health.course import course_of
 from skmpm.simulate.start import can_touch, driven, fastest_wave, initial_motion
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Health:
-    """What a scene asks for; per deformable body where there are several, motions at t = 0."""
+    """What a scene asks for; per deformable body where there are several, motions at t = 0 or after falling."""
 
     points: Ints  # (bodies,) rigid ones too
     rigid: int
@@ -37,9 +38,11 @@ class Health:
     cell: float  # h [m]
     wave: float  # fastest pressure wave c [m/s]
     courant: float  # dt c/h
+    waves: bool  # whether steps must resolve waves
     lid: float  # way of the fastest wall, rigid body or support in a step [cells]
     lid_name: str  # which
     approach: float  # way of the fastest past each other in a step, at most [cells]
+    fall: float  # free height, 0 without gravity [m]
     turning: Array  # (deformable,) largest angle that points turn by in a step [rad]
     touches: bool  # whether anything can touch anything
     contact: str  # law
@@ -62,7 +65,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
     wave, (sheets, width) = fastest_wave(scene), _sheets(scene, body)
     solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
     lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
-    v, C = initial_motion(scene)
+    course, (_, C) = course_of(scene), initial_motion(scene)
     turning = np.zeros(count.size)
     np.maximum.at(turning, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
     rim = scene.outlines
@@ -79,9 +82,11 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> Health:
         cell=scene.cell,
         wave=wave,
         courant=wave * step if scheme.inertia else 0.0,
+        waves=scheme.inertia and course.waves,
         lid=lid * step,
         lid_name=lid_name,
-        approach=_approach(scene, v) * step if touches else 0.0,
+        approach=course.approach * step if touches else 0.0,
+        fall=course.fall,
         turning=turning[own],
         touches=touches,
         contact=getattr(scheme.contact, "__name__", type(scheme.contact).__name__).replace("_", " "),
@@ -109,11 +114,6 @@ def _solver(scheme: Scheme, width: int) -> str:
     if scheme.linear is linear.default:
         return "banded" if width <= linear.CROSSOVER else "amg"
     return str(getattr(scheme.linear, "__name__", type(scheme.linear).__name__))
-
-
-def _approach(scene: Scene, v: Array) -> float:
-    """Diagonal of the box that holds the velocities of all points and walls: no two differ by more [m/s]."""
-    return float(np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1)))
 
 
 def memory_of(points: int, unknowns: int, rims: int, width: int, solver: str) -> float:

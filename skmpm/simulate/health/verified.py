@@ -28,7 +28,7 @@ RESOLUTION = Limit(3.2, "piles and packings have R/h of 3.2 and more, Hertz's fo
 SMALLEST = Limit(1.0, "bodies had R/h of 2 and more")  # test_corners, unlike discs
 THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells bend by up to 46, 24, 7.5, 2.1 % too little")  # test_thin_parts
 FEWEST = Limit(1.8, "1.8 and more were verified, with 1 a uniform stress is off by 10 %")  # large.py, test_patch
-COURANT = Limit(15.0, "piles run at 15, packings at 8 to 12")  # test_pile, results, architecture
+COURANT = Limit(15.0, "where waves matter steps of up to 15 were taken")  # test_dynamics, stability
 EXPLICIT = Limit(0.7, "explicit steps are stable to 0.7 wherever a disc lies on the grid")  # test_explicit
 LID = Limit(0.14, "lids of packings move by 0.08 to 0.14")  # test_interpenetration, R/h = 5 and 8
 APPROACH = Limit(0.2, "collisions run at up to 0.2, beyond 1 a step fails")  # test_collision, the largest dt
@@ -101,7 +101,7 @@ def _points(scene: Scene, health: Health, scheme: Scheme) -> Lines:
 
 def _courant(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     limit = EXPLICIT if scheme.explicit else COURANT
-    if _above(health.courant, limit):
+    if (scheme.explicit or health.waves) and _above(health.courant, limit):
         remedy = f"use dt = {_down(limit.value * health.cell / health.wave)} s or less"
         yield f"step: dt c/h = {health.courant:.3g}; {limit.where}; {remedy}"
 
@@ -112,7 +112,8 @@ def _travel(scene: Scene, health: Health, scheme: Scheme) -> Lines:
         yield f"{health.lid_name}: moves {health.lid:.3g} h a step; {LID.where}; {remedy}"
     if _above(health.approach, APPROACH):
         remedy = f"use dt {_down(APPROACH.value / health.approach)} times as long"
-        yield f"bodies: up to {health.approach:.3g} h a step past each other; {APPROACH.where}; {remedy}"
+        fallen = f" after falling by {health.fall:.3g} m" if health.fall else ""
+        yield f"bodies: up to {health.approach:.3g} h a step past each other{fallen}; {APPROACH.where}; {remedy}"
 
 
 def _incompressible(scene: Scene, health: Health, scheme: Scheme) -> Lines:
