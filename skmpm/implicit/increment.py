@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,14 @@ HOLD = 1e-3  # of its shear modulus: the springs that keep a floating body in pl
 
 
 @dataclass(frozen=True)
+class Held:
+    """Drag that holds floating bodies in a quasi-static step: drag * (w - anchor) is part of the balance."""
+
+    drag: Array  # (2 nodes,) by mass, so that it has no moment about their centres [kg/s]
+    anchor: Array  # (2 nodes,) [m/s]
+
+
+@dataclass(frozen=True)
 class Increment:
     """The equations of one time step."""
 
@@ -34,6 +42,7 @@ class Increment:
     scheme: Scheme
     supports: Elimination | None = None
     told: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
+    held: Held | None = None  # how floating bodies are, once springs no longer do
 
     @property
     def _reach(self) -> float:
@@ -48,7 +57,9 @@ class Increment:
 
     @cached_property
     def mass(self) -> Array:
-        """What resists a change of w: the mass, nothing in a quasi-static step, (2 nodes,) [kg/m]."""
+        """What resists a change of w: the mass, in a quasi-static step nothing or a drag, (2 nodes,) [kg/m]."""
+        if self.held is not None:
+            return self.held.drag
         mass = self.bulk.assembly.mass
         return mass if self.scheme.inertia else np.zeros_like(mass)
 
@@ -68,7 +79,9 @@ class Increment:
 
     @property
     def rest(self) -> Array:
-        """The velocity that inertia keeps, (2 nodes,) [m/s]."""
+        """The velocity that inertia or drag keeps, (2 nodes,) [m/s]."""
+        if self.held is not None:
+            return self.held.anchor
         return self.v0 if self.scheme.inertia else np.zeros_like(self.v0)
 
     def first(self) -> Array:
@@ -160,11 +173,24 @@ class Increment:
         K = self.answer.stiffness(at, projected=projected)
         if self.scheme.inertia:
             return assembly.matrix(K, self._reach**2)
-        modulus = np.zeros(assembly.sheets.bodies)
+        if self.held is not None:
+            return assembly.matrix(K, self._reach**2, self.held.drag.reshape(-1, 2, 1) * np.eye(2))
+        return assembly.matrix(K, self._reach**2, assembly.sheets.pins(HOLD * self.stiffnesses))
+
+    @property
+    def stiffnesses(self) -> Array:
+        """Shear moduli of the floating bodies, times what makes them part of A, (bodies,) [kg/s]."""
+        sheets, modulus = self.bulk.assembly.sheets, np.zeros(self.floats.size)
         for material, points in self.bulk.materials:
-            modulus[assembly.sheets.cell_body[assembly.sheets.cell_of_point[points]]] = material.lame[1]
-        pins = assembly.sheets.pins(HOLD * self._reach**2 * modulus * self.floats)
-        return assembly.matrix(K, self._reach**2, pins)
+            modulus[sheets.cell_body[sheets.cell_of_point[points]]] = material.lame[1]
+        return np.asarray(self._reach**2 * modulus * self.floats)
+
+    def holding(self, w: Array, share: float) -> Increment:
+        """The same step with a drag of a share of the shear modulus that holds floating bodies at w."""
+        sheets, mass = self.bulk.assembly.sheets, self.bulk.assembly.lumped
+        total = sheets.sums(mass[None, ::2])[0]
+        drag = np.repeat((share * self.stiffnesses / np.maximum(total, 1e-300))[sheets.node_body], 2) * mass
+        return replace(self, held=Held(drag, w))
 
     def factorised(self, at: Configuration, *, projected: bool) -> Solver:
         """The scheme's solver for A, steadied where it needs that; LinAlgError where it is not positive definite."""

@@ -1,0 +1,237 @@
+"""Quasi-static steps: what moves bodies that neither inertia nor supports hold, and how far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.contact import Rows
+from skmpm.contact.rows import along
+from skmpm.implicit.equilibrium import SHARE, Joints, mechanism, motion
+from skmpm.implicit.failure import NotConverged
+from skmpm.implicit.increment import HOLD, Increment
+from skmpm.implicit.touching import Touching
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FALL = 0.2  # [cells] between two looks for contacts, which are found within 0.25
+FALLS = 1.0  # [cells] that bodies may fall before they are said to have no equilibrium
+STRIDE = 1.0  # [cells] in one iteration beyond what is prescribed: contacts are found that are less than a cell deep
+TRAVEL = 4.0  # [cells] the same in one step; results that move by more than one are refused by `simulate.checks`
+CLOSE = 0.08  # [cells] by which contacts may be wider than the closest of two bodies where words are found
+ROUGH = 100.0  # friction with which nothing slides
+NEGLIGIBLE = 1e-3  # of a body's forces: what may be left along its rigid motions where these are neutral
+LOOKS = 50  # for contacts of bodies that fall
+CORNER = np.cos(np.deg2rad(50.0))  # of the angle by which a rim turns in a corner, as in `outline`
+
+
+@dataclass(frozen=True)
+class Floating:
+    """The bodies of a quasi-static step that nothing but contact holds, as rigid bodies."""
+
+    bodies: Ints  # (n,)
+    motions: sp.csr_array  # (2 nodes, 3 n) velocities for vx, vy and spin times radius, body after body
+    mean: sp.csr_array  # (3 n, 2 nodes) the rigid motions nearest to a velocity, by mass
+    stopped: sp.csr_array  # (m, 3 n) combinations that supports stop
+    limits: Array  # (2, 2) smallest and largest prescribed displacement near by in the step [m]
+    floor: float  # of the size of impulses: what the springs of an iteration resist these with [kg/s m/s]
+    load: Array  # (3 n,) of gravity and loads [N/m]
+
+    @property
+    def loaded(self) -> bool:
+        """Whether anything pulls at the bodies."""
+        return bool(self.load.any())
+
+    def beyond(self, displacement: Array) -> Array:
+        """How far bodies move, and turn at their radius, beyond what is prescribed, (3, n) [m]; (2 nodes,) given."""
+        moved = (self.mean @ displacement).reshape(-1, 3).T
+        low, high = self.limits
+        turn = np.maximum(np.abs(moved[2]) - float(np.hypot(*(high - low))), 0.0)
+        clipped = np.clip(moved[:2], low[:, None], high[:, None])
+        return np.stack([*(moved[:2] - clipped), np.sign(moved[2]) * turn])
+
+
+def floating(step: Increment, touching: Touching) -> Floating:
+    """The floating bodies of a step, spins about their centres of mass at its start."""
+    rows = touching.linearise(step.told_alone())
+    assembly, bodies = step.bulk.assembly, np.flatnonzero(step.floats)
+    sheets, weight = assembly.sheets, assembly.lumped[::2]
+    x = sheets.position + step.start.reshape(-1, 2).T
+    arm = x - sheets.means(x, weight)[:, sheets.node_body]
+    radius = np.sqrt(sheets.means((arm**2).sum(axis=0)[None], weight)[0])
+    turn = np.stack([-arm[1], arm[0]]) / np.maximum(radius, 1e-300)[sheets.node_body]
+    place = _places(step, bodies)
+    node = np.flatnonzero(place[sheets.node_body] >= 0)
+    column, one = 3 * place[sheets.node_body[node]], np.ones(node.size)
+    row = np.concatenate([2 * node, 2 * node + 1, 2 * node, 2 * node + 1])
+    columns = np.concatenate([column, column + 1, column + 2, column + 2])
+    values = np.concatenate([one, one, turn[0, node], turn[1, node]])
+    motions = sp.csr_array((values, (row, columns)), shape=(2 * sheets.nodes, 3 * bodies.size))
+    weighed = sp.csr_array(motions.T @ sp.diags_array(assembly.lumped))
+    mean = sp.csr_array(sp.diags_array(1.0 / (weighed @ motions).diagonal()) @ weighed)
+    speeds = _prescribed(step, rows, place)
+    floor = HOLD * float(step.stiffnesses.max()) * float(np.abs(speeds).max())
+    load = np.asarray(motions.T @ step.force)
+    return Floating(bodies, motions, mean, _stopped(step, motions), step.dt * speeds, floor, load)
+
+
+def _places(step: Increment, bodies: Ints) -> Ints:
+    """The number of every body among the floating ones, -1 if it is none; the last is that of walls."""
+    place = np.full(step.bulk.assembly.sheets.bodies + 1, -1)
+    place[bodies] = np.arange(bodies.size)
+    return place
+
+
+def _stopped(step: Increment, motions: sp.csr_array) -> sp.csr_array:
+    """What rigid motions would change of the unknowns that supports fix, (m, 3 n)."""
+    if step.supports is None:
+        return sp.csr_array((0, motions.shape[1]))
+    fixed = step.supports.fixed
+    return sp.csr_array(motions[fixed] - step.supports.T[fixed] @ motions)
+
+
+def _prescribed(step: Increment, rows: Rows, place: Ints) -> Array:
+    """Smallest and largest prescribed velocity of supports and of what contacts lie on, or rest, (2, 2) [m/s]."""
+    fixed = place[np.maximum(rows.bodies, -1)] < 0
+    velocity = np.where(fixed[1], -rows.given, rows.given)[:, fixed.any(axis=0)]
+    every = np.concatenate([np.zeros((2, 1)), velocity, step.told.reshape(-1, 2).T], axis=1)
+    return np.stack([every.min(axis=1), every.max(axis=1)])
+
+
+def joints(step: Increment, bodies: Floating, rows: Rows) -> Joints:
+    """Contacts and supports as those of rigid bodies."""
+    place = _places(step, bodies.bodies)
+    by_places = sp.csr_array(sp.kron(rows.base, np.eye(2), format="csr") @ bodies.motions)
+    normal, tangent = (sp.csr_array(along(rows.difference, d) @ by_places) for d in (rows.normal, rows.tangent))
+    return Joints(place[np.maximum(rows.bodies, -1)], normal, tangent, rows.friction, bodies.stopped)
+
+
+def check_equilibrium(step: Increment, touching: Touching, bodies: Floating) -> None:
+    """Raise NotConverged where no contacts can carry the loads, not even after a fall of a cell.
+
+    Bodies follow the mechanism until they have new contacts, as rigid ones. Every contact within reach counts.
+    """
+    w = step.told_alone()
+    for _ in range(LOOKS if bodies.loaded else 0):
+        rows = touching.linearise(w)
+        joined = joints(step, bodies, rows)
+        q = None if _carried(touching, bodies, rows, joined) else mechanism(bodies.load, joined)
+        if q is None:
+            return
+        if float(np.abs(bodies.beyond(step.dt * w)).max()) > FALLS * step.bulk.assembly.sheets.cell:
+            found = no_equilibrium(step, bodies, rows)
+            if found is not None:
+                raise found
+        velocity = bodies.motions @ q
+        w = w + FALL * step.bulk.assembly.sheets.cell / step.dt / float(np.abs(velocity).max()) * velocity
+
+
+def _carried(touching: Touching, bodies: Floating, rows: Rows, joined: Joints) -> bool:
+    """Whether the contact forces of the step before carry the loads: then no programme need look for others."""
+    if touching.key.size == 0:
+        return False
+    normal, tangential = rows.forces(rows.impulses(touching.key, touching.force, 1.0), 1.0)
+    left = bodies.load + joined.normal.T @ normal + joined.tangent.T @ tangential
+    size = np.abs(bodies.load.reshape(-1, 3)).max(axis=1)
+    return bool((np.abs(left) <= SHARE * np.repeat(size, 3)).all())
+
+
+def check_near(step: Increment, bodies: Floating, w: Array) -> None:
+    """Raise NotConverged where a body has moved by more than `TRAVEL` beyond what is prescribed."""
+    beyond = np.abs(bodies.beyond(step.dt * w)).max(axis=0) / step.bulk.assembly.sheets.cell
+    b = int(np.argmax(beyond))
+    if beyond[b] > TRAVEL:
+        raise NotConverged(
+            f"body {bodies.bodies[b]}",
+            f"it moves by {beyond[b]:.2g} cells without finding an equilibrium",
+            "use a smaller dt, add a Support or friction, or use inertia",
+        )
+
+
+def near(step: Increment, bodies: Floating, w: Array, direction: Array, stride: float = STRIDE) -> Array:
+    """The direction, less what takes bodies `stride` cells farther beyond what is prescribed than they are at w."""
+    before, after = (bodies.beyond(step.dt * v) for v in (w, w + direction))
+    allowed = np.abs(before) + stride * step.bulk.assembly.sheets.cell
+    excess = after - np.clip(after, -allowed, allowed)
+    if not excess.any():
+        return direction
+    return np.asarray(direction - bodies.motions @ excess.T.ravel() / step.dt)
+
+
+def negligible(step: Increment, touching: Touching, bodies: Floating, resultants: Array) -> bool:
+    """Whether resultants (3 n,) [kg/s] are a small share of the forces on every body."""
+    return bool((np.abs(resultants) <= NEGLIGIBLE * np.repeat(forces_on(step, touching, bodies), 3)).all())
+
+
+def forces_on(step: Increment, touching: Touching, bodies: Floating) -> Array:
+    """Half the sum of all contact forces and loads on every floating body, times the step, (n,) [kg/s]."""
+    rows, place = touching.rows, _places(step, bodies.bodies)
+    size = step.dt * np.hypot(*rows.forces(touching.r, step.dt))
+    load = step.dt * np.hypot(*bodies.load.reshape(-1, 3).T[:2])
+    owner = place[np.maximum(rows.bodies, -1)]
+    every = [np.bincount(own[own >= 0], size[own >= 0], bodies.bodies.size) for own in owner]
+    return np.asarray(0.5 * (load + every[0] + every[1]))
+
+
+def explained(step: Increment, touching: Touching, bodies: Floating, error: NotConverged) -> NotConverged:
+    """Why no equilibrium was found: what the contacts of the last iteration cannot carry, if so, else the error."""
+    if not bodies.loaded or not hasattr(touching, "rows"):
+        return error
+    found = no_equilibrium(step, bodies, touching.rows, "no equilibrium was found")
+    return error if found is None else found
+
+
+def no_equilibrium(
+    step: Increment, bodies: Floating, rows: Rows, what: str = "there is no equilibrium"
+) -> NotConverged | None:
+    """What loads do where contacts cannot carry them, by those that are closest; None where these can."""
+    closest = _closest(rows, CLOSE * step.bulk.assembly.sheets.cell)
+    joined = joints(step, bodies, closest)
+    rough = mechanism(bodies.load, replace(joined, friction=np.full(closest.size, ROUGH)), few=True)
+    q = mechanism(bodies.load, joined, few=True) if rough is None else rough
+    if q is None:
+        return None
+    found = motion(q, joined)
+    b, verb, remedy = int(bodies.bodies[found.body]), found.verb, "" if rough is not None else " or friction"
+    if verb == "turns":
+        verb = "topples" if _corner(step, closest, found.contact, b) else "rolls"
+    where = "" if found.contact < 0 else f" {_on(closest, found.contact, b, step.bulk.assembly.sheets.cell)}"
+    force = bodies.load[3 * found.body : 3 * found.body + 2]
+    return NotConverged(
+        f"body {b}",
+        f"{what}: it {verb}{where}; its load is ({force[0]:.3g}, {force[1]:.3g}) N/m",
+        f"add a Support, a wall{remedy}, or use inertia",
+        curable=False,
+    )
+
+
+def _closest(rows: Rows, margin: float) -> Rows:
+    """Of the contacts of every two bodies the closest, and those that are wider by no more than a margin [m]."""
+    pairs, pair = np.unique(rows.bodies, axis=1, return_inverse=True)
+    smallest = np.full(pairs.shape[1], np.inf)
+    np.minimum.at(smallest, pair.ravel(), rows.gap)
+    return rows.among(rows.gap <= np.maximum(smallest[pair.ravel()], 0.0) + margin)
+
+
+def _on(rows: Rows, contact: int, body: int, cell: float) -> str:
+    """What a body moves on, as text."""
+    one, other = rows.bodies[:, contact].tolist()
+    other = one if other == body else other
+    x, y = cell * np.round(rows.x[:, contact] / cell, 6) + 0.0  # no -2e-17
+    return f"on {f'wall {-1 - other}' if other < 0 else f'body {other}'} at ({x:.4g}, {y:.4g}) m"
+
+
+def _corner(step: Increment, rows: Rows, contact: int, body: int) -> bool:
+    """Whether a body touches with a corner: the rim point that is nearest to the contact is one."""
+    sheets = step.bulk.assembly.sheets
+    known = np.flatnonzero(np.diff(rows.base.indptr) > 0)
+    own = known[sheets.node_body[rows.base.indices[rows.base.indptr[known]]] == body]
+    x = (rows.base[own] @ (sheets.position + step.start.reshape(-1, 2).T).T).T
+    nearest = int(np.argmin(np.hypot(*(x - rows.x[:, contact, None]))))
+    a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % own.size]].T
+    ahead, back = c - b, b - a
+    return bool(float(ahead @ back) < CORNER * float(np.hypot(*ahead) * np.hypot(*back)))
