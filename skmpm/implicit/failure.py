@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +24,19 @@ def worst_body(sheets: Sheets, imbalance: NDArray[np.float64]) -> str:
     """The body with the largest share of an imbalance (2 nodes,), as text."""
     square = np.nan_to_num(imbalance, nan=np.inf) ** 2
     return f"body {int(np.argmax(sheets.sums(square.reshape(-1, 2).T).sum(axis=0)))}"
+
+
+def indefinite(sheets: Sheets, error: np.linalg.LinAlgError) -> NotConverged:
+    """The failure of a factorisation; LAPACK names the unknown at which it stops, and so the body."""
+    found = re.match(r"(\d+)-th leading minor", str(error))
+    if found is None:
+        return NotConverged("all bodies", str(error))
+    b = int(np.searchsorted(sheets.blocks, int(found[1]) - 1, side="right")) - 1
+    return NotConverged(
+        f"body {b}",
+        "its matrix is not positive definite, not even with the negative curvature of its material removed",
+        "use a smaller dt, a smaller spacing of its points or a larger Scheme.ghost",
+    )
 
 
 def pair(bodies: NDArray[np.int64]) -> str:

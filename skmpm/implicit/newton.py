@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.failure import NotConverged, worst_body
+from skmpm.implicit.failure import NotConverged, indefinite, worst_body
 from skmpm.implicit.increment import DRIFT, Increment
 from skmpm.implicit.touching import Timer, Touching
 from skmpm.linear import Solver
@@ -96,8 +96,13 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         w, at = _move(step, w, at, direction, mixed, gradient - push, push)
         timer.lap("bulk")
     unmet = _unmet(step, touching, gradient - push, imbalance, residual, step.drift(w, push, solved))
+    raise _stopped(limit, unmet)
+
+
+def _stopped(limit: int, unmet: list[tuple[str, str]]) -> NotConverged:
+    """The failure after so many iterations, with the criteria that are not met."""
     what = ", ".join(f"{problem} at {place}" for place, problem in unmet)
-    raise NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {what}")
+    return NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {what}")
 
 
 def _unmet(
@@ -157,21 +162,31 @@ def _first(step: Increment) -> Array:
 
 def _check_balance(step: Increment) -> None:
     """Raise NotConverged where loads would send a body away for ever that neither inertia nor anything else holds."""
-    if not step.floats.any() or step.supports is not None:
+    if not step.floats.any():
         return
-    sheets = step.bulk.assembly.sheets
-    rows = np.concatenate([step.force * sheets.rigid_motions().T, np.abs(step.force)[None]])
-    *moved, size = sheets.sums(rows.reshape(4, -1, 2).sum(axis=-1))
-    loose = np.flatnonzero(np.maximum(np.abs(moved[0]), np.abs(moved[1])) > 1e-6 * size)
-    turning = np.flatnonzero(np.abs(moved[2]) > 1e-6 * size * np.sqrt(sheets.nodes))
-    if loose.size or turning.size:
-        b = int(np.concatenate([loose, turning])[0])
-        raise NotConverged(
-            f"body {b}",
-            f"it is held by nothing and its loads do not balance: net force {moved[0][b]:.3g}, {moved[1][b]:.3g} N/m",
-            "add a Support or a wall, or use inertia",
-            curable=False,
-        )
+    sheets, motions = step.bulk.assembly.sheets, step.bulk.assembly.sheets.rigid_motions()
+    fixed = np.zeros(motions.shape[0])
+    stopped = np.zeros_like(motions)
+    if step.supports is not None:
+        fixed[step.supports.fixed] = 1.0
+        stopped = fixed[:, None] * (motions - step.supports.T @ motions)
+    for b in np.flatnonzero(step.floats).tolist():
+        own = slice(sheets.blocks[b], sheets.blocks[b + 1])
+        free = _null_space(stopped[own])
+        size, net = np.abs(step.force[own]).sum(), step.force[own] @ motions[own]
+        if np.abs(free.T @ net).max(initial=0.0) > 1e-6 * size * np.sqrt(own.stop - own.start):
+            raise NotConverged(
+                f"body {b}",
+                f"it is held by nothing along its loads, which do not balance: net {net[0]:.3g}, {net[1]:.3g} N/m",
+                "add a Support or a wall, or use inertia",
+                curable=False,
+            )
+
+
+def _null_space(rows: Array) -> Array:
+    """An orthonormal basis (3, k) of the rigid motions that rows (m, 3) leave free."""
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
 
 
 def _factorised(step: Increment, at: Configuration, projected: bool) -> tuple[Solver, bool]:
@@ -181,7 +196,10 @@ def _factorised(step: Increment, at: Configuration, projected: bool) -> tuple[So
             return step.factorised(at, projected=False), False
         except np.linalg.LinAlgError:
             pass
-    return step.factorised(at, projected=True), True
+    try:
+        return step.factorised(at, projected=True), True
+    except np.linalg.LinAlgError as error:
+        raise indefinite(step.bulk.assembly.sheets, error) from error
 
 
 @dataclass

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit import newton
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.failure import NotConverged, worst_body
+from skmpm.implicit.failure import NotConverged
 from skmpm.implicit.floating import (
     NEGLIGIBLE,
     Floating,
@@ -116,12 +116,9 @@ def _settled(step: Increment, touching: Touching, bodies: Floating, kept: Solver
         if _balanced(search, now):
             return _solution(search, now)
         _iterate(search, _anchored(search, now, idle and not bodies.loaded), timer)
-    scheme = step.scheme
-    raise NotConverged(
-        worst_body(step.bulk.assembly.sheets, step.unsupported(now.gradient - now.push)),
-        f"no convergence in {scheme.max_newton} Newton iterations, momentum imbalance {now.true:.2g}"
-        f" (wanted {scheme.newton_tol:g}), contact residual {now.residual:.2g} (wanted {scheme.gap_tol:g})",
-    )
+    missing, still = now.gradient - now.push, np.zeros(step.bulk.assembly.sheets.bodies)
+    unmet = newton._unmet(step, touching, missing, now.true, now.residual, still)
+    raise newton._stopped(step.scheme.max_newton, unmet)
 
 
 def _measured(search: Search, iteration: int) -> Balance:

@@ -58,7 +58,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
-        message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {error}"
+        reason = _overflow(state) if isinstance(error, FloatingPointError) else error
+        message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {reason}"
         raise StepFailed(message, given, curable=getattr(error, "curable", True)) from error
     relaid = state.x_anchor is not given.x_anchor
     report = report_of(given.report.energy, increment, solution, budget, overlap, relaid=relaid)
@@ -79,6 +80,12 @@ def _touching(
     return Touching(
         linearise, increment, contacts.key, contacts.force, timer, held=scene.held_components, response=response
     )
+
+
+def _overflow(state: State) -> str:
+    """Why numbers overflow, as far as the state tells."""
+    fastest = int(np.argmax(np.abs(state.v).max(axis=0)))
+    return f"body {state.body[fastest]}, the fastest of all: numbers overflow; use a smaller dt or check its velocity"
 
 
 def check_time(name: str, value: object, lowest: float, what: str) -> None:

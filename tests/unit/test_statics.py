@@ -136,8 +136,10 @@ def test_a_disc_that_hangs_above_a_floor_by_less_than_a_cell_lands(iterations):
 def stack(x, y, law, velocity=-0.02):
     """Two boxes on each other between smooth plates."""
     at = H * np.array([x, y])
-    bodies = [Body(box(at + [0.0, s], (1.0, 1.0), spacing=0.75 * H), law) for s in (0.0, 1.0)]
-    return Scene(bodies, cell=H, walls=[Wall(at, (0, 1)), Wall(at + [0.0, 2.0], (0, -1), velocity=(0.0, velocity))])
+    bodies = [Body(box(at + np.array([0.0, s]), (1.0, 1.0), spacing=0.75 * H), law) for s in (0.0, 1.0)]
+    return Scene(
+        bodies, cell=H, walls=[Wall(at, (0, 1)), Wall(at + np.array([0.0, 2.0]), (0, -1), velocity=(0.0, velocity))]
+    )
 
 
 @cache
@@ -199,7 +201,7 @@ def test_a_load_moves_a_disc_until_it_hangs_above_its_contact():
     floor = Wall((0, 0), (0, 1), friction=1.0)
     scene = Scene([Body(points, GEL)], cell=H, walls=[floor], loads=[load], gravity=(0.0, -1.0))
     state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
-    total = weight(scene, state) + [0.0, -1e4]
+    total = weight(scene, state) + np.array([0.0, -1e4])
     assert state.wall_force[0] == pytest.approx(total, rel=2e-3, abs=2e-3 * abs(total[1]))
     contacts = state.contacts
     place, share = scene.loaded[0].points, scene.loaded[0].share
