@@ -82,7 +82,9 @@ def _check_crossings(scene: Scene, after: State) -> None:
     raise NotConverged(
         f"body {rim.body[i]}",
         f"its outline crosses itself near ({x[0, i]:.6g}, {x[1, i]:.6g}) and ({x[0, j]:.6g}, {x[1, j]:.6g}) m",
-        "use a smaller dt" if fold else "a body does not touch itself: load it less, or make it of several bodies",
+        "use a smaller dt"
+        if fold
+        else "a body does not touch itself: use smaller loads, or make it of several bodies",
         curable=bool(fold),
     )
 

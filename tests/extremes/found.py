@@ -8,11 +8,10 @@ from assemblies import Assembly, Hold, Piece, Pull
 
 BOX, DISC = Piece("box"), Piece("disc")
 ON_NODES = {"offset": (0.0, 0.0)}  # a support that leaves the normal component free fixes sliding to round-off there
-SLIDING = "a contact that a support keeps from sliding switches all contact forces off"
 WRONG_TODAY = {
     "a box held sideways falls through the floor": (
         Assembly((BOX,), still=False, weight=5e-3, supports=(Hold(0, "bottom", (0.0, None)),), **ON_NODES),
-        SLIDING,
+        None,
     ),
     "a support makes another box fall through the floor": (
         Assembly(
@@ -22,7 +21,7 @@ WRONG_TODAY = {
             supports=(Hold(0, "bottom", (0.0, None)),),
             **ON_NODES,
         ),
-        SLIDING,
+        None,
     ),
     "an ellipse held along a wall falls through the floor": (
         Assembly(
@@ -33,7 +32,7 @@ WRONG_TODAY = {
             supports=(Hold(0, "left", (None, 0.0)),),
             **ON_NODES,
         ),
-        SLIDING,
+        None,
     ),
     "a linear box turned inside out at rest": (
         Assembly(
@@ -44,7 +43,7 @@ WRONG_TODAY = {
             loads=(Pull(0, "top", (0.0, -3.0)),),
             steps=1,
         ),
-        "points of a linear material turn inside out in a good step",
+        None,
     ),
     "a linear box turned inside out": (
         Assembly(
@@ -56,7 +55,7 @@ WRONG_TODAY = {
             loads=(Pull(0, "top", (0.0, -3.0)),),
             dt_c_h=30.0,
         ),
-        "points of a linear material turn inside out in a good step",
+        None,
     ),
     "the ends of a C pass through each other at rest": (
         Assembly(
@@ -68,7 +67,7 @@ WRONG_TODAY = {
             cells=4.0,
             steps=1,
         ),
-        "a body does not touch itself",
+        None,
     ),
     "the ends of a C pass through each other": (
         Assembly(
@@ -81,11 +80,11 @@ WRONG_TODAY = {
             cells=4.0,
             steps=6,
         ),
-        "a body does not touch itself",
+        None,
     ),
     "a disc that nothing holds up is thrown away": (
         Assembly((DISC,), floor=None, supports=(Hold(0, "core", (0.0, None)),)),
-        "a load along a direction that nothing holds, no walls: good steps to 1e12 diameters",
+        None,
     ),
     "a corner comes to lie in a side": (
         Assembly(
@@ -123,19 +122,19 @@ WRONG_TODAY = {
             dt_c_h=36.625319786762894,
             scheme={"newton_tol": 1e-06},
         ),
-        "LAPACK's words for a matrix that is not positive definite, without body and remedy",
+        None,
     ),
 }
 
 NEAR_BY = "fails although there is an equilibrium"
 STANDS = {
-    "a disc over a gap": (Assembly((DISC,), gap=0.1, steps=1), NEAR_BY),
-    "a disc over a gap, frictionless": (Assembly((DISC,), gap=0.1, floor=0.0, steps=1), NEAR_BY),
+    "a disc over a gap": (Assembly((DISC,), gap=0.1, steps=1), None),
+    "a disc over a gap, frictionless": (Assembly((DISC,), gap=0.1, floor=0.0, steps=1), None),
     "a box held sideways on nodes": (
         Assembly((BOX,), supports=(Hold(0, "bottom", (0.0, None)),), steps=1, **ON_NODES),
-        SLIDING,
+        None,
     ),
-    "a plus on an L, the second step": (Assembly((Piece("L"), Piece("plus")), left=0.5, right=0.5), NEAR_BY),
+    "a plus on an L, the second step": (Assembly((Piece("L"), Piece("plus")), left=0.5, right=0.5), None),
     "a disc between a slope and a lid": (
         Assembly(
             (Piece("disc", angle=3.53, nu=0.43),),

@@ -33,7 +33,9 @@ def test_a_ring_that_closes_on_itself_is_told_so(by):
 
         held = [Support(end(s), velocity=(0.0, -s * 0.3)) for s in (1.0, -1.0)]
         scene = Scene([Body(ring(), GUM)], cell=0.09, supports=held)
-    crossed = r"body 0: its outline crosses itself near .* does not touch itself: load it less, or make it of several"
+    crossed = (
+        r"body 0: its outline crosses itself near .* does not touch itself: use smaller loads, or make it of several"
+    )
     last = None
     with pytest.raises(StepFailed, match=crossed) as failure:
         for state in simulate(scene, dt=4e-3, until=2.0):
