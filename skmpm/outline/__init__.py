@@ -4,7 +4,7 @@ In every function `x` (2, m) [m] holds the current positions of the rim points, 
 """
 
 from skmpm.outline.cells import cell_moments
-from skmpm.outline.crossings import backward_turns, crossings
+from skmpm.outline.crossings import crossings, turns
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.curve import Curve, curve
 from skmpm.outline.measures import area, centroid, dimensions, normals, perimeter, second_moments
@@ -18,7 +18,6 @@ __all__ = [
     "Curve",
     "Outlines",
     "area",
-    "backward_turns",
     "candidates",
     "cell_moments",
     "centroid",
@@ -34,4 +33,5 @@ __all__ = [
     "perimeter",
     "second_moments",
     "thickness",
+    "turns",
 ]

@@ -9,20 +9,23 @@ from scipy.spatial import cKDTree
 from skmpm.outline.topology import Floats, Integers, Outlines
 
 # Where a simple loop first touches itself its tangents are opposite, and the arc between the two places that bounds
-# the cavity turns back by pi. Half of that leaves room for the turns of a polygon and for one step beyond.
-BACKWARD = 0.5 * np.pi  # [rad]
+# the cavity turns back by pi. Half of that leaves room for the turns of a polygon and for one step beyond. A loop
+# that folds at a point goes round once more than a simple one.
+BACKWARD, FORWARD = 0.5 * np.pi, 3.0 * np.pi  # [rad]
 
 
 def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
     """Find segments (2, k) of one body that cross, among some bodies `chosen`; the first < the second.
 
-    Only loops that turn back by more than `BACKWARD` in all are searched, which leaves out convex bodies.
+    Only bodies that turn back by more than `BACKWARD` in all, or forward by more than `FORWARD`, are searched, which
+    leaves out convex ones.
 
     Parameters
     ----------
     x : (2, m) positions of the boundary points [m]
     """
-    folded = np.flatnonzero(backward_turns(outlines, x) > BACKWARD)
+    forward, backward = turns(outlines, x)
+    folded = np.flatnonzero((backward > BACKWARD) | (forward > FORWARD))
     segment = np.flatnonzero(np.isin(outlines.body, np.intersect1d(folded, chosen)))
     if segment.size == 0:
         return np.zeros((2, 0), dtype=np.int64)
@@ -36,12 +39,13 @@ def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
     return np.sort(np.stack([i[cross], j[cross]]), axis=0)
 
 
-def backward_turns(outlines: Outlines, x: Floats) -> Floats:
-    """Sum of the turns to the right along the outline of each body, (bodies,) [rad]; zero for a convex one."""
+def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
+    """Sums of the turns to the left and to the right along the outline of each body, (bodies,) [rad]."""
     ahead = x[:, outlines.next] - x
     back = ahead[:, outlines.previous]
     turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))
-    return np.asarray(np.bincount(outlines.body, np.maximum(-turn, 0.0)), dtype=np.float64)
+    left, right = (np.bincount(outlines.body, np.maximum(way * turn, 0.0)) for way in (1.0, -1.0))
+    return np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
 
 
 def _separates(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> NDArray[np.bool_]:
