@@ -9,7 +9,21 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from skmpm import Body, NeoHookean, Scene, Scheme, StepFailed, Wall, disc, initial, linear, simulate, step
+from skmpm import (
+    Body,
+    NeoHookean,
+    Scene,
+    Scheme,
+    StepFailed,
+    Support,
+    Wall,
+    box,
+    disc,
+    initial,
+    linear,
+    simulate,
+    step,
+)
 from skmpm.implicit import Bulk, Increment, Touching, touching
 from skmpm.implicit.newton import Mixing
 
@@ -174,6 +188,32 @@ def test_what_a_step_may_gain_is_a_share_of_what_it_exchanges_whatever_went_befo
             RuntimeError, match=r"gain energy from nothing, 10 % of what the step exchanges \(at most 1 %"
         ):
             checks.check_step(scene, Scheme(), state, state, budget(1e-4, 1e-3))
+
+
+@pytest.mark.parametrize("squeeze", [0.25, 0.3])
+def test_without_inertia_as_little_of_the_projected_matrix_as_makes_it_definite(squeeze):
+    """Of 1/16, 1/8, ... the first share that makes it positive definite: the free side of a held box buckles."""
+    scene = Scene(
+        [Body(box((0.0, 0.0), (4 * R, R), spacing=R / 8), NeoHookean(1e6, 0.3, 1e3))],
+        cell=R / 4,
+        supports=[Support(lambda x: x[1] < 1e-9)],
+    )
+    derived = initial(scene).derived
+    position = derived.assembly.sheets.position
+    bulk = Bulk(derived.assembly, [(scene.bodies[0].material, slice(None))], None, None)
+    at = bulk.at((position * [[-squeeze], [0.0]]).T.ravel())
+    still, kept = np.zeros(position.size), derived.supports.T.toarray()
+    step = Increment(bulk, at.displacement, still, still, 1.0, Scheme(inertia=False), derived.supports, np.zeros(2))
+    exact, projected = (kept.T @ step.matrix(at, projected=p).toarray() @ kept for p in (False, True))
+    free = np.flatnonzero(np.diag(projected))
+    shares = np.append(0.5 ** np.arange(4, -1, -1), 0.0)
+    mixed = [((1.0 - s) * exact + s * projected)[np.ix_(free, free)] for s in shares]
+    lowest = np.array([np.linalg.eigvalsh(A)[0] for A in mixed])
+    least = int(np.argmax(lowest > 0.0))
+    assert lowest[-1] < 0.0 and least < 4
+    b = np.random.default_rng(0).normal(size=still.size)
+    solution = step.factorised(at, projected=False)(b)
+    assert mixed[least] @ (kept.T @ solution)[free] == pytest.approx((kept.T @ b)[free], rel=1e-6, abs=1e-6)
 
 
 def test_a_start_that_turns_points_inside_out_is_shortened():
