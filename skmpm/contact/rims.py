@@ -3,7 +3,8 @@
 A rim point c of one body is projected on the smooth outline of another (`outline.Curve`): a combination of four rim
 points with shares z(s). The row of the pair is N(c) w_a - sum_m z_m N(m) w_b along the curve's normal, which is the
 exact derivative of the gap: momentum is exact, forces meet on one line, and a frictionless contact is conservative.
-One body of a pair gives the points (the finer rim, then position), the other the curve, and its corners as points.
+One body of a pair gives the points (the deformable one, then the finer rim, then position), the other the curve, and
+its corners as points.
 
 Gaps are those of the end of the step. Forces act along the normals of the configuration whose stress drives the
 step, x + theta dt w: a disc that turns under pressure is driven by its stress, and braked by its contacts, by
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact.pairs import Pairs, touching_bodies, touching_wall
 from skmpm.contact.rows import Linearise, Rows, given_velocities
-from skmpm.contact.sides import neighbours
+from skmpm.contact.sides import Roles, neighbours
 from skmpm.grid import Sheets
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, SceneError, State
@@ -53,10 +54,10 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float
     given = given_velocities(scene, state.t + 0.5 * dt)[:, rim.body]
     wall_velocities = scene.wall_velocities(state.t + 0.5 * dt)
     initial = scene.initial_positions[:, rim.point]
-    rank, reach, start = _rank(scene, rim, initial), REACH * sheets.cell, state.x[:, rim.point]
+    roles, reach, start = _roles(scene, rim, initial), REACH * sheets.cell, state.x[:, rim.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
     curve = outline.curve(rim, initial, start)
-    near = neighbours(scene, curve, rank, start, sheets.cell, reach, margin)
+    near = neighbours(scene, curve, roles, start, sheets.cell, reach, margin)
 
     def touching(moved: Array) -> Pairs:
         walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
@@ -69,7 +70,7 @@ def outlines(scene: Scene, state: State, sheets: Sheets, dt: float, theta: float
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + given)
         farthest = float(np.abs(moved).max(initial=0.0))
         if 2.0 * farthest > near.margin:
-            near = neighbours(scene, curve, rank, start, sheets.cell, reach, 4.0 * farthest)
+            near = neighbours(scene, curve, roles, start, sheets.cell, reach, 4.0 * farthest)
         return _rows(scene, touching(moved), start + moved, interpolation, w, given, wall_velocities, dt)
 
     return linearise
@@ -87,16 +88,20 @@ def _rim_interpolation(scene: Scene, state: State, sheets: Sheets, rim: Outlines
     return sp.csr_array(chosen @ sheets.interpolation)
 
 
-def _rank(scene: Scene, rim: Outlines, x: Array) -> Ints:
-    """Order of the bodies (bodies,): of a pair the lower rank gives the points. Finer rims first, then position."""
+def _roles(scene: Scene, rim: Outlines, x: Array) -> Roles:
+    """Which bodies give the points: deformable ones, of two of them the one with the finer rim, then by position.
+
+    The curve of a rigid body does not depend on the solution: nor do the normals of forces on it.
+    """
     count = np.maximum(np.bincount(rim.body, minlength=len(scene.bodies)), 1)
     length = np.hypot(*(x[:, rim.next] - x))
     spacing = np.bincount(rim.body, length, len(scene.bodies)) / count
     rounded = np.round(spacing / max(float(spacing.max()), 1e-300), 6)
     centre = [np.bincount(rim.body, component, len(scene.bodies)) / count for component in x]
     rank = np.empty(len(scene.bodies), dtype=np.int64)
-    rank[np.lexsort((centre[1], centre[0], rounded))] = np.arange(rank.size)
-    return rank
+    rank[np.lexsort((centre[1], centre[0], rounded, ~scene.deformable))] = np.arange(rank.size)
+    bend = np.where(scene.deformable[rim.body], 0.0, outline.bend(rim, x))
+    return Roles(rank, spacing, bend)
 
 
 def _rows(

@@ -31,7 +31,24 @@ FACING = -0.3  # largest cosine between the normals of two surfaces in contact; 
 DIP = 0.5  # sine of the angle by which the rim beside a contact point may dip into the other surface
 TIP = 0.05  # depth below a tip of the centre of the disc that rounds it [cells]
 SHALLOW = 0.1  # by how much it may always do so [cells]
+# A rigid rim that turns by more within a spacing s of the other rim is an edge: a chord of 2 s, as rims are stretched
+# beside edges, would lie deeper in it than s EDGE / 2, 0.13 cells for points 0.74 cells apart.
+EDGE = np.deg2rad(20.0)
 OFF = 1e-6  # of a segment: how far beside the end of a side a point is still in front of it
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What the bodies of a pair give, the points or the curve."""
+
+    rank: Ints  # (bodies,) the lower one of a pair gives the points
+    spacing: Array  # (bodies,) mean distance of rim points [m]
+    bend: Array  # (m,) curvature of the rims of rigid bodies [1/m], zero elsewhere
+
+    def give(self, point: Ints, first: Ints, second: Ints) -> Bools:
+        """Whether points (k,) of bodies (k,) touch the curves of other bodies (k,)."""
+        edge = self.bend[point] * self.spacing[second] > EDGE
+        return np.asarray((self.rank[first] < self.rank[second]) | edge)
 
 
 @dataclass(frozen=True)
@@ -59,16 +76,16 @@ class Neighbours:
 
 
 def neighbours(
-    scene: Scene, curve: Curve, rank: Ints, x: Array, cell: float, reach: float, margin: float
+    scene: Scene, curve: Curve, roles: Roles, x: Array, cell: float, reach: float, margin: float
 ) -> Neighbours:
-    """Which points may touch which segments: all of the body of lower rank, of the other one its corners."""
+    """Which points may touch which segments: all of the body that gives the points, of the other one its corners."""
     rim = curve.outlines
     point, segment = outline.candidates(rim, x, reach + margin)
     first, second = rim.body[point], rim.body[segment]
-    gives, free = rank[first] < rank[second], scene.deformable[first] | scene.deformable[second]
+    gives, free = roles.rank[first] < roles.rank[second], scene.deformable[first] | scene.deformable[second]
     ends = np.concatenate([np.stack([point, end]) for end in (segment, rim.next[segment])], axis=1)
     tips = np.unique(ends[:, np.tile(gives & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
-    kept = (gives | curve.sharp[point]) & free
+    kept = (roles.give(point, first, second) | curve.sharp[point]) & free
     point, segment = point[kept], segment[kept]
     order = np.lexsort((curve.side[segment], point))
     point, segment = point[order], segment[order]

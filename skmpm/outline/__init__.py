@@ -7,7 +7,7 @@ from skmpm.outline.cells import cell_moments
 from skmpm.outline.crossings import crossings, turns
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.curve import Curve, curve
-from skmpm.outline.measures import area, centroid, dimensions, normals, perimeter, second_moments
+from skmpm.outline.measures import area, bend, centroid, dimensions, normals, perimeter, second_moments
 from skmpm.outline.near import candidates, closest, inside
 from skmpm.outline.overlaps import lens_depth, overlap
 from skmpm.outline.topology import Outlines, outlines
@@ -18,6 +18,7 @@ __all__ = [
     "Curve",
     "Outlines",
     "area",
+    "bend",
     "candidates",
     "cell_moments",
     "centroid",

@@ -38,6 +38,15 @@ def normals(outlines: Outlines, x: Floats) -> Floats:
     return np.array((t[1], -t[0])) / np.where(length > 0, length, 1.0)
 
 
+def bend(outlines: Outlines, x: Floats) -> Floats:
+    """Return the curvature (m,) [1/m] of the rim: turns to the left over the shorter of both segments, else zero."""
+    ahead = x[:, outlines.next] - x
+    back = ahead[:, outlines.previous]
+    turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))
+    length = np.minimum(np.hypot(*ahead), np.hypot(*back))
+    return np.asarray(np.maximum(turn, 0.0) / np.maximum(length, 1e-300))
+
+
 def dimensions(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats, Floats]:
     """Measure each body along the principal axes of its second moments.
 

@@ -13,6 +13,7 @@ from skmpm.scene import Scene, State, StepFailed, check_fits
 from skmpm.scheme import Scheme
 from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, check_whole, derived_of
 from skmpm.simulate.checks import check_step
+from skmpm.simulate.corners import pressed_edge
 from skmpm.simulate.forces import external_force, told
 from skmpm.simulate.report import budget_of, report_of
 from skmpm.simulate.start import can_touch, check_scheme
@@ -59,7 +60,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             timer.lap("overlap")
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
         reason = _overflow(state) if isinstance(error, FloatingPointError) else error
-        message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {reason}"
+        edge = pressed_edge(scene, given.contacts)
+        message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {reason}{edge}"
         raise StepFailed(message, given, curable=getattr(error, "curable", True)) from error
     relaid = state.x_anchor is not given.x_anchor
     report = report_of(given.report.energy, increment, solution, budget, overlap, relaid=relaid)

@@ -262,6 +262,14 @@ def test_who_takes_the_advice_is_not_warned_again(digits):
 STIFF = LinearElastic(1e7, 0.45, 990.0)
 THREE = Scene([round_body(), round_body(2.1 * R), round_body(4.2 * R)], cell=H)
 SUPPORTED = {"supports": [Support(lambda x: x[0] <= -0.99 * R)]}
+
+
+def stamped(velocity):
+    """A disc and a rigid box above it, narrower than the disc, that moves."""
+    tool = Body(box((-0.5 * R, 1.5 * R), (R, R), spacing=H / 2), Rigid(1.0), velocity=velocity)
+    return Scene([round_body(), tool], cell=H, friction=0.3)
+
+
 CHOICES = {  # what the warning says first, the scene and scheme that bring it, neighbours that do not
     "small strain with friction": (
         r"body 1: LinearElastic, and friction may turn it",
@@ -293,6 +301,11 @@ CHOICES = {  # what the warning says first, the scene and scheme that bring it, 
             (pair(friction=0.3, **SUPPORTED), {"inertia": False}),
             (pair(STIFF, STIFF, **SUPPORTED), {"inertia": False}),
         ],
+    ),
+    "sharp edges without inertia": (
+        r"body 1: an edge at \(-?\d.* m sharper than 0.5 h meets body 0 without inertia;",
+        (stamped((0.0, -1.0)), {"inertia": False}),
+        [(stamped((0.0, -1.0)), {}), (stamped((0.0, 1.0)), {"inertia": False})],
     ),
 }
 

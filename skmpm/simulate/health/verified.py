@@ -13,7 +13,9 @@ from skmpm.contact import shared_nodes
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.scene import Scene
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
+from skmpm.simulate.corners import ROUND, facing_edges
 from skmpm.simulate.health.numbers import Health
+from skmpm.simulate.start import initial_motion
 
 
 class Limit(NamedTuple):
@@ -176,6 +178,21 @@ def _scheme(scene: Scene, health: Health, scheme: Scheme) -> Lines:
         yield f"scheme: inertia = False; {verified}; use friction, a Support or inertia"
 
 
+def _edges(scene: Scene, health: Health, scheme: Scheme) -> Lines:
+    if scheme.inertia or scheme.contact is shared_nodes:
+        return
+    radius = ROUND * health.cell
+    found = facing_edges(scene, initial_motion(scene)[0], radius)
+    for rigid, soft in np.unique(found[[0, 2]], axis=1).T.tolist():
+        point = found[1, (found[0] == rigid) & (found[2] == soft)][0]
+        x, y = scene.initial_positions[:, point]
+        verified = (
+            "a flat punch with rounder edges went 40 % of the height down, with sharper ones at times only 25 %"
+        )
+        where = f"body {rigid}: an edge at ({x:.4g}, {y:.4g}) m sharper than {ROUND:g} h meets body {soft}"
+        yield f"{where} without inertia; {verified}; use inertia, or a radius of {radius:.4g} m"  # test_punch
+
+
 CHECKS: tuple[Callable[[Scene, Health, Scheme], Lines], ...] = (
     _resolution,
     _thin,
@@ -187,4 +204,5 @@ CHECKS: tuple[Callable[[Scene, Health, Scheme], Lines], ...] = (
     _friction,
     _small_strain,
     _scheme,
+    _edges,
 )
