@@ -60,7 +60,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             timer.lap("overlap")
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
         reason = _overflow(state) if isinstance(error, FloatingPointError) else error
-        edge = pressed_edge(scene, given.contacts)
+        edge = "" if scheme.inertia else pressed_edge(scene, given.contacts)
         message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {reason}{edge}"
         raise StepFailed(message, given, curable=getattr(error, "curable", True)) from error
     relaid = state.x_anchor is not given.x_anchor
