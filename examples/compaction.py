@@ -44,6 +44,7 @@ CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin",
 LID = 1  # its place among the walls
 SCHEMES = {
     "balanced": skmpm.Scheme(),
+    "standard": skmpm.Scheme(mean_dilatation=False),  # elements that lock where nu is near 1/2
     "seed": skmpm.Scheme.seed(),
     "forgetful": skmpm.Scheme(anchor=0.0),  # sheets anew at every step, contact as in "balanced"
 }
