@@ -112,7 +112,7 @@ def drawn(number: Callable, choice: Callable) -> Assembly:
         offset=(choice(number(0.0, 1.0), 0.0, 0.5), choice(number(0.0, 1.0), 0.0, 0.5)),
         dt_c_h=10.0 ** number(-0.5, 1.7),
         steps=choice(3, 1, 6),
-        scheme=choice({}, {}, {"locking": True}, {"newton_tol": 1e-6}),
+        scheme=choice({}, {}, {"mean_dilatation": True}, {"newton_tol": 1e-6}),
     )
 
 
