@@ -12,7 +12,7 @@ from skmpm.contact import Rows
 from skmpm.contact.rows import along
 from skmpm.implicit.equilibrium import SHARE, Joints, mechanism, motion
 from skmpm.implicit.failure import NotConverged
-from skmpm.implicit.increment import HOLD, Increment
+from skmpm.implicit.increment import Increment
 from skmpm.implicit.touching import Touching
 
 Array = NDArray[np.float64]
@@ -38,7 +38,6 @@ class Floating:
     mean: sp.csr_array  # (3 n, 2 nodes) the rigid motions nearest to a velocity, by mass
     stopped: sp.csr_array  # (m, 3 n) combinations that supports stop
     limits: Array  # (2, 2) smallest and largest prescribed displacement near by in the step [m]
-    floor: float  # of the size of impulses: what the springs of an iteration resist these with [kg/s m/s]
     load: Array  # (3 n,) of gravity and loads [N/m]
 
     @property
@@ -74,9 +73,8 @@ def floating(step: Increment, touching: Touching) -> Floating:
     weighed = sp.csr_array(motions.T @ sp.diags_array(assembly.lumped))
     mean = sp.csr_array(sp.diags_array(1.0 / (weighed @ motions).diagonal()) @ weighed)
     speeds = _prescribed(step, rows, place)
-    floor = HOLD * float(step.stiffnesses.max()) * float(np.abs(speeds).max())
     load = np.asarray(motions.T @ step.force)
-    return Floating(bodies, motions, mean, _stopped(step, motions), step.dt * speeds, floor, load)
+    return Floating(bodies, motions, mean, _stopped(step, motions), step.dt * speeds, load)
 
 
 def _places(step: Increment, bodies: Ints) -> Ints:
@@ -110,24 +108,30 @@ def joints(step: Increment, bodies: Floating, rows: Rows) -> Joints:
     return Joints(place[np.maximum(rows.bodies, -1)], normal, tangent, rows.friction, bodies.stopped)
 
 
-def check_equilibrium(step: Increment, touching: Touching, bodies: Floating) -> None:
-    """Raise NotConverged where no contacts can carry the loads, not even after a fall of a cell.
+def landed(step: Increment, touching: Touching, bodies: Floating) -> Array | None:
+    """The velocity (2 nodes,) that takes bodies to contacts which can carry their loads, None if they are there.
 
     Bodies follow the mechanism until they have new contacts, as rigid ones. Every contact within reach counts.
+
+    Raises
+    ------
+    NotConverged
+        where no contacts can carry the loads, not even after a fall of a cell
     """
     w = step.told_alone()
-    for _ in range(LOOKS if bodies.loaded else 0):
+    for looks in range(LOOKS if bodies.loaded else 0):
         rows = touching.linearise(w)
         joined = joints(step, bodies, rows)
         q = None if _carried(touching, bodies, rows, joined) else mechanism(bodies.load, joined)
         if q is None:
-            return
+            return None if looks == 0 else w
         if float(np.abs(bodies.beyond(step.dt * w)).max()) > FALLS * step.bulk.assembly.sheets.cell:
             found = no_equilibrium(step, bodies, rows)
             if found is not None:
                 raise found
         velocity = bodies.motions @ q
         w = w + FALL * step.bulk.assembly.sheets.cell / step.dt / float(np.abs(velocity).max()) * velocity
+    return None
 
 
 def _carried(touching: Touching, bodies: Floating, rows: Rows, joined: Joints) -> bool:
@@ -145,10 +149,12 @@ def check_near(step: Increment, bodies: Floating, w: Array) -> None:
     beyond = np.abs(bodies.beyond(step.dt * w)).max(axis=0) / step.bulk.assembly.sheets.cell
     b = int(np.argmax(beyond))
     if beyond[b] > TRAVEL:
+        moves = bool(bodies.limits.any())  # else a smaller dt is the same step
         raise NotConverged(
             f"body {bodies.bodies[b]}",
             f"it moves by {beyond[b]:.2g} cells without finding an equilibrium",
-            "use a smaller dt, add a Support or friction, or use inertia",
+            f"{'use a smaller dt, ' if moves else ''}add a Support or friction, apply loads in steps, or use inertia",
+            curable=moves,
         )
 
 
@@ -182,7 +188,10 @@ def explained(step: Increment, touching: Touching, bodies: Floating, error: NotC
     if not bodies.loaded or not hasattr(touching, "rows"):
         return error
     found = no_equilibrium(step, bodies, touching.rows, "no equilibrium was found")
-    return error if found is None else found
+    if found is None:
+        return error
+    found.curable = bool(bodies.limits.any())  # where nothing prescribed moves, a smaller dt is the same step
+    return found
 
 
 def no_equilibrium(

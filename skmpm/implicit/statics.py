@@ -12,7 +12,7 @@ constant factor from anchor to anchor; what is neutral stays where it is, and it
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,10 @@ from skmpm.implicit.failure import NotConverged
 from skmpm.implicit.floating import (
     NEGLIGIBLE,
     Floating,
-    check_equilibrium,
     check_near,
     explained,
     floating,
+    landed,
     near,
     negligible,
 )
@@ -36,13 +36,10 @@ from skmpm.implicit.touching import Timer, Touching
 from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 FIRM = 1.0  # of its shear modulus: the drag that holds a body; tips that rest on each other push it away with 0.4
-LOOSE = 1e-2  # the same for bodies that only move out of the way: contacts are a hundred times as stiff
 LEFT = 0.3  # by which an anchor lessens what is not neutral, for bodies as stiff as their drag
 CLOSELY = 0.1  # of the drag that is there, to which the solution is found before the anchor follows
-PLAIN = 10  # iterations with springs: frictionless discs between plates take up to six
 PATIENT = 8  # iterations for an anchor before contact normals are kept
 SHIFT = 0.1  # [cells] that the acceleration moves an anchor
 
@@ -78,11 +75,6 @@ class Search:
     before: float = np.inf  # imbalance of the iteration before
     began: int = 0  # the iteration in which the anchor was set
     anchors: int = 0
-    drag: float = FIRM
-    known: tuple[Ints, Array] = field(init=False)  # keys and forces of the contacts at the start
-
-    def __post_init__(self) -> None:
-        self.known = self.touching.key, self.touching.force
 
 
 def advance(step: Increment, touching: Touching | None, kept: Solver | None, timer: Timer) -> Solution:
@@ -97,39 +89,37 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     if touching is None or not step.floats.any():
         return newton.advance(step, touching, kept, timer)
     bodies = floating(step, touching)
-    check_equilibrium(step, touching, bodies)
+    first = landed(step, touching, bodies)
     try:
-        return _settled(step, touching, bodies, kept, timer)
+        return _settled(step, touching, bodies, newton._first(step) if first is None else first, kept, timer)
     except NotConverged as error:
         raise explained(step, touching, bodies, error) from error
 
 
-def _settled(step: Increment, touching: Touching, bodies: Floating, kept: Solver | None, timer: Timer) -> Solution:
-    """Newton from w = v0."""
-    w, mass = newton._first(step), step.bulk.assembly.mass
+def _settled(
+    step: Increment, touching: Touching, bodies: Floating, w: Array, kept: Solver | None, timer: Timer
+) -> Solution:
+    """Newton from w."""
+    mass = step.bulk.assembly.mass
     search = Search(step, touching, bodies, w, step.at(w), kept, Mixing(mass), Mixing(mass))
-    idle = False
     for iteration in range(step.scheme.max_newton + 1):
         now = _measured(search, iteration)
         check_near(step, bodies, search.w)
-        idle = float(np.linalg.norm(now.push)) <= bodies.floor if iteration == 0 else idle
         if _balanced(search, now):
             return _solution(search, now)
-        _iterate(search, _anchored(search, now, idle and not bodies.loaded), timer)
+        _iterate(search, _anchored(search, now), timer)
     missing, still = now.gradient - now.push, np.zeros(step.bulk.assembly.sheets.bodies)
     unmet = newton._unmet(step, touching, missing, now.true, now.residual, still)
     raise newton._stopped(step.scheme.max_newton, unmet)
 
 
 def _measured(search: Search, iteration: int) -> Balance:
-    """The balance at w with the impulses known so far; its size is at least that of the springs' own forces."""
+    """The balance at w with the impulses known so far."""
     step, touching = search.step, search.touching
     gradient, size = step.gradient(search.w, search.at)
     push, residual = touching.measure(search.w)
-    floor = max(touching.round_off / step.scheme.newton_tol, search.bodies.floor)
-    return _balance(
-        step, search.w, iteration, gradient, push, residual, max(size, float(np.linalg.norm(push)), floor)
-    )
+    size = max(size, float(np.linalg.norm(push)), touching.round_off / step.scheme.newton_tol)
+    return _balance(step, search.w, iteration, gradient, push, residual, size)
 
 
 def _balance(
@@ -169,41 +159,29 @@ def _solution(search: Search, now: Balance) -> Solution:
     return Solution(w, search.touching, now.iteration, search.factorised, now.residual, now.true, reaction, solver)
 
 
-def _anchored(search: Search, now: Balance, idle: bool) -> Balance:
-    """The balance once the drag, where it is called for, is set or its anchor has followed the solution.
-
-    `idle` tells whether neither loads nor contacts pressed on the bodies when the step began.
-    """
+def _anchored(search: Search, now: Balance) -> Balance:
+    """The balance once the drag, where motions are neutral, is set or its anchor has followed the solution."""
     step, touching = search.step, search.touching
     if step.held is not None:
         tol = step.scheme.newton_tol
         there = now.imbalance <= max(tol, CLOSELY * now.true) and not (now.true <= tol or _held(search))
         return _followed(search, now) if there and now.iteration > search.began else now
-    rigid = now.imbalance < search.before or touching.lost > 0
-    if (
-        now.iteration > 2
-        and now.imbalance > SLOW * search.before
-        and rigid
-        and _small(search, now.gradient - now.push)
-    ):
-        return _renewed(search, now, step.holding(search.w, FIRM), FIRM)
-    if now.iteration >= PLAIN and idle:
-        search.w = newton._first(step)
-        search.at = step.at(search.w)
-        (touching.key, touching.force), touching.normal = search.known, None
-        _renewed(search, now, step.holding(step.told_alone(), LOOSE), LOOSE)
-        return _measured(search, now.iteration)
+    slow = now.iteration > 2 and now.imbalance > SLOW * search.before
+    stays = slow and (now.imbalance < search.before or touching.lost > 0)
+    if stays and _small(search, now.gradient - now.push):
+        search.solver = touching.response = touching.settled = None
+        touching.lost = 0
+        return _renewed(search, now, search.w)
     return now
 
 
-def _renewed(search: Search, now: Balance, step: Increment, drag: float) -> Balance:
-    """The balance with another drag, for which contacts turn again and all that was learned is forgotten."""
-    touching, mass = search.touching, step.bulk.assembly.mass
-    search.step, search.drag, search.solver, touching.response = step, drag, None, None
-    touching.settled, touching.lost, search.share = None, 0, 1.0
-    search.mixing, search.before, search.began = Mixing(mass), np.inf, now.iteration
-    gradient, _ = step.gradient(search.w, search.at)
-    return _balance(step, search.w, now.iteration, gradient, now.push, now.residual, now.size)
+def _renewed(search: Search, now: Balance, anchor: Array) -> Balance:
+    """The balance with a drag and its new anchor, for which the acceleration starts again."""
+    search.step = search.step.holding(anchor, FIRM)
+    search.mixing, search.share = Mixing(search.step.bulk.assembly.mass), 1.0
+    search.before, search.began = np.inf, now.iteration
+    gradient, _ = search.step.gradient(search.w, search.at)
+    return _balance(search.step, search.w, now.iteration, gradient, now.push, now.residual, now.size)
 
 
 def _followed(search: Search, now: Balance) -> Balance:
@@ -213,16 +191,7 @@ def _followed(search: Search, now: Balance) -> Balance:
     moved, small = w - step.rest, _small(search, step.mass * (w - step.rest))
     wanted = search.anchors > 2 and not small
     mixed = search.anchoring.mixed(step.rest, moved, 1.0, wanted=wanted)
-    anchor = w + near(step, search.bodies, w, mixed - moved, SHIFT) if wanted else w
-    firmer = small and search.drag < FIRM
-    if firmer:
-        return _renewed(search, now, step.holding(anchor, FIRM), FIRM)
-    solver, settled, lost = search.solver, search.touching.settled, search.touching.lost
-    response = search.touching.response
-    after = _renewed(search, now, step.holding(anchor, search.drag), search.drag)
-    search.solver, search.touching.response = solver, response
-    search.touching.settled, search.touching.lost = settled, lost
-    return after
+    return _renewed(search, now, w + near(step, search.bodies, w, mixed - moved, SHIFT) if wanted else w)
 
 
 def _iterate(search: Search, now: Balance, timer: Timer) -> None:
@@ -241,7 +210,7 @@ def _iterate(search: Search, now: Balance, timer: Timer) -> None:
     search.share = CAUTION if stuck else search.share
     if touching.settled is None and (touching.lost > 0 or stuck):
         touching.settled, search.mixing, search.share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
-    search.before = now.imbalance if now.iteration > search.began else np.inf
+    search.before = np.inf if step.held is not None and now.iteration == search.began else now.imbalance
     direction, push = touching.solve(search.solver, now.gradient)
     mixed = search.mixing.mixed(search.w, direction, search.share, wanted=slow)
     whole, direction = mixed is direction, near(step, search.bodies, search.w, direction)

@@ -6,16 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from skmpm import Body, LinearElastic, Load, NeoHookean, Scene, Scheme, StepFailed, Support, Wall, box, disc
+from skmpm import Body, LinearElastic, NeoHookean, Scene, Scheme, StepFailed, Support, Wall, box, disc
 from skmpm.implicit import statics
-from skmpm.points import Points
 from skmpm.simulate import initial, simulate, step
 
 R, H, E = 1.0, 0.2, 1e6
 GEL, LINEAR = NeoHookean(E, 0.3, 1000.0), LinearElastic(E, 0.3, 1000.0)
 STATIC = Scheme(inertia=False)
 PLACES = [(x, y) for x in (0.0, 0.1, 0.25) for y in (0.0, 0.1, 0.25)]  # on the grid [cells]
-G = 10.0  # [m/s2]: 3 % of strain
+UP, G = np.array([0.0, 1.0]), 10.0  # [m/s2]: 3 % of strain
 
 
 @pytest.fixture
@@ -126,7 +125,9 @@ def test_a_box_on_a_slope_less_than_friction_is_held_by_its_weight(tangent):
 def test_a_disc_that_hangs_above_a_floor_by_less_than_a_cell_lands(iterations):
     scene = slope(disc((0.1, R + 0.4 * H), R, spacing=0.75 * H), 0.0, 0.5)
     state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
-    assert state.wall_force[0] == pytest.approx(weight(scene, state), rel=2e-3, abs=1.0)
+    assert state.wall_force[0] == pytest.approx(
+        weight(scene, state), rel=2e-3, abs=2e-3 * abs(weight(scene, state)[1])
+    )
     assert len(iterations) <= 15
 
 
@@ -136,10 +137,8 @@ def test_a_disc_that_hangs_above_a_floor_by_less_than_a_cell_lands(iterations):
 def stack(x, y, law, velocity=-0.02):
     """Two boxes on each other between smooth plates."""
     at = H * np.array([x, y])
-    bodies = [Body(box(at + np.array([0.0, s]), (1.0, 1.0), spacing=0.75 * H), law) for s in (0.0, 1.0)]
-    return Scene(
-        bodies, cell=H, walls=[Wall(at, (0, 1)), Wall(at + np.array([0.0, 2.0]), (0, -1), velocity=(0.0, velocity))]
-    )
+    bodies = [Body(box(at + s * UP, (1.0, 1.0), spacing=0.75 * H), law) for s in (0.0, 1.0)]
+    return Scene(bodies, cell=H, walls=[Wall(at, (0, 1)), Wall(at + 2.0 * UP, (0, -1), velocity=(0.0, velocity))])
 
 
 @cache
@@ -164,7 +163,7 @@ def test_boxes_between_smooth_plates_stay_where_they_are(x, y, law, tol):
     assert force[1] == pytest.approx(0.01 * E / (1.0 - 0.3**2), rel=0.03)
     sideways = [(state.x - start.x)[0, state.body == b].mean() for b in (0, 1)]
     assert np.abs(sideways).max() < 0.5 * H
-    assert state.report.newton <= 30
+    assert state.report.newton <= (10 if tol == 1e-3 else 30)
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.1, 0.0), (0.25, 0.1)])
@@ -186,29 +185,3 @@ def test_a_body_that_a_press_lets_go_carries_nothing_and_takes_few_iterations(it
             assert np.abs(states[-1].stress).max() < 1e-4 * np.abs(states[2].stress).max()
             assert max(state.report.newton for state in states) <= 10
     assert not caplog.messages
-
-
-def test_a_load_moves_a_disc_until_it_hangs_above_its_contact():
-    """A dead load beside the middle of a disc on a floor: there is an equilibrium, a cell and a half away.
-
-    It bears weight and load; moments about the contact balance: the sum of force times arm vanishes to 1 % of weight
-    times radius.
-    """
-    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
-    cloud = disc((0.0, 0.0), R, spacing=0.75 * H)
-    points = Points(turn @ cloud.x + np.array([[0.05], [R]]), cloud.volume, cloud.outline)
-    load = Load(lambda x: (x[0] > 0.05) & (x[0] < 0.3) & (x[1] > 1.9), (0.0, -1e4))
-    floor = Wall((0, 0), (0, 1), friction=1.0)
-    scene = Scene([Body(points, GEL)], cell=H, walls=[floor], loads=[load], gravity=(0.0, -1.0))
-    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
-    total = weight(scene, state) + np.array([0.0, -1e4])
-    assert state.wall_force[0] == pytest.approx(total, rel=2e-3, abs=2e-3 * abs(total[1]))
-    contacts = state.contacts
-    place, share = scene.loaded[0].points, scene.loaded[0].share
-    pushed = -(contacts.x[0] @ contacts.force[0])
-    moment = (
-        pushed
-        + weight(scene, state)[1] / state.mass.sum() * -(state.x[0] @ state.mass)
-        - -1e4 * (state.x[0, place] @ share)
-    )
-    assert abs(moment) < 0.01 * abs(total[1]) * R
