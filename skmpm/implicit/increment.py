@@ -193,7 +193,7 @@ class Increment:
         drag = np.repeat((share * self.stiffnesses / np.maximum(total, 1e-300))[sheets.node_body], 2) * mass
         return replace(self, held=Held(drag, w))
 
-    def factorised(self, at: Configuration, *, projected: bool) -> Solver:
+    def factorised(self, at: Configuration, *, projected: bool, touches: bool = False) -> Solver:
         """The scheme's solver for A, steadied where it needs that; LinAlgError where it is not positive definite."""
         A = self.matrix(at, projected=projected)
         try:
@@ -201,9 +201,9 @@ class Increment:
         except np.linalg.LinAlgError:
             if projected:
                 raise
-            if not self.scheme.inertia and not self.floats.any():
+            if touches and not self.scheme.inertia and not self.floats.any():
                 return self._convexified(A, at)
-            if not self.scheme.inertia:  # pressure turns bodies that float: only all of the projection stops that
+            if not self.scheme.inertia:  # nothing else than the whole projection stops bodies that turn or buckle
                 raise
             return self._steadied(A, at)
 

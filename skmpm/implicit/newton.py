@@ -81,7 +81,8 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
             solver = None  # the factors of two matrices need not be in memory at once
             if touching:
                 touching.response = None
-            solver, projected = _factorised(step, at, projected and imbalance > 0.01)
+            touches = touching is not None and touching.rows.size > 0
+            solver, projected = _factorised(step, at, projected and imbalance > 0.01, touches)
             factorised += 1
             timer.lap("factorisation")
         share = CAUTION if touching and stuck else share
@@ -189,11 +190,11 @@ def _null_space(rows: Array) -> Array:
     return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
 
 
-def _factorised(step: Increment, at: Configuration, projected: bool) -> tuple[Solver, bool]:
+def _factorised(step: Increment, at: Configuration, projected: bool, touches: bool = False) -> tuple[Solver, bool]:
     """A solver for the exact A if that is positive definite, else for the projected one, and which it was."""
     if not projected:
         try:
-            return step.factorised(at, projected=False), False
+            return step.factorised(at, projected=False, touches=touches), False
         except np.linalg.LinAlgError:
             pass
     try:

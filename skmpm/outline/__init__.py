@@ -4,7 +4,7 @@ In every function `x` (2, m) [m] holds the current positions of the rim points, 
 """
 
 from skmpm.outline.cells import cell_moments
-from skmpm.outline.crossings import crossings, turns
+from skmpm.outline.crossings import apart, crossings, turns
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.curve import Curve, curve
 from skmpm.outline.measures import area, bend, centroid, dimensions, normals, perimeter, second_moments
@@ -17,6 +17,7 @@ __all__ = [
     "Cubics",
     "Curve",
     "Outlines",
+    "apart",
     "area",
     "bend",
     "candidates",

@@ -48,6 +48,16 @@ def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
     return np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
 
 
+def apart(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> Floats:
+    """Length of the outline between segments of one body, the shorter way (k,) [m]; inf between two loops."""
+    length = np.hypot(*(x[:, outlines.next] - x))
+    begins = outlines.previous >= np.arange(outlines.m)
+    loop, before = np.cumsum(begins) - 1, np.cumsum(length) - length
+    way = np.abs(before[i] - before[j])
+    around = np.bincount(loop, length)[loop[i]] if length.size else way
+    return np.asarray(np.where(loop[i] == loop[j], np.minimum(way, around - way), np.inf))
+
+
 def _separates(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> NDArray[np.bool_]:
     """Whether the line through segment i has the ends of segment j strictly on its two sides, (k,)."""
     origin, along = x[:, i], x[:, outlines.next[i]] - x[:, i]

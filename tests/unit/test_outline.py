@@ -410,3 +410,9 @@ def test_a_hole_that_is_driven_through_the_rim_crosses_it():
     hole = regular(24, 0.5)[:, ::-1]
     assert crossed([regular(40), hole]).size == 0
     assert crossed([regular(40), hole + np.array([[0.6], [0.0]])]).shape[1] == 2
+
+
+def test_the_outline_between_two_segments_is_measured_the_shorter_way():
+    rim, x, _ = build([SQUARE], [SQUARE + 2.0, 0.1 * SQUARE[:, ::-1] + 2.3])
+    i, j = np.array([0, 0, 4, 4]), np.array([1, 3, 6, 8])
+    assert outline.apart(rim, x, i, j) == pytest.approx([1.0, 1.0, 2.0, np.inf])

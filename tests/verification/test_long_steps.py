@@ -86,8 +86,8 @@ def test_a_packing_under_a_slow_lid():
 def poured(share):
     """Six discs that fall from rest into a box, in steps of `share` of the suggested ones; 0.085 s.
 
-    The force on all walls over the weight, the height of the centre of mass over the mean radius, the speed that is
-    left over that of the fall, retries, and dt c / h.
+    The mean force on all walls over the weight in the last 0.03 s, less what momentum changes; the height of the
+    centre of mass over the mean radius, the speed that is left over that of the fall, retries, and dt c / h.
     """
     radii = RADII[:6]
     centres = 1e-3 * np.array([(1.2 + 2.3 * (i % 3) + 0.1 * (i // 3), 3.0 + 2.5 * (i // 3)) for i in range(6)]).T
@@ -97,8 +97,12 @@ def poured(share):
     states = list(simulate(scene, dt=share * asked.dt, until=0.085))
     last, fall = states[-1], np.sqrt(2.0 * 9.81 * centres[1].max())
     weight, middle = 9.81 * last.mass.sum(), last.x[1] @ last.mass / last.mass.sum()
+    late = [state for state in states if state.t > 0.055]
+    impulse = sum(state.report.dt * state.wall_force[:, 1].sum() for state in late[1:])
+    gained = (late[-1].v[1] - late[0].v[1]) @ last.mass
+    borne = (impulse + gained) / (late[-1].t - late[0].t)
     return (
-        -float(last.wall_force[:, 1].sum() / weight),
+        -float(borne / weight),
         float(middle / radii.mean()),
         float(np.hypot(*last.v).max() / fall),
         sum(state.report.retries for state in states),
@@ -110,8 +114,7 @@ def poured(share):
 def test_a_pour():
     """Steps of 128 h / c, which `suggest` gives, and of 19: all comes to rest, walls bear the weight, heights agree.
 
-    Measured: weight 0.9989 and 1.0001, speeds left 8e-3 and 5e-6, height 1.92 and 1.89 R. Both take retries, 95 and
-    38, nearly all of them for a gain of energy just above what `simulate.checks` lets pass.
+    The pile of the long steps still rearranges a little, so its weight is that of its balance of momentum.
     """
     long, short = poured(1.0), poured(0.15)
     assert long[4] > 100 and short[4] < 20
