@@ -127,6 +127,10 @@ def _check_supports(scene: Scene) -> None:
     holder = np.full((2, scene.offsets[-1]), -1)
     for i, (told, place) in enumerate(zip(scene.told(0.0), scene.held, strict=True)):
         _check_place(f"support {i}: where", scene, place)
+        if np.isnan(told).all():
+            raise SceneError(
+                f"support {i}: velocity = (None, None) prescribes nothing; give a component or leave it out"
+            )
         for axis in np.flatnonzero(~np.isnan(told)):
             taken = place.points[holder[axis, place.points] >= 0]
             if taken.size:
@@ -211,6 +215,7 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
             f"{name}: wall {i} of the state has the normal {state.wall_normals[i]}, that of the scene"
             f" {scene.normals[:, i]}; keep the walls and their order"
         )
+    _check_places(scene, state, name)
     density = np.array([body.material.density for body in scene.bodies])
     wrong = np.flatnonzero(np.abs(state.mass - density[state.body] * scene.initial_volumes) > 1e-9 * state.mass)
     if wrong.size:
@@ -218,6 +223,33 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
             f"{name}: points of body {state.body[wrong[0]]} have other masses in the state than in the scene;"
             " keep the bodies, their materials and their order"
         )
+
+
+def _check_places(scene: Scene, state: State, name: str) -> None:
+    """Raise SceneError where walls with the same normal, or bodies of as many points, have changed places."""
+    offset = [np.einsum("iw,wi->w", scene.normals, p) for p in (state.walls, _wall_points(scene))]
+    same = np.abs(scene.normals[:, :, None] - scene.normals[:, None]).max(axis=0) < 1e-9
+    now, then = (np.sign(o[:, None] - o[None]) for o in offset)
+    swapped = np.argwhere(same & (now * then < 0.0))
+    if swapped.size:
+        raise SceneError(
+            f"{name}: walls {swapped[0, 0]} and {swapped[0, 1]} have passed each other since t = 0, or another order"
+            " than in the state; keep the walls and their order"
+        )
+    if np.array_equal(state.x_anchor, scene.initial_positions):
+        return
+    first = scene.offsets[:-1]
+    was, is_now = state.x_anchor[:, first], scene.initial_positions[:, first]
+    moved = np.argwhere((was[:, :, None] == is_now[:, None]).all(axis=0) & ~np.eye(first.size, dtype=bool))
+    if moved.size:
+        raise SceneError(
+            f"{name}: body {moved[0, 0]} of the state began where body {moved[0, 1]} of the scene does; keep the"
+            " bodies and their order"
+        )
+
+
+def _wall_points(scene: Scene) -> Array:
+    return np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2)
 
 
 _ITS_OWN = "continue with the scene that the state was made from"

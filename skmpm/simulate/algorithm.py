@@ -14,7 +14,7 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, check_whole, derived_of
 from skmpm.simulate.checks import check_step
 from skmpm.simulate.corners import pressed_edge
-from skmpm.simulate.forces import external_force, told
+from skmpm.simulate.forces import driven_bodies, external_force, told
 from skmpm.simulate.report import budget_of, report_of
 from skmpm.simulate.start import can_touch, check_scheme
 from skmpm.simulate.update import kept_solver, moved
@@ -42,6 +42,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     state = anchored(scene, given, scheme)
     own = scene.deformable[state.body]
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
+    if not scheme.inertia:  # a body goes on only as far as something drives it
+        v0 *= np.repeat(driven_bodies(scene, state)[assembly_of(state).sheets.node_body], 2)
     force, moved_as = external_force(scene, state, state.t + scheme.theta * dt), told(scene, state.t + 0.5 * dt)
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
     increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, moved_as)

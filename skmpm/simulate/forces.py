@@ -39,6 +39,16 @@ def _gravity(scene: Scene, own: NDArray[np.bool_], t: float) -> Array:
     return g
 
 
+def driven_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
+    """Which bodies contact forces or supports act on, (bodies,): without inertia all others stay where they are."""
+    driven = np.zeros(len(scene.bodies), dtype=bool)
+    pushed = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
+    driven[pushed[pushed >= 0]] = True
+    for place in scene.held:
+        driven[state.body[place.points]] = True
+    return driven
+
+
 def told(scene: Scene, t: float) -> Array:
     """Velocities of the supports at time t, (2 supports,) [m/s], zero where free."""
     velocity = scene.told(t)

@@ -320,8 +320,20 @@ def test_reordered_walls_and_bodies_are_refused_on_restart():
     heavy = replace(scene.bodies[1], material=replace(SOFT, density=2.0 * SOFT.density))
     mixed = replace(scene, bodies=[scene.bodies[0], heavy])
     state = ended(mixed, 2 * DT)
-    with pytest.raises(SceneError, match=r"start: points of body 0 have other masses .*keep the bodies"):
-        next(simulate(replace(scene, bodies=[heavy, scene.bodies[0]]), dt=DT, until=4 * DT, start=state))
+    with pytest.raises(SceneError, match=r"start: points of body 1 have other masses .*keep the bodies"):
+        next(simulate(scene, dt=DT, until=4 * DT, start=state))
+
+
+def test_walls_and_bodies_that_changed_places_are_refused_on_restart():
+    """Two floors with one normal, two discs of as many points and one density."""
+    lower = Wall((0, -1.5 * R), (0, 1))
+    scene = replace(squeeze(), walls=[*squeeze().walls, lower])
+    state = ended(scene, 2 * DT)
+    swapped = [lower, scene.walls[1], scene.walls[0]]
+    with pytest.raises(SceneError, match=r"start: walls 0 and 2 have passed each other .* keep the walls"):
+        next(simulate(replace(scene, walls=swapped), dt=DT, until=4 * DT, start=state))
+    with pytest.raises(SceneError, match=r"start: body 0 of the state began where body 1 of the scene does"):
+        next(simulate(replace(scene, bodies=scene.bodies[::-1]), dt=DT, until=4 * DT, start=state))
 
 
 def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):

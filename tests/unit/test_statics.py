@@ -181,7 +181,8 @@ def test_a_body_that_a_press_lets_go_carries_nothing_and_takes_few_iterations(it
             scene = Scene([Body(points, law)], cell=H, walls=[Wall((0, 0), (0, 1)), lid])
             with caplog.at_level(logging.WARNING, logger="skmpm"):
                 states = list(simulate(scene, dt=1.0, until=7.0, scheme=STATIC))
-            assert not states[-1].wall_force.any() and states[2].wall_force.all(axis=1).sum() == 0
+            pressed, left = (np.abs(states[k].wall_force).max() for k in (2, -1))
+            assert left < 1e-12 * pressed, "it lies on the floor, without weight"
             assert np.abs(states[-1].stress).max() < 1e-4 * np.abs(states[2].stress).max()
             assert max(state.report.newton for state in states) <= 10
     assert not caplog.messages

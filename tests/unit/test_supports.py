@@ -297,3 +297,23 @@ def test_a_support_that_drives_its_points_into_a_wall_is_told_so():
         StepFailed, match=r"body 0 and wall 0: they press .* supports hold both; leave these points out"
     ):
         list(simulate(scene, dt=1e-3, until=0.1))
+
+
+def test_a_support_that_prescribes_nothing_is_refused():
+    with pytest.raises(SceneError, match=r"support 0: velocity = \(None, None\) prescribes nothing"):
+        bar(supports=[Support(left, velocity=(None, None))])
+
+
+def test_without_inertia_what_nothing_drives_stays_where_it_is():
+    """A block flew on at the speed of the lid that had left it, and one with an initial velocity for ever."""
+
+    def lid(t):
+        return (0.0, -0.05 if t < 0.5 else 0.05)
+
+    body = Body(box((0, 0), (1, 1), spacing=0.125), SOFT, velocity=(0.1, 0.0))
+    scene = Scene([body], cell=0.25, walls=[Wall((0, 0), (0, 1)), Wall((0, 1), (0, -1), velocity=lid)])
+    states = list(simulate(scene, dt=0.1, until=3.0, scheme=STATIC))
+    after = [s for s in states if s.t > 1.25]
+    assert np.ptp([s.x for s in after], axis=0).max() < 1e-9
+    assert abs(after[-1].x[1].min()) < 1e-2
+    assert abs(after[-1].x[0].mean() - 0.5) < 1e-2

@@ -112,7 +112,7 @@ def _travel(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     if health.touches and _above(health.lid, LID):
         remedy = f"use dt {_down(LID.value / health.lid)} times as long"
         yield f"{health.lid_name}: moves {health.lid:.3g} h a step; {LID.where}; {remedy}"
-    if _above(health.approach, APPROACH):
+    if scheme.inertia and _above(health.approach, APPROACH):
         remedy = f"use dt {_down(APPROACH.value / health.approach)} times as long"
         fallen = f" after falling by {health.fall:.3g} m" if health.fall else ""
         yield f"bodies: up to {health.approach:.3g} h a step past each other{fallen}; {APPROACH.where}; {remedy}"
@@ -172,6 +172,8 @@ def _scheme(scene: Scene, health: Health, scheme: Scheme) -> Lines:
     if scheme.contact is shared_nodes:
         verified = "bodies feel each other one to two and a half cells too early"
         yield f"scheme: contact = shared_nodes; {verified}; use contact.outlines unless you want the seed's method"
+    if not scheme.inertia and initial_motion(scene)[0][:, scene.deformable[scene.owner]].any():
+        yield "scheme: inertia = False, where initial velocities of bodies mean nothing; use none or inertia"
     slides = any(isinstance(body.material, NeoHookean) for body in scene.bodies) and health.friction == 0.0
     if slides and not scheme.inertia:
         verified = "a frictionless NeoHookean body may slide and turn for nothing, where Newton crawls"
