@@ -17,7 +17,7 @@ SOON = 0.08  # contacts with gaps up to this many cells are known to the solver:
 PRESSED = 0.01  # [cells] that a supported point lies in what it touches, a fifth of what `simulate.checks` lets pass
 ALONG = 1e-9  # component of a normal that counts as none
 RIGID = 1e-12  # of the median response: what rounding leaves of a point that does not respond
-HELD, FREE = "they press on each other where supports hold both", "leave these points out of the support"
+HELD, FREE = "they press on each other where supports hold both", "give these points no Support"
 
 
 def relevant(rows: Rows, sheets: Sheets, supports: Elimination | None, held: Bools) -> Rows:

@@ -294,7 +294,7 @@ def test_a_support_that_drives_its_points_into_a_wall_is_told_so():
     support = Support(lambda x: x[1] < 1e-9, velocity=(0.0, -0.1))
     scene = Scene([body], cell=0.1, walls=[Wall((0, 0), (0, 1), friction=0.3)], supports=[support])
     with pytest.raises(
-        StepFailed, match=r"body 0 and wall 0: they press .* supports hold both; leave these points out"
+        StepFailed, match=r"body 0 and wall 0: they press .* supports hold both; give these points no Support"
     ):
         list(simulate(scene, dt=1e-3, until=0.1))
 
