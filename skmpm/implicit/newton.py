@@ -166,11 +166,7 @@ def _check_balance(step: Increment) -> None:
     if not step.floats.any():
         return
     sheets, motions = step.bulk.assembly.sheets, step.bulk.assembly.sheets.rigid_motions()
-    fixed = np.zeros(motions.shape[0])
-    stopped = np.zeros_like(motions)
-    if step.supports is not None:
-        fixed[step.supports.fixed] = 1.0
-        stopped = fixed[:, None] * (motions - step.supports.T @ motions)
+    stopped = np.zeros_like(motions) if step.supports is None else motions - step.supports.T @ motions
     for b in np.flatnonzero(step.floats).tolist():
         own = slice(sheets.blocks[b], sheets.blocks[b + 1])
         free = _null_space(stopped[own])

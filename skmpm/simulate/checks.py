@@ -75,6 +75,8 @@ def _check_crossings(scene: Scene, after: State) -> None:
         return
     x = after.x[:, rim.point]
     pairs = outline.crossings(rim, x, np.flatnonzero(scene.deformable))
+    if pairs.size == 0:
+        return
     pairs = pairs[:, outline.apart(rim, x, *pairs) > FOLD * scene.cell]
     if pairs.size:
         i, j = pairs[:, 0]

@@ -14,9 +14,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 CHORDS = 1.05  # by which the turn over a chord exceeds that over its arc, up to 60 degrees each
-ROUND = (
-    0.5  # [cells] radius of an edge that went 40 % of the height into 13 of 14 blocks without inertia (test_punch)
-)
+ROUND = 0.5  # [cells] radius of edges that went 40 % of the height into 13 of 14 blocks without inertia (test_punch)
 
 
 def pressed_edge(scene: Scene, contacts: Contacts) -> str:

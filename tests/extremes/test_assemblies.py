@@ -5,7 +5,6 @@ moments, Coulomb's law by the points' displacements and polygons that do not cro
 25 examples here, the same at every run; 500 by `--hypothesis-profile=nightly` (tests/conftest.py).
 """
 
-import logging
 from dataclasses import replace
 
 import numpy as np
@@ -18,23 +17,13 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 from statics import has_equilibrium
 from sweeps import limited
-from test_random import CLEAR, by_hypothesis
+from test_random import CLEAR, by_hypothesis, quiet  # noqa: F401  (a fixture)
 
 import skmpm
 
 EXAMPLES = 25 if settings().max_examples <= 100 else settings().max_examples // 2
 SECONDS = 60  # of the processor for an example, which takes about one: beyond it something hangs
 STEPS = 30  # after which a run that halves its steps again and again is left
-
-
-@pytest.fixture(autouse=True, scope="module")
-def quiet():
-    """Retries are counted, not told."""
-    logger = logging.getLogger("skmpm")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    yield
-    logger.setLevel(level)
 
 
 def run(assembly):
