@@ -23,8 +23,8 @@ machine; what counts is the ratio to one sparse LU of the same matrix in the sam
 Discs are those of the main job: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
 *Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s
 over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} and its mirror images (why that is a
-motion again is told in `examples/benchmark_scenes.py`): every size does the same work per disc, so growth is that of
-the machinery alone. *Free* discs touch nothing and swing by 1 %.
+motion again is prescribed in `examples/benchmark_scenes.py`): every size does the same work per disc, so growth is
+that of the machinery alone. *Free* discs touch nothing and swing by 1 %.
 
 The contact phases are detection, compliance, contact solve and linear solves; the last count in full, although a step
 without contact has some, too.

@@ -128,8 +128,8 @@ class Image:
     def body(self, body: skmpm.Body, size: Array) -> skmpm.Body:
         """The same of a body before it was squeezed."""
         turn = int(self.sign.prod())  # outlines stay counter-clockwise
-        rim = tuple(loop[::turn] for loop in body.points.outline)
-        return skmpm.Body(skmpm.Points(self(body.points.x, size), body.points.volume, rim), body.material)
+        boundary = tuple(loop[::turn] for loop in body.points.outline)
+        return skmpm.Body(skmpm.Points(self(body.points.x, size), body.points.volume, boundary), body.material)
 
 
 def tiled(scene: skmpm.Scene, state: skmpm.State, across: int, up: int) -> tuple[skmpm.Scene, skmpm.State]:
@@ -171,8 +171,8 @@ def _displacement(
     sizes: tuple[Array, Array],
 ) -> Array:
     """The nodal displacement of all images: their nodes are those of the tile, numbered in another order."""
-    old = skmpm.initial(scene).derived.assembly.sheets
-    new = first.derived.assembly.sheets
+    old = skmpm.initial(scene).derived.assembly.grid
+    new = first.derived.assembly.grid
     index = np.rint(laid(old.node_index, np.rint(sizes[0] / scene.cell))).astype(int)
     body = np.repeat(np.arange(new.bodies // old.bodies), old.nodes) * old.bodies
     order = np.lexsort((*index, body + np.tile(old.node_body, new.bodies // old.bodies)))
@@ -198,7 +198,7 @@ def free(discs: int, cells: float, law: str) -> tuple[skmpm.Scene, skmpm.State]:
 
 
 def _swing(centre: Array, radius: float) -> Callable[[Array], Array]:
-    """Longer and thinner at 2 m/s at the rim."""
+    """Longer and thinner at 2 m/s at the boundary."""
     return lambda x: 2.0 / radius * np.array([[1.0], [-1.0]]) * (x - centre[:, None])
 
 

@@ -1,6 +1,6 @@
 """A clamped beam with an end load, by material points and by scikit-fem's finite elements on a fitted mesh.
 
-The grid lies anywhere, here 0.3 cells beside the beam; the support holds its rim points all the same.
+The grid lies anywhere, here 0.3 cells beside the beam; the support holds its boundary points all the same.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def material_points():
         loads=[skmpm.Load(lambda x: x[0] == left + LENGTH, (0.0, FORCE))],
     )
     scheme = skmpm.Scheme(inertia=False)
-    print(skmpm.report(scene, dt=1.0, scheme=scheme))
+    print(skmpm.preflight(scene, dt=1.0, scheme=scheme))
     state = skmpm.step(scene, skmpm.initial(scene, scheme=scheme), 1.0, scheme=scheme)
     end = points.x[0] == left + LENGTH
     print(f"reaction {state.support_force[0]} N/m, linear solver: one factorisation, {state.report.newton} solve")

@@ -8,16 +8,16 @@ from time import perf_counter
 import numpy as np
 
 from skmpm import Body, NeoHookean, Scene, Scheme, disc, initial, linear
-from skmpm.simulate.anchor import assembly_of, bulk_of
+from skmpm.simulate.regrid import assembly_of, bulk_of
 
 
-def seconds(solver: linear.Linear, A, sheets) -> float:
+def seconds(solver: linear.Linear, A, grid) -> float:
     """Set-up and one solve, the better of two."""
     b = np.random.default_rng(0).normal(size=A.shape[0])
     taken = []
     for _ in range(2):
         began = perf_counter()
-        solver(A, sheets.blocks, sheets.rigid_motions())(b)
+        solver(A, grid.blocks, grid.rigid_motions())(b)
         taken.append(perf_counter() - began)
     return min(taken)
 
@@ -37,7 +37,7 @@ def main(across: tuple[int, ...] = (10, 20, 40, 60, 80, 120, 160, 200)) -> list[
         ratios = []
         for steps in (10.0, 1000.0):
             A = assembly.matrix(stiffness, (steps * h / wave) ** 2)
-            ratios.append(seconds(linear.banded, A, assembly.sheets) / seconds(linear.amg, A, assembly.sheets))
+            ratios.append(seconds(linear.banded, A, assembly.grid) / seconds(linear.amg, A, assembly.grid))
         table.append((cells, linear.half_bandwidth(A), *ratios))
         print("{:5d} {:5d} {:6.2f} {:6.2f}".format(*table[-1]))
     return table

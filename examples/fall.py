@@ -11,7 +11,7 @@ scene = skmpm.Scene(
 
 
 def main() -> skmpm.State:
-    print(skmpm.report(scene, dt=1e-3))
+    print(skmpm.preflight(scene, dt=1e-3))
     *_, state = skmpm.simulate(scene, dt=1e-3, until=0.4)
     x, y = state.x @ state.mass / state.mass.sum()
     print(

@@ -2,8 +2,9 @@
 
     python examples/figures.py --study out/study --docs docs
 
-Draws into `docs/study/` and writes the parts of `docs/study.md` that stand between markers: the claims of the seed
-with what was measured, the checks, the members and the pictures there are. Nothing is run.
+Draws into `docs/packing_ensemble/` and writes the parts of `docs/packing_ensemble.md` that stand between markers: the
+claims of Nezamabadi et al. (2017) with what was measured, the checks, the members and the pictures there are. Nothing
+is run.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import study_pictures
 from study_claims import Row
 from study_curves import EARLY, Member, Study
 
-PAGE = "study.md"
+PAGE = "packing_ensemble.md"
 CURVES = (*study_checks.CURVES, "interior_fraction", "interior_pressure")
 
 
@@ -81,7 +82,9 @@ def ran(name: str, member: Member) -> tuple[str, ...]:
 
 def pictures(captions: dict[str, str]) -> str:
     """The pictures there are, each with its caption."""
-    shown = [f"![{name.removesuffix('.png')}](study/{name})\n\n*{text}*" for name, text in captions.items()]
+    shown = [
+        f"![{name.removesuffix('.png')}](packing_ensemble/{name})\n\n*{text}*" for name, text in captions.items()
+    ]
     return "\n\n".join(shown) or "Nothing has been run yet."
 
 
@@ -101,8 +104,8 @@ def main(options: argparse.Namespace) -> list[Row]:
     with np.errstate(invalid="ignore"):  # nan stands for what was not reached
         found = study_curves.read(options.study)
         claims, checks = study_claims.rows(found), study_checks.rows(found)
-        captions = study_pictures.draw(found, options.docs / "study")
-        (options.docs / "study" / "curves.csv").write_text(curves(found))
+        captions = study_pictures.draw(found, options.docs / "packing_ensemble")
+        (options.docs / "packing_ensemble" / "curves.csv").write_text(curves(found))
     parts = {
         "claims": judged(claims),
         "checks": judged(checks),
@@ -119,7 +122,7 @@ def parser() -> argparse.ArgumentParser:
     """Where the study is, and where the page."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--study", type=Path, default=Path("out/study"), help="directory of study.py's results")
-    options.add_argument("--docs", type=Path, default=Path("docs"), help="directory that holds study.md")
+    options.add_argument("--docs", type=Path, default=Path("docs"), help="directory that holds packing_ensemble.md")
     return options
 
 

@@ -19,7 +19,7 @@ def main(discs: int = 60, until: float = 0.92, steps: int = 240) -> list[tuple[f
     """Print and return kinetic and elastic energy [J/m] and the fastest turning [rad/step] after the lid stops."""
     options = compaction.parser().parse_args(["--discs", str(discs), "--friction", "0", "--until", str(until)])
     scene, stop = compaction.build(options)
-    print(skmpm.report(scene, options.dt))
+    print(skmpm.preflight(scene, options.dt))
     *_, squeezed = skmpm.simulate(scene, dt=options.dt, until=stop)
     lid = scene.walls[compaction.LID]
     walls = [replace(wall, velocity=(0.0, 0.0)) if wall is lid else wall for wall in scene.walls]

@@ -1,4 +1,4 @@
-"""One large body by multigrid: a disc that hangs by its rim sinks under its weight, at rest at once or in one step.
+"""One large body by multigrid: a disc that hangs by its boundary sinks under its weight, at rest at once or in one step.
 
     OPENBLAS_NUM_THREADS=1 python examples/large.py --points 1000000
 
@@ -17,7 +17,7 @@ import skmpm
 
 RADIUS = 1.0  # [m]
 SPACING = 0.74  # of the points [cells]
-HELD = np.deg2rad(30.0)  # of the rim, to both sides of its top
+HELD = np.deg2rad(30.0)  # of the boundary, to both sides of its top
 GRAVITY = 9.81  # [m/s2]
 COURANT = 10.0  # cells that a pressure wave crosses in the dynamic step
 
@@ -56,7 +56,7 @@ class Timed:
 
     def compliance(self, H):
         """H A^-1 H'."""
-        return self.recorded.solver.compliance(H)
+        return self.recorded.solver.delassus(H)
 
 
 def hanging(points: int, nu: float, seed: int) -> skmpm.Scene:
@@ -111,9 +111,9 @@ def advance(scene: skmpm.Scene, inertia: bool) -> dict[str, float]:
 def main(points: int, nu: float = 0.3, seed: int = 0) -> dict[str, dict[str, float]]:
     """Print and return what both steps took."""
     scene = hanging(points, nu, seed)
-    print(skmpm.report(scene, time_step(scene), scheme=skmpm.Scheme(linear=skmpm.linear.amg)))
+    print(skmpm.preflight(scene, time_step(scene), scheme=skmpm.Scheme(linear=skmpm.linear.amg)))
     print(
-        "                points  unknowns iterations   seconds: lay sheets  set up   solve    rest  peak MB  balance"
+        "                points  unknowns iterations   seconds: lay body grids  set up   solve    rest  peak MB  balance"
     )
     taken = {}
     for name in ("quasi-static", "dynamic"):

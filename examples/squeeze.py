@@ -16,7 +16,7 @@ scene = skmpm.Scene(
 
 
 def main() -> skmpm.State:
-    print(skmpm.report(scene, dt=5e-6))
+    print(skmpm.preflight(scene, dt=5e-6))
     for state in skmpm.simulate(scene, dt=5e-6, until=0.4e-3, progress=True):
         floor, lid = state.wall_force[:, 1]
     print(f"lid down by {4 * R - state.walls[1, 1]:.2e} m: it bears {lid:.0f} N/m, the floor {-floor:.0f} N/m")

@@ -1,11 +1,11 @@
-"""The seed's study: how soft discs fill space with and without friction, as an ensemble.
+"""The study of Nezamabadi et al. (2017): how soft discs fill space with and without friction, as an ensemble.
 
     python examples/study.py --out out/study
 
 Runs every member of `members` (friction 0 and 0.5 for several seeds; for each friction a finer grid, a slower lid and
-the seed's own mode; sheets laid anew at every step), each in a directory of its own: `observables.csv`,
-checkpoints at four stages, `manifest.json` (parameters, versions, hashes). Finished members are not run again,
-interrupted ones go on from their last checkpoint. `figures.py` draws what comes out.
+the mode of Nezamabadi et al. (2017); body grids rebuilt at every step), each in a directory of its own:
+`observables.csv`, checkpoints at four stages, `manifest.json` (parameters, versions, hashes). Finished members are
+not run again, interrupted ones go on from their last checkpoint. `figures.py` draws what comes out.
 """
 
 from __future__ import annotations
@@ -238,9 +238,11 @@ def display() -> Progress:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Options; the defaults are the study of `docs/study.md`."""
+    """Options; the defaults are the study of `docs/packing_ensemble.md`."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    options.add_argument("--discs", type=int, default=300, help="a third of them in the seed's mode")
+    options.add_argument(
+        "--discs", type=int, default=300, help="a third of them in the mode of Nezamabadi et al. (2017)"
+    )
     options.add_argument("--seeds", type=int, default=4, help="packings for each friction")
     options.add_argument("--start", type=float, default=0.70, help="nominal solid fraction at the start")
     options.add_argument("--until", type=float, default=1.02, help="nominal solid fraction at the end")

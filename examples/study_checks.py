@@ -176,9 +176,9 @@ def laws(found: Study) -> list[Row]:
 
 
 def forgetting(found: Study) -> Row:
-    """What sheets laid anew at every step do to the pressure."""
+    """What body grids rebuilt at every step do to the pressure."""
     usual, other = found.get("mu0.5_seed0"), found.get("forgetful_mu0.5")
-    claim, at = "sheets laid anew at every step: P over that of the same packing", np.array([0.85, 0.90, 0.95])
+    claim, at = "body grids rebuilt at every step: P over that of the same packing", np.array([0.85, 0.90, 0.95])
     if usual is None or other is None:
         return Row(claim, "-", "-", NOT_RUN)
     ratio = other.over("pressure", at) / usual.over("pressure", at)

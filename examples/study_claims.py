@@ -1,4 +1,4 @@
-"""The seed's claims, each with the rule that decides it: written before any member of the study was looked at.
+"""The claims of Nezamabadi et al. (2017), each with the rule that decides it: written before any member of the study was looked at.
 
 A claim about the ensemble needs at least two packings. Differences between frictions are those of the same packing
 without and with friction; "over 2 errors" means larger than two standard errors of their mean.
@@ -15,18 +15,20 @@ from study_curves import EARLY, PHI, PLANE, Array, Member, Study, mean
 from study_fits import Broken, broken, first_change
 
 AT = np.array([0.80, 0.85, 0.90, 0.95])  # solid fractions at which frictions are compared
-REGIMES = np.array([0.72, 0.90])  # where the seed's change
-NEAR = 0.02  # how near a measured solid fraction must be to the seed's or the gap's
+REGIMES = np.array([0.72, 0.90])  # where the change of Nezamabadi et al. (2017)
+NEAR = 0.02  # how near a measured solid fraction must be to the or of Nezamabadi et al. (2017) the gap's
 JAMMED, JAMMING = 0.842, (0.83, 0.86)  # frictionless, mean and by protocol
-CELLS = (6, 8, 10)  # per mean radius, of the runs in the seed's mode
-SHARED = {f"seed's mode, R/h = {cells}": f"seed_mu0_r{cells}" for cells in CELLS}  # these by what they are
+CELLS = (6, 8, 10)  # per mean radius, of the runs in the mode of Nezamabadi et al. (2017)
+SHARED = {
+    f"mode of Nezamabadi et al. (2017), R/h = {cells}": f"seed_mu0_r{cells}" for cells in CELLS
+}  # these by what they are
 POLYGON = 0.05  # excess of shape half way between an ellipse and a hexagon
 NOT_RUN = "not run"
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the tables in docs/study.md."""
+    """One line of the tables in docs/packing_ensemble.md."""
 
     claim: str
     rule: str
@@ -96,7 +98,7 @@ def regimes(found: Study) -> list[Row]:
 def three_regimes(what: str, fits: list[Broken]) -> list[Row]:
     """The two claims about one measure, from the fits of its packings."""
     steps = "the middle slope is larger than the first and than the last, over 2 errors"
-    places = f"each break within {NEAR} or 2 errors of the seed's"
+    places = f"each break within {NEAR} or 2 errors of Nezamabadi et al.'s (2017)"
     claims = (
         f"{what}: three regimes, slow, fast and slower",
         f"{what}: they change at {REGIMES[0]} and {REGIMES[1]}",
@@ -181,7 +183,7 @@ def change(member: Member | None) -> float:
 
 
 def jamming(found: Study) -> list[Row]:
-    """Where the first change comes, in the seed's mode and with the gap corrected."""
+    """Where the first change comes, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
     shared = np.array([change(found.get(f"seed_mu0_r{cells}")) for cells in CELLS])
     formula = np.array([apparent(cells) for cells in CELLS])
     there = np.isfinite(shared).all()
@@ -197,11 +199,11 @@ def jamming(found: Study) -> list[Row]:
     values = [f"slow lid {figure(s)}, 2 m/s {figure(*usual)}" for s, usual in zip(slow, fast, strict=True)]
     with_friction = figure(change(found.get("seed_mu0.5_r6")))
     return [
-        Row("in the seed's mode the first change moves with R/h as 0.842/(1 + h/2R)^2 says",
+        Row("in the mode of Nezamabadi et al. (2017) the first change moves with R/h as 0.842/(1 + h/2R)^2 says",
             f"each within {NEAR} of the formula (in brackets; then with the packings' own fraction at 2 m/s instead "
             f"of {JAMMED}), larger with R/h",
             f"{text}; friction 0.5, R/h = 6: {with_friction}", moved),
-        Row("the seed's first change at 0.72 is that of a gap of one cell at R/h = 6", f"within {NEAR} of 0.72",
+        Row("the first of Nezamabadi et al. (2017) change at 0.72 is that of a gap of one cell at R/h = 6", f"within {NEAR} of 0.72",
             figure(shared[0]), decide(abs(shared[0] - REGIMES[0]) <= NEAR) if np.isfinite(shared[0]) else NOT_RUN),
         Row("with the gap corrected it comes at jamming, without friction", f"slow lid: in {low}-{high}",
             values[0], decide(low <= slow[0] <= high) if first else NOT_RUN),
@@ -213,7 +215,7 @@ def jamming(found: Study) -> list[Row]:
 
 
 def gaps(found: Study) -> Row:
-    """How far discs that push each other are apart, in the seed's mode and in ours."""
+    """How far discs that push each other are apart, in the mode of Nezamabadi et al. (2017) and in ours."""
     texts, stage = [], study.STAGES[0]
     for what, name in {**SHARED, "gap corrected": "mu0_seed0"}.items():
         member = found.get(name)
@@ -225,9 +227,9 @@ def gaps(found: Study) -> Row:
 
 
 def first_breaks(found: Study) -> Row:
-    """The first break of alpha, in the seed's mode and with the gap corrected."""
+    """The first break of alpha, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
     claim, texts = "the first break of alpha, box instead of interior", []
-    kinds = {**SHARED, "seed's mode, R/h = 6, friction 0.5": "seed_mu0.5_r6"}
+    kinds = {**SHARED, "mode of Nezamabadi et al. (2017), R/h = 6, friction 0.5": "seed_mu0.5_r6"}
     kinds |= {f"slow lid, friction {friction:g}": f"slow_mu{friction:g}" for friction in (0.0, 0.5)}
     for what, name in kinds.items():
         member = found.get(name)

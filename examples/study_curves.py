@@ -13,7 +13,7 @@ import numpy as np
 
 Array = np.ndarray
 
-EARLY = np.linspace(0.55, 1.00, 181)  # solid fractions by outlines, the seed's mode's included
+EARLY = np.linspace(0.55, 1.00, 181)  # solid fractions by outlines, the mode of Nezamabadi et al. (2017)'s included
 PHI = EARLY[60:]  # those of the ensemble, from 0.70
 YOUNG = 10e6  # [Pa]
 PLANE = YOUNG / (1.0 - 0.45**2)  # E* [Pa]

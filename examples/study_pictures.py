@@ -1,4 +1,4 @@
-"""The figures of docs/study.md, drawn from the members of the study."""
+"""The figures of docs/packing_ensemble.md, drawn from the members of the study."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def law(found: Study, name: str, unit: float, label: str, fit: Callable[[Axes, S
 
 
 def artefact(found: Study) -> Figure | None:
-    """Interior pressure against interior solid fraction in the seed's mode, and with the gap corrected."""
+    """Interior pressure against interior solid fraction in the mode of Nezamabadi et al. (2017), and with the gap corrected."""
     shared = {c: m for c in CELLS if (m := found.get(f"seed_mu0_r{c}"))}
     ours = {f"$\\mu$ = {f:g}, {what}": m for what, name in (("2 m/s", "mu{:g}_seed0"), ("0.5 m/s", "slow_mu{:g}"))
             for f in COLOURS if (m := found.get(name.format(f)))}  # fmt: skip
@@ -162,7 +162,7 @@ def artefact(found: Study) -> Figure | None:
     for i, (label, member) in enumerate(ours.items()):
         resistance(right, member, f"C{i}", label)
     right.axvspan(0.83, 0.86, color="0.9", label="jamming without friction")
-    for axis, title in ((left, "seed's mode"), (right, "gap corrected")):
+    for axis, title in ((left, "mode of Nezamabadi et al. (2017)"), (right, "gap corrected")):
         axis.axhline(1e-3, color="k", linewidth=0.5)
         axis.set(yscale="log", ylim=(1e-5, 0.2), xlabel="solid fraction of the interior", title=title)
         axis.legend(fontsize=8)
@@ -179,7 +179,7 @@ def resistance(axis: Axes, member: Member, colour: str, label: str) -> None:
 
 def forgetting(found: Study) -> Figure | None:
     """The same packing with and without its stress kept at cell crossings."""
-    both = {"kept": found.get("mu0.5_seed0"), "sheets laid anew at every step": found.get("forgetful_mu0.5")}
+    both = {"kept": found.get("mu0.5_seed0"), "body grids rebuilt at every step": found.get("forgetful_mu0.5")}
     if None in both.values():
         return None
     figure, axis = plt.subplots(figsize=(6.5, 4), layout="constrained")
@@ -208,14 +208,14 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
     "coordination.png": (coordination, "Coordination (lines and bands as above), and the power law above jamming."),
     "artefact.png": (
         artefact,
-        "Interior pressure where it first resists. Left, the seed's mode: vertical lines at 0.842 / (1 + h/2R)^2, "
+        "Interior pressure where it first resists. Left, the mode of Nezamabadi et al. (2017): vertical lines at 0.842 / (1 + h/2R)^2, "
         "dashed, and with the mean first change of our packings at 2 m/s instead of 0.842, dotted; dots where the "
         "first change is found. Right, with the gap corrected.",
     ),
     "distant.png": (
         distant,
         "A corner of the box at a nominal 0.75, without friction: discs by pressure, each picture with its own scale,"
-        " and lines of force. In the seed's mode discs push each other across gaps.",
+        " and lines of force. In the mode of Nezamabadi et al. (2017) discs push each other across gaps.",
     ),
     "forgetting.png": (
         forgetting,

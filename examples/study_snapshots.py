@@ -1,4 +1,4 @@
-"""Packings with their pressures and forces: the seed's Figure 4, and what its mode makes of the first stage."""
+"""Packings with their pressures and forces: the Figure of Nezamabadi et al. (2017) 4, and what its mode makes of the first stage."""
 
 from __future__ import annotations
 
@@ -45,8 +45,11 @@ def figure4(found: Study) -> Figure | None:
 
 
 def distant(found: Study) -> Figure | None:
-    """A corner of the box at the first stage, in the seed's mode and with the gap corrected."""
-    kinds = {"seed's mode, R/h = 6": found.get("seed_mu0_r6"), "gap corrected": found.get("mu0_seed0")}
+    """A corner of the box at the first stage, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
+    kinds = {
+        "mode of Nezamabadi et al. (2017), R/h = 6": found.get("seed_mu0_r6"),
+        "gap corrected": found.get("mu0_seed0"),
+    }
     states = {what: study_stages.states(m).get(study.STAGES[0]) for what, m in kinds.items() if m is not None}
     if len(states) < len(kinds) or None in states.values():
         return None
@@ -60,8 +63,8 @@ def distant(found: Study) -> Figure | None:
 
 def packing(axis: Axes, scene: skmpm.Scene, state: skmpm.State) -> PolyCollection:
     """Discs by pressure, lines of force, and the box."""
-    rim, seen = scene.outlines, skmpm.observe(scene, state)
-    loops = [1e3 * state.x[:, rim.point[rim.body == b]].T for b in range(len(scene.bodies))]
+    boundary, seen = scene.outlines, skmpm.observe(scene, state)
+    loops = [1e3 * state.x[:, boundary.point[boundary.body == b]].T for b in range(len(scene.bodies))]
     discs = PolyCollection(
         loops, array=seen.bodies.pressure / PLANE, cmap=plt.get_cmap("YlOrRd", STEPS), edgecolor="0.5", linewidth=0.25
     )

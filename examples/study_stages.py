@@ -77,15 +77,15 @@ def identity(member: Member, state: skmpm.State) -> float:
 
 
 def apart(scene: skmpm.Scene, state: skmpm.State) -> float:
-    """Mean distance between the rims of two discs that push each other, in cells.
+    """Mean distance between the boundaries of two discs that push each other, in cells.
 
-    Rims are polygons with ten points to a side.
+    Boundaries are polygons with ten points to a side.
     """
-    rim, pairs = scene.outlines, network(state).pairs
-    begin, end = (state.x[:, points].T[:, None] for points in (rim.point, rim.point[rim.next]))
+    boundary, pairs = scene.outlines, network(state).pairs
+    begin, end = (state.x[:, points].T[:, None] for points in (boundary.point, boundary.point[boundary.next]))
     along = np.linspace(0.0, 1.0, 10, endpoint=False)[:, None]
-    rims = (1.0 - along) * begin + along * end
-    trees = [KDTree(rims[rim.body == b].reshape(-1, 2)) for b in range(len(scene.bodies))]
+    boundaries = (1.0 - along) * begin + along * end
+    trees = [KDTree(boundaries[boundary.body == b].reshape(-1, 2)) for b in range(len(scene.bodies))]
     nearest = [trees[a].query(trees[b].data)[0].min() for a, b in pairs[:, pairs[1] >= 0].T]
     return float(np.mean(nearest)) / scene.cell if nearest else np.nan
 
@@ -95,10 +95,10 @@ def polygons(scene: skmpm.Scene, state: skmpm.State) -> float:
 
     0 for circles and ellipses, 0.10 for hexagons.
     """
-    rim, n = scene.outlines, len(scene.bodies)
-    x = state.x[:, rim.point]
-    shape = skmpm.outline.perimeter(rim, x, n) ** 2 / (4.0 * np.pi * skmpm.outline.area(rim, x, n))
-    long, short, _ = skmpm.outline.dimensions(rim, x, n)
+    boundary, n = scene.outlines, len(scene.bodies)
+    x = state.x[:, boundary.point]
+    shape = skmpm.outline.perimeter(boundary, x, n) ** 2 / (4.0 * np.pi * skmpm.outline.area(boundary, x, n))
+    long, short, _ = skmpm.outline.dimensions(boundary, x, n)
     return float((shape - ellipse(long / short)).mean())
 
 

@@ -1,12 +1,12 @@
-"""The work-precision study: what an error costs, dial by dial, on four scenes.
+"""The work-precision study: what an error costs, parameter by parameter, on four scenes.
 
-    OPENBLAS_NUM_THREADS=1 python examples/tradeoff.py --out out/tradeoff        # all of it, see docs/tradeoff.md
+    OPENBLAS_NUM_THREADS=1 python examples/tradeoff.py --out out/tradeoff        # all of it, see docs/work_precision.md
     OPENBLAS_NUM_THREADS=1 python examples/tradeoff.py --scenes hertz --runs 16  # a scene, a small sample
     python examples/tradeoff_page.py --study out/tradeoff --docs docs            # the page from what has been run
 
 Every run leaves a json file in --out: its setting, what it measured, what it cost. What is there is not run again, so
 an interrupted study goes on where it was, and a larger --runs adds to the sample. A run that fails or takes too long
-says so in its file. Scenes are told in `tradeoff_scenes.py`, dials in `tradeoff_dials.py`.
+says so in its file. Scenes are told in `tradeoff_scenes.py`, parameters in `tradeoff_dials.py`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from pathlib import Path
 from typing import Any
 
 import tradeoff_scenes as scenes
-from tradeoff_dials import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, resolutions, sample
 from tradeoff_meter import Meter, TooLong, limited
+from tradeoff_parameters import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, resolutions, sample
 
 import skmpm
 
@@ -73,7 +73,7 @@ def wanted(name: str, runs: int) -> list[tuple[str, list[Setting]]]:
     drawn = sample(max(1, round(runs * SHARE.get(name, 1.0)))) if runs else []
     if not case.inertia:  # explicit steps take a thousand times as long there, as one at a time shows
         drawn = [setting | {"explicit": False} for setting in drawn]
-    perturbed = [DEFAULT | {"perturbed": size} for size in (1e-9, 1e-4)] if "perturbed" in case.dials else []
+    perturbed = [DEFAULT | {"perturbed": size} for size in (1e-9, 1e-4)] if "perturbed" in case.parameters else []
     slopes = [setting for preset in PRESETS.values() for setting in neighbours(preset)]
     return [
         ("preset", list(PRESETS.values())),
@@ -176,7 +176,7 @@ def manifest() -> dict[str, Any]:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Options; the defaults are the study of `docs/tradeoff.md`."""
+    """Options; the defaults are the study of `docs/work_precision.md`."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--scenes", nargs="+", choices=list(scenes.CASES), default=list(scenes.CASES))
     options.add_argument("--runs", type=int, default=96, help="size of the sample; half of it on the packing")

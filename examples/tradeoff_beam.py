@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, CellBasis, ElementQuad2, ElementVector, FacetBasis, LinearForm, MeshQuad, condense, solve
 from skfem.models.elasticity import lame_parameters, linear_elasticity
-from tradeoff_dials import COURANT, Setting, scheme_of
 from tradeoff_meter import Meter
+from tradeoff_parameters import COURANT, Setting, scheme_of
 from tradeoff_statics import DENSITY, LAMBDA, MU, NU, WAVE, E, law, means, rising, rotation, turned
 
 import skmpm

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tradeoff_dials import COURANT, Setting, scheme_of
 from tradeoff_meter import Meter
+from tradeoff_parameters import COURANT, Setting, scheme_of
 
 import skmpm
 
@@ -72,8 +72,8 @@ def collision(setting: Setting, place: int, meter: Meter, folder: Path | None) -
     mean, arm = v @ m / m.sum(), x - (x @ m / m.sum())[:, None]
     spin = float(m @ (arm[0] * v[1] - arm[1] * v[0]) / (m @ (arm**2).sum(axis=0)))
     along, across = turn.T @ mean / SPEED
-    touching = float(state.contacts.force[0].max(initial=0.0))
-    return {"along": float(along), "across": float(across), "spin": R * spin / SPEED, "touching": touching}
+    contact = float(state.contacts.force[0].max(initial=0.0))
+    return {"along": float(along), "across": float(across), "spin": R * spin / SPEED, "touching": contact}
 
 
 def collision_errors(measured: Measured, reference: Measured, place: int) -> dict[str, float]:
@@ -134,7 +134,7 @@ def stride(radii: Array, squeeze: float, steps: float) -> float:
 
 
 def box_of_discs(setting: Setting, cell: float) -> tuple[skmpm.Scene, float, float]:
-    """Discs of the seed's radii in a box under a lid, its height and width."""
+    """Discs of the radii of Nezamabadi et al. (2017) in a box under a lid, its height and width."""
     width = width_of(RADII)
     packing = skmpm.packing(RADII, width, solid_fraction=START, seed=0)
     centres, height = packing.centres, float(packing.height)

@@ -1,4 +1,4 @@
-"""What each feature costs when it is on, and what is not done when it is off: a table for `docs/tradeoff.md`.
+"""What each feature costs when it is on, and what is not done when it is off: a table for `docs/work_precision.md`.
 
     OPENBLAS_NUM_THREADS=1 python examples/tradeoff_features.py --docs docs
 
@@ -59,7 +59,7 @@ class Counts:
         name = f"{module}.{frame.f_code.co_qualname}"
         self.calls[name] += 1
         if name == "skmpm.coulomb.search.solve":
-            turns = frame.f_locals["linear"]
+            turns = frame.f_locals["bilateral"]
             self.rows.append(int(np.size(frame.f_locals["q"])))
             self.turning.append(0 if turns is None else turns.q.size)
         if name == "skmpm.linear.choice.default":
@@ -105,14 +105,14 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "line searches": lambda c: c.named("newton._search"),
     "gravity evaluated": lambda c: c.named("forces._gravity"),
     "loads evaluated": lambda c: c.named("Scene.forces"),
-    "sheets laid": lambda c: c.named("laying.lay"),
+    "body grids laid": lambda c: c.named("building.build_grids"),
     "weights fitted": lambda c: c.named("quadrature.fitted"),
     "outlines cut by cells": lambda c: c.named("cells.cell_moments"),
     "patterns made": lambda c: c.named("assembly.prepare"),
     "means of dilatation": lambda c: c.named("Assembly.mean_dilatation"),
     "eliminations": lambda c: c.named("Elimination.factorised"),
     "kinetic energies": lambda c: c.named("report.kinetic_energy"),
-    "velocity gradients": lambda c: c.named("Sheets.gradient_at_points") - c.named("Bulk.at"),
+    "velocity gradients": lambda c: c.named("Body grids.gradient_at_points") - c.named("Bulk.at"),
 }
 
 
@@ -120,7 +120,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
 NOTES = {
     "friction 0.5 / 0": ("rows of turning", "without friction contacts slide, and their forces turn with the"
                          " surface: two rows more for each."),
-    "ghost 0.005 / 0": ("half bandwidth", "the penalty couples nodes two cells apart. It does so at the rim only, but"
+    "ghost 0.005 / 0": ("half bandwidth", "the penalty couples nodes two cells apart. It does so at the boundary only, but"
                         " a band is as wide as its widest row."),
     "fitted": ("blocks of A", "with volumes for weights cells inside bodies look poorly filled, too, and the ghost"
                " penalty acts there."),
@@ -210,7 +210,7 @@ def table(options: argparse.Namespace) -> str:
 def parser() -> argparse.ArgumentParser:
     """Options; the defaults are those of the page."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--docs", type=Path, default=Path("docs"), help="where tradeoff.md is")
+    options.add_argument("--docs", type=Path, default=Path("docs"), help="where work_precision.md is")
     options.add_argument("--discs", type=int, default=30, help="of the packing")
     options.add_argument("--cells", type=float, default=5.0, help="per radius of these")
     options.add_argument("--large", type=float, default=20.0, help="cells per radius of the single disc")
@@ -222,7 +222,7 @@ def parser() -> argparse.ArgumentParser:
 def main(options: argparse.Namespace) -> str:
     """Measure, write, and return what was written."""
     text = table(options)
-    pages.put(options.docs / "tradeoff.md", {"features": text})
+    pages.put(options.docs / "work_precision.md", {"features": text})
     return text
 
 

@@ -144,7 +144,7 @@ def slabbed(planes: Variant) -> Variant:
 
 def features(discs: int, cells: float, size: float) -> list[Feature]:
     """All lines of the table; the packing's discs have `cells` cells per radius, the single one `size`."""
-    return [*_contact(discs, cells, size), *_bulk(discs, cells, size), *_outside(size), *_sheets(discs, cells, size)]
+    return [*_contact(discs, cells, size), *_bulk(discs, cells, size), *_outside(size), *_grid(discs, cells, size)]
 
 
 def _contact(discs: int, cells: float, size: float) -> list[Feature]:
@@ -167,7 +167,7 @@ def _contact(discs: int, cells: float, size: float) -> list[Feature]:
                 ("contacts", "rows of W", "rows of turning", "Newton", "contact iterations"),
                 ("test_friction_0_leaves_no_tangential_unknown",), dense, packing(discs, cells, 0.0)),
         Feature("walls of rigid points / planes", "packing, rough walls",
-                "rims and curves of walls (neither has unknowns)",
+                "boundaries and curves of walls (neither has unknowns)",
                 ("unknowns", "contacts", "rows of W", "Newton", "factorisations", "contact iterations"),
                 ("test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall",
                  "test_bodies_out_of_each_others_reach_are_not_projected_on_one_another"), slabbed(rough(dense)),
@@ -186,7 +186,7 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
     once = "test_a_linear_material_factorises_once_for_as_long_as_dt_and_anchor_stay"
     tests = (once, "test_a_linear_material_makes_one_tangent_and_searches_no_line",
              "test_the_potential_of_a_linear_material_is_never_evaluated")  # fmt: skip
-    rim = "test_a_linear_material_asks_once_how_its_rim_responds"
+    boundary = "test_a_linear_material_asks_once_how_its_rim_responds"
     exact = "test_a_single_free_linear_body_does_exactly_one_solve_per_step"
     ghost = ("blocks of A that are of no cell, products with them", ("blocks of A", "half bandwidth", "Newton"),
              ("test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make",
@@ -195,7 +195,7 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
             ("test_off_nothing_of_it_is_computed",))  # fmt: skip
     return [
         Feature("NeoHookean / LinearElastic", "disc alone", spared, counts, (*tests, exact), alone(size), linear),
-        Feature("NeoHookean / LinearElastic", "packing", spared, counts, (*tests, rim), dense,
+        Feature("NeoHookean / LinearElastic", "packing", spared, counts, (*tests, boundary), dense,
                 packing(discs, cells, 0.5, "LinearElastic")),
         Feature("mean dilatation", "disc alone", *mean, alone(size), alone(size).solved(mean_dilatation=False)),
         Feature("mean dilatation", "packing", *mean, dense, dense.solved(mean_dilatation=False)),
@@ -234,10 +234,10 @@ def _outside(size: float) -> list[Feature]:
     ]  # fmt: skip
 
 
-def _sheets(discs: int, cells: float, size: float) -> list[Feature]:
-    """How often sheets are laid, and what that takes."""
-    spared = "sheets, weights and patterns after the first step"
-    counts = ("sheets laid", "weights fitted", "patterns made", "Newton")
+def _grid(discs: int, cells: float, size: float) -> list[Feature]:
+    """How often Body grids are built, and what that takes."""
+    spared = "body grids, weights and patterns after the first step"
+    counts = ("body grids laid", "weights fitted", "patterns made", "Newton")
     tests = ("test_anchored_once_sheets_are_laid_fitted_and_numbered_once_in_a_run",)
     dense, anew = packing(discs, cells), alone(size).solved(anchor=0.0)
     linear = alone(size, "LinearElastic").solved(anchor=0.0)
@@ -246,5 +246,5 @@ def _sheets(discs: int, cells: float, size: float) -> list[Feature]:
         Feature("anchored at every step / once", "packing", spared, counts, tests, dense.solved(anchor=0.0), dense),
         Feature("fitted", "linear disc alone, anchored at every step", "outlines cut by cells, moments fitted",
                 ("weights fitted", "outlines cut by cells", "blocks of A", "Newton"),
-                ("test_without_fitting_no_cell_is_cut_by_an_outline",), linear, linear.solved(fitted=False)),
+                ("test_without_fitting_no_cell_is_cut_by_an_outline",), linear, linear.solved(moment_fitting=False)),
     ]  # fmt: skip

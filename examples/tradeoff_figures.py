@@ -1,4 +1,4 @@
-"""The figures of docs/tradeoff.md."""
+"""The figures of docs/work_precision.md."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from tradeoff_dials import COURANT, PRESETS
+from tradeoff_parameters import COURANT, PRESETS
 from tradeoff_results import LIDS, SCENES, Found, dial_runs, front
 
 matplotlib.use("Agg")
@@ -39,7 +39,7 @@ def fronts(found: Found, path: Path) -> None:
     plt.close(fig)
 
 
-LABELS = {"sample": "sample", "one": "one dial", "slope": "beside presets"}
+LABELS = {"sample": "sample", "one": "one parameter", "slope": "beside presets"}
 
 
 def of(runs: list[Any]) -> tuple[list[float], list[float]]:
@@ -57,13 +57,13 @@ def finish(axis: Any, scene: str, floor: float) -> None:
         axis.axhline(floor, color="0.5", ls=":", lw=1.0)
 
 
-def dials(found: Found, path: Path) -> None:
-    """Error and cost along the three dials of resolution, around the default."""
+def parameters(found: Found, path: Path) -> None:
+    """Error and cost along the three parameters of resolution, around the default."""
     fig, axes = plt.subplots(1, len(SCENES), figsize=(16, 3.8), layout="constrained")
     for axis, scene in zip(axes, SCENES, strict=True):
-        for dial, colour in STEERED.items():
-            runs = [(level, r) for level, r in dial_runs(found, scene, dial) if np.isfinite(r.error)]
-            axis.plot(*of([r for _, r in runs]), ".-", color=colour, label=dial, lw=1.0)
+        for parameter, colour in STEERED.items():
+            runs = [(level, r) for level, r in dial_runs(found, scene, parameter) if np.isfinite(r.error)]
+            axis.plot(*of([r for _, r in runs]), ".-", color=colour, label=parameter, lw=1.0)
             for level, r in (*runs[:1], *runs[1:][-1:]):
                 axis.annotate(f"{level:g}", (r.seconds, min(r.error, LIMIT)), fontsize=7, color=colour)
         finish(axis, scene, found.floor(scene))

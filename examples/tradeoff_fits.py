@@ -16,10 +16,10 @@ import tradeoff_discs as discs
 import tradeoff_speeds as speeds
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from tradeoff_dials import BALANCED
+from tradeoff_parameters import BALANCED
 from tradeoff_results import LIDS, Found, Run
 
-from skmpm.simulate.suggest import LAWS, Law
+from skmpm.preflight.suggest import LAWS, Law
 
 Array = NDArray[np.float64]
 
@@ -72,9 +72,9 @@ def plain(run: Run) -> bool:
 
 def place(run: Run) -> tuple[float, float]:
     """R/h and the length of a step."""
-    n, pace = SIZES.get(run.scene, 1.0) * run.setting["cells"], run.setting["pace"]
+    n, step_control = SIZES.get(run.scene, 1.0) * run.setting["cells"], run.setting["pace"]
     if run.scene == "collision":
-        return n, pace * discs.COLLISION_DT * discs.wave(discs.LAWS["finite"]) / discs.R
+        return n, step_control * discs.COLLISION_DT * discs.wave(discs.LAWS["finite"]) / discs.R
     if run.scene == "packing":
         return n, discs.stride(discs.RADII, 1.0 / discs.START - 1.0 / discs.END, run.cost["steps"])
     return n, discs.stride(speeds.RADII, speeds.STRAIN / speeds.REST, run.cost["steps"]) if run.scene in LIDS else 0.0

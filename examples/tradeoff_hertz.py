@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from tradeoff_dials import COURANT, Setting, scheme_of
 from tradeoff_meter import Meter
+from tradeoff_parameters import COURANT, Setting, scheme_of
 from tradeoff_statics import DENSITY, NU, WAVE, E, law, rising, rotation, turned
 
 import skmpm

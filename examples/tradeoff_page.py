@@ -1,4 +1,4 @@
-"""docs/tradeoff.md, its figures and its csv, from the results of `tradeoff.py`.
+"""docs/work_precision.md, its figures and its csv, from the results of `tradeoff.py`.
 
     python examples/tradeoff_page.py --study out/tradeoff --docs docs
 
@@ -49,10 +49,10 @@ def keep(found: Found, path: Path) -> None:
 
 def write(study: Path, docs: Path) -> None:
     """Write the page, its figures and its csv."""
-    found, folder, page = load(study), docs / "tradeoff", docs / "tradeoff.md"
+    found, folder, page = load(study), docs / "work_precision", docs / "work_precision.md"
     folder.mkdir(parents=True, exist_ok=True)
     keep(found, folder / "results.csv")
-    for name in ("fronts", "dials", "speeds"):
+    for name in ("fronts", "parameters", "speeds"):
         getattr(figures, name)(found, folder / f"{name}.png")
     parts = [
         ("", TEXT["ran"], tables.ran(found)),
@@ -61,14 +61,19 @@ def write(study: Path, docs: Path) -> None:
             tables.presets(found),
             TEXT["counts"],
             tables.counts(found),
-            "![Error against cost](tradeoff/fronts.png)\n",
+            "![Error against cost](work_precision/fronts.png)\n",
         ),
         ("## What an error costs", TEXT["prices"], tables.prices(found)),
         ("## Who beats `balanced`", tables.beaters(found, beating(found))),
-        ("## One dial at a time", TEXT["dials"], tables.dials(found), "![Resolution](tradeoff/dials.png)\n"),
+        (
+            "## One parameter at a time",
+            TEXT["parameters"],
+            tables.parameters(found),
+            "![Resolution](work_precision/parameters.png)\n",
+        ),
         ("## What limits accuracy", TEXT["limits"], tables.limits(found)),
         ("## Laws of the error", TEXT["laws"], tables.laws(found)),
-        ("## Implicit against explicit", tables.lids(found), "![Implicit and explicit](tradeoff/speeds.png)\n"),
+        ("## Implicit against explicit", tables.lids(found), "![Implicit and explicit](work_precision/speeds.png)\n"),
     ]
     text = "\n".join("\n\n".join(p.strip("\n") for p in part if p) + "\n" for part in parts)
     pages.put(page, {"study": text})
@@ -78,8 +83,8 @@ TEXT = {
     "ran": "What has been run:",
     "counts": "Counts, mean of the places; `work`: unknowns times half bandwidth squared, of all factorisations.",
     "prices": "The cheapest of all runs within an error, lucky ones among them; nothing where there is none.",
-    "dials": "Error, and cost over that of the default. Nothing where a dial makes no difference, or was not run.",
-    "limits": "d ln(error) / d ln(dial) at the presets; of h, dt, spacing, `contact_tol`.",
+    "parameters": "Error, and cost over that of the default. Nothing where a parameter makes no difference, or was not run.",
+    "limits": "d ln(error) / d ln(parameter) at the presets; of h, dt, spacing, `contact_tol`.",
     "laws": "error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step, dt c /"
     " R or, where a lid drives, its way over R. Fitted to all runs that differ from `balanced` in R/h, spacing and dt"
     " only (tighter tolerances make no difference), the second d to the lids; in brackets what `skmpm.suggest` has.",
@@ -90,7 +95,7 @@ def parser() -> argparse.ArgumentParser:
     """The options."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--study", type=Path, default=Path("out/tradeoff"), help="directory of the results")
-    options.add_argument("--docs", type=Path, default=HERE.parent / "docs", help="directory of tradeoff.md")
+    options.add_argument("--docs", type=Path, default=HERE.parent / "docs", help="directory of work_precision.md")
     return options
 
 

@@ -247,14 +247,14 @@ def main(options: argparse.Namespace) -> bool:
     )
     text = table(head, [row for row, _ in rows]) + f"\n{verdict} Times contain that of references.\n"
     if not options.only:
-        pages.put(options.docs / "tradeoff.md", {"promises": text})
+        pages.put(options.docs / "work_precision.md", {"promises": text})
     return kept == len(rows)
 
 
 def parser() -> argparse.ArgumentParser:
     """Where the page is, and which scenes."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--docs", type=Path, default=HERE.parent / "docs", help="directory of tradeoff.md")
+    options.add_argument("--docs", type=Path, default=HERE.parent / "docs", help="directory of work_precision.md")
     options.add_argument("--only", nargs="*", default=[], help="scenes by name; nothing is written then")
     return options
 

@@ -1,4 +1,4 @@
-"""What the study found: its runs with their errors, who beats whom, slopes; by the rules of docs/tradeoff.md."""
+"""What the study found: its runs with their errors, who beats whom, slopes; by the rules of docs/work_precision.md."""
 
 from __future__ import annotations
 
@@ -11,13 +11,23 @@ from typing import Any
 import numpy as np
 import tradeoff
 import tradeoff_scenes as scenes
-from tradeoff_dials import DEFAULT, LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, resolutions, sample
+from tradeoff_parameters import (
+    DEFAULT,
+    LEVELS,
+    PRESETS,
+    SLOPES,
+    Setting,
+    neighbours,
+    one_at_a_time,
+    resolutions,
+    sample,
+)
 
 SCENES = ("cantilever", "hertz", "collision", "packing")
 LIDS = tuple(name for name in scenes.CASES if name not in SCENES)
 MOST = 512  # of a sample that is looked for
 MARGIN = 1.3  # in cost, from which on a setting beats another
-INFLUENCE = 0.1  # slope below which a dial counts as without influence
+INFLUENCE = 0.1  # slope below which a parameter counts as without influence
 TOLERANCES = (0.05, 0.02, 0.01)  # at which implicit and explicit steps are compared
 
 
@@ -141,29 +151,29 @@ def gain(found: Found, scene: str, setting: Setting, cost: str = "seconds") -> f
     return balanced.cost[cost] / max(mine.cost[cost], 1e-12)
 
 
-def slope(found: Found, scene: str, preset: str, dial: str) -> float:
-    """Change of ln(error) with ln(dial) between the neighbours of a preset; of `cells`, with h. nan if not run."""
-    around, factor = PRESETS[preset], SLOPES[dial]
-    pair = [around | {dial: float(f"{around[dial] * step:.3g}")} for step in (1.0 / factor, factor)]
+def slope(found: Found, scene: str, preset: str, parameter: str) -> float:
+    """Change of ln(error) with ln(parameter) between the neighbours of a preset; of `cells`, with h. nan if not run."""
+    around, factor = PRESETS[preset], SLOPES[parameter]
+    pair = [around | {parameter: float(f"{around[parameter] * step:.3g}")} for step in (1.0 / factor, factor)]
     runs = [found.at(scene, setting) for setting in pair]
     errors = [run.error if run is not None else float("nan") for run in runs]
     if not np.isfinite(errors).all() or min(errors) <= 0.0:
         return float("nan")
-    sign = -1.0 if dial == "cells" else 1.0
-    return float(sign * np.log(errors[1] / errors[0]) / np.log(pair[1][dial] / pair[0][dial]))
+    sign = -1.0 if parameter == "cells" else 1.0
+    return float(sign * np.log(errors[1] / errors[0]) / np.log(pair[1][parameter] / pair[0][parameter]))
 
 
-def dial_runs(found: Found, scene: str, dial: str) -> list[tuple[Any, Run]]:
-    """Levels of a dial around the default of the study that were run, and that make a difference on a scene."""
-    levels = LEVELS[dial] if dial in scenes.CASES[scene].dials else ()
-    runs = [(level, found.at(scene, DEFAULT | one)) for level in levels for one in [forced(dial, level)]]
+def dial_runs(found: Found, scene: str, parameter: str) -> list[tuple[Any, Run]]:
+    """Levels of a parameter around the default of the study that were run, and that make a difference on a scene."""
+    levels = LEVELS[parameter] if parameter in scenes.CASES[scene].parameters else ()
+    runs = [(level, found.at(scene, DEFAULT | one)) for level in levels for one in [forced(parameter, level)]]
     seen = {id(run) for _, run in runs}
     return [(level, run) for level, run in runs if run is not None] if len(seen) > 1 else []
 
 
-def forced(dial: str, level: Any) -> Setting:
+def forced(parameter: str, level: Any) -> Setting:
     """A level, with what it asks for."""
-    return {dial: level} | ({"anchor": 0.0} if level == "shared_nodes" else {})
+    return {parameter: level} | ({"anchor": 0.0} if level == "shared_grid" else {})
 
 
 def cheapest(found: Found, scene: str, explicit: bool, tolerance: float) -> Run | None:

@@ -23,8 +23,8 @@ import tradeoff_discs as discs
 import tradeoff_hertz as hertz
 import tradeoff_speeds as speeds
 import tradeoff_statics as statics
-from tradeoff_dials import DEFAULT, Setting, effective
 from tradeoff_meter import Meter
+from tradeoff_parameters import DEFAULT, Setting, effective
 
 Measured = dict[str, Any]
 ALL = frozenset(DEFAULT)
@@ -36,13 +36,13 @@ class Case:
 
     run: Callable[[Setting, int, Meter, Path | None], Measured]  # in one place
     errors: Callable[[Measured, Measured, int], dict[str, float]]  # of a run, against the reference, in one place
-    dials: frozenset[str]  # that make a difference
+    parameters: frozenset[str]  # that make a difference
     inertia: bool  # of implicit steps
     places: int
     limit: float  # processor time [s] after which a run is stopped
     reference: Setting | None  # the run that is the reference; None: it is known without
     second: Setting | None  # as fine or nearly, for the floor: what the reference itself is uncertain by
-    settings: tuple[Setting, ...] = ()  # all that is run, if not what the dials ask for
+    settings: tuple[Setting, ...] = ()  # all that is run, if not what the parameters ask for
 
 
 CONTACT = frozenset({"contact", "contact_tol"})
@@ -107,7 +107,7 @@ CASES |= {
 def setting_on(name: str, setting: Setting) -> Setting:
     """The setting as far as it makes a difference on a scene."""
     case = CASES[name]
-    return effective(setting, case.dials, inertia=case.inertia)
+    return effective(setting, case.parameters, inertia=case.inertia)
 
 
 def run(name: str, setting: Setting, meter: Meter, folder: Path | None = None) -> list[Measured]:

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import tradeoff_discs as discs
-from tradeoff_dials import COURANT, DEFAULT, Setting, scheme_of
 from tradeoff_meter import Meter
+from tradeoff_parameters import COURANT, DEFAULT, Setting, scheme_of
 
 import skmpm
 
@@ -114,8 +114,8 @@ def _integral(measured: Measured, name: str, edges: Any) -> Any:
 
 def settings(speed: float) -> list[Setting]:
     """Implicit steps of all lengths down to four times the reference's, explicit ones of three."""
-    implicit = [DEFAULT | {"pace": pace} for pace in PACES if pace >= 4.0 * finest(speed)]
-    return implicit + [DEFAULT | {"pace": pace, "explicit": True} for pace in (4.0, 1.0, 0.5)]
+    implicit = [DEFAULT | {"pace": step_control} for step_control in PACES if step_control >= 4.0 * finest(speed)]
+    return implicit + [DEFAULT | {"pace": step_control, "explicit": True} for step_control in (4.0, 1.0, 0.5)]
 
 
 def finest(speed: float) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tradeoff_dials import Setting
+from tradeoff_parameters import Setting
 
 import skmpm
 

@@ -1,4 +1,4 @@
-"""The tables of docs/tradeoff.md."""
+"""The tables of docs/work_precision.md."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import astuple
 
 import numpy as np
 import tradeoff_fits as fits
-from tradeoff_dials import COURANT, DEFAULT, PRESETS, SLOPES, Setting
+from tradeoff_parameters import COURANT, DEFAULT, PRESETS, SLOPES, Setting
 from tradeoff_results import (
     INFLUENCE,
     LIDS,
@@ -22,7 +22,7 @@ from tradeoff_results import (
     slope,
 )
 
-from skmpm.simulate.suggest import LAWS
+from skmpm.preflight.suggest import LAWS
 
 COUNTS = ("steps", "newton", "factorisations", "contact", "products", "unknowns", "points", "work")
 PRICED = (0.2, 0.1, 0.05, 0.02, 0.01)  # errors that are looked up
@@ -156,18 +156,18 @@ def ratio(one: Beating, scene: str) -> str:
     return f"{number(one.ratios[scene])} ({number(one.iterations[scene])})" if scene in one.ratios else "-"
 
 
-def dials(found: Found) -> str:
-    """Every level of every dial around the default: error, and cost over that of the default."""
+def parameters(found: Found) -> str:
+    """Every level of every parameter around the default: error, and cost over that of the default."""
     lines = []
-    for dial in DEFAULT:
-        if dial == "perturbed":
+    for parameter in DEFAULT:
+        if parameter == "perturbed":
             continue
-        runs = {scene: dict(dial_runs(found, scene, dial)) for scene in SCENES}
+        runs = {scene: dict(dial_runs(found, scene, parameter)) for scene in SCENES}
         for level in dict.fromkeys(level for each in runs.values() for level in each):
             cells = [relative(each.get(level), found.at(s, DEFAULT)) for s, each in runs.items()]
             name = f"{level:g}" if isinstance(level, float) else str(level)
-            lines.append((dial, name, *cells))
-    return table(("dial", "level", *SCENES), lines)
+            lines.append((parameter, name, *cells))
+    return table(("parameter", "level", *SCENES), lines)
 
 
 def relative(run: Run | None, balanced: Run | None) -> str:
@@ -184,8 +184,8 @@ def limits(found: Found) -> str:
     lines = []
     for scene in SCENES:
         for preset in PRESETS:
-            slopes = {dial: slope(found, scene, preset, dial) for dial in SLOPES}
-            known = {dial: abs(s) for dial, s in slopes.items() if np.isfinite(s) and abs(s) > INFLUENCE}
+            slopes = {parameter: slope(found, scene, preset, parameter) for parameter in SLOPES}
+            known = {parameter: abs(s) for parameter, s in slopes.items() if np.isfinite(s) and abs(s) > INFLUENCE}
             most = max(known, key=lambda d: known[d]) if known else "-"
             lines.append(
                 (

@@ -1,7 +1,7 @@
 """skmpm: implicit material point method on scikit-fem with Contact Dynamics, for packings of soft bodies.
 
-Build a `Scene` of `Body`s and `Wall`s, read its `report`, then loop over `simulate(scene, dt=..., until=...)`;
-`observe` measures the states it yields, `record` writes them for ParaView.
+Build a `Scene` of `Body`s and `Wall`s, read its `preflight` check, then loop over `simulate(scene, dt=...,
+until=...)`; `observe` measures the states it yields, `record` writes them for ParaView.
 """
 
 from skmpm import contact, coulomb, linear, outline, transfer
@@ -10,9 +10,10 @@ from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import Observables, observe
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.points import Points, box, disc, from_mesh
+from skmpm.preflight import Suggestion, preflight, suggest
 from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import Suggestion, initial, report, simulate, step, suggest
+from skmpm.simulate import initial, simulate, step
 
 __version__ = "0.1.0"
 
@@ -46,8 +47,8 @@ __all__ = [
     "observe",
     "outline",
     "packing",
+    "preflight",
     "record",
-    "report",
     "save",
     "simulate",
     "step",

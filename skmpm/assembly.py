@@ -1,8 +1,8 @@
-"""Fast twins of the weak forms: the same numbers as `forms` on `Sheets.basis`, without a kernel per entry.
+"""Fast twins of the weak forms: the same numbers as `forms` on `Body grids.basis`, without a kernel per entry.
 
 Q1 gradients are linear in the local coordinates, so a cell's stiffness is linear in six moments of its points;
 one sparse product makes the moments, one GEMM with the reference matrices of `forms` the cell matrices, one
-`bincount` the block-sparse matrix whose pattern is known as long as the sheets stay anchored.
+`bincount` the block-sparse matrix whose pattern is known as long as the body grids stay anchored.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.forms import MONOMIALS, PAIRS, reference_ghost, reference_gradient, reference_stiffness
-from skmpm.grid import Sheets, numbered
+from skmpm.grid import BodyGrids, numbered
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -58,9 +58,9 @@ def _ghost_table() -> Array:
 
 @dataclass(frozen=True)
 class Assembly:
-    """Everything about an anchored set of sheets that does not change while it stays anchored."""
+    """Everything about an anchored set of body grids that does not change while it stays anchored."""
 
-    sheets: Sheets
+    grid: BodyGrids
     volume: Array  # (n,) volumes of the points in the anchor configuration [m2]
     lumped: Array  # (2 nodes,) mass of the points at every unknown [kg/m]
     mass: Array  # (2 nodes,) the same, more than zero [kg/m]
@@ -73,7 +73,7 @@ class Assembly:
 
     def internal_force(self, P: Array) -> Array:
         """Sum over points of V P : grad N, (2 nodes,) [N/m]; `P` (2, 2, n) [Pa]."""
-        Dx, Dy = self.sheets.derivatives
+        Dx, Dy = self.grid.derivatives
         VP = self.volume * P
         return np.asarray(Dx.T @ VP[:, 0].T + Dy.T @ VP[:, 1].T).ravel()
 
@@ -93,7 +93,7 @@ class Assembly:
     def _within_bodies(self, displacement: Array) -> Array:
         """Displacement less the mean of its body, (nodes, 2): of a long way the penalty would see the rounding."""
         u = displacement.reshape(-1, 2)
-        return u - self.sheets.means(u.T).T[self.sheets.node_body]
+        return u - self.grid.means(u.T).T[self.grid.node_body]
 
     def stiffness(self, C: Array, added: tuple[Selection, Array] | None = None) -> Array:
         """Data of the stiffness in the pattern of A, (blocks, 2, 2).
@@ -110,15 +110,15 @@ class Assembly:
 
     def cell_sums(self, values: Array, points: Selection = ALL) -> Array:
         """Sums over points of every cell of V values, (cells,); `values` (points,)."""
-        cell = self.sheets.cell_of_point[points]
-        return np.asarray(np.bincount(cell, self.volume[points] * values, self.sheets.cells), dtype=np.float64)
+        cell = self.grid.cell_of_point[points]
+        return np.asarray(np.bincount(cell, self.volume[points] * values, self.grid.cells), dtype=np.float64)
 
     def mean_dilatation(self, volumes: Array, points: Selection = ALL) -> Array:
         """Volume over undeformed volume of each point's cell, (points,), from both per anchor volume, (2, points).
 
         `points` are all those of their cells.
         """
-        cell = self.sheets.cell_of_point[points]
+        cell = self.grid.cell_of_point[points]
         now, rest = (self.cell_sums(v, points)[cell] for v in volumes)
         return np.asarray(now / rest)
 
@@ -129,21 +129,21 @@ class Assembly:
 
         `slope` (2, 2, points) and `rest` (points,) are those of all points of these cells, `modulus` of every cell.
         """
-        sheets = self.sheets
+        grid = self.grid
         of_point = slope.reshape(4, -1)
         if not isinstance(points, slice):
             of_point = np.zeros((4, self.volume.size))
             of_point[:, points] = slope.reshape(4, -1)
-        rows = (np.arange(3)[:, None] * sheets.cells + np.arange(sheets.cells)[cells]).ravel()
+        rows = (np.arange(3)[:, None] * grid.cells + np.arange(grid.cells)[cells]).ravel()
         first = self.moments[slice(rows.size) if isinstance(cells, slice) else rows] @ of_point.T  # of 1, xi, eta
         growth = np.einsum("mciI,mIa->cai", first.reshape(3, -1, 2, 2), _gradient_table()).reshape(-1, 8)
-        growth *= sheets.cell
+        growth *= grid.cell
         weighted = (modulus[cells] / self.cell_sums(rest, points)[cells])[:, None] * growth
         return _by_blocks(weighted[:, :, None] * growth[:, None, :])
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
         """A = M + factor K, block sparse, (2 nodes, 2 nodes), or with a block diagonal (nodes, 2, 2) instead of M."""
-        nodes = self.sheets.nodes
+        nodes = self.grid.nodes
         data = factor * stiffness
         rows = np.repeat(np.arange(nodes), np.diff(self.indptr))
         own = self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
@@ -151,36 +151,36 @@ class Assembly:
         return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
 
 
-def lumped_mass(sheets: Sheets, mass: Array) -> Array:
-    """Lumped mass of every unknown (2 nodes,) from the points' masses (n,) [kg/m] (seed, eq. 6)."""
-    return np.repeat(sheets.interpolation.T @ mass, 2)
+def lumped_mass(grid: BodyGrids, mass: Array) -> Array:
+    """Lumped mass of every unknown (2 nodes,) from the points' masses (n,) [kg/m] (Nezamabadi et al. 2017, eq. 6)."""
+    return np.repeat(grid.interpolation.T @ mass, 2)
 
 
-def _heaviest(sheets: Sheets, mass: Array) -> Array:
+def _heaviest(grid: BodyGrids, mass: Array) -> Array:
     """Mass of the heaviest point of every node's body, (nodes,)."""
-    heaviest = np.zeros(sheets.bodies)
-    np.maximum.at(heaviest, sheets.cell_body[sheets.cell_of_point], mass)
-    return heaviest[sheets.node_body]
+    heaviest = np.zeros(grid.bodies)
+    np.maximum.at(heaviest, grid.cell_body[grid.cell_of_point], mass)
+    return heaviest[grid.node_body]
 
 
-def ghost_facets(sheets: Sheets, volume: Array, threshold: float = 0.6) -> tuple[Ints, Ints]:
+def ghost_facets(grid: BodyGrids, volume: Array, threshold: float = 0.6) -> tuple[Ints, Ints]:
     """Facets inside a body beside a cell filled less than `threshold`: their six nodes (6, f) and bodies (f,)."""
-    fill = np.bincount(sheets.cell_of_point, volume, sheets.cells) / sheets.cell**2
+    fill = np.bincount(grid.cell_of_point, volume, grid.cells) / grid.cell**2
     nodes, owners = [], []
     for normal in (0, 1):
-        pair = np.stack(_neighbours(sheets, normal))
+        pair = np.stack(_neighbours(grid, normal))
         pair = pair[:, fill[pair].min(axis=0) < threshold]
-        nodes.append(np.stack([sheets.nodes_of_cell[corner, pair[k]] for k, corner in GHOST_CORNERS[normal]]))
-        owners.append(sheets.cell_body[pair[0]])
+        nodes.append(np.stack([grid.nodes_of_cell[corner, pair[k]] for k, corner in GHOST_CORNERS[normal]]))
+        owners.append(grid.cell_body[pair[0]])
     return np.concatenate(nodes, axis=1), np.concatenate(owners)
 
 
-def _neighbours(sheets: Sheets, normal: int) -> tuple[Ints, Ints]:
+def _neighbours(grid: BodyGrids, normal: int) -> tuple[Ints, Ints]:
     """Pairs of cells of one body that share a facet with this normal: (lower, upper)."""
     corner = 1 if normal == 0 else 3  # of the lower cell, where the upper cell begins
-    begins = np.full(sheets.nodes, -1)
-    begins[sheets.nodes_of_cell[0]] = np.arange(sheets.cells)
-    upper = begins[sheets.nodes_of_cell[corner]]
+    begins = np.full(grid.nodes, -1)
+    begins[grid.nodes_of_cell[0]] = np.arange(grid.cells)
+    upper = begins[grid.nodes_of_cell[corner]]
     return np.flatnonzero(upper >= 0), upper[upper >= 0]
 
 
@@ -190,28 +190,28 @@ def _pairs(nodes: Ints) -> Ints:
     return np.stack([np.broadcast_to(nodes[:, None], (k, k, m)), np.broadcast_to(nodes[None, :], (k, k, m))])
 
 
-def _neighbour(sheets: Sheets, row: Ints, column: Ints) -> Ints:
+def _neighbour(grid: BodyGrids, row: Ints, column: Ints) -> Ints:
     """A number for each pair of nodes at most two cells apart, ascending with row and, within it, with column."""
-    inner = sheets.along[sheets.node_body]
+    inner = grid.along[grid.node_body]
     place = np.where(inner == 0, np.array([[1], [5]]), np.array([[5], [1]]))
-    place = np.sum(place * sheets.node_index, axis=0)
-    return np.asarray((STENCIL * np.arange(sheets.nodes) + STENCIL // 2 - place)[row] + place[column])
+    place = np.sum(place * grid.node_index, axis=0)
+    return np.asarray((STENCIL * np.arange(grid.nodes) + STENCIL // 2 - place)[row] + place[column])
 
 
-def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) -> Assembly:
-    """Compute once what stays while the sheets stay anchored.
+def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -> Assembly:
+    """Compute once what stays while the body grids stay anchored.
 
     `volume`, `mass` (n,) of the points [m2], [kg/m]; `ghost_modulus` (bodies,) gamma E_g of each body [Pa].
     """
-    nodes = sheets.nodes
-    facet_nodes, facet_body = ghost_facets(sheets, volume)
+    nodes = grid.nodes
+    facet_nodes, facet_body = ghost_facets(grid, volume)
     weight = ghost_modulus[facet_body]
     ghost_nodes = facet_nodes[:, weight > 0.0]
     ghost_values = weight[weight > 0.0] * _ghost_table()[:, :, None]
 
-    pairs = [_pairs(sheets.nodes_of_cell).transpose(0, 3, 1, 2), _pairs(ghost_nodes)]
+    pairs = [_pairs(grid.nodes_of_cell).transpose(0, 3, 1, 2), _pairs(ghost_nodes)]
     row, column = np.concatenate([pair.reshape(2, -1) for pair in pairs], axis=1)
-    where, some = numbered(_neighbour(sheets, row, column), STENCIL * nodes)
+    where, some = numbered(_neighbour(grid, row, column), STENCIL * nodes)
     row, column = row[some], column[some]
     in_cells, in_ghost = np.split(where, [pairs[0][0].size])
     scatter = sp.csr_array(
@@ -220,18 +220,18 @@ def prepare(sheets: Sheets, volume: Array, mass: Array, ghost_modulus: Array) ->
     ghost = np.bincount(in_ghost, ghost_values.ravel(), some.size).astype(np.float64)  # of none: integers
     felt = np.flatnonzero(ghost)
 
-    n = sheets.local.shape[1]
-    weight = volume / sheets.cell**2
-    monomials = sheets.local[0] ** MONOMIALS[0][:, None] * sheets.local[1] ** MONOMIALS[1][:, None] * weight
-    rows = np.arange(6)[:, None] * sheets.cells + sheets.cell_of_point
-    moments = sp.csr_array((monomials.ravel(), (rows.ravel(), np.tile(np.arange(n), 6))), shape=(6 * sheets.cells, n))
-    lumped = lumped_mass(sheets, mass)
+    n = grid.local.shape[1]
+    weight = volume / grid.cell**2
+    monomials = grid.local[0] ** MONOMIALS[0][:, None] * grid.local[1] ** MONOMIALS[1][:, None] * weight
+    rows = np.arange(6)[:, None] * grid.cells + grid.cell_of_point
+    moments = sp.csr_array((monomials.ravel(), (rows.ravel(), np.tile(np.arange(n), 6))), shape=(6 * grid.cells, n))
+    lumped = lumped_mass(grid, mass)
     return Assembly(
-        sheets=sheets,
+        grid=grid,
         volume=volume,
         lumped=lumped,
         # A point exactly on a grid line leaves a node without mass, where a velocity would be 0/0.
-        mass=np.maximum(lumped, FLOOR * np.repeat(_heaviest(sheets, mass), 2)),
+        mass=np.maximum(lumped, FLOOR * np.repeat(_heaviest(grid, mass), 2)),
         ghost=sp.csr_array((ghost[felt], (row[felt], column[felt])), shape=(nodes, nodes)),
         moments=moments,
         indices=column,

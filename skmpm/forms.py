@@ -1,6 +1,6 @@
 """The weak forms, in scikit-fem's language: the definition of every matrix and vector of the bulk.
 
-They are evaluated on `Sheets.basis`, whose quadrature is the material points. All gradients are with respect to
+They are evaluated on `Body grids.basis`, whose quadrature is the material points. All gradients are with respect to
 the anchor configuration; `P` is the first Piola-Kirchhoff stress per anchor volume, `C` its tangent. What runs in
 a step are the fast twins of `assembly`, whose reference matrices come from these same forms.
 """
@@ -35,19 +35,19 @@ PAIRS = tuple(combinations_with_replacement(range(4), 2))
 
 @BilinearForm
 def mass(u: Any, v: Any, w: Any) -> Any:
-    """Consistent mass, int rho u . v; its row sums are the lumped mass (seed, eq. 6)."""
+    """Consistent mass, int rho u . v; its row sums are the lumped mass (Nezamabadi et al. 2017, eq. 6)."""
     return w["rho"] * dot(u, v)
 
 
 @LinearForm
 def momentum(v: Any, w: Any) -> Any:
-    """Nodal momentum int rho v_p . v, v_p the velocity at the points (seed, eq. 7)."""
+    """Nodal momentum int rho v_p . v, v_p the velocity at the points (Nezamabadi et al. 2017, eq. 7)."""
     return w["rho"] * dot(w["velocity"], v)
 
 
 @LinearForm
 def internal_force(v: Any, w: Any) -> Any:
-    """Virtual work of the stress, int P : grad v (seed, eq. 6, with the sign of a resistance)."""
+    """Virtual work of the stress, int P : grad v (Nezamabadi et al. 2017, eq. 6, with the sign of a resistance)."""
     return np.einsum("ij...,ij...->...", w["P"], grad(v))
 
 

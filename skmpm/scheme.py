@@ -8,7 +8,7 @@ from typing import Any
 
 from skmpm import linear as _linear
 from skmpm import transfer as _transfer
-from skmpm.contact import ContactLaw, outlines, shared_nodes
+from skmpm.contact import ContactLaw, point_to_curve, shared_grid
 from skmpm.linear import Linear
 from skmpm.material import Elastic, poisson_ratio
 from skmpm.transfer import Transfer
@@ -17,19 +17,19 @@ from skmpm.transfer import Transfer
 # stiff and the peak pressure in it 1.4 times too high at 0.4 (6.1 % and 1.2 at 0.3), 10 % and 1.9 at 0.45, 22 % and
 # 4.2 at 0.49; with it 5 to 6 % and 1.02 to 1.06 (`tests/verification/test_mean_dilatation.py`).
 NEARLY_INCOMPRESSIBLE = 0.4
-ROUNDING = 1e-9  # of a Poisson's ratio that is computed from Lame constants
+NU_TOLERANCE = 1e-9  # of a Poisson's ratio that is computed from Lame constants
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scheme:
-    """How a scene is solved; the defaults are `Scheme.balanced()`, the measured optimum of `docs/tradeoff.md`.
+    """How a scene is solved; the defaults are `Scheme.balanced()`, the measured optimum of `docs/work_precision.md`.
 
     Parameters
     ----------
     theta : Moreau-Jean parameter in [1/2, 1]: 1 is backward Euler, 1/2 the midpoint rule
-    anchor : re-lay the sheets when the strain or rotation since they were laid, max |F - I|, passes this; inf: never
-        (total Lagrangian), 0: at every step (updated Lagrangian, the seed's)
-    contact : `contact.outlines` or `contact.shared_nodes`
+    anchor : regrid when the strain or rotation since they were laid, max |F - I|, passes this; inf: never
+        (total Lagrangian), 0: at every step (updated Lagrangian, Nezamabadi et al.'s (2017))
+    contact : `contact.point_to_curve` or `contact.shared_grid`
     transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
     ghost : gamma, the ghost penalty on cells filled less than 0.6, as a share of the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
@@ -47,10 +47,10 @@ class Scheme:
 
     theta: float = 1.0
     anchor: float = float("inf")
-    contact: ContactLaw = field(default=outlines)
+    contact: ContactLaw = field(default=point_to_curve)
     transfer: Transfer = field(default=_transfer.apic)
     ghost: float = 0.005
-    fitted: bool = True
+    moment_fitting: bool = True
     mean_dilatation: bool | None = None
     inertia: bool = True
     explicit: bool = False
@@ -76,7 +76,7 @@ class Scheme:
                 raise ValueError(f"Scheme: {name} = {value!r}; use {remedy}")
         if self.max_newton != int(self.max_newton):
             raise ValueError(f"Scheme: max_newton = {self.max_newton!r}; use a whole number")
-        for name in ("fitted", "inertia", "explicit"):
+        for name in ("moment_fitting", "inertia", "explicit"):
             if getattr(self, name) not in (False, True):
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use True or False")
         if self.mean_dilatation not in (None, False, True):
@@ -90,7 +90,7 @@ class Scheme:
             )
         for name in ("contact", "transfer", "linear"):
             if not callable(getattr(self, name)):
-                example = {"contact": "outlines", "transfer": "apic", "linear": "banded"}[name]
+                example = {"contact": "point_to_curve", "transfer": "apic", "linear": "banded"}[name]
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use a function, as {name}.{example}")
         if not self.inertia and self.theta != 1.0:
             raise ValueError(f"Scheme: theta = {self.theta} without inertia; quasi-static steps need theta = 1")
@@ -99,10 +99,10 @@ class Scheme:
                 f"Scheme: explicit with inertia = {self.inertia}, theta = {self.theta}; explicit steps need"
                 " inertia = True and theta = 1"
             )
-        if self.contact is shared_nodes and self.anchor != 0.0:
+        if self.contact is shared_grid and self.anchor != 0.0:
             raise ValueError(
-                f"Scheme: contact = shared_nodes with anchor = {self.anchor}; bodies share nodes only where"
-                " sheets are laid anew at every step: use anchor = 0"
+                f"Scheme: contact = shared_grid with anchor = {self.anchor}; bodies share nodes only where"
+                " body grids are rebuilt at every step: use anchor = 0"
             )
 
     @staticmethod
@@ -111,8 +111,8 @@ class Scheme:
 
         Meant for R/h = 3.2, points 0.74 h apart and four times the time step of `balanced`. Errs by 20 % (stress of a
         cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision) and 11 % (work to compress a
-        packing), for 1/1.4, 1/1.5, 1/4.4, 1/3.4 of the cost of `balanced` (`docs/tradeoff.md`). `choices` are fields
-        that differ, as in `Scheme.fast(inertia=False)`.
+        packing), for 1/1.4, 1/1.5, 1/4.4, 1/3.4 of the cost of `balanced` (`docs/work_precision.md`). `choices` are
+        fields that differ, as in `Scheme.fast(inertia=False)`.
         """
         return replace(Scheme(newton_tol=1e-2), **choices)
 
@@ -136,13 +136,13 @@ class Scheme:
         return replace(Scheme(newton_tol=1e-6), **choices)
 
     @staticmethod
-    def seed() -> Scheme:
-        """The seed's method: sheets anew at every step, contact at shared nodes without gap, walls as bodies."""
-        return Scheme(anchor=0.0, contact=shared_nodes, fitted=False, mean_dilatation=False)
+    def nezamabadi2017() -> Scheme:
+        """The method of Nezamabadi et al. (2017): new body grids at every step, contact at shared nodes without gap, walls as bodies."""
+        return Scheme(anchor=0.0, contact=shared_grid, moment_fitting=False, mean_dilatation=False)
 
 
 def averages_dilatation(scheme: Scheme, material: Elastic) -> bool:
     """Whether a material takes the mean dilatation of its points' cell: as the scheme says, or by Poisson's ratio."""
     if scheme.mean_dilatation is not None:
         return scheme.mean_dilatation
-    return poisson_ratio(material) > NEARLY_INCOMPRESSIBLE - ROUNDING
+    return poisson_ratio(material) > NEARLY_INCOMPRESSIBLE - NU_TOLERANCE

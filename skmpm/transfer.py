@@ -1,7 +1,7 @@
-"""Points to sheet and back. What differs between PIC, FLIP and APIC is what the points take back.
+"""Points to body grid and back. What differs between PIC, FLIP and APIC is what the points take back.
 
-A transfer is a function (sheets, before, after, v) -> (v, C): nodal velocities (2 nodes,) before and after the step
-[m/s] and the points' velocities (2, n) give the points' new velocities and affine field C (2, 2, n) [1/s].
+A transfer is a function (body grids, before, after, v) -> (v, C): nodal velocities (2 nodes,) before and after the
+step [m/s] and the points' velocities (2, n) give the points' new velocities and affine field C (2, 2, n) [1/s].
 """
 
 from __future__ import annotations
@@ -12,41 +12,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
-from skmpm.grid import Sheets
+from skmpm.grid import BodyGrids
 
 Array = NDArray[np.float64]
-Transfer = Callable[[Sheets, Array, Array, Array], tuple[Array, Array]]
+Transfer = Callable[[BodyGrids, Array, Array, Array], tuple[Array, Array]]
 
 
 def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
-    """Nodal velocities (2 nodes,) from the momenta of the points (seed, eq. 7), with their affine part.
+    """Nodal velocities (2 nodes,) from the momenta of the points (Nezamabadi et al. 2017, eq. 7), with their affine part.
 
     Jiang et al., ACM ToG 34 (2015), eq. 8: P_i = sum_p m_p N_ip (v_p + C_p (X_i - X_p)). `mass` (n,) [kg/m].
     """
-    sheets = assembly.sheets
-    momentum = sheets.interpolation.T @ (mass * v).T
+    grid = assembly.grid
+    momentum = grid.interpolation.T @ (mass * v).T
     if C.any():
-        for arm, column in zip(sheets.levers, C.swapaxes(0, 1), strict=True):
+        for arm, column in zip(grid.levers, C.swapaxes(0, 1), strict=True):
             momentum = momentum + arm.T @ (mass * column).T
     return np.asarray(momentum).ravel() / np.maximum(assembly.lumped, 1e-300)
 
 
-def pic(sheets: Sheets, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
+def pic(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
     """The points take the new nodal velocity: smooth, damps at a rate that depends on the time step."""
-    return sheets.at_points(after), np.zeros((2, 2, v.shape[1]))
+    return grid.at_points(after), np.zeros((2, 2, v.shape[1]))
 
 
-def flip(sheets: Sheets, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
+def flip(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
     """The points take the change of the nodal velocity: no damping, keeps what the nodes cannot see.
 
     Brackbill & Ruppel, J. Comput. Phys. 65 (1986).
     """
-    return v + sheets.at_points(after - before), np.zeros((2, 2, v.shape[1]))
+    return v + grid.at_points(after - before), np.zeros((2, 2, v.shape[1]))
 
 
-def apic(sheets: Sheets, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
+def apic(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
     """PIC with the gradient of the velocity kept at the points: keeps angular momentum.
 
     Jiang et al., ACM ToG 34 (2015); with Q1 functions their B D^-1 is the gradient of the nodal field.
     """
-    return sheets.at_points(after), sheets.gradient_at_points(after)
+    return grid.at_points(after), grid.gradient_at_points(after)

@@ -8,7 +8,7 @@ with mu~ = mu sqrt(W_tt / W_nn). Tangential rows that do not respond take the sc
 """
 
 from skmpm.coulomb.law import project, residual, residuals, row_scales
-from skmpm.coulomb.problem import Linear
+from skmpm.coulomb.problem import Bilateral
 from skmpm.coulomb.search import Info, solve
 
-__all__ = ["Info", "Linear", "project", "residual", "residuals", "row_scales", "solve"]
+__all__ = ["Bilateral", "Info", "project", "residual", "residuals", "row_scales", "solve"]

@@ -50,7 +50,7 @@ def natural(r: Array, u: Array, mu: Array) -> Array:
     return np.asarray(r - project(r - lifted, mu))
 
 
-def clamp(r: Array, mu: Array) -> Array:
+def clip_to_cone(r: Array, mu: Array) -> Array:
     """Pull r into the cones, normal first: r_n = max(r_n, 0), then |r_t| <= mu r_n."""
     r_n, r_t, mu = split(r, mu)
     r_n = np.maximum(r_n, 0.0)

@@ -18,19 +18,19 @@ def newton(p: Problem, x: Iterate, tol: float, limit: int, gain: float, shortest
     eigenvalue of W~, weighs the velocities when the contact states are read off r - gain u.
     """
     r, u, gain = x.r, x.u, gain * p.largest
-    stray, count, alpha = p.stray(r, u, gain), 0, 1.0
+    natural_residual, count, alpha = p.natural_residual(r, u, gain), 0, 1.0
     while count < limit and alpha >= shortest:
         d = _step(p, r, u, gain)
         d_u, count, alpha = p.W @ d, count + 1, 1.0
         while alpha >= shortest:
-            new = p.stray(r + alpha * d, u + alpha * d_u, gain)
-            if new < (1.0 - 1e-3 * alpha) * stray:
-                r, u, stray = r + alpha * d, u + alpha * d_u, new
+            new = p.natural_residual(r + alpha * d, u + alpha * d_u, gain)
+            if new < (1.0 - 1e-3 * alpha) * natural_residual:
+                r, u, natural_residual = r + alpha * d, u + alpha * d_u, new
                 break
             alpha *= 0.5
-        if stray < tol and (end := p.at(p.clamp(r))).error <= tol:
+        if natural_residual < tol and (end := p.at(p.clip_to_cone(r))).error <= tol:
             return end, count
-    return p.at(p.clamp(r)), count
+    return p.at(p.clip_to_cone(r)), count
 
 
 def _step(p: Problem, r: Array, u: Array, gain: float) -> Array:

@@ -22,7 +22,7 @@ from skmpm.coulomb.problem import Problem, is_sparse
 OPEN, STICK, PLUS, MINUS = range(4)  # the last two slip, r_t = +-mu r_n
 SIGN = np.array([0.0, 0.0, 1.0, -1.0])
 REGULAR = 1e-9  # added to diag(W~): pieces are unique where contacts are redundant, and impulses finite
-STEADY = 1e-12  # rates of inequalities, relative to the largest, that are round-off
+ZERO_RATE = 1e-12  # rates of inequalities, relative to the largest, that are round-off
 
 Ints = NDArray[np.int64]
 
@@ -40,8 +40,8 @@ class Vertex:
 def follow(p: Problem, seed: int, limit: int, work: float) -> tuple[Array | None, int, float]:
     """Follow a path to g = 0: the impulses, or None, the number of pieces, and the work left.
 
-    The directions e are one to one and a half, drawn with the seed. A piece costs m^3 + 8 n m of work, of n rows and
-    m unknowns; a path ends without impulses after `limit` pieces, or where the work is used up.
+    The directions e are one to one and a half, drawn with Nezamabadi et al. (2017). A piece costs m^3 + 8 n m of
+    work, of n rows and m unknowns; a path ends without impulses after `limit` pieces, or where the work is used up.
     """
     W = np.ascontiguousarray((p.W.toarray() if is_sparse(p.W) else p.W).T) + REGULAR * np.eye(p.q.size)
     e = np.zeros(p.q.size)
@@ -122,7 +122,7 @@ def _next(x: Vertex, r: Array, u: Array, mu: Array) -> Vertex | None:
     value, rate = np.moveaxis(_margins(x.state, r, u, mu), -1, 0)
     down = -1.0 if rate[x.leaving, x.contact] < 0.0 else 1.0
     rate = down * rate
-    falls = rate < -STEADY * np.abs(rate).max()
+    falls = rate < -ZERO_RATE * np.abs(rate).max()
     falls[x.leaving, x.contact] = False
     left = np.where(falls, np.maximum(value + down * x.gap * rate, 0.0) / np.where(falls, -rate, 1.0), np.inf)
     row, contact = divmod(int(np.argmin(left)), mu.size)

@@ -8,19 +8,19 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.coulomb.law import NEGLIGIBLE, Array, clamp, natural, root, row_scales, scaled_friction, split
+from skmpm.coulomb.law import NEGLIGIBLE, Array, clip_to_cone, natural, root, row_scales, scaled_friction, split
 
 Matrix: TypeAlias = Any  # dense or CSR, with @
 
 FLOOR = 1e-300  # a problem with |q~| below it is at rest
 DENSE = 200  # rows up to which dense algebra beats sparse bookkeeping
-SHIFT = 1e-6
-ROUNDING = 1e-14  # of entries of W~
+REGULARISATION = 1e-6
+ZERO_ENTRY = 1e-14  # of entries of W~
 HUGE = 1e200  # impulse that no cone contains
 
 
 @dataclass(frozen=True)
-class Linear:
+class Bilateral:
     """Unknowns s (m,) without a cone: coupling r + compliance s + q = 0, and u = W r + back s + q_contact."""
 
     coupling: Matrix  # (m, 2k) or (m, k)
@@ -55,19 +55,19 @@ class Problem:
     contacts: int  # rows; those that follow are linear
     largest: float  # bound of the largest eigenvalue of the contacts' W
     slide: Array | float = 0.0  # (m,) against the velocity of rows that do not respond: larger than any impulse
-    shift: float = SHIFT  # of the diagonal of a Newton step's matrix: keeps redundant contacts in hand
+    shift: float = REGULARISATION  # of the diagonal of a Newton step's matrix: keeps redundant contacts in hand
 
     @property
     def uncoupled(self) -> bool:
         """Whether W is diagonal: then r is `independent`."""
         entries = self.W.data if is_sparse(self.W) else self.W
-        responding = np.count_nonzero(np.abs(self.W.diagonal()) > ROUNDING)
-        return bool(np.count_nonzero(np.abs(entries) > ROUNDING) == responding)
+        responding = np.count_nonzero(np.abs(self.W.diagonal()) > ZERO_ENTRY)
+        return bool(np.count_nonzero(np.abs(entries) > ZERO_ENTRY) == responding)
 
     @property
     def independent(self) -> Array:
         """The impulses of contacts that do not act on each other: -q pulled into the cones."""
-        return self.clamp(self.slide - self.q)
+        return self.clip_to_cone(self.slide - self.q)
 
     def at(self, r: Array, u: Array | None = None) -> Iterate:
         """Return r with its velocities and its error."""
@@ -77,9 +77,9 @@ class Problem:
         error = float(np.linalg.norm(parts)) / self.reference
         return Iterate(r, u, error if np.isfinite(error) else np.inf)
 
-    def clamp(self, r: Array) -> Array:
+    def clip_to_cone(self, r: Array) -> Array:
         """Pull the contacts' impulses into their cones."""
-        return np.concatenate([clamp(r[: self.contacts], self.mu), r[self.contacts :]])
+        return np.concatenate([clip_to_cone(r[: self.contacts], self.mu), r[self.contacts :]])
 
     def pressed(self, push: float) -> Iterate:
         """The iterate with normal impulses of push |q~| on every contact."""
@@ -87,9 +87,9 @@ class Problem:
         normal[self.contacts :] = False
         return self.at(push * float(np.linalg.norm(self.q)) * normal)
 
-    def stray(self, r: Array, u: Array, gain: float) -> float:
+    def natural_residual(self, r: Array, u: Array, gain: float) -> float:
         """Alart & Curnier's natural map, whose zero Newton seeks; any gain > 0 has the same zeros."""
-        return float(np.linalg.norm(r - self.clamp(r - gain * u))) / self.reference
+        return float(np.linalg.norm(r - self.clip_to_cone(r - gain * u))) / self.reference
 
     def near(self, r: Array, weight: float) -> Problem:
         """The proximal problem at r: the same with velocities u + weight (r_new - r) of the contacts."""
@@ -138,7 +138,7 @@ def _slide(W: Matrix, q: Array, contacts: int, k: int) -> Array | float:
     largest = abs(W[rows]).max(axis=1)
     largest = largest.toarray().ravel() if is_sparse(W) else largest
     slide = np.zeros_like(q)
-    slide[rows] = np.where(largest < ROUNDING, -HUGE * np.sign(q[rows]), 0.0)
+    slide[rows] = np.where(largest < ZERO_ENTRY, -HUGE * np.sign(q[rows]), 0.0)
     return slide
 
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.coulomb.law import Array, clamp
+from skmpm.coulomb.law import Array, clip_to_cone
 from skmpm.coulomb.newton import newton
 from skmpm.coulomb.path import follow
-from skmpm.coulomb.problem import DENSE, Iterate, Linear, Matrix, Problem, is_sparse, scaled, unscaled
+from skmpm.coulomb.problem import DENSE, Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
 
-_NEAR = 0.05  # a start with a smaller residual goes to Newton after a few sweeps, which find most states ...
-_FEW = 15
-_EAGER = 0.2  # ... and back to sweeps if that needs a smaller part of a step than this
+_GOOD_START = 0.05  # a start with a smaller residual goes to Newton after a few sweeps, which find most states ...
+_FIRST_SWEEPS = 15
+_FIRST_SHORTEST = 0.2  # ... and back to sweeps if that needs a smaller part of a step than this
 _SHORTEST = 0.05  # smallest part of a Newton step
 _GAINS = 1 / 3, 1 / 6, 1.0, 3.0  # of the natural map, relative to the largest eigenvalue of W~
 _ROUNDS = 2  # of sweeps and Newton steps
@@ -26,7 +26,7 @@ _FIRST, _LEAST, _MOST = 1e-2, 1e-12, 1.0  # weights
 _DOWN, _UP = 0.1, 30.0  # the weight's factors where Newton solved the problem, and where it did not
 _SOLVED = 0.5  # share of the residual that must be gone
 _INNER = 30  # Newton steps for each, and gain
-_PATIENCE = 150  # Newton steps that must halve the residual
+_STALL_LIMIT = 150  # Newton steps that must halve the residual
 _PUSHES = 1.0, 10.0  # |q~| on every contact: where small problems start once more
 
 # Paths, the last resort. 300 random contacts of 20 bodies, friction 1 to 2: 200 to more than 10,000 pieces, six in
@@ -44,7 +44,7 @@ class Info:
     sweeps: int
     residual: float
     converged: bool
-    linear: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (m,) the further unknowns
+    bilateral: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (m,) the further unknowns
     pieces: int = 0  # of paths, the last resort
 
 
@@ -57,7 +57,7 @@ def solve(
     tol: float = 1e-6,
     sweeps: int = 80,
     iterations: int = 600,
-    linear: Linear | None = None,
+    bilateral: Bilateral | None = None,
     reference: float | None = None,
 ) -> tuple[Array, Info]:
     """Find r with u = W r + q such that every contact obeys Signorini and Coulomb; return (r, info).
@@ -95,23 +95,23 @@ def solve(
     contacts = q.size
     if not q.size:
         return np.zeros_like(q), Info(0, 0, 0.0, True)
-    if linear is not None:
-        W, q = linear.join(W, q)
+    if bilateral is not None:
+        W, q = bilateral.join(W, q)
         r0 = np.concatenate([r0, np.zeros(q.size - contacts)])
     with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
         problem, s = scaled(W, q, mu, contacts, reference)
-        start = problem.at(problem.independent if problem.uncoupled else problem.clamp(s * r0))
+        start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
         best, info = _search(problem, start, tol, sweeps, iterations)
         r = unscaled(best.r[:contacts], best.u[:contacts], problem.mu, s[:contacts], mu)
-        return r, replace(info, linear=best.r[contacts:] / s[contacts:])
+        return r, replace(info, bilateral=best.r[contacts:] / s[contacts:])
 
 
 def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> tuple[Iterate, Info]:
     """Newton steps from a good start, else after sweeps, and proximal problems where they stall."""
     best, steps, swept = start, 0, 0
-    if start.error < _NEAR or p.q.size <= DENSE or p.contacts < p.q.size:
-        swept = _FEW if p.q.size > DENSE and start.error > tol else 0
-        x, steps = _steps(p, _sweep(p, start, swept), tol, limit, _GAINS[:1], _EAGER)
+    if start.error < _GOOD_START or p.q.size <= DENSE or p.contacts < p.q.size:
+        swept = _FIRST_SWEEPS if p.q.size > DENSE and start.error > tol else 0
+        x, steps = _steps(p, _sweep(p, start, swept), tol, limit, _GAINS[:1], _FIRST_SHORTEST)
         best = _better(start, x)
     x = best
     for round_ in range(_ROUNDS):
@@ -124,7 +124,7 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> 
             x, count = _proximal(p, best if push is None else p.pressed(push), tol, limit - steps)
             best, steps = _better(best, x), steps + count
     pieces = 0
-    if best.error > tol and limit >= _PATIENCE and p.contacts == p.q.size <= _PATH_ROWS:
+    if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _PATH_ROWS:
         x, count, pieces = _paths(p, tol)
         best, steps = _better(best, x), steps + count
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
@@ -137,7 +137,7 @@ def _paths(p: Problem, tol: float) -> tuple[Iterate, int, int]:
         r, count, work = follow(p, seed, most * p.mu.size, work)
         pieces += count
         if r is not None:
-            return *_steps(p, p.at(r), tol, _PATIENCE, _GAINS, _SHORTEST), pieces
+            return *_steps(p, p.at(r), tol, _STALL_LIMIT, _GAINS, _SHORTEST), pieces
         if work < 0.0:
             break
     return p.at(np.zeros_like(p.q)), 0, pieces
@@ -168,7 +168,7 @@ def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, 
     """
     best, weight, steps = x, _FIRST, 0
     mark, marked = x.error, 0
-    while tol < best.error < np.inf and steps < limit and steps - marked < _PATIENCE:
+    while tol < best.error < np.inf and steps < limit and steps - marked < _STALL_LIMIT:
         near, wanted = p.near(x.r, weight), max(_SOLVED * x.error, 0.3 * tol)
         new, count = _steps(near, near.at(x.r), wanted, min(_INNER, limit - steps), _PROXIMAL_GAINS, _SHORTEST)
         solved, steps = new.error <= wanted, steps + max(count, 1)  # 0 at the limit of round-off
@@ -189,7 +189,7 @@ def _sweep(p: Problem, x: Iterate, sweeps: int) -> Iterate:
     r, u = y, u_y = x.r, x.u
     theta = 1.0
     for _ in range(sweeps):
-        r_new = np.concatenate([clamp((y - u_y / p.largest)[: p.contacts], p.mu), y[p.contacts :]])
+        r_new = np.concatenate([clip_to_cone((y - u_y / p.largest)[: p.contacts], p.mu), y[p.contacts :]])
         u_new = p.W @ r_new + p.q
         if (y - r_new) @ (r_new - r) > 0.0:
             theta = 1.0

@@ -12,10 +12,10 @@ in A, and in A only, keep each Newton iteration from sending it away: they carry
 """
 
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.implicit.failure import NotConverged
-from skmpm.implicit.increment import Increment
+from skmpm.implicit.contact_problem import ContactProblem, Timer
+from skmpm.implicit.errors import NotConverged
 from skmpm.implicit.newton import Solution
+from skmpm.implicit.residual import Increment
 from skmpm.implicit.statics import advance
-from skmpm.implicit.touching import Timer, Touching
 
-__all__ = ["Bulk", "Configuration", "Increment", "NotConverged", "Solution", "Timer", "Touching", "advance"]
+__all__ = ["Bulk", "Configuration", "ContactProblem", "Increment", "NotConverged", "Solution", "Timer", "advance"]

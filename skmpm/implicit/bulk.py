@@ -45,7 +45,7 @@ class Bulk:
 
     def at(self, displacement: Array) -> Configuration:
         """The configuration at a nodal displacement since anchoring (2 nodes,) [m]."""
-        F = self.assembly.sheets.gradient_at_points(displacement)
+        F = self.assembly.grid.gradient_at_points(displacement)
         F[0, 0] += 1.0
         F[1, 1] += 1.0
         return Configuration(displacement, F, self._mean_dilatation(F) if any(self.averaged) else None)
@@ -65,8 +65,8 @@ class Bulk:
         points = np.concatenate([np.arange(self.assembly.volume.size)[own] for own in chosen])
         if all(self.averaged):
             return points, slice(None)
-        within = np.zeros(self.assembly.sheets.cells, dtype=bool)
-        within[self.assembly.sheets.cell_of_point[points]] = True
+        within = np.zeros(self.assembly.grid.cells, dtype=bool)
+        within[self.assembly.grid.cell_of_point[points]] = True
         return points, np.flatnonzero(within)
 
     def _of_material(self, k: int, method: str, F: Array, dilatation: Array | None, **options: bool) -> Array:
@@ -114,9 +114,9 @@ class Bulk:
     def _bulk_stiffness(self, at: Configuration, projected: bool) -> tuple[Selection, Array]:
         """What mean dilatations add to the matrices of cells: which cells, and (their number, 64) [Pa]."""
         points, cells = self._averaged
-        modulus = np.zeros(self.assembly.sheets.cells)
+        modulus = np.zeros(self.assembly.grid.cells)
         tangent = self._evaluate_averaged("bulk_tangent", at.F, at.dilatation)
-        modulus[self.assembly.sheets.cell_of_point[points]] = np.maximum(tangent, 0.0) if projected else tangent
+        modulus[self.assembly.grid.cell_of_point[points]] = np.maximum(tangent, 0.0) if projected else tangent
         slope, (_, rest) = (self._evaluate_averaged(name, at.F) for name in ("volume_slope", "volumes"))
         return cells, self.assembly.mean_dilatation_stiffness(slope, modulus, rest, points, cells)
 

@@ -8,23 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.failure import NotConverged, indefinite, worst_body
-from skmpm.implicit.increment import DRIFT, Increment
-from skmpm.implicit.touching import Timer, Touching
+from skmpm.implicit.contact_problem import ContactProblem, Timer
+from skmpm.implicit.errors import NotConverged, indefinite, worst_body
+from skmpm.implicit.residual import DRIFT, Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
 
 Array = NDArray[np.float64]
 
 
-DEPTH = 15  # directions that acceleration remembers
-CAUTION = 0.5  # share of a direction that is gone once the iteration converges slowly
-HASTE = 8  # iterations with contacts; it takes three where all is well, and two shorter steps take less than many
-STUCK = 0.8  # share of the imbalance left by an iteration that tells of a contact about to snap
-FREE = 0.05  # the best rate to count on where nothing holds bodies
-PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
-SLOW = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
-FAR, NEAR = 20.0, 500.0  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
+ANDERSON_DEPTH = 15  # directions that acceleration remembers
+RELAXATION = 0.5  # share of a direction that is gone once the iteration converges slowly
+MAX_ITERATIONS_WITH_CONTACT = (
+    8  # iterations with contacts; it takes three where all is well, and two shorter steps take less than many
+)
+STALLED_RATE = 0.8  # share of the imbalance left by an iteration that tells of a contact about to snap
+LEAST_RATE = 0.05  # the best rate to count on where nothing holds bodies
+PULAY_PERIOD = 3  # then only every so many directions are accelerated: between them contacts settle
+SLOW_RATE = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
+REFACTORISE_ABOVE, REFACTORISE_AT_ONCE = (
+    20.0,
+    500.0,
+)  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,7 @@ class Solution:
     """A converged step."""
 
     w: Array  # (2 nodes,) [m/s]
-    touching: Touching | None
+    contact: ContactProblem | None
     newton: int
     factorised: int
     residual: float  # of the contact law at the end of the step
@@ -41,7 +46,7 @@ class Solution:
     solver: Solver | None  # of the last iteration
 
 
-def advance(step: Increment, touching: Touching | None, kept: Solver | None, timer: Timer) -> Solution:
+def advance(increment: Increment, contact: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
     """Solve one step from w = v0.
 
     Every iteration measures the gaps where the current w ends and solves the contacts against the linearised bulk.
@@ -55,67 +60,84 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
     NotConverged
         after these, or `max_newton`, iterations, or when the contact solver or the line search fails
     """
-    if touching is None:
-        _check_balance(step)
-    scheme, w, solver = step.scheme, _first(step), kept
-    at, projected, before, factorised = step.at(w), False, np.inf, 0
-    mixing, share, solved = Mixing(step.bulk.assembly.mass), 1.0, np.zeros_like(w)
-    limit = min(HASTE, scheme.max_newton) if touching and scheme.inertia else scheme.max_newton
+    if contact is None:
+        _check_balance(increment)
+    scheme, w, solver = increment.scheme, _initial_guess(increment), kept
+    at, projected, before, factorised = increment.at(w), False, np.inf, 0
+    mixing, share, solved = Mixing(increment.bulk.assembly.mass), 1.0, np.zeros_like(w)
+    limit = min(MAX_ITERATIONS_WITH_CONTACT, scheme.max_newton) if contact and scheme.inertia else scheme.max_newton
     for iteration in range(limit + 2):
-        gradient, size = step.gradient(w, at)
-        push, residual = touching.measure(w) if touching else (np.zeros_like(w), 0.0)
-        if touching:
-            size = max(size, float(np.linalg.norm(push)), touching.round_off / scheme.newton_tol)
-        imbalance = float(np.linalg.norm(step.unsupported(gradient - push))) / size if size > 0.0 else 0.0
-        exact = iteration == 1 and step.exact and touching is None
+        gradient, size = increment.gradient(w, at)
+        contact_impulse, residual = contact.measure(w) if contact else (np.zeros_like(w), 0.0)
+        if contact:
+            size = max(size, float(np.linalg.norm(contact_impulse)), contact.round_off / scheme.newton_tol)
+        imbalance = (
+            float(np.linalg.norm(increment.unsupported(gradient - contact_impulse))) / size if size > 0.0 else 0.0
+        )
+        exact = iteration == 1 and increment.exact and contact is None
         close = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
-        balanced = step.balanced(w, push, solved) if exact or close else None
+        balanced = increment.balanced(w, contact_impulse, solved) if exact or close else None
         if balanced is not None:
-            reaction = step.reaction(gradient - push)
-            return Solution(balanced, touching, iteration, factorised, residual, imbalance, reaction, solver)
+            reaction = increment.reaction(gradient - contact_impulse)
+            return Solution(balanced, contact, iteration, factorised, residual, imbalance, reaction, solver)
         if iteration >= limit + close:  # one full step more balances what is close
             break
-        slow, stuck = imbalance > SLOW * before, iteration > 2 and imbalance > STUCK * before
-        late = _late(step, touching, iteration, imbalance, before)
-        if solver is None or (late and not step.answer.linear):
+        slow, stuck = imbalance > SLOW_RATE * before, iteration > 2 and imbalance > STALLED_RATE * before
+        late = _refactorisation_due(increment, contact, iteration, imbalance, before)
+        if solver is None or (late and not increment.material_response.linear):
             solver = None  # the factors of two matrices need not be in memory at once
-            if touching:
-                touching.response = None
-            touches = touching is not None and touching.rows.size > 0
-            solver, projected = _factorised(step, at, projected and imbalance > 0.01, touches)
+            if contact:
+                contact.delassus = None
+            touches = contact is not None and contact.constraints.size > 0
+            solver, projected = _factorised(increment, at, projected and imbalance > 0.01, touches)
             factorised += 1
             timer.lap("factorisation")
-        share = CAUTION if touching and stuck else share
-        if touching and touching.settled is None and (touching.lost > 0 or stuck):
-            touching.settled, mixing, share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
+        share = RELAXATION if contact and stuck else share
+        if contact and contact.frozen is None and (contact.rejected > 0 or stuck):
+            contact.frozen, mixing, share = contact.constraints, Mixing(increment.bulk.assembly.mass), 1.0
         before = imbalance
-        if touching:
-            direction, push = touching.solve(solver, gradient)
+        if contact:
+            direction, contact_impulse = contact.solve(solver, gradient)
         else:
             direction = -solver(gradient)
-        mixed, solved = mixing.mixed(w, direction, 1.0 if close else share, wanted=slow and not close), push
-        w, at = _move(step, w, at, direction, mixed, gradient - push, push)
+        mixed, solved = (
+            mixing.mixed(w, direction, 1.0 if close else share, wanted=slow and not close),
+            contact_impulse,
+        )
+        w, at = _advanced(increment, w, at, direction, mixed, gradient - contact_impulse, contact_impulse)
         timer.lap("bulk")
-    unmet = _unmet(step, touching, gradient - push, imbalance, residual, step.drift(w, push, solved))
-    raise _stopped(limit, unmet)
+    unmet = _unmet(
+        increment,
+        contact,
+        gradient - contact_impulse,
+        imbalance,
+        residual,
+        increment.drift(w, contact_impulse, solved),
+    )
+    raise _not_converged(limit, unmet)
 
 
-def _stopped(limit: int, unmet: list[tuple[str, str]]) -> NotConverged:
+def _not_converged(limit: int, unmet: list[tuple[str, str]]) -> NotConverged:
     """The failure after so many iterations, with the criteria that are not met."""
     what = ", ".join(f"{problem} at {place}" for place, problem in unmet)
     return NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {what}")
 
 
 def _unmet(
-    step: Increment, touching: Touching | None, momentum: Array, imbalance: float, residual: float, drift: Array
+    increment: Increment,
+    contact: ContactProblem | None,
+    momentum: Array,
+    imbalance: float,
+    residual: float,
+    drift: Array,
 ) -> list[tuple[str, str]]:
     """The criteria of convergence that are not met, where and by how much; `momentum` (2 nodes,) is missing."""
-    scheme, sheets, unmet = step.scheme, step.bulk.assembly.sheets, []
+    scheme, grid, unmet = increment.scheme, increment.bulk.assembly.grid, []
     if not imbalance <= scheme.newton_tol:
         size = f"momentum imbalance {imbalance:.2g} (wanted {scheme.newton_tol:g})"
-        unmet.append((worst_body(sheets, step.unsupported(momentum)), size))
-    if touching is not None and not residual <= scheme.gap_tol:
-        unmet.append((touching.worst_pair(), f"contact residual {residual:.2g} (wanted {scheme.gap_tol:g})"))
+        unmet.append((worst_body(grid, increment.unsupported(momentum)), size))
+    if contact is not None and not residual <= scheme.gap_tol:
+        unmet.append((contact.worst_pair(), f"contact residual {residual:.2g} (wanted {scheme.gap_tol:g})"))
     if not drift.max() <= DRIFT:
         b = int(np.argmax(drift))
         size = f"momentum that would move it by {drift[b]:.2g} cells (wanted {DRIFT:g}) missing"
@@ -123,80 +145,86 @@ def _unmet(
     return unmet
 
 
-def _late(step: Increment, touching: Touching | None, iteration: int, imbalance: float, before: float) -> bool:
+def _refactorisation_due(
+    increment: Increment, contact: ContactProblem | None, iteration: int, imbalance: float, before: float
+) -> bool:
     """Whether a new matrix is due: the last one would take more than one iteration more, by what it did in this one.
 
     Contacts without friction let bodies turn, and without inertia they move more: matrices age faster. Otherwise
     the first iteration, which finds the contacts, says little of the next.
     """
-    tol = step.scheme.newton_tol
+    tol = increment.scheme.newton_tol
     if iteration == 0:
         return True
-    if imbalance <= FAR * tol:
+    if imbalance <= REFACTORISE_ABOVE * tol:
         return False
-    slides = touching is not None and touching.rows.size > 0 and not touching.rows.tangential
-    held = step.scheme.inertia and not slides
-    if iteration == 1 and held and imbalance > NEAR * tol:
-        return imbalance > SLOW * before
-    rate = max(imbalance / max(before, 1e-300), 0.0 if held else FREE)
-    return rate > SLOW or imbalance * rate > tol
+    slides = contact is not None and contact.constraints.size > 0 and not contact.constraints.tangential
+    held = increment.scheme.inertia and not slides
+    if iteration == 1 and held and imbalance > REFACTORISE_AT_ONCE * tol:
+        return imbalance > SLOW_RATE * before
+    rate = max(imbalance / max(before, 1e-300), 0.0 if held else LEAST_RATE)
+    return rate > SLOW_RATE or imbalance * rate > tol
 
 
-def _first(step: Increment) -> Array:
+def _initial_guess(increment: Increment) -> Array:
     """The velocity to start from, if it turns no point inside out; else what a linear solid would do from rest."""
-    w = step.first()
-    if step.answer.linear or np.isfinite(step.energy(w, step.at(w))):
+    w = increment.first()
+    if increment.material_response.linear or np.isfinite(increment.energy(w, increment.at(w))):
         return w
     still = np.zeros_like(w)
-    at = step.at(still)
-    gradient, _ = step.gradient(still, at)
-    told = step.told_alone()
-    linear = told - step.factorised(at, projected=True)(gradient + step.matrix(at, projected=True) @ told)
-    if np.isfinite(step.energy(linear, step.at(linear))):
+    at = increment.at(still)
+    gradient, _ = increment.gradient(still, at)
+    prescribed = increment.prescribed_alone()
+    linear = prescribed - increment.factorised(at, projected=True)(
+        gradient + increment.matrix(at, projected=True) @ prescribed
+    )
+    if np.isfinite(increment.energy(linear, increment.at(linear))):
         return np.asarray(linear)
-    if step.supports is None:
+    if increment.supports is None:
         return still
-    sheets, worst = step.bulk.assembly.sheets, int(np.argmin(determinant(step.at(linear).F)))
-    b = int(sheets.cell_body[sheets.cell_of_point[worst]])
+    grid, worst = increment.bulk.assembly.grid, int(np.argmin(determinant(increment.at(linear).F)))
+    b = int(grid.cell_body[grid.cell_of_point[worst]])
     raise NotConverged(f"body {b}", "the supports move so far in one step that points turn inside out")
 
 
-def _check_balance(step: Increment) -> None:
+def _check_balance(increment: Increment) -> None:
     """Raise NotConverged where loads would send a body away for ever that neither inertia nor anything else holds."""
-    if not step.floats.any():
+    if not increment.floats.any():
         return
-    sheets, motions = step.bulk.assembly.sheets, step.bulk.assembly.sheets.rigid_motions()
-    stopped = np.zeros_like(motions) if step.supports is None else motions - step.supports.T @ motions
-    for b in np.flatnonzero(step.floats).tolist():
-        own = slice(sheets.blocks[b], sheets.blocks[b + 1])
+    grid, motions = increment.bulk.assembly.grid, increment.bulk.assembly.grid.rigid_motions()
+    stopped = np.zeros_like(motions) if increment.supports is None else motions - increment.supports.T @ motions
+    for b in np.flatnonzero(increment.floats).tolist():
+        own = slice(grid.blocks[b], grid.blocks[b + 1])
         free = _null_space(stopped[own])
-        size, net = np.abs(step.force[own]).sum(), step.force[own] @ motions[own]
+        size, net = np.abs(increment.force[own]).sum(), increment.force[own] @ motions[own]
         if np.abs(free.T @ net).max(initial=0.0) > 1e-6 * size * np.sqrt(own.stop - own.start):
             raise NotConverged(
                 f"body {b}",
                 f"it is held by nothing along its loads, which do not balance: net {net[0]:.3g}, {net[1]:.3g} N/m",
                 "add a Support or a wall, or use inertia",
-                curable=False,
+                retryable=False,
             )
 
 
-def _null_space(rows: Array) -> Array:
+def _null_space(constraints: Array) -> Array:
     """An orthonormal basis (3, k) of the rigid motions that rows (m, 3) leave free."""
-    values, vectors = np.linalg.eigh(rows.T @ rows)
+    values, vectors = np.linalg.eigh(constraints.T @ constraints)
     return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
 
 
-def _factorised(step: Increment, at: Configuration, projected: bool, touches: bool = False) -> tuple[Solver, bool]:
+def _factorised(
+    increment: Increment, at: Configuration, projected: bool, touches: bool = False
+) -> tuple[Solver, bool]:
     """A solver for the exact A if that is positive definite, else for the projected one, and which it was."""
     if not projected:
         try:
-            return step.factorised(at, projected=False, touches=touches), False
+            return increment.factorised(at, projected=False, touches=touches), False
         except np.linalg.LinAlgError:
             pass
     try:
-        return step.factorised(at, projected=True), True
+        return increment.factorised(at, projected=True), True
     except np.linalg.LinAlgError as error:
-        raise indefinite(step.bulk.assembly.sheets, error) from error
+        raise indefinite(increment.bulk.assembly.grid, error) from error
 
 
 @dataclass
@@ -204,7 +232,7 @@ class Mixing:
     """Anderson acceleration of w -> w + direction(w) (Walker & Ni, SIAM J. Numer. Anal. 49, 2011)."""
 
     mass: Array  # (n,) weighs the directions
-    depth: int = DEPTH
+    depth: int = ANDERSON_DEPTH
     count: int = 0  # of directions so far
     points: list[Array] = field(default_factory=list)
     directions: list[Array] = field(default_factory=list)
@@ -222,7 +250,7 @@ class Mixing:
         self.count += 1
         if len(self.points) == 1 or not wanted:
             return direction
-        if share < 1.0 and self.count % PERIOD:
+        if share < 1.0 and self.count % PULAY_PERIOD:
             return share * direction
         dw = np.stack([w - p for p in self.points[:-1]], axis=1)
         df = np.stack([direction - d for d in self.directions[:-1]], axis=1)
@@ -231,52 +259,54 @@ class Mixing:
         return np.asarray(share * (direction - df @ weights) - dw @ weights)
 
 
-def _move(
-    step: Increment,
+def _advanced(
+    increment: Increment,
     w: Array,
     at: Configuration,
     direction: Array,
     mixed: Array,
     slope: Array,
-    push: Array,
+    contact_impulse: Array,
 ) -> tuple[Array, Configuration]:
     """To the next w: the accelerated step where it is admissible, else a line search along the Newton direction."""
-    if step.answer.linear:
-        return w + mixed, step.at(w + mixed)
+    if increment.material_response.linear:
+        return w + mixed, increment.at(w + mixed)
     if mixed is not direction:
-        there = step.at(w + mixed)
+        there = increment.at(w + mixed)
         # Without contact the potential must go down; with it, it is another one in every iteration.
         limit = float(np.finfo(float).max)
-        if not push.any():
-            energy = step.energy(w, at)
-            limit = energy + _noise(step, w, at, direction, abs(energy))
-        if step.energy(w + mixed, there) <= limit:
+        if not contact_impulse.any():
+            energy = increment.energy(w, at)
+            limit = energy + _noise(increment, w, at, direction, abs(energy))
+        if increment.energy(w + mixed, there) <= limit:
             return w + mixed, there
-    return _search(step, w, at, direction, slope, push)
+    return _backtracked(increment, w, at, direction, slope, contact_impulse)
 
 
-def _noise(step: Increment, w: Array, at: Configuration, direction: Array, size: float) -> float:
+def _noise(increment: Increment, w: Array, at: Configuration, direction: Array, size: float) -> float:
     """How far the potential, of terms of this size, is known [J/m]."""
-    materials = 20.0 * float(np.finfo(float).eps) * step.bulk.modulus * float(step.bulk.assembly.volume.sum())
-    return 1e-13 * size + materials + step.round_off(w, at) * float(np.linalg.norm(direction))
+    materials = (
+        20.0 * float(np.finfo(float).eps) * increment.bulk.modulus * float(increment.bulk.assembly.volume.sum())
+    )
+    return 1e-13 * size + materials + increment.round_off(w, at) * float(np.linalg.norm(direction))
 
 
-def _search(
-    step: Increment, w: Array, at: Configuration, direction: Array, slope: Array, push: Array
+def _backtracked(
+    increment: Increment, w: Array, at: Configuration, direction: Array, slope: Array, contact_impulse: Array
 ) -> tuple[Array, Configuration]:
     """Backtrack from the full Newton step until the potential less the work of `push` goes down."""
     decrease = float(slope @ direction)
-    start = step.energy(w, at) - float(push @ w)
-    noise = _noise(step, w, at, direction, abs(start) + abs(float(push @ w)))
+    start = increment.energy(w, at) - float(contact_impulse @ w)
+    noise = _noise(increment, w, at, direction, abs(start) + abs(float(contact_impulse @ w)))
     length = 1.0
     while length > 1e-6:
         trial = w + length * direction
-        there = step.at(trial)
-        merit = step.energy(trial, there) - float(push @ trial)
+        there = increment.at(trial)
+        merit = increment.energy(trial, there) - float(contact_impulse @ trial)
         if merit <= start + 1e-4 * length * decrease + noise:
             return trial, there
         length *= 0.5
     raise NotConverged(
-        worst_body(step.bulk.assembly.sheets, slope),
+        worst_body(increment.bulk.assembly.grid, slope),
         "the line search found no step that keeps the points the right way out",
     )

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from skmpm.implicit import newton
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.failure import NotConverged
+from skmpm.implicit.contact_problem import ContactProblem, Timer
+from skmpm.implicit.errors import NotConverged
 from skmpm.implicit.floating import (
     NEGLIGIBLE,
     Floating,
@@ -30,18 +31,19 @@ from skmpm.implicit.floating import (
     near,
     negligible,
 )
-from skmpm.implicit.increment import Increment
-from skmpm.implicit.newton import CAUTION, SLOW, STUCK, Mixing, Solution
-from skmpm.implicit.touching import Timer, Touching
+from skmpm.implicit.newton import RELAXATION, SLOW_RATE, STALLED_RATE, Mixing, Solution
+from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
 
-FIRM = 1.0  # of its shear modulus: the drag that holds a body; tips that rest on each other push it away with 0.4
-LEFT = 0.3  # by which an anchor lessens what is not neutral, for bodies as stiff as their drag
-CLOSELY = 0.1  # of the drag that is there, to which the solution is found before the anchor follows
-PATIENT = 8  # iterations for an anchor before contact normals are kept
-SHIFT = 0.1  # [cells] that the acceleration moves an anchor
+DRAG_SHARE = (
+    1.0  # of its shear modulus: the drag that holds a body; tips that rest on each other push it away with 0.4
+)
+ANCHOR_RATE = 0.3  # by which an anchor lessens what is not neutral, for bodies as stiff as their drag
+ANCHOR_TOLERANCE = 0.1  # of the drag that is there, to which the solution is found before the anchor follows
+ITERATIONS_PER_ANCHOR = 8  # iterations for an anchor before contact normals are kept
+MAX_ANCHOR_SHIFT = 0.1  # [cells] that the acceleration moves an anchor
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Balance:
 
     iteration: int
     gradient: Array  # (2 nodes,) with the drag
-    push: Array  # (2 nodes,) of contacts
+    contact_impulse: Array  # (2 nodes,) of contacts
     residual: float  # of the contact law
     size: float  # of the largest term
     imbalance: float  # over that, with the drag
@@ -61,8 +63,8 @@ class Balance:
 class Search:
     """Where the iteration stands."""
 
-    step: Increment
-    touching: Touching
+    increment: Increment
+    contact: ContactProblem
     bodies: Floating
     w: Array
     at: Configuration
@@ -77,7 +79,7 @@ class Search:
     anchors: int = 0
 
 
-def advance(step: Increment, touching: Touching | None, kept: Solver | None, timer: Timer) -> Solution:
+def advance(increment: Increment, contact: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
     """Solve one step; `newton.advance` but where only contact holds bodies of a quasi-static step.
 
     Raises
@@ -86,134 +88,150 @@ def advance(step: Increment, touching: Touching | None, kept: Solver | None, tim
         where there is no equilibrium, which is found out before the first iteration as far as contacts can tell, or
         none is found
     """
-    if touching is None or not step.floats.any():
-        return newton.advance(step, touching, kept, timer)
-    bodies = floating(step, touching)
-    first = landed(step, touching, bodies)
+    if contact is None or not increment.floats.any():
+        return newton.advance(increment, contact, kept, timer)
+    bodies = floating(increment, contact)
+    first = landed(increment, contact, bodies)
     try:
-        return _settled(step, touching, bodies, newton._first(step) if first is None else first, kept, timer)
+        return _newton(
+            increment, contact, bodies, newton._initial_guess(increment) if first is None else first, kept, timer
+        )
     except NotConverged as error:
-        raise explained(step, touching, bodies, error) from error
+        raise explained(increment, contact, bodies, error) from error
 
 
-def _settled(
-    step: Increment, touching: Touching, bodies: Floating, w: Array, kept: Solver | None, timer: Timer
+def _newton(
+    increment: Increment, contact: ContactProblem, bodies: Floating, w: Array, kept: Solver | None, timer: Timer
 ) -> Solution:
     """Newton from w."""
-    mass = step.bulk.assembly.mass
-    search = Search(step, touching, bodies, w, step.at(w), kept, Mixing(mass), Mixing(mass))
-    for iteration in range(step.scheme.max_newton + 1):
+    mass = increment.bulk.assembly.mass
+    search = Search(increment, contact, bodies, w, increment.at(w), kept, Mixing(mass), Mixing(mass))
+    for iteration in range(increment.scheme.max_newton + 1):
         now = _measured(search, iteration)
-        check_near(step, bodies, search.w)
+        check_near(increment, bodies, search.w)
         if _balanced(search, now):
             return _solution(search, now)
         _iterate(search, _anchored(search, now), timer)
-    missing, still = now.gradient - now.push, np.zeros(step.bulk.assembly.sheets.bodies)
-    unmet = newton._unmet(step, touching, missing, now.true, now.residual, still)
-    raise newton._stopped(step.scheme.max_newton, unmet)
+    missing, still = now.gradient - now.contact_impulse, np.zeros(increment.bulk.assembly.grid.bodies)
+    unmet = newton._unmet(increment, contact, missing, now.true, now.residual, still)
+    raise newton._not_converged(increment.scheme.max_newton, unmet)
 
 
 def _measured(search: Search, iteration: int) -> Balance:
     """The balance at w with the impulses known so far."""
-    step, touching = search.step, search.touching
-    gradient, size = step.gradient(search.w, search.at)
-    push, residual = touching.measure(search.w)
-    size = max(size, float(np.linalg.norm(push)), touching.round_off / step.scheme.newton_tol)
-    return _balance(step, search.w, iteration, gradient, push, residual, size)
+    increment, contact = search.increment, search.contact
+    gradient, size = increment.gradient(search.w, search.at)
+    contact_impulse, residual = contact.measure(search.w)
+    size = max(size, float(np.linalg.norm(contact_impulse)), contact.round_off / increment.scheme.newton_tol)
+    return _balance(increment, search.w, iteration, gradient, contact_impulse, residual, size)
 
 
 def _balance(
-    step: Increment, w: Array, iteration: int, gradient: Array, push: Array, residual: float, size: float
+    increment: Increment,
+    w: Array,
+    iteration: int,
+    gradient: Array,
+    contact_impulse: Array,
+    residual: float,
+    size: float,
 ) -> Balance:
-    drag = step.mass * (w - step.rest)
-    left = (float(np.linalg.norm(step.unsupported(e - push))) for e in (gradient, gradient - drag))
-    return Balance(iteration, gradient, push, residual, size, *(e / size if size > 0.0 else 0.0 for e in left))
+    drag = increment.mass * (w - increment.rest)
+    left = (float(np.linalg.norm(increment.unsupported(e - contact_impulse))) for e in (gradient, gradient - drag))
+    return Balance(
+        iteration, gradient, contact_impulse, residual, size, *(e / size if size > 0.0 else 0.0 for e in left)
+    )
 
 
 def _balanced(search: Search, now: Balance) -> bool:
     """Whether forces balance but for what is neutral and small, and contacts obey their law."""
-    tol = search.step.scheme.newton_tol
-    if now.iteration == 0 or now.residual > search.step.scheme.gap_tol:
+    tol = search.increment.scheme.newton_tol
+    if now.iteration == 0 or now.residual > search.increment.scheme.gap_tol:
         return False
     return now.true <= tol or (now.imbalance <= tol and _held(search))
 
 
 def _held(search: Search) -> bool:
     """Whether what the drag bears is neutral and small; anchors have followed until all else has vanished."""
-    if search.step.held is None:
+    if search.increment.held is None:
         return False
-    wanted = np.log(search.step.scheme.newton_tol / NEGLIGIBLE) / np.log(LEFT)
-    return bool(search.anchors >= wanted and _small(search, search.step.mass * (search.w - search.step.rest)))
+    wanted = np.log(search.increment.scheme.newton_tol / NEGLIGIBLE) / np.log(ANCHOR_RATE)
+    return bool(
+        search.anchors >= wanted and _small(search, search.increment.mass * (search.w - search.increment.rest))
+    )
 
 
 def _small(search: Search, imbalance: Array) -> bool:
     """Whether what an imbalance (2 nodes,) has along rigid motions is a small share of the forces on every body."""
-    return negligible(search.step, search.touching, search.bodies, search.bodies.motions.T @ imbalance)
+    return negligible(search.increment, search.contact, search.bodies, search.bodies.motions.T @ imbalance)
 
 
 def _solution(search: Search, now: Balance) -> Solution:
     """The solution that the search has found; factors with a drag are not those of another step."""
-    step, w = search.step, search.w
-    reaction = step.reaction(now.gradient - step.mass * (w - step.rest) - now.push)
-    solver = search.solver if step.held is None else None
-    return Solution(w, search.touching, now.iteration, search.factorised, now.residual, now.true, reaction, solver)
+    increment, w = search.increment, search.w
+    reaction = increment.reaction(now.gradient - increment.mass * (w - increment.rest) - now.contact_impulse)
+    solver = search.solver if increment.held is None else None
+    return Solution(w, search.contact, now.iteration, search.factorised, now.residual, now.true, reaction, solver)
 
 
 def _anchored(search: Search, now: Balance) -> Balance:
     """The balance once the drag, where motions are neutral, is set or its anchor has followed the solution."""
-    step, touching = search.step, search.touching
-    if step.held is not None:
-        tol = step.scheme.newton_tol
-        there = now.imbalance <= max(tol, CLOSELY * now.true) and not (now.true <= tol or _held(search))
+    increment, contact = search.increment, search.contact
+    if increment.held is not None:
+        tol = increment.scheme.newton_tol
+        there = now.imbalance <= max(tol, ANCHOR_TOLERANCE * now.true) and not (now.true <= tol or _held(search))
         return _followed(search, now) if there and now.iteration > search.began else now
-    slow = now.iteration > 2 and now.imbalance > SLOW * search.before
-    stays = slow and (now.imbalance < search.before or touching.lost > 0)
-    if stays and _small(search, now.gradient - now.push):
-        search.solver = touching.response = touching.settled = None
-        touching.lost = 0
+    slow = now.iteration > 2 and now.imbalance > SLOW_RATE * search.before
+    stays = slow and (now.imbalance < search.before or contact.rejected > 0)
+    if stays and _small(search, now.gradient - now.contact_impulse):
+        search.solver = contact.delassus = contact.frozen = None
+        contact.rejected = 0
         return _renewed(search, now, search.w)
     return now
 
 
 def _renewed(search: Search, now: Balance, anchor: Array) -> Balance:
     """The balance with a drag and its new anchor, for which the acceleration starts again."""
-    search.step = search.step.holding(anchor, FIRM)
-    search.mixing, search.share = Mixing(search.step.bulk.assembly.mass), 1.0
+    search.increment = search.increment.holding(anchor, DRAG_SHARE)
+    search.mixing, search.share = Mixing(search.increment.bulk.assembly.mass), 1.0
     search.before, search.began = np.inf, now.iteration
-    gradient, _ = search.step.gradient(search.w, search.at)
-    return _balance(search.step, search.w, now.iteration, gradient, now.push, now.residual, now.size)
+    gradient, _ = search.increment.gradient(search.w, search.at)
+    return _balance(search.increment, search.w, now.iteration, gradient, now.contact_impulse, now.residual, now.size)
 
 
 def _followed(search: Search, now: Balance) -> Balance:
     """The balance once the anchor has moved to w, or to where forces that are left seem to vanish."""
-    step, w = search.step, search.w
+    increment, w = search.increment, search.w
     search.anchors += 1
-    moved, small = w - step.rest, _small(search, step.mass * (w - step.rest))
+    moved, small = w - increment.rest, _small(search, increment.mass * (w - increment.rest))
     wanted = search.anchors > 2 and not small
-    mixed = search.anchoring.mixed(step.rest, moved, 1.0, wanted=wanted)
-    return _renewed(search, now, w + near(step, search.bodies, w, mixed - moved, SHIFT) if wanted else w)
+    mixed = search.anchoring.mixed(increment.rest, moved, 1.0, wanted=wanted)
+    return _renewed(
+        search, now, w + near(increment, search.bodies, w, mixed - moved, MAX_ANCHOR_SHIFT) if wanted else w
+    )
 
 
 def _iterate(search: Search, now: Balance, timer: Timer) -> None:
     """One Newton iteration."""
-    step, touching = search.step, search.touching
-    slow, late = now.imbalance > SLOW * search.before, now.imbalance > STUCK * search.before
-    stuck = late and now.iteration > search.began + (2 if step.held is None else PATIENT)
-    aged = newton._late(step, touching, now.iteration, now.imbalance, search.before)
-    if search.solver is None or (aged and not step.answer.linear):
-        search.solver = touching.response = None
+    increment, contact = search.increment, search.contact
+    slow, late = now.imbalance > SLOW_RATE * search.before, now.imbalance > STALLED_RATE * search.before
+    stuck = late and now.iteration > search.began + (2 if increment.held is None else ITERATIONS_PER_ANCHOR)
+    aged = newton._refactorisation_due(increment, contact, now.iteration, now.imbalance, search.before)
+    if search.solver is None or (aged and not increment.material_response.linear):
+        search.solver = contact.delassus = None
         search.solver, search.projected = newton._factorised(
-            step, search.at, search.projected and now.imbalance > 0.01
+            increment, search.at, search.projected and now.imbalance > 0.01
         )
         search.factorised += 1
         timer.lap("factorisation")
-    search.share = CAUTION if stuck else search.share
-    if touching.settled is None and (touching.lost > 0 or stuck):
-        touching.settled, search.mixing, search.share = touching.rows, Mixing(step.bulk.assembly.mass), 1.0
-    search.before = np.inf if step.held is not None and now.iteration == search.began else now.imbalance
-    direction, push = touching.solve(search.solver, now.gradient)
+    search.share = RELAXATION if stuck else search.share
+    if contact.frozen is None and (contact.rejected > 0 or stuck):
+        contact.frozen, search.mixing, search.share = contact.constraints, Mixing(increment.bulk.assembly.mass), 1.0
+    search.before = np.inf if increment.held is not None and now.iteration == search.began else now.imbalance
+    direction, contact_impulse = contact.solve(search.solver, now.gradient)
     mixed = search.mixing.mixed(search.w, direction, search.share, wanted=slow)
-    whole, direction = mixed is direction, near(step, search.bodies, search.w, direction)
-    mixed = direction if whole else near(step, search.bodies, search.w, mixed)
-    search.w, search.at = newton._move(step, search.w, search.at, direction, mixed, now.gradient - push, push)
+    whole, direction = mixed is direction, near(increment, search.bodies, search.w, direction)
+    mixed = direction if whole else near(increment, search.bodies, search.w, mixed)
+    search.w, search.at = newton._advanced(
+        increment, search.w, search.at, direction, mixed, now.gradient - contact_impulse, contact_impulse
+    )
     timer.lap("bulk")

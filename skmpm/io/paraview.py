@@ -31,7 +31,7 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
 
     The file is readable after every `write`, also while the run goes on (who reads in the middle of a write reads
     again) and after it is killed. It holds one
-    vertex per material point, a polygon through the rim of every body (lines, if the body has holes), and at
+    vertex per material point, a polygon through the boundary of every body (lines, if the body has holes), and at
     the points
 
     - velocity (3) [m/s], z = 0
@@ -39,7 +39,7 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     - pressure [Pa], -(xx + yy)/2, compression positive
     - volume [m2], det_F, and body (integer)
 
-    Positions are doubles, the fields singles. Polygons take their colours from the rim points alone.
+    Positions are doubles, the fields singles. Polygons take their colours from the boundary points alone.
 
     Parameters
     ----------

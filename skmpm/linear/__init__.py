@@ -7,10 +7,10 @@ Each solver is a function (A, blocks, rigid_motions) -> solve; `solve(b)` return
 
 from skmpm.linear.band import Banded, banded
 from skmpm.linear.choice import CROSSOVER, default
+from skmpm.linear.delassus import Delassus
 from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
-from skmpm.linear.response import Response
 from skmpm.linear.rotation import HeldRotation
 from skmpm.linear.solver import Linear, Solver, half_bandwidth
 from skmpm.linear.threads import one_thread
@@ -19,11 +19,11 @@ __all__ = [
     "CROSSOVER",
     "Amg",
     "Banded",
+    "Delassus",
     "Diagonal",
     "Direct",
     "HeldRotation",
     "Linear",
-    "Response",
     "Solver",
     "amg",
     "banded",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.linalg.blas import dtrmm, dtrsm
 
-from skmpm.linear.compliance import by_body
+from skmpm.linear.blockwise import by_body
 from skmpm.linear.solver import Solver, half_bandwidth
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ class Banded:
         """A^-1 b."""
         return np.asarray(cho_solve_banded((self.factor, True), b, check_finite=False))
 
-    def compliance(self, H: sp.csr_array) -> sp.csr_array:
+    def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """H A^-1 H' = sum over bodies of Z'Z, Z = L^-1 H_b'."""
         return by_body(self.blocks, H, self._squares)
 

@@ -25,7 +25,7 @@ class Diagonal:
         """A^-1 b, for b (n,) or (n, m)."""
         return np.asarray((self.inverse * b.T).T)
 
-    def compliance(self, H: sp.csr_array) -> sp.csr_array:
+    def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """H A^-1 H'."""
         return sp.csr_array(H @ sp.diags_array(self.inverse) @ H.T)
 

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from skmpm.linear.compliance import by_columns
+from skmpm.linear.blockwise import by_columns
 from skmpm.linear.solver import Solver
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ class Direct:
         """A^-1 b."""
         return np.asarray(self.factor.solve(b))
 
-    def compliance(self, H: sp.csr_array) -> sp.csr_array:
+    def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """H A^-1 H'."""
         return by_columns(self, self.blocks, H)
 

@@ -15,7 +15,7 @@ from pyamg.relaxation.smoothing import change_smoothers
 from pyamg.strength import symmetric_strength_of_connection
 from pyamg.util.utils import get_block_diag
 
-from skmpm.linear.compliance import by_columns
+from skmpm.linear.blockwise import by_columns
 from skmpm.linear.solver import Solver
 from skmpm.linear.threads import one_thread
 
@@ -64,7 +64,7 @@ class Amg:
             )
         return np.asarray(x)
 
-    def compliance(self, H: sp.csr_array) -> sp.csr_array:
+    def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """H A^-1 H', as many solves as the body with most contacts has rows."""
         return by_columns(self, self.blocks, H)
 

@@ -49,9 +49,9 @@ class HeldRotation:
         moved = self._mobility[:, None] * (self._members @ b.reshape(self.body.size, -1))
         return np.asarray(self.solver(b) + moved[self.body].reshape(b.shape))
 
-    def compliance(self, H: sp.csr_array) -> sp.csr_array:
+    def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """H A^-1 H' for rows H that touch one body each; dense within a body."""
-        own = sp.csr_array(self.solver.compliance(H))
+        own = sp.csr_array(self.solver.delassus(H))
         translated = np.stack([H[:, k::2].sum(axis=1) for k in (0, 1)], axis=1)
         owner = np.zeros(H.shape[0], dtype=np.int64)
         filled = np.flatnonzero(np.diff(H.indptr))

@@ -23,7 +23,7 @@ class Solver(Protocol):
     def __call__(self, b: Array, /) -> Array:
         """A^-1 b, for b (n,) or (n, m)."""
 
-    def compliance(self, H: sp.csr_array) -> sp.csr_array:
+    def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """H A^-1 H', (k, k), for rows H (k, n) that touch one body each."""
 
 

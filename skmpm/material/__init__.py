@@ -1,8 +1,9 @@
 """Materials: energy, stress and tangent at the points, all per volume of the anchor configuration.
 
-A sheet is anchored: the solver moves points by a deformation gradient `F` relative to the anchor, where the points
-already had `F_anchor` and Cauchy stress `stress_anchor` (both None for an undeformed, unstressed anchor). Every
-material answers in that frame, so that stresses and tangents meet the gradients of the anchored sheet directly.
+A body grid is anchored: the solver moves points by a deformation gradient `F` relative to the anchor, where the
+points already had `F_anchor` and Cauchy stress `stress_anchor` (both None for an undeformed, unstressed anchor).
+Every material answers in that frame, so that stresses and tangents meet the gradients of the anchored body grid
+directly.
 
 Against locking a material may be told the `dilatation` of the points, their volume over their undeformed volume, as
 an average over neighbours: it then takes the place of the points' own wherever lambda multiplies it (mean dilatation;

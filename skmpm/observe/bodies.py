@@ -38,21 +38,21 @@ class PerBody:
     pressure_points: Array  # (bodies,) of the material points, kinetic part included [Pa]
 
 
-def per_body(scene: Scene, state: State, rim: Outlines, *, interior: bool) -> PerBody:
+def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) -> PerBody:
     """Measure each body."""
     n, start = len(scene.bodies), scene.offsets[:-1]
-    x = state.x[:, rim.point]
+    x = state.x[:, boundary.point]
     initial = np.array([body.points.volume.sum() for body in scene.bodies])
     volume = np.add.reduceat(state.volume, start)
     mass = np.add.reduceat(state.mass, start)
     centre = np.add.reduceat(state.mass * state.x, start, axis=1) / mass
     diameter = 2.0 * np.sqrt(initial / np.pi)
     outlined = np.array([bool(body.points.outline) for body in scene.bodies])
-    smooth = outline.curve(rim, scene.initial_positions[:, rim.point]).through(x)
+    smooth = outline.curve(boundary, scene.initial_positions[:, boundary.point]).through(x)
     area = np.where(outlined, smooth.area(n), np.nan)
-    long, short, angle = outline.dimensions(rim, x, n)
-    isotropic = _isotropic(rim, x, n)
-    length = contact_length(state.contacts, rim, x, n, scene.cell)
+    long, short, angle = outline.dimensions(boundary, x, n)
+    isotropic = _isotropic(boundary, x, n)
+    length = contact_length(state.contacts, boundary, x, n, scene.cell)
     stress = moments(half_branches(state.contacts, centre, scene.deformable), 1.0, n) / volume
     return PerBody(
         counted=_counted(scene, state, centre, diameter, interior),
@@ -64,7 +64,7 @@ def per_body(scene: Scene, state: State, rim: Outlines, *, interior: bool) -> Pe
         contact_surface=np.where(outlined, length, np.nan) / (np.pi * diameter),
         aspect_ratio=np.where(isotropic, 1.0, long / short),
         angle=np.where(isotropic, np.nan, angle),
-        overlap=_shared(rim, x, n) / area,
+        overlap=_shared(boundary, x, n) / area,
         stress=stress,
         pressure=-np.trace(stress) / 2.0,
         pressure_points=_pressure_points(state, start, volume, mass),
@@ -86,16 +86,16 @@ def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interio
     return inside & scene.deformable
 
 
-def _isotropic(rim: Outlines, x: Array, bodies: int) -> Bools:
+def _isotropic(boundary: Outlines, x: Array, bodies: int) -> Bools:
     """Say which bodies have no long axis, (bodies,)."""
-    M = outline.second_moments(rim, x, bodies)
+    M = outline.second_moments(boundary, x, bodies)
     result: Bools = np.hypot(M[0, 0] - M[1, 1], 2.0 * M[0, 1]) <= ROUND * np.trace(M)
     return result
 
 
-def _shared(rim: Outlines, x: Array, bodies: int) -> Array:
+def _shared(boundary: Outlines, x: Array, bodies: int) -> Array:
     """Area that each body shares with others, (bodies,) [m2]."""
-    pairs, area = outline.overlap(rim, x, bodies)
+    pairs, area = outline.overlap(boundary, x, bodies)
     return np.asarray(np.bincount(pairs.ravel(), np.tile(area, 2), bodies), dtype=np.float64)
 
 

@@ -16,7 +16,7 @@ Bools = NDArray[np.bool_]
 
 CLOSED = 0.02  # gaps below this many cells are contact
 FORCED = 1e-9  # forces below this share of the largest are none
-SHARP = 0.5  # sine of the angle by which a rim may turn away from a contact and still belong to it
+SHARP = 0.5  # sine of the angle by which a boundary may turn away from a contact and still belong to it
 
 
 def forced(contacts: Contacts) -> Bools:
@@ -32,13 +32,13 @@ def coordination(contacts: Contacts, bodies: int, cell: float) -> Array:
     Touching means a force. If no contact at all carries one, as before the first step, it means a gap below
     0.02 cells; at shared grid nodes, which know no gap, nothing touches then.
     """
-    touching = forced(contacts)
-    if not touching.any():
-        touching = (contacts.gap < CLOSED * cell) & (contacts.point >= 0)
+    contact = forced(contacts)
+    if not contact.any():
+        contact = (contacts.gap < CLOSED * cell) & (contacts.point >= 0)
     # Walls are negative: shifted, a pair is one number.
     walls = -int(contacts.bodies.min(initial=0))
     width = bodies + walls
-    first, second = contacts.bodies[:, touching]
+    first, second = contacts.bodies[:, contact]
     low, high = np.minimum(first, second) + walls, np.maximum(first, second) + walls
     pair = np.unique(low * width + high)
     ends = np.concatenate([pair // width, pair % width]) - walls
@@ -58,7 +58,7 @@ class HalfBranches:
 def half_branches(contacts: Contacts, centre: Array, deformable: Bools) -> HalfBranches:
     """Split the branches between the centres (2, bodies) [m] at the contact points.
 
-    Walls and rigid bodies move as told: like walls, rigid bodies have no branch of their own.
+    Walls and rigid bodies move as prescribed: like walls, rigid bodies have no branch of their own.
     """
     n = contacts.normal
     f = contacts.force[0] * n + contacts.force[1] * np.stack([-n[1], n[0]])
@@ -82,22 +82,22 @@ def moments(branches: HalfBranches, weight: Array | float, bodies: int) -> Array
 
 
 def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int, cell: float) -> Array:
-    """Measure the rim in contact of each body, (bodies,) [m]; nan for bodies that touch at grid nodes.
+    """Measure the boundary in contact of each body, (bodies,) [m]; nan for bodies that touch at grid nodes.
 
-    A rim point of the first body of a pair is in contact if its gap is below 0.02 cells or if it lies between
-    two forced contacts of the pair, on a stretch of rim that stays within the reach of the contact law. It
+    A boundary point of the first body of a pair is in contact if its gap is below 0.02 cells or if it lies between
+    two forced contacts of the pair, on a stretch of boundary that stays within the reach of the contact law. It
     stands for the halves of its two segments, except for one that turns away by more than 30 degrees (a
     corner). What two pairs claim is shared. The length counts for both bodies, that with a wall for one.
 
     Parameters
     ----------
-    x : (2, m) positions of the rim points [m]
+    x : (2, m) positions of the boundary points [m]
     """
     at_node = contacts.point < 0
     touched = contacts.bodies[:, at_node]
     contact = np.flatnonzero(~at_node)
     place = np.zeros(int(outlines.point.max(initial=-1)) + 1, dtype=np.int64)
-    place[outlines.point] = np.arange(outlines.m)
+    place[outlines.point] = np.arange(outlines.size)
     share = _share(*contacts.bodies[:, contact])
     contact, share = contact[share > 0.0], share[share > 0.0]
     c, (first, second) = place[contacts.point[contact]], contacts.bodies[:, contact]
@@ -106,7 +106,7 @@ def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int
     c, first, second, share = c[closed], first[closed], second[closed], share[closed]
     length = np.zeros(c.size)
     for neighbour in (outlines.next, outlines.previous):
-        length += _halves(c, contacts.normal[:, contact[closed]], x[:, neighbour[c]] - x[:, c], outlines.m)
+        length += _halves(c, contacts.normal[:, contact[closed]], x[:, neighbour[c]] - x[:, c], outlines.size)
     length, both = share * length, second >= 0
     ends, twice = np.append(first, second[both]), np.append(length, length[both])
     total = np.bincount(ends, twice, bodies).astype(np.float64)  # integer if there are none
@@ -127,7 +127,7 @@ def _share(first: Ints, second: Ints) -> Array:
 
 
 def _halves(c: Ints, normal: Array, edge: Array, m: int) -> Array:
-    """Half the length of the edge at each rim point c, unless it turns away; shared among its contacts."""
+    """Half the length of the edge at each boundary point c, unless it turns away; shared among its contacts."""
     length = np.hypot(*edge)
     counts = np.einsum("ik,ik->k", normal, edge) <= SHARP * length
     several = np.maximum(np.bincount(c[counts], minlength=m), 1)
@@ -135,7 +135,7 @@ def _halves(c: Ints, normal: Array, edge: Array, m: int) -> Array:
 
 
 def _between(c: Ints, other: Ints, forced: Bools, outlines: Outlines) -> Bools:
-    """Say which contacts of rim point c with `other` lie between forced ones, along a rim without a break."""
+    """Say which contacts of boundary point c with `other` lie between forced ones, along a boundary without a break."""
     k = c.size
     width = int(other.max(initial=0)) + 1
     key = c * width + other
@@ -146,7 +146,7 @@ def _between(c: Ints, other: Ints, forced: Bools, outlines: Outlines) -> Bools:
         at = np.minimum(np.searchsorted(key[order], wanted), max(k - 1, 0))
         jump = np.append(np.where(key[order[at]] == wanted, order[at], k), k)
         reached = np.append(forced, False)
-        for _ in range(k.bit_length()):  # each turn looks twice as far along the rim
+        for _ in range(k.bit_length()):  # each turn looks twice as far along the boundary
             reached |= reached[jump]
             jump = jump[jump]
         found.append(reached[:k])

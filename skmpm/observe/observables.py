@@ -48,7 +48,7 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
       area of the box; of rigid bodies only the part in the box counts.
     - coordination Z: mean number of bodies and walls that touch a deformable body; if no contact carries a
       force, of those with a gap below 0.02 cells.
-    - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the rim length with a gap
+    - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the boundary length with a gap
       below 0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for
       contacts at shared grid nodes, which have no length.
     - anisotropy: A_m = 2 (G1 - G2), G the mean of (cos, sin) (x) (cos, sin) of the long axes of the
@@ -65,11 +65,11 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147.
     """
     check_fits(scene, state, "observe")
-    rim = scene.outlines
-    bodies = per_body(scene, state, rim, interior=interior)
+    boundary = scene.outlines
+    bodies = per_body(scene, state, boundary, interior=interior)
     own = bodies.counted
     box = _box(scene, state, bodies, interior)
-    solid, nominal = _fractions(scene, state, rim, bodies, box, interior)
+    solid, nominal = _fractions(scene, state, boundary, bodies, box, interior)
     stress = _stress(scene, state, bodies, box, interior)
     pressure = -float(np.trace(stress)) / 2.0
     walls = np.full(len(scene.walls), np.nan) if interior else _wall_pressure(scene, state, box)
@@ -97,7 +97,7 @@ def _box(scene: Scene, state: State, bodies: PerBody, interior: bool) -> Region:
 
 
 def _fractions(
-    scene: Scene, state: State, rim: Outlines, bodies: PerBody, box: Region, interior: bool
+    scene: Scene, state: State, boundary: Outlines, bodies: PerBody, box: Region, interior: bool
 ) -> tuple[float, float]:
     """Solid fraction, of the outlines and of the initial volumes."""
     if not np.isfinite(box.area):
@@ -108,17 +108,17 @@ def _fractions(
     share = np.ones(area.size)
     some = ~scene.deformable | interior
     if some.any():
-        share[some] = _share(scene, state, rim, bodies, box)[some]
+        share[some] = _share(scene, state, boundary, bodies, box)[some]
     return float(area @ share) / box.area, float(initial @ share) / box.area
 
 
-def _share(scene: Scene, state: State, rim: Outlines, bodies: PerBody, box: Region) -> Array:
+def _share(scene: Scene, state: State, boundary: Outlines, bodies: PerBody, box: Region) -> Array:
     """Share of each body in the box, (bodies,): of its outline or, without one, of its points."""
     start = scene.offsets[:-1]
     points = np.add.reduceat(state.volume * contains(box, state.x), start) / np.add.reduceat(state.volume, start)
-    x, n = state.x[:, rim.point], len(scene.bodies)
-    whole = np.where(np.isfinite(bodies.area), outline.area(rim, x, n), 1.0)
-    return np.where(np.isfinite(bodies.area), area_inside(box, rim, x, n) / whole, points)
+    x, n = state.x[:, boundary.point], len(scene.bodies)
+    whole = np.where(np.isfinite(bodies.area), outline.area(boundary, x, n), 1.0)
+    return np.where(np.isfinite(bodies.area), area_inside(box, boundary, x, n) / whole, points)
 
 
 def _stress(scene: Scene, state: State, bodies: PerBody, box: Region, interior: bool) -> Array:

@@ -83,7 +83,7 @@ def area_inside(region: Region, outlines: Outlines, x: Array, bodies: int) -> Ar
 
     Parameters
     ----------
-    x : (2, m) positions of the rim points [m]
+    x : (2, m) positions of the boundary points [m]
     """
     origin = region.point.mean(axis=1)[:, None] if region.point.size else np.zeros((2, 1))
     a, b, body = x - origin, x[:, outlines.next] - origin, outlines.body

@@ -1,6 +1,6 @@
-"""Outlines: the polygons through the rim points of all bodies; their measures, neighbours and overlaps.
+"""Outlines: the polygons through the boundary points of all bodies; their measures, neighbours and overlaps.
 
-In every function `x` (2, m) [m] holds the current positions of the rim points, in the order of `Outlines`.
+In every function `x` (2, m) [m] holds the current positions of the boundary points, in the order of `Outlines`.
 """
 
 from skmpm.outline.cells import cell_moments

@@ -17,11 +17,11 @@ def cell_moments(outlines: Outlines, x: Floats, cell: float, index: Integers, ow
     """Moments of 1, xi, eta, xi eta, xi^2, eta^2 over the parts of cells inside their bodies, (6, cells), in cells.
 
     By Green's theorem a moment is the integral of its primitive in x around the outline, dy; left of the cell the
-    primitive is zero, right of it constant: every piece of rim counts in its own cell and in all to its left.
+    primitive is zero, right of it constant: every piece of boundary counts in its own cell and in all to its left.
 
     Parameters
     ----------
-    outlines, x : rim points (2, m) [m]
+    outlines, x : boundary points (2, m) [m]
     cell : side of the cells [m]
     index : (2, cells) integer coordinates of the cells
     owner : (cells,) their bodies
@@ -55,10 +55,10 @@ def _primitives(xi: Floats, eta: Floats) -> Floats:
 
 
 def _pieces(outlines: Outlines, X: Floats) -> tuple[Floats, Floats, Integers, Integers]:
-    """The rim cut at all grid lines: starts, ends and cells (2, p) of the pieces, and their bodies (p,)."""
+    """The boundary cut at all grid lines: starts, ends and cells (2, p) of the pieces, and their bodies (p,)."""
     a, b = X, X[:, outlines.next]
-    segments = np.arange(outlines.m)
-    parts = [(segments, np.zeros(outlines.m)), (segments, np.ones(outlines.m))]
+    segments = np.arange(outlines.size)
+    parts = [(segments, np.zeros(outlines.size)), (segments, np.ones(outlines.size))]
     for axis in (0, 1):
         low, high = np.minimum(a[axis], b[axis]), np.maximum(a[axis], b[axis])
         first = np.floor(low).astype(np.int64) + 1

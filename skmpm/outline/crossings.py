@@ -51,7 +51,7 @@ def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
 def apart(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> Floats:
     """Length of the outline between segments of one body, the shorter way (k,) [m]; inf between two loops."""
     length = np.hypot(*(x[:, outlines.next] - x))
-    begins = outlines.previous >= np.arange(outlines.m)
+    begins = outlines.previous >= np.arange(outlines.size)
     loop, before = np.cumsum(begins) - 1, np.cumsum(length) - length
     way = np.abs(before[i] - before[j])
     around = np.bincount(loop, length)[loop[i]] if length.size else way

@@ -1,4 +1,4 @@
-"""The curve through given rim points: one cubic per segment, ready to be evaluated in many places."""
+"""The curve through given boundary points: one cubic per segment, ready to be evaluated in many places."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Cubics:
     """The cubics X(s) = c0 + c1 s + c2 s^2 + c3 s^3 of the segments, 0 <= s <= 1."""
 
     curve: Curve
-    x: Floats  # (2, m) rim points [m]
+    x: Floats  # (2, m) boundary points [m]
     c: Floats  # (m, 4, 2) [m]
 
     def at(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
@@ -72,10 +72,10 @@ class Cubics:
 
     def _walk(self, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
         """To the next or previous segment where s is off the end of one that is no corner."""
-        rim, corner = self.curve.outlines, self.curve.corner
-        onward, backward = (s > 1.0) & ~corner[rim.next[segment]], (s < 0.0) & ~corner[segment]
+        boundary, corner = self.curve.outlines, self.curve.corner
+        onward, backward = (s > 1.0) & ~corner[boundary.next[segment]], (s < 0.0) & ~corner[segment]
         s = np.where(onward, s - 1.0, np.where(backward, s + 1.0, self.curve.kept(segment, s)))
-        return np.where(onward, rim.next[segment], np.where(backward, rim.previous[segment], segment)), s
+        return np.where(onward, boundary.next[segment], np.where(backward, boundary.previous[segment], segment)), s
 
 
 def _value(c: Floats, s: Floats, derivative: int) -> Floats:

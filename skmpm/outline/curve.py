@@ -1,11 +1,11 @@
-"""The smooth curve through the rim points: what other bodies touch.
+"""The smooth curve through the boundary points: what other bodies touch.
 
-On each segment the curve is a cubic whose end tangents are those of the parabolas through three neighbouring rim
-points (Catmull & Rom 1974, with the reference lengths of the segments as knots). It is linear in the rim points, its
-normal is continuous, and it leaves the circle through the points by a fourth power of their spacing where the polygon
-leaves it by a square. Corners, where the rim turns by more than 50 degrees, stay corners, and cut the outline into
-sides. A side that ends in a corner that goes in, a notch, goes on behind it for a little: so it still bounds what is
-in front of it there.
+On each segment the curve is a cubic whose end tangents are those of the parabolas through three neighbouring boundary
+points (Catmull & Rom 1974, with the reference lengths of the segments as knots). It is linear in the boundary points,
+its normal is continuous, and it leaves the circle through the points by a fourth power of their spacing where the
+polygon leaves it by a square. Corners, where the boundary turns by more than 50 degrees, stay corners, and cut the
+outline into sides. A side that ends in a corner that goes in, a notch, goes on behind it for a little: so it still
+bounds what is in front of it there.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ BEHIND = 0.5  # of a segment: how far sides go on behind a notch
 
 @dataclass(frozen=True)
 class Curve:
-    """The cubics' tangents as combinations of rim points; topology and knots are those of the reference shape."""
+    """The cubics' tangents as combinations of boundary points; topology and knots are those of the reference shape."""
 
     outlines: Outlines
-    corner: NDArray[np.bool_]  # (m,) whether the rim has a corner there
+    corner: NDArray[np.bool_]  # (m,) whether the boundary has a corner there
     convex: NDArray[np.bool_]  # (m,) whether that is one that sticks out now
     sharp: NDArray[np.bool_]  # (m,) these, and what deformation has made as sharp
     side: Integers  # (m,) the side that each segment belongs to
@@ -40,9 +40,9 @@ class Curve:
         return int(self.side.max(initial=-1)) + 1
 
     def stencil(self, segment: Integers) -> Integers:
-        """The four rim points (4, k) that carry the segments (k,)."""
-        rim, j = self.outlines, self.outlines.next[segment]
-        return np.stack([rim.previous[segment], segment, j, rim.next[j]])
+        """The four boundary points (4, k) that carry the segments (k,)."""
+        boundary, j = self.outlines, self.outlines.next[segment]
+        return np.stack([boundary.previous[segment], segment, j, boundary.next[j]])
 
     def weights(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
         """Shares (4, k) of the stencil in the curve at parameter s (k,) in [0, 1], or in its derivatives by s."""
@@ -55,7 +55,7 @@ class Curve:
         return out
 
     def through(self, x: Floats) -> Cubics:
-        """The curve through rim points x (2, m) [m]."""
+        """The curve through boundary points x (2, m) [m]."""
         before, after = x[:, self.outlines.previous], x[:, self.outlines.next]
         beyond = after[:, self.outlines.next]
         rise = after - x
@@ -105,7 +105,7 @@ def _turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats, NDArray[np.bo
 
 def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
     """Number the runs of segments (m,) from corner to corner; a loop without corners is one."""
-    begins = outlines.previous >= np.arange(outlines.m)  # a loop
+    begins = outlines.previous >= np.arange(outlines.size)  # a loop
     run = np.cumsum(corner | begins) - 1
     number = np.arange(int(run.max(initial=-1)) + 1)
     number[run[begins & ~corner]] = run[outlines.previous[begins & ~corner]]

@@ -29,7 +29,7 @@ def perimeter(outlines: Outlines, x: Floats, bodies: int) -> Floats:
 
 
 def normals(outlines: Outlines, x: Floats) -> Floats:
-    """Return the unit outward normals (2, m) at the rim points: of the chord from neighbour to neighbour.
+    """Return the unit outward normals (2, m) at the boundary points: of the chord from neighbour to neighbour.
 
     Zero where the two neighbours are at the same place.
     """
@@ -39,7 +39,7 @@ def normals(outlines: Outlines, x: Floats) -> Floats:
 
 
 def bend(outlines: Outlines, x: Floats) -> Floats:
-    """Return the curvature (m,) [1/m] of the rim: turns to the left over the shorter of both segments, else zero."""
+    """Return the curvature (m,) [1/m] of the boundary: turns to the left over the shorter of both segments, else zero."""
     ahead = x[:, outlines.next] - x
     back = ahead[:, outlines.previous]
     turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))
@@ -69,7 +69,7 @@ def dimensions(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floa
 def _extent(outlines: Outlines, x: Floats, axis: Floats) -> Floats:
     """Extent of each body along its axis (2, bodies)."""
     extent = np.full(axis.shape[1], np.nan)
-    if outlines.m:
+    if outlines.size:
         body, start = np.unique(outlines.body, return_index=True)
         along = (axis[:, outlines.body] * x).sum(axis=0)
         extent[body] = np.maximum.reduceat(along, start) - np.minimum.reduceat(along, start)

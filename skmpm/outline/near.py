@@ -1,4 +1,4 @@
-"""Which rim point is near which segment, and which place is inside which body."""
+"""Which boundary point is near which segment, and which place is inside which body."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floa
 
 
 def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, Integers]:
-    """Find the rim points closer than `reach` to a segment of another body.
+    """Find the boundary points closer than `reach` to a segment of another body.
 
     Exact whatever the lengths of the segments: the tree search takes midpoints of segments of similar length
     within reach plus half the longest; then the distance to the segment decides.
@@ -46,9 +46,9 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
 
     Returns
     -------
-    c, j : (k,) rim points and starts of segments (j, next[j]), sorted by c, then j
+    c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
     """
-    if outlines.m == 0:
+    if outlines.size == 0:
         return outlines.point, outlines.point
     end = x[:, outlines.next]
     length = np.maximum(np.linalg.norm(end - x, axis=0), np.finfo(np.float64).tiny)
@@ -65,7 +65,7 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
     c, j = c[other], j[other]
     near = closest(x[:, c], x[:, j], end[:, j])[1] < reach
     c, j = c[near], j[near]
-    order = np.argsort(c * outlines.m + j)
+    order = np.argsort(c * outlines.size + j)
     return c[order], j[order]
 
 

@@ -54,7 +54,7 @@ def lens_depth(shared: Floats, size: Floats) -> Floats:
 def _boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
     """Corners (2, bodies) of the bounding boxes; low = inf, high = -inf without outline."""
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
-    if outlines.m:
+    if outlines.size:
         body, start = np.unique(outlines.body, return_index=True)
         low[:, body] = np.minimum.reduceat(x, start, axis=1)
         high[:, body] = np.maximum.reduceat(x, start, axis=1)

@@ -1,4 +1,4 @@
-"""Which rim point follows which: constant in time."""
+"""Which boundary point follows which: constant in time."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Closed loops through the rim points of all bodies, sorted by body.
+    """Closed loops through the boundary points of all bodies, sorted by body.
 
-    Rim point c is the start of segment c, which ends at rim point `next[c]`; the material is on its left.
+    Boundary point c is the start of segment c, which ends at boundary point `next[c]`; the material is on its left.
     """
 
-    point: Integers  # (m,) the material point of each rim point
+    point: Integers  # (m,) the material point of each boundary point
     body: Integers  # (m,) ascending
-    next: Integers  # (m,) the rim point that follows
-    previous: Integers  # (m,) the rim point before
+    next: Integers  # (m,) the boundary point that follows
+    previous: Integers  # (m,) the boundary point before
 
     @property
-    def m(self) -> int:
-        """Number of rim points."""
+    def size(self) -> int:
+        """Number of boundary points."""
         return int(self.point.size)
 
 

@@ -1,7 +1,7 @@
-"""The thinnest part of bodies: the least width of material between parts of the rim that face each other.
+"""The thinnest part of bodies: the least width of material between parts of the boundary that face each other.
 
-A double normal is a line between two places of the rim that leaves both at right angles: across walls, strips and
-necks, and along diameters. Those are found that begin at a rim point p: the other end is the foot of the
+A double normal is a line between two places of the boundary that leaves both at right angles: across walls, strips
+and necks, and along diameters. Those are found that begin at a boundary point p: the other end is the foot of the
 perpendicular on an edge, or a vertex whose normals, from those of one edge to the other's, contain the direction to
 p. At p the line may be 15 degrees off the normals, for strips taper. The sides of a sharp corner that sticks out face
 each other, too: such a pair is left out as long as the wedge goes on opening. A body without pairs, as a triangle,
@@ -20,11 +20,11 @@ from skmpm.outline.curve import CORNER
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
 FACING = np.cos(np.deg2rad(15.0))  # less parallel sides are a wedge's; an ellipse of 4:1 has 0.89 of its short axis
-TIP = np.cos(np.deg2rad(150.0))  # of the rim's turn at a tip: wedges of 30 degrees and less
+CORNER_RADIUS = np.cos(np.deg2rad(150.0))  # of the boundary's turn at a tip: wedges of 30 degrees and less
 OPENING = 0.5  # of the width of the wedge at a tip: what is wider is the tip's; in the middle a lens is half as wide
-MOST = 500  # rim points of a body that pairs begin at, evenly; all edges take part
+MOST = 500  # boundary points of a body that pairs begin at, evenly; all edges take part
 CHUNK = 500_000  # pairs held at a time: about 100 MB
-ROUNDING = 1e-9  # of the length of an edge
+ANGLE_TOLERANCE = 1e-9  # of the length of an edge
 
 
 def thickness(outlines: Outlines, x: Floats, bodies: int) -> Floats:
@@ -62,7 +62,7 @@ def _edges(outlines: Outlines, x: Floats) -> _Edges:
     t = x[:, outlines.next] - x
     length = np.maximum(np.hypot(*t), np.finfo(np.float64).tiny)
     along = t / length
-    begins = outlines.previous >= np.arange(outlines.m)
+    begins = outlines.previous >= np.arange(outlines.size)
     loop = np.cumsum(begins) - 1
     before = np.cumsum(length) - length
     around = np.bincount(loop, length)[loop] if loop.size else length
@@ -70,17 +70,19 @@ def _edges(outlines: Outlines, x: Floats) -> _Edges:
 
 
 def _turned(outlines: Outlines, edges: _Edges) -> NDArray[np.bool_]:
-    """Whether rim points are tips, (m,): corners that stick out, of 30 degrees and less."""
+    """Whether boundary points are tips, (m,): corners that stick out, of 30 degrees and less."""
     back = edges.along[:, outlines.previous]
-    return np.asarray((_dot(back, edges.along) < TIP) & (_dot(edges.across[:, outlines.previous], edges.along) > 0.0))
+    return np.asarray(
+        (_dot(back, edges.along) < CORNER_RADIUS) & (_dot(edges.across[:, outlines.previous], edges.along) > 0.0)
+    )
 
 
 def _pairs(outlines: Outlines, count: Integers) -> Iterator[tuple[Integers, Integers]]:
-    """Rim points with every edge of their body, of bodies with `count` rim points or none, in chunks."""
+    """Boundary points with every edge of their body, of bodies with `count` boundary points or none, in chunks."""
     first = np.searchsorted(outlines.body, np.arange(count.size))
     stride = np.maximum(1, -(-count // MOST))[outlines.body]
     points = np.flatnonzero(
-        (count[outlines.body] > 0) & ((np.arange(outlines.m) - first[outlines.body]) % stride == 0)
+        (count[outlines.body] > 0) & ((np.arange(outlines.size) - first[outlines.body]) % stride == 0)
     )
     each = count[outlines.body[points]]
     for part in chunks(each, CHUNK) if points.size else ():
@@ -91,27 +93,30 @@ def _pairs(outlines: Outlines, count: Integers) -> Iterator[tuple[Integers, Inte
 def _facing(
     outlines: Outlines, x: Floats, edges: _Edges, p: Integers, e: Integers
 ) -> tuple[Integers, Integers, Floats, Floats]:
-    """Of these pairs the double normals: rim point, edge, place on the edge and width [m]."""
+    """Of these pairs the double normals: boundary point, edge, place on the edge and width [m]."""
     arm, after = x[:, p] - x[:, e], outlines.next[e]
     s, height, length = _dot(arm, edges.along[:, e]), _dot(arm, edges.across[:, e]), edges.length[e]
-    inner, on_edge = height > ROUNDING * length, (s > -ROUNDING * length) & (s < (1.0 + ROUNDING) * length)
+    inner, on_edge = (
+        height > ANGLE_TOLERANCE * length,
+        (s > -ANGLE_TOLERANCE * length) & (s < (1.0 + ANGLE_TOLERANCE) * length),
+    )
     at_vertex = ~on_edge & (s > length) & (_dot(x[:, p] - x[:, after], edges.along[:, after]) < 0.0)
     k = np.flatnonzero(inner & (on_edge | at_vertex))
     p, e, s, on_edge = p[k], e[k], s[k], on_edge[k]
-    way = np.where(on_edge, -height[k] * edges.across[:, e], x[:, after[k]] - x[:, p])
-    width = np.hypot(*way)
-    k = np.flatnonzero(_leaves(outlines, edges, p, way / width))
+    direction = np.where(on_edge, -height[k] * edges.across[:, e], x[:, after[k]] - x[:, p])
+    width = np.hypot(*direction)
+    k = np.flatnonzero(_leaves(outlines, edges, p, direction / width))
     return p[k], e[k], np.clip(s[k], 0.0, edges.length[e[k]]), width[k]
 
 
-def _leaves(outlines: Outlines, edges: _Edges, p: Integers, way: Floats) -> NDArray[np.bool_]:
-    """Whether unit vectors (2, k) point inward along normals of rim points p, or 15 degrees off those of its edges.
+def _leaves(outlines: Outlines, edges: _Edges, p: Integers, direction: Floats) -> NDArray[np.bool_]:
+    """Whether unit vectors (2, k) point inward along normals of boundary points p, or 15 degrees off those of its edges.
 
-    Between its edges' normals lie those of a notch and of a smooth rim; a corner that sticks out has none.
+    Between its edges' normals lie those of a notch and of a smooth boundary; a corner that sticks out has none.
     """
     back = outlines.previous[p]
-    along, before = _dot(way, edges.along[:, p]), _dot(way, edges.along[:, back])
-    across = np.stack([_dot(way, edges.across[:, p]), _dot(way, edges.across[:, back])])
+    along, before = _dot(direction, edges.along[:, p]), _dot(direction, edges.along[:, back])
+    across = np.stack([_dot(direction, edges.across[:, p]), _dot(direction, edges.across[:, back])])
     smooth = _dot(edges.along[:, p], edges.along[:, back]) > CORNER
     between = ((before >= 0.0) & (along <= 0.0)) | (smooth & (before <= 0.0) & (along >= 0.0))
     return np.asarray((across.max(axis=0) > FACING) | (between & (across.sum(axis=0) > 0.0)))
@@ -127,27 +132,27 @@ def _at_tip(
     count[edges.loop[p] != edges.loop[e]] = 0
     pair, tip = np.repeat(np.arange(p.size), count), tips[ranges(first, count)]
     ends = np.stack([edges.start[p], edges.start[e] + s])[:, pair]
-    way = _around(edges, ends - edges.start[tip], tip).sum(axis=0)
+    direction = _around(edges, ends - edges.start[tip], tip).sum(axis=0)
     turn = np.arccos(np.clip(_dot(edges.along[:, outlines.previous[tip]], edges.along[:, tip]), -1.0, 1.0))
-    wedge = way / np.tan(0.5 * turn)  # the tip's angle is pi less its turn
+    wedge = direction / np.tan(0.5 * turn)  # the tip's angle is pi less its turn
     out[pair[width[pair] >= OPENING * wedge]] = True
     return out
 
 
-def _around(edges: _Edges, way: Floats, at: Integers) -> Floats:
+def _around(edges: _Edges, direction: Floats, at: Integers) -> Floats:
     """The shorter way along a loop [m]."""
-    return np.asarray(np.minimum(np.abs(way), edges.around[at] - np.abs(way)))
+    return np.asarray(np.minimum(np.abs(direction), edges.around[at] - np.abs(direction)))
 
 
 def _inscribed(outlines: Outlines, x: Floats, edges: _Edges, count: Integers) -> Floats:
-    """Diameter (bodies,) [m] of the largest circle that touches the middle of an edge and holds no rim point."""
-    middle, radius = x + 0.5 * edges.length * edges.along, np.full(outlines.m, np.inf)
+    """Diameter (bodies,) [m] of the largest circle that touches the middle of an edge and holds no boundary point."""
+    middle, radius = x + 0.5 * edges.length * edges.along, np.full(outlines.size, np.inf)
     for p, e in _pairs(outlines, count):
         for place in (x, middle):
-            way = place[:, e] - middle[:, p]
-            depth = _dot(way, edges.across[:, p])
-            k = np.flatnonzero(depth > ROUNDING * edges.length[p])
-            np.minimum.at(radius, p[k], 0.5 * _dot(way, way)[k] / depth[k])
+            direction = place[:, e] - middle[:, p]
+            depth = _dot(direction, edges.across[:, p])
+            k = np.flatnonzero(depth > ANGLE_TOLERANCE * edges.length[p])
+            np.minimum.at(radius, p[k], 0.5 * _dot(direction, direction)[k] / depth[k])
     out = np.zeros(count.size)
     np.maximum.at(out, outlines.body, np.where(np.isinf(radius), 0.0, 2.0 * radius))
     return out

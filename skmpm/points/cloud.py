@@ -18,10 +18,10 @@ ROWS = 200_000  # pairs of edges tested for crossing at a time
 class Points:
     """Material points of one body and, if it has one, its outline.
 
-    `outline` holds closed loops of indices of the points on the rim, in order: outer loops counter-clockwise,
-    holes clockwise; the last point of a loop is joined to its first. Bodies touch on curves through the rim
-    points; where the rim turns by more than 50 degrees it has a corner, where it turns by less it is taken for round.
-    Arrays are copied and their types converted; they are not checked: see `check`.
+    `outline` holds closed loops of indices of the points on the boundary, in order: outer loops counter-clockwise,
+    holes clockwise; the last point of a loop is joined to its first. Bodies touch on curves through the boundary
+    points; where the boundary turns by more than 50 degrees it has a corner, where it turns by less it is taken for
+    round. Arrays are copied and their types converted; they are not checked: see `check`.
     """
 
     x: Floats  # (2, n) [m]
@@ -34,7 +34,7 @@ class Points:
         object.__setattr__(self, "outline", tuple(np.array(loop, dtype=np.int64) for loop in self.outline))
 
     @property
-    def n(self) -> int:
+    def size(self) -> int:
         """Number of material points."""
         return int(self.volume.size)
 
@@ -84,7 +84,7 @@ def _check_crossings(x: Floats, outline: Sequence[Integers]) -> str | None:
         if crossed.any():
             k, j = np.argwhere(crossed)[0] + (first, 0)
             edges = f"{start[k]}-{end[k]} and {start[j]}-{end[j]}"
-            return f"the outline crosses itself: edges {edges} (points); list the rim points in order"
+            return f"the outline crosses itself: edges {edges} (points); list the boundary points in order"
     return None
 
 

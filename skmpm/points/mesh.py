@@ -1,4 +1,4 @@
-"""Points of a finite element mesh: scikit-fem's rule inside, in the outer cells one that includes the rim."""
+"""Points of a finite element mesh: scikit-fem's rule inside, in the outer cells one that includes the boundary."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 # Weights at the corners, edge midpoints and centre of a reference cell by its number of corners: the degree 3
 # rule of the triangle (Zienkiewicz & Taylor, The Finite Element Method, vol. 1; its area is 1/2), Simpson's.
-RIM_RULES = {3: (1 / 40, 1 / 15, 9 / 40), 4: (1 / 36, 4 / 36, 16 / 36)}
+BOUNDARY_RULES = {3: (1 / 40, 1 / 15, 9 / 40), 4: (1 / 36, 4 / 36, 16 / 36)}
 CORNERS = {"triangle": 3, "quad": 4}
 NOT_AREAS = ("vertex", "line", "line3")
 HIGHEST = 19  # degree of the last rule that scikit-fem has for triangles; its weights are positive
@@ -25,7 +25,7 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     """Return the points of a mesh of triangles and quadrilaterals.
 
     Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
-    rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of rim
+    rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of boundary
     corners and midpoints are the outline, the largest first. The volumes add up to the area of the mesh. A mesh of
     several parts is not cut: for a Body of each give one part at a time. Polygons of eight and more sides are taken
     for round: see `Points`.
@@ -53,11 +53,11 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     cell = nodes.shape[1] + edges.shape[1]
     inner = []
     for b, its_middle, its_rim in zip(blocks, _split(middle, blocks), _split(on_rim, blocks), strict=True):
-        rim = its_rim.any(axis=0)
-        site = np.concatenate((b, its_middle, [np.arange(cell, cell + rim.size)]))[:, rim]
-        weight += np.bincount(site.ravel(), _rim_weights(nodes[:, b[:, rim]]).ravel(), weight.size)
-        inner.append(_inner_rule(nodes[:, b[:, ~rim]], order))
-        cell += rim.size
+        boundary = its_rim.any(axis=0)
+        site = np.concatenate((b, its_middle, [np.arange(cell, cell + boundary.size)]))[:, boundary]
+        weight += np.bincount(site.ravel(), _boundary_weights(nodes[:, b[:, boundary]]).ravel(), weight.size)
+        inner.append(_inner_rule(nodes[:, b[:, ~boundary]], order))
+        cell += boundary.size
 
     used = weight > 0
     number = np.cumsum(used) - 1
@@ -119,7 +119,7 @@ def _corner_jacobians(corners: Floats) -> Floats:
 
 
 def _edges(blocks: list[Integers]) -> tuple[Integers, Integers, Integers, NDArray[np.bool_]]:
-    """Return ends of all sides (2, s), the edges (2, e), the edge of each side, and if it is on the rim."""
+    """Return ends of all sides (2, s), the edges (2, e), the edge of each side, and if it is on the boundary."""
     ends = np.concatenate([[b.ravel(), np.roll(b, -1, axis=0).ravel()] for b in blocks], axis=1)
     edges, edge, count = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True, return_counts=True)
     if np.unique(ends, axis=1).shape[1] < ends.shape[1]:
@@ -127,9 +127,9 @@ def _edges(blocks: list[Integers]) -> tuple[Integers, Integers, Integers, NDArra
     return ends, edges, edge, count[edge] == 1
 
 
-def _rim_weights(corners: Floats) -> Floats:
+def _boundary_weights(corners: Floats) -> Floats:
     """Weights (2 corners + 1, cells) of the rule at corners, edge midpoints and centre."""
-    at_corner, at_edge, at_centre = RIM_RULES[corners.shape[1]]
+    at_corner, at_edge, at_centre = BOUNDARY_RULES[corners.shape[1]]
     J = _corner_jacobians(corners)
     rows = (
         at_corner * J,
@@ -155,7 +155,7 @@ def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _loops(ends: Integers, middle: Integers, nodes: Floats) -> list[Integers]:
-    """Join rim sides (2, m) to loops of corners and edge midpoints in order, the material on the left."""
+    """Join boundary sides (2, m) to loops of corners and edge midpoints in order, the material on the left."""
     starts, count = np.unique(ends[0], return_counts=True)
     if count.max() > 1:
         where = nodes[:, starts[count.argmax()]]

@@ -1,4 +1,4 @@
-"""Discs and boxes: rules with exact moments and points on the rim."""
+"""Discs and boxes: rules with exact moments and points on the boundary."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from skmpm.points.cloud import Floats, Points
 
 
 def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
-    """Return the points of a disc: rings of equal thickness, the outermost points on the rim.
+    """Return the points of a disc: rings of equal thickness, the outermost points on the boundary.
 
     Each ring has its exact area, shared equally, at its root mean square radius; the outermost one carries a
-    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the rim;
-    area, centroid and second moments are exact. The outline is the rim points, equally spaced, at least 8.
+    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the boundary;
+    area, centroid and second moments are exact. The outline is the boundary points, equally spaced, at least 8.
 
     Parameters
     ----------
@@ -31,14 +31,14 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     edges = R * np.linspace(0.0, 1.0, max(1, round(R / h)) + 1)
     area = np.pi * np.diff(edges**2)
     radii = np.sqrt((edges[1:] ** 2 + edges[:-1] ** 2) / 2)
-    inner, rim, share = _radau_ring(edges[-2], R)
-    radii = np.append(radii[:-1], (inner, rim))
+    inner, boundary, share = _radau_ring(edges[-2], R)
+    radii = np.append(radii[:-1], (inner, boundary))
     area = np.append(area[:-1], area[-1] * np.array((1 - share, share)))
     counts = np.maximum(np.rint(2 * np.pi * radii / h).astype(np.int64), 4)
     counts[-1] = max(8, counts[-1])
 
     place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    shift = np.arange(counts.size)[::-1] % 2 / 2  # neighbouring rings staggered, a rim point at angle 0
+    shift = np.arange(counts.size)[::-1] % 2 / 2  # neighbouring rings staggered, a boundary point at angle 0
     angle = 2 * np.pi * (place + np.repeat(shift, counts)) / np.repeat(counts, counts)
     x = c[:, None] + np.repeat(radii, counts) * np.array((np.cos(angle), np.sin(angle)))
     return Points(x, np.repeat(area / counts, counts), (np.arange(place.size - counts[-1], place.size),))
@@ -56,7 +56,7 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     """Return the points of a rectangle: a tensor rule that includes edges and corners.
 
     In each direction the first and the last interval carry a two-point Radau rule that includes the end, the
-    others a midpoint: area and first moments are exact. The rim points are the outline.
+    others a midpoint: area and first moments are exact. The boundary points are the outline.
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     c, L, h = _point("corner", corner), _point("size", size), _positive("spacing", spacing)
     (x, u), (y, v) = (_radau_interval(_positive("size", length), h) for length in L.tolist())
     index = np.arange(x.size * y.size).reshape(x.size, y.size)
-    rim = np.concatenate((index[:-1, 0], index[-1, :-1], index[:0:-1, -1], index[0, :0:-1]))
+    boundary = np.concatenate((index[:-1, 0], index[-1, :-1], index[:0:-1, -1], index[0, :0:-1]))
     position = c[:, None] + np.array((np.repeat(x, y.size), np.tile(y, x.size)))
-    return Points(position, np.outer(u, v).ravel(), (rim,))
+    return Points(position, np.outer(u, v).ravel(), (boundary,))
 
 
 def _radau_interval(L: float, h: float) -> tuple[Floats, Floats]:

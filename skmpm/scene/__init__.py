@@ -3,7 +3,7 @@
 from skmpm.scene.check import check_fits
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.scene import Scene
-from skmpm.scene.state import Contacts, Derived, Energy, Pace, Report, State, StepFailed
+from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
 
 __all__ = [
     "Body",
@@ -11,11 +11,11 @@ __all__ = [
     "Derived",
     "Energy",
     "Load",
-    "Pace",
     "Report",
     "Scene",
     "SceneError",
     "State",
+    "StepControl",
     "StepFailed",
     "Support",
     "Wall",

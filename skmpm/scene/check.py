@@ -15,7 +15,7 @@ from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, vector
-from skmpm.scene.places import Place
+from skmpm.scene.point_sets import PointSet
 from skmpm.scene.state import State
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MISFIT = 1.5  # of the volume of points and the area in their outline, which may leave out half a spacing
+MAX_AREA_RATIO = 1.5  # of the volume of points and the area in their outline, which may leave out half a spacing
 
 
 def check(scene: Scene) -> None:
@@ -88,11 +88,11 @@ def _check_outline(name: str, points: Points) -> None:
         )
     inside, volume = float(areas.sum()), float(points.volume.sum())
     ends = [points.x[:, np.roll(loop, -1)] - points.x[:, loop] for loop in points.outline]
-    beyond = sum(float(np.hypot(*edge).sum()) for edge in ends) * 0.5 * np.sqrt(volume / points.n)
-    if points.outline and not inside / MISFIT < volume < MISFIT * (inside + beyond):
+    beyond = sum(float(np.hypot(*edge).sum()) for edge in ends) * 0.5 * np.sqrt(volume / points.size)
+    if points.outline and not inside / MAX_AREA_RATIO < volume < MAX_AREA_RATIO * (inside + beyond):
         raise SceneError(
             f"{name}: its points have a volume of {volume:.4g} m2 in all, its outline bounds {inside:.4g} m2; give"
-            " volumes in m2 that add up to the body, and an outline along its rim"
+            " volumes in m2 that add up to the body, and an outline along its boundary"
         )
 
 
@@ -125,13 +125,13 @@ def _check_supports(scene: Scene) -> None:
         if not isinstance(support, Support):
             raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
     holder = np.full((2, scene.offsets[-1]), -1)
-    for i, (told, place) in enumerate(zip(scene.told(0.0), scene.held, strict=True)):
+    for i, (prescribed, place) in enumerate(zip(scene.support_velocities(0.0), scene.held, strict=True)):
         _check_place(f"support {i}: where", scene, place)
-        if np.isnan(told).all():
+        if np.isnan(prescribed).all():
             raise SceneError(
                 f"support {i}: velocity = (None, None) prescribes nothing; give a component or leave it out"
             )
-        for axis in np.flatnonzero(~np.isnan(told)):
+        for axis in np.flatnonzero(~np.isnan(prescribed)):
             taken = place.points[holder[axis, place.points] >= 0]
             if taken.size:
                 raise SceneError(
@@ -141,12 +141,12 @@ def _check_supports(scene: Scene) -> None:
             holder[axis, place.points] = i
 
 
-def _check_place(name: str, scene: Scene, place: Place) -> None:
+def _check_place(name: str, scene: Scene, place: PointSet) -> None:
     if place.points.size == 0:
         x = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
         raise SceneError(
             f"{name} is true at no point of a deformable body; they lie between {x.min(axis=1)} and {x.max(axis=1)},"
-            " the outermost on the rim: allow for round-off in comparisons"
+            " the outermost on the boundary: allow for round-off in comparisons"
         )
 
 
@@ -170,24 +170,24 @@ def _check_start(scene: Scene, tolerance: float = 1e-3) -> None:
                 raise SceneError(
                     f"wall {i} cuts body {b}: a point lies {depth:.3g} m behind it; move the wall or the body"
                 )
-    rim = scene.outlines
-    if rim.point.size == 0:
+    boundary = scene.outlines
+    if boundary.point.size == 0:
         return
-    x = scene.initial_positions[:, rim.point]
-    first = _first_overlap(scene, rim, x, slack)
+    x = scene.initial_positions[:, boundary.point]
+    first = _first_overlap(scene, boundary, x, slack)
     if first is not None:
         a, b, depth = first
         raise SceneError(
-            f"bodies {a} and {b} overlap at the start: a rim point lies about {depth:.3g} m inside;"
+            f"bodies {a} and {b} overlap at the start: a boundary point lies about {depth:.3g} m inside;"
             " move them apart or shrink them"
         )
 
 
-def _first_overlap(scene: Scene, rim: Outlines, x: Array, slack: float) -> tuple[int, int, float] | None:
-    pairs, shared = overlap(rim, x, len(scene.bodies))
+def _first_overlap(scene: Scene, boundary: Outlines, x: Array, slack: float) -> tuple[int, int, float] | None:
+    pairs, shared = overlap(boundary, x, len(scene.bodies))
     if not shared.size:
         return None
-    size = area(rim, x, len(scene.bodies))
+    size = area(boundary, x, len(scene.bodies))
     depth = lens_depth(shared, size[pairs])
     worst = int(np.argmax(depth))
     if depth[worst] <= slack:

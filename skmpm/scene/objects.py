@@ -60,7 +60,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Support:
-    """Material that moves as told: the points of deformable bodies where `where(x)` is true at t = 0.
+    """Material that moves as prescribed: the points of deformable bodies where `where(x)` is true at t = 0.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Support:
 class Load:
     """A dead load on the points of deformable bodies where `where(x)` is true at t = 0.
 
-    It is spread by rim length if only rim points match, else by volume.
+    It is spread by boundary length if only boundary points match, else by volume.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Load:
     force: ArrayLike | Motion
 
 
-def told(support: Support, t: float, name: str) -> Array:
+def prescribed(support: Support, t: float, name: str) -> Array:
     """What a support tells at time t, (2,) [m/s], nan where it leaves a component free; SceneError where unclear."""
     value = support.velocity(t) if callable(support.velocity) else support.velocity
     remedy = "give two components (x, y), each a finite number or None"

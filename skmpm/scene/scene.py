@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from skmpm.material import Rigid
 from skmpm.outline import Outlines, outlines, thickness
 from skmpm.scene.check import check
-from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, told
-from skmpm.scene.places import Place, held, spread
+from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed
+from skmpm.scene.point_sets import PointSet, held, spread
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -28,7 +28,7 @@ class Scene:
     bodies : the bodies
     cell : side h of the cells [m]
     walls : rigid half-planes
-    supports : material that moves as told
+    supports : material that moves as prescribed
     loads : dead loads
     friction : Coulomb coefficient between bodies
     gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n), taken at t + theta dt of
@@ -102,26 +102,26 @@ class Scene:
         return np.array(each).reshape(-1, 2)
 
     @cached_property
-    def held(self) -> Sequence[Place]:
+    def held(self) -> Sequence[PointSet]:
         """The points that each support holds."""
         return [held(self, i, support) for i, support in enumerate(self.supports)]
 
     @cached_property
-    def held_components(self) -> NDArray[np.bool_]:
+    def supported_components(self) -> NDArray[np.bool_]:
         """Which components of the points' motion supports prescribe, (2, n)."""
         held = np.zeros((2, self.offsets[-1]), dtype=bool)
-        for place, velocity in zip(self.held, self.told(0.0), strict=True):
+        for place, velocity in zip(self.held, self.support_velocities(0.0), strict=True):
             held[:, place.points] |= ~np.isnan(velocity)[:, None]
         return held
 
     @cached_property
-    def loaded(self) -> Sequence[Place]:
+    def loaded(self) -> Sequence[PointSet]:
         """The points that share each load."""
         return [spread(self, i, load) for i, load in enumerate(self.loads)]
 
-    def told(self, t: float) -> Array:
-        """What supports tell at time t, (supports, 2) [m/s], nan where free; SceneError where one is unclear."""
-        each = [told(support, t, f"support {i}: velocity") for i, support in enumerate(self.supports)]
+    def support_velocities(self, t: float) -> Array:
+        """Prescribed velocities at time t, (supports, 2) [m/s], nan where free; SceneError where one is unclear."""
+        each = [prescribed(support, t, f"support {i}: velocity") for i, support in enumerate(self.supports)]
         return np.array(each).reshape(-1, 2)
 
     def forces(self, t: float) -> Array:

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skmpm.assembly import Assembly
-    from skmpm.elimination import Elimination
-    from skmpm.linear import Response, Solver
+    from skmpm.constraint_elimination import Elimination
+    from skmpm.linear import Delassus, Solver
     from skmpm.scene.objects import Support
 
 Array = NDArray[np.float64]
@@ -21,11 +21,11 @@ Ints = NDArray[np.int64]
 
 
 class StepFailed(RuntimeError):  # noqa: N818  (the public name says what happened)
-    """A step that did not converge; `state` is the last good one, `curable` whether a smaller dt may help."""
+    """A step that did not converge; `state` is the last good one, `retryable` whether a smaller dt may help."""
 
-    def __init__(self, message: str, state: State, *, curable: bool = True) -> None:
+    def __init__(self, message: str, state: State, *, retryable: bool = True) -> None:
         super().__init__(message)
-        self.state, self.curable = state, curable
+        self.state, self.retryable = state, retryable
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Contacts:
     force: Array  # (2, k) [N/m] on the first body, in (n, t), t = (-n_y, n_x)
     gap: Array  # (k,) [m]
     key: Ints  # (k,) identity of a contact from step to step: the warm start
-    point: Ints  # (k,) material point of the first body on whose rim the contact lies; -1 at a grid node
+    point: Ints  # (k,) material point of the first body on whose boundary the contact lies; -1 at a grid node
 
     @staticmethod
     def none() -> Contacts:
@@ -55,17 +55,17 @@ class Energy:
     elastic: float = 0.0  # with the ghost penalty's share
     external: float = 0.0  # work of gravity, loads, walls and supports
     push_out: float = 0.0  # work of contacts that remove an overlap left by an earlier step
-    relaid: float = 0.0  # what laying the sheets anew made of the points' energy, more or less
+    regridded: float = 0.0  # what regridding made of the points' energy, more or less
     dissipated: float = 0.0  # what is missing: friction, impacts, the time scheme, the transfer
 
 
 @dataclass(frozen=True)
-class Pace:
+class StepControl:
     """How far `simulate` has halved its steps after a failure: the next one is dt / 2^halvings."""
 
     dt: float = 0.0  # [s] the full step that was asked for
     halvings: int = 0
-    calm: int = 0  # good steps in a row since the last failure or growth
+    successes: int = 0  # good steps in a row since the last failure or growth
     part: int = 0  # of the full step that is being made, in 1/1024 of it
 
 
@@ -76,11 +76,11 @@ class Report:
     dt: float = 0.0  # length of the step [s]
     retries: int = 0  # failures of longer steps before this one
     newton: int = 0  # Newton iterations
-    linear: int = 0  # factorisations of A
+    factorisations: int = 0  # factorisations of A
     contact: int = 0  # iterations of the contact solver, all Newton iterations together
     residual: float = 0.0  # natural-map residual of the contact law at the end of the step
     imbalance: float = 0.0  # residual of the momentum balance over the largest of its terms
-    settled: bool = False  # whether contact normals are those of an earlier Newton iteration
+    frozen_normals: bool = False  # whether contact normals are those of an earlier Newton iteration
     overlap: float = 0.0  # area shared by bodies / area of all bodies
     energy: Energy = Energy()
     seconds: dict[str, float] = field(default_factory=dict)  # by phase
@@ -100,7 +100,7 @@ class State:
     volume: Array  # (n,) current [m2]
     weight: Array  # (n,) current volumes that the points stand for in integrals over their cells [m2]
     body: Ints  # (n,)
-    x_anchor: Array  # (2, n) positions when the sheets were laid [m]
+    x_anchor: Array  # (2, n) positions when the body grids were built [m]
     F_anchor: Array  # (2, 2, n)
     stress_anchor: Array  # (2, 2, n) [Pa]
     displacement: Array  # (2 nodes,) of the nodes since then [m]
@@ -110,7 +110,7 @@ class State:
     support_force: Array  # (supports, 2) the same on each support
     contacts: Contacts
     report: Report
-    pace: Pace = Pace()
+    step_control: StepControl = StepControl()
     derived: Derived | None = field(default=None, repr=False, compare=False)
 
 
@@ -120,9 +120,9 @@ class Derived:
 
     assembly: Assembly
     ghost: Array  # (bodies,) moduli of the ghost penalty in `assembly` [Pa]
-    fitted: bool  # whether the weights in `assembly` are
+    moment_fitting: bool  # whether the weights in `assembly` are
     supports: Elimination | None  # of the unknowns that supports fix
     supported: Sequence[Support]  # these supports
     key: tuple[object, ...] = ()  # what the kept solver was made for
     solver: Solver | None = None
-    response: Response | None = None  # of the places of contacts, by this solver
+    delassus: Delassus | None = None  # of the places of contacts, by this solver

@@ -7,17 +7,17 @@ from numbers import Real
 
 import numpy as np
 
-from skmpm.implicit import Increment, NotConverged, Timer, Touching, advance
-from skmpm.linear import Response, one_thread
+from skmpm.implicit import ContactProblem, Increment, NotConverged, Timer, advance
+from skmpm.linear import Delassus, one_thread
 from skmpm.scene import Scene, State, StepFailed, check_fits
 from skmpm.scheme import Scheme
-from skmpm.simulate.anchor import anchored, assembly_of, bulk_of, check_whole, derived_of
-from skmpm.simulate.checks import check_step
-from skmpm.simulate.corners import pressed_edge
-from skmpm.simulate.forces import driven_bodies, external_force, told
-from skmpm.simulate.report import budget_of, report_of
-from skmpm.simulate.start import can_touch, check_scheme
-from skmpm.simulate.update import kept_solver, moved
+from skmpm.simulate.acceptance import check_step
+from skmpm.simulate.energy_budget import budget_of, report_of
+from skmpm.simulate.forces import driven_bodies, external_force, prescribed
+from skmpm.simulate.grid_to_points import end_state, kept_solver
+from skmpm.simulate.initial_state import can_touch, check_scheme
+from skmpm.simulate.regrid import assembly_of, bulk_of, check_whole, derived_of, regridded_state
+from skmpm.simulate.rigid_edges import pressed_edge
 from skmpm.transfer import to_nodes
 
 SHORTEST = 1e-100  # [s]; shorter steps divide by zero
@@ -29,8 +29,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     Raises
     ------
     StepFailed
-        when the step's equations are not solved, or where it leads cannot be (`simulate.checks`); its `state` is the
-        one given here
+        when the step's equations are not solved, or where it leads cannot be (`simulate.acceptance`); its `state` is
+        the one given here
     ValueError
         when dt is not a time, the scheme no Scheme; SceneError when the state is none of this scene, a prescribed
         velocity, load or gravity not finite
@@ -39,22 +39,22 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_fits(scene, state, "step")
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, given = Timer(), state
-    state = anchored(scene, given, scheme)
+    state = regridded_state(scene, given, scheme)
     own = scene.deformable[state.body]
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
     if not scheme.inertia:  # a body goes on only as far as something drives it
-        v0 *= np.repeat(driven_bodies(scene, state)[assembly_of(state).sheets.node_body], 2)
-    force, moved_as = external_force(scene, state, state.t + scheme.theta * dt), told(scene, state.t + 0.5 * dt)
+        v0 *= np.repeat(driven_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
+    force, moved_as = external_force(scene, state, state.t + scheme.theta * dt), prescribed(scene, state.t + 0.5 * dt)
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
     increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, moved_as)
     timer.lap("transfer")
     try:
         check_whole(scene, state)
         with one_thread(), np.errstate(all="raise", under="ignore"):
-            solver, response = kept_solver(scene, state, increment)
-            touching = _touching(scene, state, increment, timer, response)
-            solution = advance(increment, touching, solver, timer)
-            after = moved(scene, state, increment, solution)
+            solver, delassus = kept_solver(scene, state, increment)
+            contact = _contact_problem(scene, state, increment, timer, delassus)
+            solution = advance(increment, contact, solver, timer)
+            after = end_state(scene, state, increment, solution)
             timer.lap("transfer")
             budget = budget_of(scene, state, increment, solution, after.displacement)
             timer.lap("report")
@@ -64,25 +64,25 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         reason = _overflow(state) if isinstance(error, FloatingPointError) else error
         edge = "" if scheme.inertia else pressed_edge(scene, given.contacts)
         message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {reason}{edge}"
-        raise StepFailed(message, given, curable=getattr(error, "curable", True)) from error
-    relaid = state.x_anchor is not given.x_anchor
-    report = report_of(given.report.energy, increment, solution, budget, overlap, relaid=relaid)
+        raise StepFailed(message, given, retryable=getattr(error, "retryable", True)) from error
+    regridded = state.x_anchor is not given.x_anchor
+    report = report_of(given.report.energy, increment, solution, budget, overlap, regridded=regridded)
     return replace(after, report=replace(report, seconds=timer.seconds))
 
 
-def _touching(
-    scene: Scene, state: State, increment: Increment, timer: Timer, response: Response | None
-) -> Touching | None:
+def _contact_problem(
+    scene: Scene, state: State, increment: Increment, timer: Timer, delassus: Delassus | None
+) -> ContactProblem | None:
     """The step's contacts; None, and the contact module untouched, where nothing can touch anything."""
     if not can_touch(scene):
         return None
     linearise = increment.scheme.contact(
-        scene, state, increment.bulk.assembly.sheets, increment.dt, increment.scheme.theta
+        scene, state, increment.bulk.assembly.grid, increment.dt, increment.scheme.theta
     )
     timer.lap("detection")
     contacts = state.contacts
-    return Touching(
-        linearise, increment, contacts.key, contacts.force, timer, held=scene.held_components, response=response
+    return ContactProblem(
+        linearise, increment, contacts.key, contacts.force, timer, held=scene.supported_components, delassus=delassus
     )
 
 

@@ -1,4 +1,4 @@
-"""What acts on the bodies from outside: gravity, loads and what supports tell."""
+"""What acts on the bodies from outside: gravity, loads and prescribed velocities."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.scene import Scene, SceneError, State, field_values
-from skmpm.simulate.anchor import assembly_of
+from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
 
@@ -15,12 +15,12 @@ def external_force(scene: Scene, state: State, t: float) -> Array:
     """Nodal forces of gravity and loads at time t, (2 nodes,) [N/m]."""
     assembly = assembly_of(state)
     if not (_heavy(scene) or scene.loads):
-        return np.zeros(2 * assembly.sheets.nodes)
+        return np.zeros(2 * assembly.grid.nodes)
     own = scene.deformable[state.body]
     at_points = state.mass * _gravity(scene, own, t) if _heavy(scene) else np.zeros_like(state.x)
     for place, force in zip(scene.loaded, scene.forces(t), strict=True):
         at_points[:, place.points] += force[:, None] * place.share
-    return np.asarray(assembly.sheets.interpolation.T @ at_points[:, own].T).ravel()
+    return np.asarray(assembly.grid.interpolation.T @ at_points[:, own].T).ravel()
 
 
 def _heavy(scene: Scene) -> bool:
@@ -49,13 +49,13 @@ def driven_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
     return driven
 
 
-def told(scene: Scene, t: float) -> Array:
+def prescribed(scene: Scene, t: float) -> Array:
     """Velocities of the supports at time t, (2 supports,) [m/s], zero where free."""
-    velocity = scene.told(t)
-    changed = np.flatnonzero((np.isnan(velocity) != np.isnan(scene.told(0.0))).any(axis=1))
+    velocity = scene.support_velocities(t)
+    changed = np.flatnonzero((np.isnan(velocity) != np.isnan(scene.support_velocities(0.0))).any(axis=1))
     if changed.size:
         raise SceneError(
             f"support {changed[0]}: velocity at t = {t:.6g} s is {velocity[changed[0]]}, at t = 0"
-            f" {scene.told(0.0)[changed[0]]} (nan: None); a component is free always or never"
+            f" {scene.support_velocities(0.0)[changed[0]]} (nan: None); a component is free always or never"
         )
     return np.nan_to_num(velocity).ravel()

@@ -17,9 +17,9 @@ from skmpm.progress import Progress
 from skmpm.scene import Scene, SceneError, State, check_fits
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.anchor import check_whole
-from skmpm.simulate.pace import ROUNDING, Retried, advanced, asked
-from skmpm.simulate.start import check_scheme, initial
+from skmpm.simulate.initial_state import check_scheme, initial
+from skmpm.simulate.regrid import check_whole
+from skmpm.simulate.step_control import TIME_TOLERANCE, RetrySummary, advanced, with_step
 
 CHECKPOINT_EVERY = 30.0  # [s]
 
@@ -63,7 +63,7 @@ def simulate(
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:
         check_fits(scene, start, "start")
-    first = asked(_first(scene, scheme) if start is None else start, float(dt))
+    first = with_step(_first(scene, scheme) if start is None else start, float(dt))
     return _run(scene, first, until, scheme, progress, None if checkpoint is None else writable(checkpoint))
 
 
@@ -81,10 +81,10 @@ def _run(
     scene: Scene, state: State, until: float, scheme: Scheme, progress: bool, checkpoint: Path | None
 ) -> Iterator[State]:
     """The loop of `simulate`."""
-    saved, retried = perf_counter(), Retried()
+    saved, retried = perf_counter(), RetrySummary()
     try:
         with Progress(state.t, until, shown=progress) as bar, _exit_at_sigterm(wanted=checkpoint is not None):
-            while until - state.t > ROUNDING * state.pace.dt:
+            while until - state.t > TIME_TOLERANCE * state.step_control.dt:
                 state, failures = advanced(scene, state, until, scheme)
                 retried = retried.after(state, failures)
                 if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:

@@ -44,7 +44,7 @@ def test_squeeze():
 def test_large():
     """A small one of the large bodies: few iterations, and the support carries weight and inertia.
 
-    It sinks as far as one of 1e6 points, 2.079 mm, to 1 %: the arc held is one of whole rim segments.
+    It sinks as far as one of 1e6 points, 2.079 mm, to 1 %: the arc held is one of whole boundary segments.
     """
     for found in example("large.py")["main"](6000).values():
         assert 0 < found["iterations"] <= 20

@@ -217,7 +217,7 @@ def test_the_first_change_decides_the_artefact(code):
     def resists(at):
         return member(code, interior_pressure=lambda v: 1e8 * np.maximum(v["solid_fraction"] - at, 0.0))
 
-    claim = "in the seed's mode the first change moves with R/h as 0.842/(1 + h/2R)^2 says"
+    claim = "in the mode of Nezamabadi et al. (2017) the first change moves with R/h as 0.842/(1 + h/2R)^2 says"
     for place, verdict in (
         (lambda cells: code.claims.apparent(cells) + 0.01, "holds"),
         (lambda cells: 0.742, "does not hold"),
@@ -296,20 +296,20 @@ def ran(code, tmp_path_factory):
 
 def drawn(code, study, docs):
     docs.mkdir()
-    shutil.copy(ROOT / "docs" / "study.md", docs)
+    shutil.copy(ROOT / "docs" / "packing_ensemble.md", docs)
     rows = code.figures.main(code.figures.parser().parse_args(["--study", str(study), "--docs", str(docs)]))
-    return rows, (docs / "study.md").read_text()
+    return rows, (docs / "packing_ensemble.md").read_text()
 
 
 @pytest.mark.slow
 def test_both_commands(code, ran, tmp_path):
     """Study, then figures: the pictures that can be drawn, small ones, and a page with measured figures."""
     rows, page = drawn(code, ran, tmp_path / "docs")
-    pictures = {path.name: path.stat().st_size for path in (tmp_path / "docs" / "study").glob("*.png")}
+    pictures = {path.name: path.stat().st_size for path in (tmp_path / "docs" / "packing_ensemble").glob("*.png")}
     assert set(pictures) == {"figure2.png", "figure4.png", "pressure.png", "coordination.png"}
-    assert {path.name for path in (tmp_path / "docs" / "study").iterdir()} == {*pictures, "curves.csv"}
+    assert {path.name for path in (tmp_path / "docs" / "packing_ensemble").iterdir()} == {*pictures, "curves.csv"}
     assert all(2_000 < size < 120_000 for size in pictures.values())
-    assert set(re.findall(r"!\[.*\]\(study/(.*)\)", page)) == set(pictures)
+    assert set(re.findall(r"!\[.*\]\(packing_ensemble/(.*)\)", page)) == set(pictures)
     found = {row.claim: row for row in rows}
     assert found["A_m is larger with friction"].verdict in ("not run", "does not hold"), "0.80 was not reached"
     identity = found["P = (Phi Z/4) sigma_l, sigma_l = mean(f.l) / mean(V_p) by own code"]
@@ -324,7 +324,9 @@ def test_both_commands(code, ran, tmp_path):
     again = code.figures.main(
         code.figures.parser().parse_args(["--study", str(ran), "--docs", str(tmp_path / "docs")])
     )
-    assert (again, (tmp_path / "docs" / "study.md").read_text()) == (rows, page), "a second time changes nothing"
+    assert (again, (tmp_path / "docs" / "packing_ensemble.md").read_text()) == (rows, page), (
+        "a second time changes nothing"
+    )
 
 
 @pytest.mark.slow
@@ -337,10 +339,10 @@ def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
     ):
         shutil.copytree(ran / name, tmp_path / "study" / copy)
     drawn(code, tmp_path / "study", tmp_path / "docs")
-    assert len(list((tmp_path / "docs" / "study").glob("*.png"))) == 7
+    assert len(list((tmp_path / "docs" / "packing_ensemble").glob("*.png"))) == 7
     manifest = tmp_path / "study" / "forgetful_mu0.5" / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"finished": true', '"finished": false'))
     options = ["--study", str(tmp_path / "study"), "--docs", str(tmp_path / "docs")]
     code.figures.main(code.figures.parser().parse_args(options))
-    assert not (tmp_path / "docs" / "study" / "forgetting.png").exists()
-    assert "not finished, not used" in (tmp_path / "docs" / "study.md").read_text()
+    assert not (tmp_path / "docs" / "packing_ensemble" / "forgetting.png").exists()
+    assert "not finished, not used" in (tmp_path / "docs" / "packing_ensemble.md").read_text()

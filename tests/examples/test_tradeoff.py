@@ -38,47 +38,49 @@ def test_commands(study, monkeypatch, tmp_path):
     module.main(options)
     assert [path.stat().st_mtime_ns for path in results] == times
     (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "tradeoff.md").write_text((DOCS / "tradeoff.md").read_text())
-    rest = (DOCS / "tradeoff.md").read_text().split("<!-- /study -->\n")[1]
+    (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
+    rest = (DOCS / "work_precision.md").read_text().split("<!-- /study -->\n")[1]
     for _ in range(2):
         page.write(tmp_path / "out", tmp_path / "docs")
-        text = (tmp_path / "docs" / "tradeoff.md").read_text()
+        text = (tmp_path / "docs" / "work_precision.md").read_text()
         assert "| cantilever | 5 | 2 |" in text
         assert text.count("## Presets") == 1
         assert text.endswith(rest)
-        for name in ("fronts", "dials", "speeds"):  # once will do
+        for name in ("fronts", "parameters", "speeds"):  # once will do
             monkeypatch.setattr(page.figures, name, lambda *args: None)
-    assert len((tmp_path / "docs" / "tradeoff" / "results.csv").read_text().splitlines()) == 6
+    assert len((tmp_path / "docs" / "work_precision" / "results.csv").read_text().splitlines()) == 6
 
 
 def test_every_setting_is_a_scheme_and_larger_samples_begin_with_smaller(study):
     """All that is planned is accepted by `Scheme`; the plan has every reason to run; what is idle is left out."""
-    dials, scenes, module = study("dials"), study("scenes"), study("")
+    parameters, scenes, module = study("parameters"), study("scenes"), study("")
     members = module.plan(list(scenes.CASES), 64)
     for member in members:
         case = scenes.CASES[member.scene]
-        dials.scheme_of(member.setting, inertia=case.inertia or member.setting["explicit"])
+        parameters.scheme_of(member.setting, inertia=case.inertia or member.setting["explicit"])
         assert scenes.setting_on(member.scene, member.setting) == member.setting
     assert {m.why for m in members} == set(module.KINDS)
-    assert dials.sample(64)[:10] == dials.sample(10)
-    loose = dials.DEFAULT | {"contact_tol": 1e-4, "theta": 0.5}
-    same = [name for name in ("cantilever", "hertz", "collision") if scenes.setting_on(name, loose) == dials.DEFAULT]
+    assert parameters.sample(64)[:10] == parameters.sample(10)
+    loose = parameters.DEFAULT | {"contact_tol": 1e-4, "theta": 0.5}
+    same = [
+        name for name in ("cantilever", "hertz", "collision") if scenes.setting_on(name, loose) == parameters.DEFAULT
+    ]
     assert same == ["cantilever"]
 
 
 def test_presets_are_those_of_the_library(study):
     """What the study measures under their names solves as tightly as they do; it ran without mean dilatation."""
-    dials = study("dials")
-    for name, setting in dials.PRESETS.items():
-        assert dials.scheme_of(setting, inertia=True) == getattr(skmpm.Scheme, name)(mean_dilatation=False)
+    parameters = study("parameters")
+    for name, setting in parameters.PRESETS.items():
+        assert parameters.scheme_of(setting, inertia=True) == getattr(skmpm.Scheme, name)(mean_dilatation=False)
 
 
 def test_ends_of_runs(study, tmp_path):
     """A run without enough time or points says so; costs are counted up to there."""
-    module, dials = study(""), study("dials")
-    member = module.Member("hertz", dials.DEFAULT, "one", 0.05)
+    module, parameters = study(""), study("parameters")
+    member = module.Member("hertz", parameters.DEFAULT, "one", 0.05)
     assert module.measure(member, tmp_path)["status"].startswith("too long")
-    torn = module.Member("cantilever", dials.DEFAULT | {"cells": 6.3, "spacing": 2.0}, "one", 0.0)
+    torn = module.Member("cantilever", parameters.DEFAULT | {"cells": 6.3, "spacing": 2.0}, "one", 0.0)
     assert module.measure(torn, tmp_path)["status"].startswith("failed")
     assert study("results").run_of(module.measure(torn, tmp_path), frozenset(), None).error == float("inf")
 
@@ -109,22 +111,22 @@ def test_explicit_and_implicit_steps_measure_the_same(study):
 
     Velocities and spin after it to 3 %, what is left of the time steps; a wrong sign or place shows as 10 % and more.
     """
-    dials, scenes, meter = study("dials"), study("scenes"), study("meter")
-    coarse = dials.DEFAULT | {"cells": 3.2, "spacing": 0.5}
+    parameters, scenes, meter = study("parameters"), study("scenes"), study("meter")
+    coarse = parameters.DEFAULT | {"cells": 3.2, "spacing": 0.5}
     found = []
     for setting in (coarse | {"theta": 0.5, "pace": 2.0}, coarse | {"explicit": True}):
         run = scenes.CASES["collision"].run
-        found.append(run(setting, 0, meter.Meter(dials.linear_of(setting)), None))
+        found.append(run(setting, 0, meter.Meter(parameters.linear_of(setting)), None))
     errors = study("discs").collision_errors(*found, 0)
     assert max(errors.values()) < 0.03
 
 
 def test_a_long_run_goes_on_from_its_checkpoint(study, monkeypatch, tmp_path):
     """The packing up to 0.72, cut after eight steps: curves are those of a run that was not cut."""
-    discs, dials, meter = study("discs"), study("dials"), study("meter")
+    discs, parameters, meter = study("discs"), study("parameters"), study("meter")
     monkeypatch.setattr(discs, "END", 0.72)
-    setting = dials.DEFAULT | {"cells": 2.5}
-    whole = discs.packing(setting, 0, meter.Meter(dials.linear_of(setting)), None)
+    setting = parameters.DEFAULT | {"cells": 2.5}
+    whole = discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), None)
     watched = discs.watched
 
     def cut(*args):
@@ -135,9 +137,9 @@ def test_a_long_run_goes_on_from_its_checkpoint(study, monkeypatch, tmp_path):
 
     monkeypatch.setattr(discs, "watched", cut)
     with pytest.raises(KeyboardInterrupt):
-        discs.packing(setting, 0, meter.Meter(dials.linear_of(setting)), tmp_path)
+        discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), tmp_path)
     monkeypatch.setattr(discs, "watched", watched)
-    again = discs.packing(setting, 0, meter.Meter(dials.linear_of(setting)), tmp_path)
+    again = discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), tmp_path)
     assert again["fraction"] == whole["fraction"]
     assert again["pressure"] == whole["pressure"]
     assert again["alpha"] == whole["alpha"]
@@ -164,11 +166,11 @@ def test_curves_are_compared_to_their_ends(study):
 
 
 def made(study, scene, errors, seconds):
-    """Runs with these errors and costs, by (dial, level) against `balanced`."""
-    results, dials = study("results"), study("dials")
+    """Runs with these errors and costs, by (parameter, level) against `balanced`."""
+    results, parameters = study("results"), study("parameters")
     runs = {}
     for one, error in errors.items():
-        setting = study("scenes").setting_on(scene, dials.BALANCED | dict(one))
+        setting = study("scenes").setting_on(scene, parameters.BALANCED | dict(one))
         about = (
             scene,
             setting,
@@ -201,19 +203,19 @@ def test_beating(study):
 
 
 def test_laws_are_found_again(study):
-    """A fit to errors made by the law, 40 settings: constants to 1 %; other dials and spacings do not enter."""
-    fits, dials, results = study("fits"), study("dials"), study("results")
+    """A fit to errors made by the law, 40 settings: constants to 1 %; other parameters and spacings do not enter."""
+    fits, parameters, results = study("fits"), study("parameters"), study("results")
     runs, rng = {}, np.random.default_rng(0)
-    for n, pace in zip(rng.uniform(3.2, 12, 40), rng.uniform(0.1, 4, 40), strict=True):
-        setting = dials.DEFAULT | {"cells": n, "pace": pace}
-        error = 0.8 / n**1.5 + 0.3 * 0.116 * pace
+    for n, step_control in zip(rng.uniform(3.2, 12, 40), rng.uniform(0.1, 4, 40), strict=True):
+        setting = parameters.DEFAULT | {"cells": n, "pace": step_control}
+        error = 0.8 / n**1.5 + 0.3 * 0.116 * step_control
         about = (frozenset({"one"}), "finished", {"seconds": 1.0, "steps": 1.0}, {"largest": error})
         runs[results.key(setting)] = results.Run("collision", setting, *about)
         for other in ({"spacing": 0.5}, {"theta": 0.5}, {"newton_tol": 1e-2}):
             run = results.Run("collision", setting | other, *about[:3], {"largest": 9.0})
             runs[results.key(run.setting)] = run
     for way in (0.01, 0.03):
-        setting = dials.DEFAULT | {"pace": way}
+        setting = parameters.DEFAULT | {"pace": way}
         steps = fits.place(results.Run("lid 2", setting, frozenset(), "", {"steps": 1.0}, {}))[1] / way
         about = (frozenset({"speed"}), "finished", {"seconds": 1.0, "steps": steps}, {"largest": 0.7 * way})
         runs_of_lid = {results.key(setting): results.Run("lid 2", setting, *about)}

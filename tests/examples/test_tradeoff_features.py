@@ -23,7 +23,7 @@ def features(monkeypatch):
 def page(features, tmp_path, monkeypatch):
     """The small table of a packing that has just begun to touch, on a page that has text around the marks."""
     monkeypatch.setattr(features.scenes, "FRACTION", 0.72)
-    path = tmp_path / "tradeoff.md"
+    path = tmp_path / "work_precision.md"
     path.write_text("before\n\n<!-- features -->\nold\n<!-- /features -->\n\nafter\n")
     features.main(features.parser().parse_args([*SMALL, "--docs", str(tmp_path)]))
     return path.read_text()
@@ -42,7 +42,7 @@ def test_every_line_is_measured_and_the_rest_of_the_page_stays(features, page):
     found = {(line[0], line[1]): counts(line[3]) for line in lines}
     never = {
         "calls in `contact` and `coulomb`", "gravity evaluated", "loads evaluated", "eliminations", "line searches",
-        "means of dilatation", "kinetic energies", "velocity gradients", "sheets laid", "patterns made",
+        "means of dilatation", "kinetic energies", "velocity gradients", "body grids laid", "patterns made",
     }  # fmt: skip
     for each in found.values():
         for name in never & each.keys():

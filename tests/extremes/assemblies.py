@@ -198,21 +198,21 @@ def _exactly(placed: list[skmpm.Points], body: int, side: str) -> Callable:
     """The points of a body on one of its sides, as the floor's frame has it; "core": around the middle."""
     chosen = []
     for b, points in enumerate(placed):
-        chosen.append(_side(points, side) if b == body else np.zeros(points.n, dtype=bool))
+        chosen.append(_side(points, side) if b == body else np.zeros(points.size, dtype=bool))
     mask = np.concatenate(chosen)
     return lambda x: mask
 
 
 def _side(points: skmpm.Points, side: str) -> np.ndarray:
     if side == "all":
-        return np.ones(points.n, dtype=bool)
+        return np.ones(points.size, dtype=bool)
     middle = 0.5 * (points.x.min(axis=1) + points.x.max(axis=1))
     if side == "core":
         from_it = np.hypot(*(points.x - middle[:, None]))
         return from_it <= max(0.3, float(from_it.min()) + 1e-9)
     axis, sign = {"bottom": (1, -1.0), "top": (1, 1.0), "left": (0, -1.0), "right": (0, 1.0)}[side]
     height = sign * points.x[axis]
-    on_boundary = np.zeros(points.n, dtype=bool)
+    on_boundary = np.zeros(points.size, dtype=bool)
     on_boundary[np.concatenate(points.outline)] = True
     return on_boundary & (height >= height.max() - 0.02)
 

@@ -170,7 +170,14 @@ class Watch:
         names = ("x", "v", "F", "C", "stress", "volume", "weight", "displacement", "wall_force", "walls")
         arrays = [getattr(state, name) for name in names] + [state.contacts.force, state.contacts.gap]
         energy = state.report.energy
-        numbers = (energy.kinetic, energy.elastic, energy.external, energy.push_out, energy.relaid, energy.dissipated)
+        numbers = (
+            energy.kinetic,
+            energy.elastic,
+            energy.external,
+            energy.push_out,
+            energy.regridded,
+            energy.dissipated,
+        )
         if all(np.isfinite(a).all() for a in arrays) and np.isfinite(numbers).all():
             return True
         self.found.setdefault("finite", f"not finite at t = {state.t:.6g} s, step {self.steps}")
@@ -205,7 +212,7 @@ class Watch:
     def _moment(self, new: skmpm.State, b) -> None:
         """Of bodies that no support holds, where points keep their angular momentum and contacts lie on outlines."""
         scheme = self.case.scheme
-        if not (scheme.contact is skmpm.contact.outlines and scheme.anchor == np.inf and scheme.theta == 1.0):
+        if not (scheme.contact is skmpm.contact.point_to_curve and scheme.anchor == np.inf and scheme.theta == 1.0):
             return
         if scheme.transfer is not skmpm.transfer.apic:
             return
@@ -239,7 +246,7 @@ class Watch:
             )
         sizes = (self.largest, abs(self.external), energy.kinetic, energy.elastic, energy.push_out)
         self.largest = max(sizes)
-        allowed = self.start + self.external + self.rounded + energy.push_out + energy.relaid + rounding
+        allowed = self.start + self.external + self.rounded + energy.push_out + energy.regridded + rounding
         scale = max(self.largest, 1e-300)
         if self.case.scheme.theta == 1.0 and self.case.scheme.inertia:  # other rules may gain
             self._limit("energy gained", (kinetic + elastic - allowed) / scale, ENERGY, new, "energy gained")
@@ -312,7 +319,7 @@ class Watch:
         self._limit("pull", float(-f_n.min()) / largest, CONE, state, "contacts pull")
         excess = float((np.abs(f_t) - mu * f_n * (1.0 + CONE)).max()) / (largest * max(1.0, float(mu.max())))
         self._limit("outside the cone", excess, CONE, state, "friction beyond Coulomb's cone")
-        if self.case.scheme.contact is skmpm.contact.outlines:
+        if self.case.scheme.contact is skmpm.contact.point_to_curve:
             loaded = f_n > 1e-3 * largest
             limit = OPEN * (1.0 if self.case.scheme.inertia else STILL)
             self._limit(
@@ -321,7 +328,7 @@ class Watch:
 
     def _sliding(self, old: skmpm.State, new: skmpm.State) -> None:
         """On walls, by the points' own displacements: what sticks does not slide, friction opposes what slides."""
-        outlined, theta = self.case.scheme.contact is skmpm.contact.outlines, self.case.scheme.theta
+        outlined, theta = self.case.scheme.contact is skmpm.contact.point_to_curve, self.case.scheme.theta
         if not (outlined and theta == 1.0 and self.scene.walls and new.contacts.force.size):
             return
         index, slip = slip_on_walls(self.scene, old, new)
@@ -337,7 +344,7 @@ class Watch:
 
     def _sunk(self, old: skmpm.State, new: skmpm.State) -> None:
         """Boundary points stay in front of walls, unless a support moves them or they were behind before."""
-        if not (self.case.scheme.contact is skmpm.contact.outlines and self.case.scheme.theta == 1.0):
+        if not (self.case.scheme.contact is skmpm.contact.point_to_curve and self.case.scheme.theta == 1.0):
             return
         times = 1.0 if self.case.scheme.inertia else STILL
         before, after = (behind_walls(self.scene, state) / self.scene.cell for state in (old, new))
@@ -356,7 +363,7 @@ class Watch:
         """Bodies do not share area nor cross themselves, points are in front of the walls."""
         for wall, point in zip(self.scene.walls, state.walls, strict=True):
             depth = -float((np.asarray(wall.normal) @ (state.x - point[:, None])).min()) / self.scene.cell
-            if self.case.scheme.contact is skmpm.contact.outlines:
+            if self.case.scheme.contact is skmpm.contact.point_to_curve:
                 self._limit("behind a wall", depth, BEHIND, state, "points behind a wall [cells]")
         self._limit("overlap", state.report.overlap, OVERLAP, state, "bodies overlap")
         if self.stack:  # in the others bodies that are crushed still fold: test_dials.py
@@ -367,7 +374,7 @@ class Watch:
             if share > OVERLAP:  # few and large points count for more than what they share
                 share = shared_area(self.scene, state)
             self._limit("inner points in other bodies", share, OVERLAP, state, "points lie in other bodies")
-            if self.case.scheme.contact is skmpm.contact.outlines:
+            if self.case.scheme.contact is skmpm.contact.point_to_curve:
                 depth = deepest(self.scene, state) / self.scene.cell
                 limit = DEPTH if self.stack else DEPTH_COARSE
                 self._limit("depth", depth, limit, state, "a boundary point lies in another body [cells]")

@@ -1,4 +1,4 @@
-"""The maps of docs/stability.md, one per dial, and the page's table and list of failures."""
+"""The maps of docs/stability.md, one per parameter, and the page's table and list of failures."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ BEGIN, END = "<!-- drawn by tests/extremes/sweeps.py: begin -->", "<!-- end -->"
 LONGEST = 260  # characters of a message on the page
 
 
-def draw(dial: str, rows: list[dict[str, str]], folder: Path) -> Path:
-    """How every scene ended at every setting of a dial, with the retries; below, the error of what ended right."""
+def draw(parameter: str, rows: list[dict[str, str]], folder: Path) -> Path:
+    """How every scene ended at every setting of a parameter, with the retries; below, the error of what ended right."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -53,8 +53,8 @@ def draw(dial: str, rows: list[dict[str, str]], folder: Path) -> Path:
     bottom.set_xticks(
         range(len(labels)), labels, fontsize=8, rotation=30 if steep else 0, ha="right" if steep else "center"
     )
-    bottom.set_xlabel(TITLES[dial])
-    path = folder / f"{dial}.png"
+    bottom.set_xlabel(TITLES[parameter])
+    path = folder / f"{parameter}.png"
     figure.savefig(path, dpi=120)
     plt.close(figure)
     return path
@@ -84,17 +84,17 @@ def _field(i: int, j: int, colour: str):
 
 
 def table(found: dict[str, list[dict[str, str]]]) -> list[str]:
-    """One line of the page for every dial: how runs ended, and the worst of what was checked in right ones."""
-    head = ("dial", "settings", *COLOURS, "most retries", "momentum", "residual", "energy gained", "overlap")
+    """One line of the page for every parameter: how runs ended, and the worst of what was checked in right ones."""
+    head = ("parameter", "settings", *COLOURS, "most retries", "momentum", "residual", "energy gained", "overlap")
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    for dial, rows in found.items():
+    for parameter, rows in found.items():
         labels = list(dict.fromkeys(row["setting"] for row in rows))
         counts = [str(sum(row["kind"] == kind for row in rows)) for kind in COLOURS]
         right = [row for row in rows if row["kind"] == "right"]
         worst = [_largest(right, key) for key in ("momentum", "residual", "energy gained", "overlap")]
         retries = str(max((int(row["retries"]) for row in rows), default=0))
         span = f"{labels[0]} ... {labels[-1]}" if len(labels) > 1 else labels[0]
-        lines.append("| " + " | ".join([TITLES[dial], span, *counts, retries, *worst]) + " |")
+        lines.append("| " + " | ".join([TITLES[parameter], span, *counts, retries, *worst]) + " |")
     return lines
 
 
@@ -109,26 +109,28 @@ def _largest(rows: list[dict[str, str]], key: str) -> str:
 def failures(found: dict[str, list[dict[str, str]]]) -> list[str]:
     """One line for every run that did not end right: where, how far it came, and what it said."""
     lines = []
-    for dial, rows in found.items():
+    for parameter, rows in found.items():
         for row in rows:
             if row["kind"] == "right":
                 continue
             said = row["violations"] or row["message"]
             said = said if len(said) <= LONGEST else said[:LONGEST].rsplit(" ", 1)[0] + " ..."
             came = f"after {row['steps']} steps, {100 * float(row['reached']):.0f} % of the time"
-            lines.append(f"- {TITLES[dial]} = {row['setting']}, {row['scene']}: **{row['kind']}** {came}: {said}")
+            lines.append(
+                f"- {TITLES[parameter]} = {row['setting']}, {row['scene']}: **{row['kind']}** {came}: {said}"
+            )
     return lines or ["- none"]
 
 
 def page() -> None:
     """Draw the maps and write what is between the marks of docs/stability.md."""
-    found = {dial: rows for dial in SWEEPS if (rows := read(dial))}
-    missing = [f"{dial} {s.label} {name}" for dial in found for s, name in columns(dial)
-               if not any(r["setting"] == s.label and r["scene"] == name for r in found[dial])]  # fmt: skip
+    found = {parameter: rows for parameter in SWEEPS if (rows := read(parameter))}
+    missing = [f"{parameter} {s.label} {name}" for parameter in found for s, name in columns(parameter)
+               if not any(r["setting"] == s.label and r["scene"] == name for r in found[parameter])]  # fmt: skip
     pictures = []
-    for dial, rows in found.items():
-        draw(dial, rows, KEPT)
-        pictures += ["", f"![{TITLES[dial]}](stability/{dial}.png)"]
+    for parameter, rows in found.items():
+        draw(parameter, rows, KEPT)
+        pictures += ["", f"![{TITLES[parameter]}](stability/{parameter}.png)"]
     written = [BEGIN, "", *table(found), *pictures, "", "### Everything that did not end right", "", *failures(found)]
     written += ["", f"Not run: {', '.join(missing)}."] if missing else []
     before, rest = PAGE.read_text().split(BEGIN)

@@ -12,7 +12,7 @@ def ends(case: Case, state: skmpm.State, impulse: np.ndarray) -> dict[str, float
     """What users publish, without dimension: speeds over the closing speed, the lid's impulse over E R^2 / c."""
     if case.name not in SCENES | {"crush": crush}:
         return {}
-    d = case.dials
+    d = case.parameters
     c = d.closing * d.speed
     m, body = state.mass, state.body
     total = np.bincount(body, m)
@@ -20,7 +20,7 @@ def ends(case: Case, state: skmpm.State, impulse: np.ndarray) -> dict[str, float
     turn = np.bincount(body, m * rotation_rate(state)) / total
     if case.name in ("squeeze", "crush"):
         found = {"impulse": float(np.linalg.norm(impulse)) * d.speed / (d.stress * d.length**2)}
-        points = case.dials.shape == "point"
+        points = case.parameters.shape == "point"
         return found if points else found | {"elongation": float(elongation(state).mean()) - 1.0}
     values = {"velocity x": v[0, 0], "velocity y": v[1, 0], "spin": turn[0] * d.length}
     if len(total) > 1 and case.name == "collision":

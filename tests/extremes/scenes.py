@@ -1,8 +1,8 @@
-"""The scenes of the sweeps: every dial that a user can turn is a number of `Dials`, without dimension.
+"""The scenes of the sweeps: every parameter that a user can turn is a number of `Parameters`, without dimension.
 
-Unit of length: the (mean) radius R of the discs. Unit of speed: c, the speed of pressure waves in the seed's gel,
-sqrt(3.79 E / density), whatever Poisson's ratio and the other ratios are. The scenes are built in these units, then
-turned, shifted and scaled.
+Unit of length: the (mean) radius R of the discs. Unit of speed: c, the speed of pressure waves in the gel of
+Nezamabadi et al. (2017), sqrt(3.79 E / density), whatever Poisson's ratio and the other ratios are. The scenes are
+built in these units, then turned, shifted and scaled.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ LOOSE = (0.76, 0.72, 0.68, 0.64, 0.60, 0.54, 0.48)  # solid fractions to try to 
 
 
 @dataclass(frozen=True)
-class Dials:
-    """All settings of a scene; the defaults are the seed's gel at R/h = 5."""
+class Parameters:
+    """All settings of a scene; the defaults are the gel of Nezamabadi et al. (2017) at R/h = 5."""
 
     dt_c_h: float = 4.0  # time step, over h / c
     nu: float = 0.45
@@ -39,7 +39,7 @@ class Dials:
     origin: tuple[float, float] = (0.0, 0.0)  # where all this is [cells]
     solid_fraction: float = 0.90  # nominal, where the squeeze ends
     bodies: int | None = None  # 1 in free fall, 2 in a collision, 12 squeezed
-    shape: str = "disc"  # or "box" (2R wide), "point" (one point and no outline, which needs Scheme.seed())
+    shape: str = "disc"  # or "box" (2R wide), "point" (one point and no outline, which needs Scheme.nezamabadi2017())
     outlined: bool = False  # contact by outlines even for points, which have none
     mean_dilatation: bool = False
     gap: float | None = None  # between two bodies at the start, over R; None: they close it in the first step
@@ -80,7 +80,7 @@ class Case:
     """A scene and how to run it."""
 
     name: str
-    dials: Dials
+    parameters: Parameters
     scene: skmpm.Scene
     dt: float  # [s]
     until: float  # [s]
@@ -95,7 +95,7 @@ class Piece:
     radius: float = 1.0
     velocity: tuple[float, float] = (0.0, 0.0)
     spin: float = 0.0  # [c/R]
-    angle: float = 0.0  # by which its points are turned; a disc has a rim point at angle 0
+    angle: float = 0.0  # by which its points are turned; a disc has a boundary point at angle 0
 
 
 @dataclass(frozen=True)
@@ -107,22 +107,22 @@ class Plane:
     velocity: tuple[float, float] = (0.0, 0.0)
 
 
-def fall(dials: Dials) -> Case:
+def fall(parameters: Parameters) -> Case:
     """Bodies apart from each other, slowly spinning, fall from rest; they reach the closing speed at 10 R/c."""
-    n = dials.bodies or 1
+    n = parameters.bodies or 1
     columns = int(np.ceil(np.sqrt(n)))
-    spin = 0.25 * dials.closing
+    spin = 0.25 * parameters.closing
     pieces = [Piece((4.0 * (i % columns), 4.0 * (i // columns)), spin=spin) for i in range(n)]
-    duration = _duration(10.0, dials)
-    return _case("fall", dials, pieces, (), duration, gravity=(0.0, -dials.closing / 10.0))
+    duration = _duration(10.0, parameters)
+    return _case("fall", parameters, pieces, (), duration, gravity=(0.0, -parameters.closing / 10.0))
 
 
-def collision(dials: Dials) -> Case:
-    """Pairs of bodies hit each other obliquely: two discs of radii 1 and 0.9, rim points first, or two boxes."""
-    n = 2 if dials.bodies is None else dials.bodies
-    half = 0.5 * dials.closing
-    gap = gap_of(dials)
-    if dials.shape == "disc":
+def collision(parameters: Parameters) -> Case:
+    """Pairs of bodies hit each other obliquely: two discs of radii 1 and 0.9, boundary points first, or two boxes."""
+    n = 2 if parameters.bodies is None else parameters.bodies
+    half = 0.5 * parameters.closing
+    gap = gap_of(parameters)
+    if parameters.shape == "disc":
         reach, other, slide, angle = 1.9 + gap, 0.9, 0.0, OBLIQUE
         apart = (reach * np.cos(OBLIQUE), reach * np.sin(OBLIQUE))
     else:
@@ -132,49 +132,53 @@ def collision(dials: Dials) -> Case:
         (x, y), radius, sign, turned = ((0.0, 0.0), 1.0, 1.0, 0.0) if i % 2 == 0 else (apart, other, -1.0, np.pi)
         place = (x, y + 5.0 * (i // 2))
         pieces.append(Piece(place, radius, velocity=(sign * half, sign * slide), angle=angle + turned))
-    return _case("collision", dials, pieces, (), _duration(20.0, dials))
+    return _case("collision", parameters, pieces, (), _duration(20.0, parameters))
 
 
-def gap_of(dials: Dials) -> float:
+def gap_of(parameters: Parameters) -> float:
     """Gap between two bodies at the start, over R."""
-    return min(GAP, 0.5 * dials.closing * dials.dt_c_h) / dials.cells if dials.gap is None else dials.gap
+    return (
+        min(GAP, 0.5 * parameters.closing * parameters.dt_c_h) / parameters.cells
+        if parameters.gap is None
+        else parameters.gap
+    )
 
 
-def squeeze(dials: Dials) -> Case:
+def squeeze(parameters: Parameters) -> Case:
     """Discs of radii 0.74 to 1.26 R in a box, or a lattice of other shapes, squeezed by a lid, with friction."""
-    n = 12 if dials.bodies is None else dials.bodies
-    centres, radii, width, height = _packed(n, dials)
-    solid = float((np.pi if dials.shape == "disc" else 4.0) * (radii**2).sum())
+    n = 12 if parameters.bodies is None else parameters.bodies
+    centres, radii, width, height = _packed(n, parameters)
+    solid = float((np.pi if parameters.shape == "disc" else 4.0) * (radii**2).sum())
     pieces = [Piece((x, y), radius) for (x, y), radius in zip(centres.T.tolist(), radii.tolist(), strict=True)]
     planes = (
         Plane((0.0, 0.0), (0.0, 1.0)),
-        Plane((0.0, height), (0.0, -1.0), velocity=(0.0, -dials.closing)),
+        Plane((0.0, height), (0.0, -1.0), velocity=(0.0, -parameters.closing)),
         Plane((0.0, 0.0), (1.0, 0.0)),
         Plane((width, 0.0), (-1.0, 0.0)),
     )
-    travel = height - solid / (width * dials.solid_fraction)
+    travel = height - solid / (width * parameters.solid_fraction)
     if travel <= 0.0:
         raise ValueError(f"the box starts at a solid fraction of {solid / (width * height):.3g}; end above it")
-    duration = min(travel / dials.closing, dials.steps * dials.dt_c_h / dials.cells)
-    return _case("squeeze", dials, pieces, planes, duration)
+    duration = min(travel / parameters.closing, parameters.steps * parameters.dt_c_h / parameters.cells)
+    return _case("squeeze", parameters, pieces, planes, duration)
 
 
-def crush(dials: Dials) -> Case:
+def crush(parameters: Parameters) -> Case:
     """One body between a floor and a lid that comes down to the floor and through it: it cannot end well."""
     planes = (
         Plane((0.0, 0.0), (0.0, 1.0)),
-        Plane((0.0, 2.0), (0.0, -1.0), velocity=(0.0, -dials.closing)),
+        Plane((0.0, 2.0), (0.0, -1.0), velocity=(0.0, -parameters.closing)),
     )
-    return _case("crush", dials, [Piece((0.0, 1.0))], planes, 2.02 / dials.closing)
+    return _case("crush", parameters, [Piece((0.0, 1.0))], planes, 2.02 / parameters.closing)
 
 
-SCENES: dict[str, Callable[[Dials], Case]] = {"fall": fall, "collision": collision, "squeeze": squeeze}
+SCENES: dict[str, Callable[[Parameters], Case]] = {"fall": fall, "collision": collision, "squeeze": squeeze}
 
 
-def _duration(usual: float, dials: Dials) -> float:
-    """Time to simulate [R/c]: as usual, but at least three steps and at most `dials.steps`."""
-    step = dials.dt_c_h / dials.cells
-    return float(np.clip(usual, 3.0 * step, dials.steps * step))
+def _duration(usual: float, parameters: Parameters) -> float:
+    """Time to simulate [R/c]: as usual, but at least three steps and at most `parameters.steps`."""
+    step = parameters.dt_c_h / parameters.cells
+    return float(np.clip(usual, 3.0 * step, parameters.steps * step))
 
 
 @cache
@@ -191,10 +195,10 @@ def packed_discs(n: int, seed: int, loose: tuple[float, ...]) -> tuple[np.ndarra
     raise ValueError(f"{n} discs do not pack at a solid fraction of {loose[-1]}")
 
 
-def _packed(n: int, dials: Dials) -> tuple[np.ndarray, np.ndarray, float, float]:
+def _packed(n: int, parameters: Parameters) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Centres (2, n), radii (n,), width and height of the box."""
-    if dials.shape == "disc":
-        return packed_discs(n, dials.seed, dials.loose)
+    if parameters.shape == "disc":
+        return packed_discs(n, parameters.seed, parameters.loose)
     pitch, columns = 2.02, int(np.ceil(np.sqrt(n)))
     number = np.arange(n)
     centres = 1.01 + pitch * np.stack([number % columns, number // columns])
@@ -203,7 +207,7 @@ def _packed(n: int, dials: Dials) -> tuple[np.ndarray, np.ndarray, float, float]
 
 def _case(
     name: str,
-    dials: Dials,
+    parameters: Parameters,
     pieces: list[Piece],
     planes: tuple[Plane, ...],
     duration: float,
@@ -211,49 +215,55 @@ def _case(
     gravity: tuple[float, float] = (0.0, 0.0),
 ) -> Case:
     """Turned, shifted and scaled."""
-    turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), dials.quarter_turns % 4)
-    turn = turn @ np.diag([-1.0, 1.0]) if dials.mirrored else turn
-    shift = dials.cell * (np.asarray(dials.offset) + np.asarray(dials.origin))
-    L, c = dials.length, dials.speed
+    turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), parameters.quarter_turns % 4)
+    turn = turn @ np.diag([-1.0, 1.0]) if parameters.mirrored else turn
+    shift = parameters.cell * (np.asarray(parameters.offset) + np.asarray(parameters.origin))
+    L, c = parameters.length, parameters.speed
 
     def place(x):
         return L * (turn @ np.asarray(x, dtype=float)) + shift
 
     bodies = []
-    for i in dials.order or range(len(pieces)):
+    for i in parameters.order or range(len(pieces)):
         piece, odd = pieces[i], (i + len(pieces)) % 2 == 1  # a single body counts as the other one
         material = skmpm.NeoHookean(
-            dials.stress * (dials.stiffness_ratio if odd else 1.0),
-            dials.nu,
-            dials.density * (dials.density_ratio if odd else 1.0),
+            parameters.stress * (parameters.stiffness_ratio if odd else 1.0),
+            parameters.nu,
+            parameters.density * (parameters.density_ratio if odd else 1.0),
         )
-        points = _points(piece, dials, turn, shift)
+        points = _points(piece, parameters, turn, shift)
         velocity, spin = c * (turn @ piece.velocity), piece.spin * c / L * float(np.linalg.det(turn))
         bodies.append(skmpm.Body(points, material, velocity=velocity, spin=spin))
     walls = [
-        skmpm.Wall(place(p.point), turn @ p.normal, velocity=c * (turn @ p.velocity), friction=dials.friction)
+        skmpm.Wall(place(p.point), turn @ p.normal, velocity=c * (turn @ p.velocity), friction=parameters.friction)
         for p in planes
     ]
     scene = skmpm.Scene(
-        bodies, cell=dials.cell, walls=walls, friction=dials.friction, gravity=c**2 / L * (turn @ gravity)
+        bodies, cell=parameters.cell, walls=walls, friction=parameters.friction, gravity=c**2 / L * (turn @ gravity)
     )
-    seeds_way = dials.shape == "point" and not dials.outlined
-    scheme = skmpm.Scheme.seed() if seeds_way else skmpm.Scheme(mean_dilatation=dials.mean_dilatation, **dials.scheme)
-    return Case(name, dials, scene, dials.dt, duration * L / c, scheme)
+    seeds_way = parameters.shape == "point" and not parameters.outlined
+    scheme = (
+        skmpm.Scheme.nezamabadi2017()
+        if seeds_way
+        else skmpm.Scheme(mean_dilatation=parameters.mean_dilatation, **parameters.scheme)
+    )
+    return Case(name, parameters, scene, parameters.dt, duration * L / c, scheme)
 
 
-def _points(piece: Piece, dials: Dials, turn: np.ndarray, shift: np.ndarray) -> skmpm.Points:
+def _points(piece: Piece, parameters: Parameters, turn: np.ndarray, shift: np.ndarray) -> skmpm.Points:
     """The body's points in metres, turned and shifted."""
     x, y = piece.centre
-    if dials.shape == "point":
+    if parameters.shape == "point":
         points = skmpm.Points(np.array([[x], [y]]), np.array([np.pi * piece.radius**2]))
-    elif dials.shape == "box":
-        points = skmpm.box((x - piece.radius, y - piece.radius), (2.0 * piece.radius,) * 2, spacing=dials.spacing)
+    elif parameters.shape == "box":
+        points = skmpm.box(
+            (x - piece.radius, y - piece.radius), (2.0 * piece.radius,) * 2, spacing=parameters.spacing
+        )
     else:
-        points = skmpm.disc((0.0, 0.0), piece.radius, spacing=dials.spacing)
+        points = skmpm.disc((0.0, 0.0), piece.radius, spacing=parameters.spacing)
         (cos, sin), centre = (np.cos(piece.angle), np.sin(piece.angle)), np.array([[x], [y]])
         turned = np.array([[cos, -sin], [sin, cos]]) @ points.x if piece.angle else points.x
         points = skmpm.Points(centre + turned, points.volume, points.outline)
-    loops = tuple(loop[::-1] for loop in points.outline) if dials.mirrored else points.outline
-    where = dials.length * (turn @ points.x) + shift[:, None]
-    return skmpm.Points(where, dials.length**2 * points.volume, loops)
+    loops = tuple(loop[::-1] for loop in points.outline) if parameters.mirrored else points.outline
+    where = parameters.length * (turn @ points.x) + shift[:, None]
+    return skmpm.Points(where, parameters.length**2 * points.volume, loops)

@@ -1,4 +1,4 @@
-"""Every dial with the settings that it is turned to, and the tables that hold what came out."""
+"""Every parameter with the settings that it is turned to, and the tables that hold what came out."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class Setting:
     """One column of a map."""
 
     label: str
-    dials: dict = field(default_factory=dict)
+    parameters: dict = field(default_factory=dict)
     scenes: tuple[str, ...] = ALL
     limit: int = LIMIT  # [s] of the processor
     compared: bool = True  # with a fine reference
 
 
 def along(name, values, *, scenes=ALL, **others):
-    """One setting for each value of a dial."""
+    """One setting for each value of a parameter."""
     return [Setting(f"{value:g}", {name: value, **others}, scenes) for value in values]
 
 
@@ -126,25 +126,25 @@ TITLES = {
 }
 
 
-def columns(dial: str) -> list[tuple[Setting, str]]:
+def columns(parameter: str) -> list[tuple[Setting, str]]:
     """Every setting with every scene."""
-    return [(setting, name) for setting in SWEEPS[dial] for name in setting.scenes]
+    return [(setting, name) for setting in SWEEPS[parameter] for name in setting.scenes]
 
 
-def read(dial: str) -> list[dict[str, str]]:
-    """The rows of a dial that have been run."""
-    path = KEPT / f"{dial}.csv"
+def read(parameter: str) -> list[dict[str, str]]:
+    """The rows of a parameter that have been run."""
+    path = KEPT / f"{parameter}.csv"
     if not path.exists():
         return []
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
 
 
-def write(dial: str, rows: list[dict[str, str]]) -> None:
-    """Keep the rows of a dial, in the order of its settings."""
-    place = {(s.label, name): i for i, (s, name) in enumerate(columns(dial))}
+def write(parameter: str, rows: list[dict[str, str]]) -> None:
+    """Keep the rows of a parameter, in the order of its settings."""
+    place = {(s.label, name): i for i, (s, name) in enumerate(columns(parameter))}
     rows.sort(key=lambda row: place.get((row["setting"], row["scene"]), -1))
-    with (KEPT / f"{dial}.csv").open("w", newline="") as file:
+    with (KEPT / f"{parameter}.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, [*COLUMNS, *WORST, *TEXTS], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)

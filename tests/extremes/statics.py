@@ -53,7 +53,7 @@ def has_equilibrium(scene: skmpm.Scene, state: skmpm.State, *, near: float = NEA
     return missing(scene, state, near=near) < ENOUGH
 
 
-def touching(scene: skmpm.Scene, state: skmpm.State, near: float) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
+def contact(scene: skmpm.Scene, state: skmpm.State, near: float) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
     """(first body, second or -1 - wall, place, normal on the first) of boundary points closer than `near` [m]."""
     found = []
     for a, _ in enumerate(scene.bodies):
@@ -93,7 +93,7 @@ def _columns(
             values[2 * bodies + b] = sign * cross(x - centre[:, b], direction) / reach
         return values
 
-    for a, b, x, n in touching(scene, state, near):
+    for a, b, x, n in contact(scene, state, near):
         ends = [(a, 1.0)] if b < 0 else [(a, 1.0), (b, -1.0)]
         mu = scene.friction if b >= 0 else scene.walls[-1 - b].friction
         cones += [(len(data), sign, mu) for sign in (1.0, -1.0)]

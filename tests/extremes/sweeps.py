@@ -1,7 +1,7 @@
-"""Turn every dial to its ends: `python tests/extremes/sweeps.py [dial ...] [--processes n]`, by default every dial.
+"""Turn every parameter to its ends: `python tests/extremes/sweeps.py [parameter ...] [--processes n]`, by default every parameter.
 
-Each setting is run on the scenes and kept in docs/stability/<dial>.csv; what is there is not run again. Then
-docs/stability.md gets its table, its list of failures and one map per dial: `sweeps.py draw` does only that.
+Each setting is run on the scenes and kept in docs/stability/<parameter>.csv; what is there is not run again. Then
+docs/stability.md gets its table, its list of failures and one map per parameter: `sweeps.py draw` does only that.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from time import process_time
 import numpy as np
 from checks import Outcome, examine
 from published import difference
-from scenes import SCENES, Case, Dials, crush, gap_of
+from scenes import SCENES, Case, Parameters, crush, gap_of
 from settings import ALL, COLUMNS, KEPT, LIMIT, SWEEPS, WORST, Setting, columns, read, write
 
 import skmpm
@@ -39,7 +39,7 @@ PHYSICS = (
 
 def case_of(name: str, setting: Setting) -> Case:
     """The scene of a setting."""
-    return (SCENES | {"crush": crush})[name](Dials(**setting.dials))
+    return (SCENES | {"crush": crush})[name](Parameters(**setting.parameters))
 
 
 def limited(case: Case, seconds: int, **options: int) -> Outcome:
@@ -61,10 +61,10 @@ def limited(case: Case, seconds: int, **options: int) -> Outcome:
 
 def finer(case: Case) -> Case:
     """The same physics with half the time step and half the cell (a squeeze: 5/7 of it), at most the defaults'."""
-    d, usual, share = case.dials, Dials(), 0.5 if case.name == "collision" else 5.0 / 7.0
+    d, usual, share = case.parameters, Parameters(), 0.5 if case.name == "collision" else 5.0 / 7.0
     cells = max(d.cells, usual.cells) / share
     step = 0.5 * min(d.dt_c_h / d.cells, usual.dt_c_h / usual.cells)
-    fine = Dials(
+    fine = Parameters(
         **{name: getattr(d, name) for name in PHYSICS},
         gap=gap_of(d),
         cells=cells,
@@ -78,12 +78,12 @@ def finer(case: Case) -> Case:
 
 def reference(case: Case) -> dict[str, float]:
     """What a case should end with: free fall in closed form, else of a finer run, kept in references.json."""
-    d = case.dials
+    d = case.parameters
     if case.name == "fall":
         time = case.until * d.speed / d.length
         return {"velocity x": 0.0, "velocity y": -0.1 * time, "spin": 0.25}
     fine = finer(case)
-    key = f"{fine.name} {fine.until:.9g} {fine.dials}"
+    key = f"{fine.name} {fine.until:.9g} {fine.parameters}"
     path = KEPT / "references.json"
     known = json.loads(path.read_text()) if path.exists() else {}
     if not known.get(key):
@@ -126,57 +126,57 @@ def measure(name: str, setting: Setting) -> dict[str, str]:
     }
 
 
-def sweep(dial: str, again: Sequence[str] = ()) -> None:
-    """Run what is missing of a dial, and what ended in one of the ways named."""
-    rows = [row for row in read(dial) if row["kind"] not in again]
+def sweep(parameter: str, again: Sequence[str] = ()) -> None:
+    """Run what is missing of a parameter, and what ended in one of the ways named."""
+    rows = [row for row in read(parameter) if row["kind"] not in again]
     done = {(row["setting"], row["scene"]) for row in rows}
-    for setting, name in columns(dial):
+    for setting, name in columns(parameter):
         if (setting.label, name) not in done:
             rows.append(measure(name, setting))
-            show(dial, rows[-1])
-            write(dial, rows)
+            show(parameter, rows[-1])
+            write(parameter, rows)
 
 
-def compare(dial: str, scenes: Sequence[str] = ALL) -> None:
+def compare(parameter: str, scenes: Sequence[str] = ALL) -> None:
     """Find the errors of what ended right, where there is a reference to find."""
-    rows = {(row["setting"], row["scene"]): row for row in read(dial)}
-    for setting, name in columns(dial):
+    rows = {(row["setting"], row["scene"]): row for row in read(parameter)}
+    for setting, name in columns(parameter):
         row = rows.get((setting.label, name))
         if not (row and name in scenes and setting.compared and row["kind"] == "right" and row["error"] == "nan"):
             continue
         case = case_of(name, setting)
         row["error"] = f"{difference(json.loads(row['ends']), reference(case), name):.2g}"
-        show(dial, row)
-        write(dial, list(rows.values()))
+        show(parameter, row)
+        write(parameter, list(rows.values()))
 
 
-def show(dial: str, row: dict[str, str]) -> None:
+def show(parameter: str, row: dict[str, str]) -> None:
     """One line on the terminal."""
-    print(dial, *(row[c] for c in COLUMNS), row["violations"], row["message"], flush=True)  # noqa: T201
+    print(parameter, *(row[c] for c in COLUMNS), row["violations"], row["message"], flush=True)  # noqa: T201
 
 
-def turn(dial: str, again: Sequence[str], *, errors: bool) -> None:
-    """All of one dial."""
-    sweep(dial, again)
+def turn(parameter: str, again: Sequence[str], *, errors: bool) -> None:
+    """All of one parameter."""
+    sweep(parameter, again)
     if errors:
-        compare(dial)
+        compare(parameter)
 
 
 def main() -> None:
-    """Run the dials named, then draw all."""
+    """Run the parameters named, then draw all."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("dials", nargs="*", help=f"of {', '.join(SWEEPS)}; or draw")
+    parser.add_argument("parameters", nargs="*", help=f"of {', '.join(SWEEPS)}; or draw")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--again", nargs="*", default=(), help="run anew what ended so: wrong, StepFailed ...")
     parser.add_argument("--no-errors", action="store_true", help="leave out the finer runs")
     given = parser.parse_args()
     KEPT.mkdir(exist_ok=True)
     logging.getLogger("skmpm").setLevel(logging.ERROR)  # retries are counted
-    wanted = [d for d in given.dials or SWEEPS if d != "draw"]
+    wanted = [d for d in given.parameters or SWEEPS if d != "draw"]
     work = partial(turn, again=given.again, errors=not given.no_errors)
     if given.processes == 1:
-        for dial in wanted:
-            work(dial)
+        for parameter in wanted:
+            work(parameter)
     else:
         with ProcessPoolExecutor(given.processes) as processes:
             list(processes.map(work, wanted))

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import SCENES, Dials
+from scenes import SCENES, Parameters
 
 import skmpm
 
 STEPS = 20
-BASE = Dials(dt_c_h=3.0, scheme={"newton_tol": 1e-6})  # where rounding ends what Newton leaves
+BASE = Parameters(dt_c_h=3.0, scheme={"newton_tol": 1e-6})  # where rounding ends what Newton leaves
 UNITS = {
     "metres": {"length": 1.0},
     "micrometres": {"length": 1e-6},
@@ -34,24 +34,24 @@ SYMMETRIES = {
 }
 
 
-def turn(dials):
+def turn(parameters):
     """The rotation or reflection of a scene, (2, 2)."""
-    quarter = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), dials.quarter_turns)
-    return quarter @ np.diag([-1.0, 1.0]) if dials.mirrored else quarter
+    quarter = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), parameters.quarter_turns)
+    return quarter @ np.diag([-1.0, 1.0]) if parameters.mirrored else quarter
 
 
-def changed(case, **dials):
-    """The case with other dials; the grid turns with the scene."""
-    dials = replace(case.dials, **dials)
-    if not dials.order and not dials.quarter_turns and not dials.mirrored:
-        return SCENES[case.name](dials)
-    return SCENES[case.name](replace(dials, offset=tuple(turn(dials) @ np.array(dials.offset))))
+def changed(case, **parameters):
+    """The case with other parameters; the grid turns with the scene."""
+    parameters = replace(case.parameters, **parameters)
+    if not parameters.order and not parameters.quarter_turns and not parameters.mirrored:
+        return SCENES[case.name](parameters)
+    return SCENES[case.name](replace(parameters, offset=tuple(turn(parameters) @ np.array(parameters.offset))))
 
 
 def ended(case):
     """After twenty steps, without dimension, upright and in the bodies' own order."""
     *_, state = skmpm.simulate(case.scene, dt=case.dt, until=STEPS * case.dt, scheme=case.scheme)
-    d, back = case.dials, turn(case.dials).T
+    d, back = case.parameters, turn(case.parameters).T
     offsets, order = case.scene.offsets, d.order or range(len(case.scene.bodies))
     own = np.concatenate([np.arange(offsets[k], offsets[k + 1]) for k in np.argsort(order)])
     shift = d.cell * (np.array(d.offset) + np.array(d.origin))
@@ -88,17 +88,17 @@ def test_results_do_not_depend_on_units(reference, unit):
 @pytest.mark.parametrize("symmetry", SYMMETRIES)
 def test_results_do_not_depend_on_place_direction_and_order(reference, symmetry):
     case, wanted = reference
-    dials = SYMMETRIES[symmetry]
+    parameters = SYMMETRIES[symmetry]
     if symmetry == "order":
-        dials = {"order": tuple(np.random.default_rng(1).permutation(len(case.scene.bodies)).tolist())}
-    found = apart(wanted, ended(changed(case, **dials)))
+        parameters = {"order": tuple(np.random.default_rng(1).permutation(len(case.scene.bodies)).tolist())}
+    found = apart(wanted, ended(changed(case, **parameters)))
     assert max(found.values()) < (1e-9 if symmetry == "thousands-of-cells" else 1e-10), found
 
 
 def test_the_comparison_sees_what_is_not_symmetric(reference):
     """A grid that stays while the scene turns is another quadrature: the difference shows."""
     case, wanted = reference
-    turned = SCENES[case.name](replace(case.dials, quarter_turns=1))
+    turned = SCENES[case.name](replace(case.parameters, quarter_turns=1))
     assert max(apart(wanted, ended(turned)).values()) > 1e-3
 
 

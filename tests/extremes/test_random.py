@@ -1,4 +1,4 @@
-"""Small scenes with every dial drawn at once: each ends right or in one clear error.
+"""Small scenes with every parameter drawn at once: each ends right or in one clear error.
 
 Problem: bodies in free fall, colliding, squeezed by a lid or crushed, for a few steps; any material, grid, unit,
 order, direction and scheme. Reference and tolerances: the limits of `checks.py`. 50 examples here, the same at every
@@ -14,7 +14,7 @@ import pytest
 from checks import Outcome
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
-from scenes import SCENES, Dials, crush
+from scenes import SCENES, Parameters, crush
 from sweeps import limited
 
 import skmpm
@@ -26,7 +26,7 @@ POINTS = 1000  # of all bodies together, at most
 STEPS = 30  # after which a run that halves its steps again and again is left
 SECONDS = 60  # of the processor for an example, which takes half a second: beyond it something hangs
 SLOW = 900  # the same by amg with mean dilatation, which takes 100 to 400 iterations for every row of a contact
-SEED = {"anchor": 0.0, "contact": contact.shared_nodes, "fitted": False}  # Scheme.seed()
+SEED = {"anchor": 0.0, "contact": contact.shared_grid, "moment_fitting": False}  # Scheme.nezamabadi2017()
 EXAMPLES = settings().max_examples // 2  # of the profile: every one is a run
 USUAL = EXAMPLES <= 50
 RANDOM = settings(
@@ -49,8 +49,8 @@ def by_hypothesis(draw):
 
 
 def drawn(number, choice, theta=1.0):
-    """A scene's name and its dials, in any order of size: what comes first, or 0, is the default."""
-    usual = Dials()
+    """A scene's name and its parameters, in any order of size: what comes first, or 0, is the default."""
+    usual = Parameters()
 
     def decades(name, low, high):
         """Uniform in its logarithm between 10**low and 10**high."""
@@ -71,7 +71,7 @@ def drawn(number, choice, theta=1.0):
     orders = {"kept": (), "reversed": tuple(numbers[::-1]), "rolled": (*numbers[1:], 0)}
     dt_c_h, closing = decades("dt_c_h", -3.0, 3.0), decades("closing", -6.0, 0.0)
     travel = 10.0 ** number(-2.0, 1.0)  # [cells] in a step
-    dials = Dials(
+    parameters = Parameters(
         dt_c_h=dt_c_h,
         nu=choice(usual.nu, number(-0.9, 0.5 - 1e-5), 0.5 - 10.0 ** -number(2.0, 5.0)),
         stiffness_ratio=choice(1.0, decades("stiffness_ratio", 0.0, 8.0)),
@@ -99,7 +99,7 @@ def drawn(number, choice, theta=1.0):
         scheme=options(number, choice) | {"theta": theta},
         loose=(0.64, 0.54, 0.48) if bodies > 4 else (0.54, 0.48),  # found at once
     )
-    return name, dials
+    return name, parameters
 
 
 def offset(number, choice):
@@ -108,7 +108,7 @@ def offset(number, choice):
 
 
 def options(number, choice):
-    """Of Scheme: the seed's, or each one drawn."""
+    """Of Scheme: Nezamabadi et al.'s (2017), or each one drawn."""
     solver = choice(linear.default, linear.banded, linear.direct, linear.default, linear.banded, linear.amg)
     if choice(False, False, False, False, True):
         return SEED | {"linear": solver}
@@ -116,15 +116,15 @@ def options(number, choice):
         "anchor": choice(np.inf, 0.2, 0.0),
         "transfer": choice(transfer.apic, transfer.pic),
         "ghost": 10.0 ** number(-3.0, np.log10(0.05)),
-        "fitted": choice(True, False),
+        "moment_fitting": choice(True, False),
         "linear": solver,
     }
 
 
-def run(name, dials):
+def run(name, parameters):
     """How a scene ends; None where its box cannot be built as drawn."""
     try:
-        case = (SCENES | {"crush": crush})[name](dials)
+        case = (SCENES | {"crush": crush})[name](parameters)
     except skmpm.SceneError as refused:
         return Outcome(kind="SceneError", message=str(refused))
     except ValueError as unbuilt:
@@ -132,23 +132,25 @@ def run(name, dials):
             return None
         raise
     slow = case.scheme.mean_dilatation and case.scheme.linear is linear.amg
-    return limited(replace(case, until=min(case.until, dials.steps * case.dt)), SLOW if slow else SECONDS, most=STEPS)
+    return limited(
+        replace(case, until=min(case.until, parameters.steps * case.dt)), SLOW if slow else SECONDS, most=STEPS
+    )
 
 
 def plain(number, seed):
-    """So many outcomes of plainly random dials, each with its scene and dials."""
+    """So many outcomes of plainly random parameters, each with its scene and parameters."""
     rng, found = np.random.default_rng(seed), []
     while len(found) < number:
-        name, dials = drawn(*by_chance(rng))
-        outcome = run(name, dials)
+        name, parameters = drawn(*by_chance(rng))
+        outcome = run(name, parameters)
         if outcome is not None:
-            found.append((name, dials, outcome))
+            found.append((name, parameters, outcome))
     return found
 
 
 @st.composite
-def dials(draw, least=1.0):
-    """A scene's name and its dials."""
+def parameters(draw, least=1.0):
+    """A scene's name and its parameters."""
     return drawn(*by_hypothesis(draw), draw(st.floats(least, 1.0)))
 
 
@@ -162,9 +164,9 @@ def quiet():
     logger.setLevel(level)
 
 
-def check(name, dials):
+def check(name, parameters):
     """The property."""
-    outcome = run(name, dials)
+    outcome = run(name, parameters)
     assume(outcome is not None)
     event(f"{name} {outcome.kind}")
     assert outcome.kind in CLEAR, (outcome.violations, outcome.message)
@@ -172,13 +174,13 @@ def check(name, dials):
 
 @pytest.mark.slow
 @RANDOM
-@given(dials())
+@given(parameters())
 def test_every_draw_is_right_or_ends_in_a_clear_error(scene):
     check(*scene)
 
 
 @settings(RANDOM, max_examples=max(EXAMPLES // 5, 1))
-@given(dials(least=0.5))
+@given(parameters(least=0.5))
 def test_so_does_every_draw_with_another_theta(scene):
     """Energy may be gained: only theta = 1 claims not to."""
     check(*scene)
@@ -186,7 +188,7 @@ def test_so_does_every_draw_with_another_theta(scene):
 
 @pytest.mark.slow
 def test_most_are_right():
-    """Errors are the exception: of plainly random dials at least 60 % end right."""
+    """Errors are the exception: of plainly random parameters at least 60 % end right."""
     found = plain(max(EXAMPLES // 2, 1), seed=6)
     kinds = Counter(outcome.kind for _, _, outcome in found)
     assert set(kinds) <= set(CLEAR), kinds
@@ -194,10 +196,10 @@ def test_most_are_right():
 
 
 FOUND = {  # by random draws, made small; each was a defect of the library once
-    "sheets laid anew gain energy": ("crush", Dials(closing=0.1, cells=2.5, steps=20, scheme={"anchor": 0.2})),
+    "body grids rebuilt gain energy": ("crush", Parameters(closing=0.1, cells=2.5, steps=20, scheme={"anchor": 0.2})),
     "points inside out after a midpoint that is right": (
         "squeeze",
-        Dials(
+        Parameters(
             dt_c_h=2.7866170413468025,
             closing=0.35885806523191616,
             points_per_cell=5.623413251903491,
@@ -214,12 +216,12 @@ FOUND = {  # by random draws, made small; each was a defect of the library once
     ),
     "momentum of nodes without points": (
         "fall",
-        Dials(stiffness_ratio=3e6, offset=(0.0, 0.0), origin=(-1e6, 0.0), bodies=1, shape="point", steps=1),
+        Parameters(stiffness_ratio=3e6, offset=(0.0, 0.0), origin=(-1e6, 0.0), bodies=1, shape="point", steps=1),
     ),
-    "energy of ghosts far from where they began": ("fall", Dials(stiffness_ratio=1e8, dt_c_h=100.0, steps=10)),
+    "energy of ghosts far from where they began": ("fall", Parameters(stiffness_ratio=1e8, dt_c_h=100.0, steps=10)),
     "body torn where cells have no points": (
         "collision",
-        Dials(
+        Parameters(
             dt_c_h=252.38293779207726,
             points_per_cell=1.0,
             cells=5.1365264814694225,
@@ -232,7 +234,7 @@ FOUND = {  # by random draws, made small; each was a defect of the library once
     ),
     "momentum of nearly empty nodes": (
         "squeeze",
-        Dials(
+        Parameters(
             dt_c_h=30.0,
             nu=0.49892385163546094,
             density_ratio=2e5,
@@ -244,13 +246,13 @@ FOUND = {  # by random draws, made small; each was a defect of the library once
             seed=12,
             loose=(0.54, 0.48),
             steps=4,
-            scheme={"anchor": 0.2, "ghost": 0.0039090605739585576, "fitted": False},
+            scheme={"anchor": 0.2, "ghost": 0.0039090605739585576, "moment_fitting": False},
         ),
     ),
 }
 
 
-@pytest.mark.parametrize(("name", "dials"), FOUND.values(), ids=FOUND.keys())
-def test_what_random_draws_found_is_mended(name, dials):
-    outcome = run(name, dials)
+@pytest.mark.parametrize(("name", "parameters"), FOUND.values(), ids=FOUND.keys())
+def test_what_random_draws_found_is_mended(name, parameters):
+    outcome = run(name, parameters)
     assert outcome.kind in CLEAR, outcome.violations

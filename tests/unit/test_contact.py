@@ -9,8 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from skmpm import contact, coulomb
-from skmpm.contact.rows import lookup
-from skmpm.contact.sides import TIP
+from skmpm.contact.constraints import lookup
+from skmpm.contact.projection import CORNER_RADIUS
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.scene import Body, Scene, SceneError, Wall
@@ -20,7 +20,7 @@ from skmpm.simulate import initial, simulate, step
 GEL = NeoHookean(1e6, 0.3, 1000.0)
 R, CELL = 1e-3, 0.25e-3
 DT = 1e-6
-SEED = Scheme.seed()
+SEED = Scheme.nezamabadi2017()
 
 
 def round_body(centre, radius=R, *, spacing=CELL / 2, material=GEL, **motion):
@@ -34,9 +34,9 @@ def polar(length, angle):
 def rows_of(scene, scheme=Scheme(), *, w=None, dt=DT, state=None):  # noqa: B008
     """The rows where the nodal velocities `w(body, position)` bring the bodies."""
     state = initial(scene, scheme=scheme) if state is None else state
-    sheets = state.derived.assembly.sheets
-    field = np.zeros((2, sheets.nodes)) if w is None else w(sheets.node_body, sheets.position)
-    return scheme.contact(scene, state, sheets, dt)(np.ascontiguousarray(field.T).ravel()), field
+    grid = state.derived.assembly.grid
+    field = np.zeros((2, grid.nodes)) if w is None else w(grid.node_body, grid.position)
+    return scheme.contact(scene, state, grid, dt)(np.ascontiguousarray(field.T).ravel()), field
 
 
 def same(rows, other):
@@ -51,7 +51,7 @@ def same(rows, other):
 # --- outlines
 
 
-@example(angle=0.0, gap=0.0, ratio=0.75, first=False)  # a rim point right on another
+@example(angle=0.0, gap=0.0, ratio=0.75, first=False)  # a boundary point right on another
 @given(angle=st.floats(0.0, 6.28), gap=st.floats(-0.2, 0.2), ratio=st.floats(0.6, 1.6), first=st.booleans())
 @settings(max_examples=25)
 def test_gaps_and_normals_of_two_discs_are_those_of_circles_to_the_sagitta_of_the_polygon(angle, gap, ratio, first):
@@ -142,7 +142,7 @@ def test_the_finer_rim_gives_the_points():
         bodies = [round_body((0, 0), spacing=CELL / 4), round_body((2.02 * R, 0), spacing=CELL / 2)][::order]
         rows, _ = rows_of(Scene(bodies, cell=CELL))
         assert (rows.bodies[0] == (0 if order == 1 else 1)).all()
-        assert (rows.point < bodies[0].points.n).all() == (order == 1)
+        assert (rows.point < bodies[0].points.size).all() == (order == 1)
 
 
 def test_gaps_to_walls_are_distances_along_their_normals():
@@ -157,9 +157,9 @@ def test_gaps_to_walls_are_distances_along_their_normals():
     assert np.allclose(rows.gap, normal @ x + R + 0.05 * CELL, rtol=0, atol=1e-15)  # at the end of the step
     assert np.allclose(rows.normal, normal[:, None])
     assert np.array_equal(rows.friction, [0.7] * rows.size)
-    assert np.allclose(rows.given, -speed * normal[:, None])
-    rim = scene.bodies[0].points.x[:, scene.bodies[0].points.outline[0]]
-    assert rows.size == np.count_nonzero(normal @ rim + R + 0.05 * CELL < 0.25 * CELL)
+    assert np.allclose(rows.prescribed, -speed * normal[:, None])
+    boundary = scene.bodies[0].points.x[:, scene.bodies[0].points.outline[0]]
+    assert rows.size == np.count_nonzero(normal @ boundary + R + 0.05 * CELL < 0.25 * CELL)
 
 
 def test_rigid_bodies_enter_with_their_given_velocity_and_no_unknowns():
@@ -168,7 +168,7 @@ def test_rigid_bodies_enter_with_their_given_velocity_and_no_unknowns():
     rows, w = rows_of(scene, w=lambda body, x: np.ones(x.shape))
     assert (w.shape[1] == rows.base.shape[1]) and rows.size >= 1
     sign = np.where(rows.bodies[0] == 0, 1.0, -1.0)
-    relative = (rows.difference @ rows.base @ w.T).T + rows.given
+    relative = (rows.difference @ rows.base @ w.T).T + rows.prescribed
     assert np.allclose(relative, sign * (np.array([[1.0], [1.0]]) - [[-1.5], [1.0]]), rtol=0, atol=1e-12)
 
 
@@ -214,14 +214,14 @@ def test_contact_forces_are_equal_and_opposite_to_round_off(scheme):
     """The impulses on the nodes of a pair's bodies are r and -r, and nothing on any other body."""
     scene = crowd()
     rows, _ = rows_of(scene, scheme)
-    sheets = initial(scene, scheme=scheme).derived.assembly.sheets
+    grid = initial(scene, scheme=scheme).derived.assembly.grid
     rng = np.random.default_rng(1)
     for i in range(rows.size):
         r = np.zeros(2 * rows.size)
         r[2 * i : 2 * i + 2] = rng.standard_normal(2)
         force = r[2 * i] * rows.normal[:, i] + r[2 * i + 1] * rows.tangent[:, i]
         nodal = (rows.H.T @ r).reshape(-1, 2)
-        total = np.stack([np.bincount(sheets.node_body, f, len(scene.bodies)) for f in nodal.T])
+        total = np.stack([np.bincount(grid.node_body, f, len(scene.bodies)) for f in nodal.T])
         expected = np.zeros((2, len(scene.bodies)))
         expected[:, rows.bodies[0, i]] += force
         if rows.bodies[1, i] >= 0:
@@ -272,8 +272,10 @@ def test_a_corner_in_a_notch_touches_both_sides():
     """Also where it is a little behind one of them: both gaps are those of the lines."""
     L = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]]
     x = [np.linspace(a, b, 12, endpoint=False) for a, b in zip(L, L[1:] + L[:1], strict=True)]
-    rim = 4 * CELL * np.concatenate(x).T
-    notch = Body(Points(rim, np.full(rim.shape[1], 5 * (4 * CELL) ** 2 / rim.shape[1]), (np.arange(72),)), GEL)
+    boundary = 4 * CELL * np.concatenate(x).T
+    notch = Body(
+        Points(boundary, np.full(boundary.shape[1], 5 * (4 * CELL) ** 2 / boundary.shape[1]), (np.arange(72),)), GEL
+    )
     for shift in ((0.05, 0.1), (0.05, -0.02), (-0.01, -0.02)):
         at = 4 * CELL + CELL * np.array(shift)
         scene = Scene([notch, Body(turned_square(0.0, (4.5 * CELL, 4.5 * CELL)), GEL)], cell=CELL)
@@ -305,7 +307,7 @@ def test_tips_that_meet_head_on_push_each_other_straight_apart(gap):
     found, normal, count = tips_at(np.array([0.0, gap * CELL]))
     assert count == 1
     assert np.allclose(normal, [0, 1], rtol=0, atol=1e-9)
-    assert found / CELL == pytest.approx(gap + TIP * (1 - np.sqrt(0.5)), abs=1e-9)
+    assert found / CELL == pytest.approx(gap + CORNER_RADIUS * (1 - np.sqrt(0.5)), abs=1e-9)
 
 
 @pytest.mark.parametrize("height", [0.05, -0.02, -0.05])
@@ -377,7 +379,7 @@ def test_walls_become_slabs_of_rigid_material(normal, point):
     middle = np.flatnonzero(np.abs(np.abs(along) - 0.5) < 0.3)  # between the corners of the square
     assert middle.size == 3
     assert np.allclose(rows.normal[:, middle], np.array(normal)[:, None], rtol=0, atol=1e-9)
-    assert np.allclose(rows.given, [[-3], [-4]])
+    assert np.allclose(rows.prescribed, [[-3], [-4]])
     assert np.array_equal(rows.friction, [0.1] * 5)
 
 
@@ -386,7 +388,7 @@ def test_shared_nodes_need_sheets_laid_through_the_points():
     state = initial(scene)
     moved = replace(state, x=state.x + 1e-6)
     with pytest.raises(SceneError, match="anchor=0"):
-        contact.shared_nodes(scene, moved, state.derived.assembly.sheets, DT)
+        contact.shared_grid(scene, moved, state.derived.assembly.grid, DT)
 
 
 def test_bodies_do_not_approach_at_shared_nodes_after_a_step():
@@ -394,7 +396,7 @@ def test_bodies_do_not_approach_at_shared_nodes_after_a_step():
     seen = []
 
     def watched(*arguments):
-        law = contact.shared_nodes(*arguments)
+        law = contact.shared_grid(*arguments)
         seen.append(law(None))
         return law
 
@@ -410,7 +412,7 @@ def test_bodies_do_not_approach_at_shared_nodes_after_a_step():
     pressed = 0
     for _ in range(5):
         state = step(scene, state, 5e-6, scheme=scheme)
-        rows, w = seen[-1], state.displacement / 5e-6  # the sheets were laid at the start of the step
+        rows, w = seen[-1], state.displacement / 5e-6  # the body grids were built at the start of the step
         normal = (rows.H @ w + rows.offset)[::2]
         assert normal.min() >= -1e-5 * speed
         force = state.contacts.force

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from skmpm import forms
 from skmpm.assembly import prepare
-from skmpm.grid import lay
+from skmpm.grid import build_grids
 from skmpm.implicit import Bulk
 from skmpm.material import LinearElastic, NeoHookean, determinant, product
 
@@ -27,18 +27,18 @@ def random_gradients(rng, n, size=0.2):
     return np.eye(2)[:, :, None] + rng.uniform(-size, size, size=(2, 2, n))
 
 
-def random_bulk(seed, mix="mixed", anchored=True, averaged=ALL, points=20, ghost=0.01):
+def random_bulk(seed, mix="mixed", regridded_state=True, averaged=ALL, points=20, ghost=0.01):
     """Two bodies on top of each other, with cells of one and of many points."""
     rng = np.random.default_rng(seed)
     body = rng.permutation(np.repeat([0, 1], points))
     x = CELL * rng.uniform(0.0, 3.0, size=(2, body.size))
     volume = rng.uniform(0.02, 0.3, body.size) * CELL**2
-    assembly = prepare(lay(x, body, CELL, 2), volume, 1e3 * volume, np.full(2, ghost * 1e6))
+    assembly = prepare(build_grids(x, body, CELL, 2), volume, 1e3 * volume, np.full(2, ghost * 1e6))
     materials = [(m, np.flatnonzero(body == b)) for b, m in enumerate(MIXES[mix])]
     stress = 1e5 * rng.normal(size=(2, 2, body.size))
-    F_anchor = random_gradients(rng, body.size) if anchored else None
-    bulk = Bulk(assembly, materials, F_anchor, stress + stress.swapaxes(0, 1) if anchored else None, averaged)
-    return rng, bulk, 0.03 * CELL * rng.normal(size=2 * assembly.sheets.nodes)
+    F_anchor = random_gradients(rng, body.size) if regridded_state else None
+    bulk = Bulk(assembly, materials, F_anchor, stress + stress.swapaxes(0, 1) if regridded_state else None, averaged)
+    return rng, bulk, 0.03 * CELL * rng.normal(size=2 * assembly.grid.nodes)
 
 
 def dense(bulk, data):
@@ -50,14 +50,14 @@ def assert_close(actual, expected, tol):
     assert np.abs(actual - expected).max() <= tol * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("anchored", [False, True], ids=["undeformed anchor", "deformed anchor"])
+@pytest.mark.parametrize("regridded_state", [False, True], ids=["undeformed anchor", "deformed anchor"])
 @pytest.mark.parametrize("averaged", [ALL, FIRST, FIRST[::-1]], ids=["all", "first", "second"])
 @pytest.mark.parametrize("mix", MIXES)
 @settings(max_examples=10)
 @given(seed=SEED)
-def test_force_is_the_derivative_of_the_energy_and_stiffness_that_of_the_force(mix, averaged, anchored, seed):
+def test_force_is_the_derivative_of_the_energy_and_stiffness_that_of_the_force(mix, averaged, regridded_state, seed):
     """Central differences of step 1e-6 cells: errors of 1e-10 by curvature, 1e-9 by cancellation."""
-    rng, bulk, U = random_bulk(seed, mix, anchored, averaged)
+    rng, bulk, U = random_bulk(seed, mix, regridded_state, averaged)
     d, step = rng.normal(size=U.size), 1e-6 * CELL
     ahead, behind = (bulk.at(U + s * step * d) for s in (1, -1))
     at = bulk.at(U)
@@ -73,8 +73,8 @@ def test_force_is_the_derivative_of_the_energy_and_stiffness_that_of_the_force(m
 
 def test_projection_drops_the_softening_beyond_a_dilatation_of_e():
     """Where lambda (1 - ln J) / J^2 is negative so is the stiffness; the projected one is not."""
-    _, bulk, _ = random_bulk(0, "soft", anchored=False, ghost=0.0)
-    U = (2.5 * bulk.assembly.sheets.position).T.ravel()
+    _, bulk, _ = random_bulk(0, "soft", regridded_state=False, ghost=0.0)
+    U = (2.5 * bulk.assembly.grid.position).T.ravel()
     at = bulk.at(U)
     assert at.dilatation == pytest.approx(3.5**2, rel=1e-12)
     exact, projected = (np.linalg.eigvalsh(dense(bulk, bulk.stiffness(at, projected=p))) for p in (False, True))
@@ -87,8 +87,8 @@ def test_fast_stiffness_equals_the_mixed_form(seed):
     rng, bulk, _ = random_bulk(seed, ghost=0.0)
     fast, n = bulk.assembly, bulk.assembly.volume.size
     slope, rest = rng.normal(size=(2, 2, n)), rng.uniform(0.5, 2.0, n)
-    modulus = rng.normal(size=fast.sheets.cells)
-    basis = fast.sheets.basis(fast.volume)
+    modulus = rng.normal(size=fast.grid.cells)
+    basis = fast.grid.basis(fast.volume)
     expected = forms.mean_dilatation_stiffness(basis, slope, modulus, rest).toarray()
     added = fast.mean_dilatation_stiffness(slope, modulus, rest)
     nothing = np.zeros((2, 2, 2, 2, n))
@@ -101,33 +101,33 @@ def test_mean_dilatation_is_the_ratio_of_the_cells_volumes(seed):
     at, volume = bulk.at(U), bulk.assembly.volume
     total = determinant(product(at.F, bulk.F_anchor))
     initial = volume / determinant(bulk.F_anchor)
-    for c in rng.integers(0, bulk.assembly.sheets.cells, 3):
-        own = bulk.assembly.sheets.cell_of_point == c
+    for c in rng.integers(0, bulk.assembly.grid.cells, 3):
+        own = bulk.assembly.grid.cell_of_point == c
         assert at.dilatation[own] == pytest.approx((initial * total)[own].sum() / initial[own].sum(), rel=1e-12)
 
 
 @pytest.mark.parametrize("mix", ["soft", "linear"])
 def test_a_uniform_deformation_is_as_it_was(mix):
     """Energy, force, Cauchy stress: where all points share a dilatation its mean says nothing new."""
-    _, plain, _ = random_bulk(1, mix, anchored=False, averaged=NONE)
-    _, mean, _ = random_bulk(1, mix, anchored=False)
-    U = (plain.assembly.sheets.position.T @ np.array([[0.1, 0.05], [-0.02, -0.08]])).ravel()
+    _, plain, _ = random_bulk(1, mix, regridded_state=False, averaged=NONE)
+    _, mean, _ = random_bulk(1, mix, regridded_state=False)
+    U = (plain.assembly.grid.position.T @ np.array([[0.1, 0.05], [-0.02, -0.08]])).ravel()
     for ask in (lambda b: np.array([b.energy(b.at(U))]), lambda b: b.force(b.at(U)), lambda b: b.cauchy(b.at(U))):
         assert_close(ask(mean), ask(plain), 1e-10)
 
 
 def test_anchored_anew_in_the_same_cells_nothing_changes():
-    """Energy, force and stiffness seen from the deformed sheet are those seen from the first, up to the frame."""
-    rng, first, _ = random_bulk(2, "soft", anchored=False, ghost=0.0)
-    sheets, n = first.assembly.sheets, first.assembly.volume.size
+    """Energy, force and stiffness seen from the deformed body grid are those seen from the first, up to the frame."""
+    rng, first, _ = random_bulk(2, "soft", regridded_state=False, ghost=0.0)
+    grid, n = first.assembly.grid, first.assembly.volume.size
     G = np.array([[1.2, 0.1], [-0.05, 0.9]])
-    # The same cells, stretched: gradients of the new sheet are those of the old one times G^-1.
-    U = 0.03 * CELL * rng.normal(size=2 * sheets.nodes)
-    H = sheets.gradient_at_points(U)
+    # The same cells, stretched: gradients of the new body grid are those of the old one times G^-1.
+    U = 0.03 * CELL * rng.normal(size=2 * grid.nodes)
+    H = grid.gradient_at_points(U)
     end = np.eye(2)[:, :, None] + H
     F_anchor = np.repeat(G[:, :, None], n, axis=2)
     anew = Bulk(
-        prepare(sheets, np.linalg.det(G) * first.assembly.volume, first.assembly.volume, np.zeros(2)),
+        prepare(grid, np.linalg.det(G) * first.assembly.volume, first.assembly.volume, np.zeros(2)),
         first.materials,
         F_anchor,
         None,
@@ -151,7 +151,7 @@ def test_anchored_anew_in_the_same_cells_nothing_changes():
 def test_bodies_of_another_material_are_as_without_bit_for_bit(mix):
     """And those averaged as where all are: forces, stresses, and blocks of the stiffness."""
     (_, none, U), (_, both, _), (_, first, _) = (random_bulk(4, mix, averaged=a) for a in (NONE, ALL, FIRST))
-    own = first.assembly.sheets.node_body == 0
+    own = first.assembly.grid.node_body == 0
     at_node, at_point = np.repeat(own, 2), np.isin(np.arange(40), first.materials[0][1])
     block = own[first.assembly.indices]
     for ask, mask in (
@@ -181,7 +181,7 @@ def test_bodies_of_another_material_pay_nothing(mix, monkeypatch):
     )
     added = bulk._bulk_stiffness(bulk.at(U), False)
     assert set(asked) == set(sums) == {20}
-    assert len(added[1]) == np.sum(bulk.assembly.sheets.cell_body == 0) < bulk.assembly.sheets.cells
+    assert len(added[1]) == np.sum(bulk.assembly.grid.cell_body == 0) < bulk.assembly.grid.cells
 
 
 def test_off_nothing_of_it_is_computed(monkeypatch):

@@ -85,8 +85,8 @@ def test_an_arch_of_two_rods_pushes_outwards_by_half_the_cotangent(angle):
     mirror = np.array([-1.0, 1.0])
 
     def arch(friction):
-        feet = [(0, FIXED, -half, None, (0, 1), friction), (1, FIXED, -half * mirror, None, (0, 1), friction)]
-        return joints([*feet, (0, 1, half, half * mirror, (-1, 0), 0.0)], bodies=2)
+        foot_points = [(0, FIXED, -half, None, (0, 1), friction), (1, FIXED, -half * mirror, None, (0, 1), friction)]
+        return joints([*foot_points, (0, 1, half, half * mirror, (-1, 0), 0.0)], bodies=2)
 
     assert mechanism(np.tile(WEIGHT, 2), arch(1.01 * needed)) is None
     q = mechanism(np.tile(WEIGHT, 2), arch(0.99 * needed)).reshape(2, 3)

@@ -1,4 +1,4 @@
-"""Sheets: numbering, mapping and interpolation against plain arithmetic and plain scikit-fem."""
+"""Body grids: numbering, mapping and interpolation against plain arithmetic and plain scikit-fem."""
 
 import tracemalloc
 
@@ -13,8 +13,8 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from skfem.quadrature import get_quadrature
 
 from skmpm import forms
-from skmpm.grid import CORNERS, CartesianMapping, lay, numbered
-from skmpm.grid.laying import SPARSE
+from skmpm.grid import CORNERS, CartesianMapping, build_grids, numbered
+from skmpm.grid.building import TABLE_RATIO
 from skmpm.material import LinearElastic
 
 CELL = 0.25  # a power of two: positions on grid lines are exact
@@ -32,7 +32,7 @@ def random_points(seed, bodies=4, points=40):
 
 def random_sheets(seed, bodies=4, points=40):
     x, body = random_points(seed, bodies, points)
-    return x, body, lay(x, body, CELL, bodies)
+    return x, body, build_grids(x, body, CELL, bodies)
 
 
 def gauss_points(shapes, corners):
@@ -72,35 +72,35 @@ def our_matrices(basis, rho, E, nu):
 
 def test_at_gauss_points_mass_and_stiffness_are_those_of_scikit_fem_on_its_own_mesh():
     x, volume, body = gauss_points([(5, 3)], [(-2, 7)])
-    sheets = lay(x, body, CELL, 1)
+    grid = build_grids(x, body, CELL, 1)
     mesh = MeshQuad.init_tensor(CELL * np.arange(-2, 4), CELL * np.arange(7, 11))
     # Numbers of our nodes in the mesh that scikit-fem numbered.
-    distance = np.abs(mesh.p[:, :, None] - sheets.position[:, None, :]).max(axis=0)
+    distance = np.abs(mesh.p[:, :, None] - grid.position[:, None, :]).max(axis=0)
     node = distance.argmin(axis=0)
-    assert distance.min(axis=0).max() < 1e-14 and np.unique(node).size == mesh.nvertices == sheets.nodes
+    assert distance.min(axis=0).max() < 1e-14 and np.unique(node).size == mesh.nvertices == grid.nodes
     dof = (2 * node[:, None] + np.arange(2)).ravel()
     plain = CellBasis(mesh, ElementVector(ElementQuad1()))
     for ours, theirs in zip(
-        our_matrices(sheets.basis(volume), 990.0, 1e7, 0.45), plain_matrices(plain, 990.0, 1e7, 0.45), strict=True
+        our_matrices(grid.basis(volume), 990.0, 1e7, 0.45), plain_matrices(plain, 990.0, 1e7, 0.45), strict=True
     ):
         assert_close(ours.toarray(), theirs.toarray()[np.ix_(dof, dof)])
 
 
 def test_at_gauss_points_the_point_basis_equals_the_plain_basis_for_several_bodies():
     x, volume, body = gauss_points([(4, 3), (2, 6), (1, 1)], [(0, 0), (1, 1), (-5, 2)])
-    sheets = lay(x, body, CELL, 3)
-    standard = CellBasis(sheets.mesh, ElementVector(ElementQuad1()))  # scikit-fem's own mapping and rule
-    for other in (sheets.basis(volume, intorder=4), standard):
+    grid = build_grids(x, body, CELL, 3)
+    standard = CellBasis(grid.mesh, ElementVector(ElementQuad1()))  # scikit-fem's own mapping and rule
+    for other in (grid.basis(volume, intorder=4), standard):
         for ours, theirs in zip(
-            our_matrices(sheets.basis(volume), 990.0, 1e7, 0.3), plain_matrices(other, 990.0, 1e7, 0.3), strict=True
+            our_matrices(grid.basis(volume), 990.0, 1e7, 0.3), plain_matrices(other, 990.0, 1e7, 0.3), strict=True
         ):
             assert_close(ours.toarray(), theirs.toarray())
 
 
 def test_the_quadrature_of_the_point_basis_is_the_points_and_their_volumes():
-    x, _, sheets = random_sheets(1)
+    x, _, grid = random_sheets(1)
     volume = np.random.default_rng(0).uniform(0.1, 1.0, x.shape[1])
-    basis = sheets.basis(volume)
+    basis = grid.basis(volume)
     assert_close(basis.dx[:, 0], volume)
     assert_close(np.asarray(basis.default_parameters()["x"])[:, :, 0], x)
 
@@ -110,25 +110,23 @@ def test_the_quadrature_of_the_point_basis_is_the_points_and_their_volumes():
 
 @given(SEED)
 def test_bodies_share_no_node_and_cells_have_their_four_corners_in_order(seed):
-    _, body, sheets = random_sheets(seed)
-    assert np.array_equal(sheets.cell_body[sheets.cell_of_point], body)
-    assert np.array_equal(
-        sheets.node_body[sheets.nodes_of_cell], np.broadcast_to(sheets.cell_body, (4, sheets.cells))
-    )
-    corners = sheets.cell_index[:, None, :] + CORNERS[:, :, None]
-    assert np.array_equal(sheets.node_index[:, sheets.nodes_of_cell], corners)
+    _, body, grid = random_sheets(seed)
+    assert np.array_equal(grid.cell_body[grid.cell_of_point], body)
+    assert np.array_equal(grid.node_body[grid.nodes_of_cell], np.broadcast_to(grid.cell_body, (4, grid.cells)))
+    corners = grid.cell_index[:, None, :] + CORNERS[:, :, None]
+    assert np.array_equal(grid.node_index[:, grid.nodes_of_cell], corners)
     reference = ElementQuad1().doflocs.T
     assert np.array_equal(reference, CORNERS)
 
 
 @given(SEED)
 def test_pairs_of_body_and_cell_or_node_are_numbered_once_and_none_is_empty(seed):
-    x, body, sheets = random_sheets(seed)
-    for index, owner in ((sheets.cell_index, sheets.cell_body), (sheets.node_index, sheets.node_body)):
+    x, body, grid = random_sheets(seed)
+    for index, owner in ((grid.cell_index, grid.cell_body), (grid.node_index, grid.node_body)):
         assert np.unique(np.vstack([index, owner]), axis=1).shape[1] == owner.size
     expected = np.unique(np.vstack([np.floor(x / CELL), body]), axis=1)
-    assert expected.shape[1] == sheets.cells == np.unique(sheets.cell_of_point).size
-    assert np.array_equal(np.unique(sheets.nodes_of_cell), np.arange(sheets.nodes))
+    assert expected.shape[1] == grid.cells == np.unique(grid.cell_of_point).size
+    assert np.array_equal(np.unique(grid.nodes_of_cell), np.arange(grid.nodes))
 
 
 @given(st.lists(st.integers(0, 19), max_size=12), st.integers(20, 400))
@@ -139,25 +137,25 @@ def test_keys_are_numbered_in_ascending_order_by_table_and_by_sorting(keys, size
     distinct = sorted(set(keys))
     assert [distinct[n] for n in number] == keys
     assert key[where].tolist() == distinct
-    assert SPARSE * 12 < 400
+    assert TABLE_RATIO * 12 < 400
 
 
 @given(SEED)
 def test_assembled_matrices_are_block_diagonal(seed):
-    x, _, sheets = random_sheets(seed, bodies=3, points=15)
-    M = forms.mass.assemble(sheets.basis(np.ones(x.shape[1])), rho=1.0).tocoo()
-    owner = np.searchsorted(sheets.blocks, np.arange(2 * sheets.nodes), side="right") - 1
-    assert sheets.blocks[0] == 0 and sheets.blocks[-1] == 2 * sheets.nodes
-    assert np.array_equal(owner, np.repeat(sheets.node_body, 2))
+    x, _, grid = random_sheets(seed, bodies=3, points=15)
+    M = forms.mass.assemble(grid.basis(np.ones(x.shape[1])), rho=1.0).tocoo()
+    owner = np.searchsorted(grid.blocks, np.arange(2 * grid.nodes), side="right") - 1
+    assert grid.blocks[0] == 0 and grid.blocks[-1] == 2 * grid.nodes
+    assert np.array_equal(owner, np.repeat(grid.node_body, 2))
     assert np.array_equal(owner[M.row], owner[M.col])
 
 
 @pytest.mark.parametrize("shape", [(3, 50), (50, 3)])
 def test_numbering_runs_along_the_shorter_side(shape):
     x, _, body = gauss_points([shape, shape], [(0, 0), (200, -80)])
-    sheets = lay(x, body, CELL, 2)
+    grid = build_grids(x, body, CELL, 2)
     # Four nodes along the short side: a cell spans one row and one node.
-    assert np.ptp(sheets.nodes_of_cell, axis=0).max() == 4 + 1
+    assert np.ptp(grid.nodes_of_cell, axis=0).max() == 4 + 1
 
 
 # Points on grid lines and corners, far bodies, translations, empty bodies.
@@ -167,18 +165,18 @@ def test_numbering_runs_along_the_shorter_side(shape):
 def test_inward_decides_the_cell_of_a_point_on_a_corner(direction):
     x = np.array([[2.0], [-3.0]]) * CELL
     inward = np.array(direction)[:, None] / np.sqrt(2.0)
-    sheets = lay(x, np.array([0]), CELL, 1, inward)
+    grid = build_grids(x, np.array([0]), CELL, 1, inward)
     expected = np.array([[2], [-3]]) + np.minimum(np.array(direction)[:, None], 0)
-    assert np.array_equal(sheets.cell_index, expected)
-    assert np.array_equal(sheets.local[:, 0], expected[:, 0] != [2, -3])
+    assert np.array_equal(grid.cell_index, expected)
+    assert np.array_equal(grid.local[:, 0], expected[:, 0] != [2, -3])
 
 
 def test_points_on_grid_lines_without_inward_belong_to_the_upper_cell():
     x = np.array([[0.0, 0.5, -1.0], [0.5, 0.0, -1.0]]) * CELL
-    sheets = lay(x, np.zeros(3, int), CELL, 1)
-    cells = sheets.cell_index[:, sheets.cell_of_point]
+    grid = build_grids(x, np.zeros(3, int), CELL, 1)
+    cells = grid.cell_index[:, grid.cell_of_point]
     assert np.array_equal(cells, [[0, 0, -1], [0, 0, -1]])
-    assert np.array_equal(sheets.local, [[0.0, 0.5, 0.0], [0.5, 0.0, 0.0]])
+    assert np.array_equal(grid.local, [[0.0, 0.5, 0.0], [0.5, 0.0, 0.0]])
 
 
 def test_a_square_with_its_rim_on_grid_lines_occupies_only_its_own_cells():
@@ -188,15 +186,15 @@ def test_a_square_with_its_rim_on_grid_lines_occupies_only_its_own_cells():
     length = np.hypot(*inward)
     inward = np.divide(inward, length, out=np.zeros_like(x), where=length > 0)
     body = np.zeros(x.shape[1], int)
-    assert lay(x, body, CELL, 1, inward).cells == 9
-    assert lay(x, body, CELL, 1).cells == 16  # what `inward` is for
+    assert build_grids(x, body, CELL, 1, inward).cells == 9
+    assert build_grids(x, body, CELL, 1).cells == 16  # what `inward` is for
 
 
 @given(SEED)
 def test_inward_does_not_move_points_inside_cells(seed):
     x, body, plain = random_sheets(seed)
     angle = np.random.default_rng(seed).uniform(0, 2 * np.pi, body.size)
-    leaning = lay(x, body, CELL, 4, np.stack([np.cos(angle), np.sin(angle)]))
+    leaning = build_grids(x, body, CELL, 4, np.stack([np.cos(angle), np.sin(angle)]))
     assert np.array_equal(leaning.local, plain.local)
     assert np.array_equal(leaning.nodes_of_cell, plain.nodes_of_cell)
 
@@ -206,7 +204,7 @@ def test_translation_by_whole_cells_keeps_numbering_and_local_coordinates(seed, 
     x, body, here = random_sheets(seed)
     x = np.round(x / CELL * 2**20) / 2**20 * CELL  # so that the translation itself is exact
     shift = np.array([[i], [j]])
-    here, there = lay(x, body, CELL, 4), lay(x + CELL * shift, body, CELL, 4)
+    here, there = build_grids(x, body, CELL, 4), build_grids(x + CELL * shift, body, CELL, 4)
     for name in ("cell_of_point", "local", "nodes_of_cell", "cell_body", "node_body"):
         assert np.array_equal(getattr(here, name), getattr(there, name)), name
     assert np.array_equal(here.cell_index + shift, there.cell_index)
@@ -217,32 +215,32 @@ def test_bodies_a_million_cells_apart_have_the_same_local_coordinates_and_no_cel
     cell = 0.1  # not exact in binary: 1e6 cells away the rounding of x is 1e-10 of a cell
     x = np.random.default_rng(3).uniform(0.0, 5 * cell, size=(2, 60))
     far = x + cell * np.array([[1e6], [-1e6]])
-    sheets = lay(np.hstack([x, far]), np.repeat([0, 1], 60), cell, 2)
-    assert np.abs(sheets.local[:, :60] - sheets.local[:, 60:]).max() < 1e-9
-    assert sheets.cells == 2 * np.count_nonzero(sheets.cell_body == 0) <= 50
+    grid = build_grids(np.hstack([x, far]), np.repeat([0, 1], 60), cell, 2)
+    assert np.abs(grid.local[:, :60] - grid.local[:, 60:]).max() < 1e-9
+    assert grid.cells == 2 * np.count_nonzero(grid.cell_body == 0) <= 50
 
 
 @given(SEED)
 def test_points_lie_where_their_cell_and_local_coordinates_say(seed):
-    x, _, sheets = random_sheets(seed)
-    assert sheets.local.min() >= 0.0 and sheets.local.max() <= 1.0
-    assert_close(CELL * (sheets.cell_index[:, sheets.cell_of_point] + sheets.local), x, 1e-14)
+    x, _, grid = random_sheets(seed)
+    assert grid.local.min() >= 0.0 and grid.local.max() <= 1.0
+    assert_close(CELL * (grid.cell_index[:, grid.cell_of_point] + grid.local), x, 1e-14)
 
 
 def test_a_body_without_points_has_no_nodes_and_a_body_of_one_point_has_four():
     x = np.array([[0.1, 0.7], [0.2, -0.4]]) * CELL
-    sheets = lay(x, np.array([1, 3]), CELL, 5)
-    assert sheets.blocks.tolist() == [0, 0, 8, 8, 16, 16]
-    assert (sheets.cells, sheets.nodes) == (2, 8)
-    assert np.isfinite(sheets.rigid_motions()).all()
-    assert forms.mass.assemble(sheets.basis(np.ones(2)), rho=1.0).sum() == pytest.approx(4.0)
+    grid = build_grids(x, np.array([1, 3]), CELL, 5)
+    assert grid.blocks.tolist() == [0, 0, 8, 8, 16, 16]
+    assert (grid.cells, grid.nodes) == (2, 8)
+    assert np.isfinite(grid.rigid_motions()).all()
+    assert forms.mass.assemble(grid.basis(np.ones(2)), rho=1.0).sum() == pytest.approx(4.0)
 
 
 def test_no_point_at_all_makes_empty_sheets():
-    sheets = lay(np.zeros((2, 0)), np.zeros(0, int), CELL, 2)
-    assert (sheets.cells, sheets.nodes) == (0, 0)
-    assert sheets.blocks.tolist() == [0, 0, 0]
-    assert sheets.interpolation.shape == (0, 0) and sheets.rigid_motions().shape == (0, 3)
+    grid = build_grids(np.zeros((2, 0)), np.zeros(0, int), CELL, 2)
+    assert (grid.cells, grid.nodes) == (0, 0)
+    assert grid.blocks.tolist() == [0, 0, 0]
+    assert grid.interpolation.shape == (0, 0) and grid.rigid_motions().shape == (0, 3)
 
 
 # Interpolation.
@@ -250,30 +248,30 @@ def test_no_point_at_all_makes_empty_sheets():
 
 @given(SEED)
 def test_linear_fields_and_their_gradients_are_reproduced_exactly(seed):
-    x, _, sheets = random_sheets(seed)
+    x, _, grid = random_sheets(seed)
     rng = np.random.default_rng(seed)
     a, G = rng.normal(size=(2, 1)), rng.normal(size=(2, 2))
-    field = (a + G @ sheets.position).T.ravel()
-    assert_close(sheets.at_points(field), a + G @ x, 1e-13)
-    assert_close(sheets.gradient_at_points(field), np.repeat(G[:, :, None], x.shape[1], axis=2), 1e-12)
+    field = (a + G @ grid.position).T.ravel()
+    assert_close(grid.at_points(field), a + G @ x, 1e-13)
+    assert_close(grid.gradient_at_points(field), np.repeat(G[:, :, None], x.shape[1], axis=2), 1e-12)
 
 
 @given(SEED)
 def test_shape_functions_and_gradients_are_those_of_scikit_fem(seed):
-    x, _, sheets = random_sheets(seed, bodies=2)
-    field = np.random.default_rng(seed).normal(size=2 * sheets.nodes)
-    theirs = sheets.basis(np.ones(x.shape[1])).interpolate(field)
-    assert_close(sheets.at_points(field), np.asarray(theirs)[:, :, 0], 1e-13)
-    assert_close(sheets.gradient_at_points(field), theirs.grad[:, :, :, 0], 1e-12)
-    assert_close(sheets.interpolation.sum(axis=1), np.ones(x.shape[1]), 1e-14)
+    x, _, grid = random_sheets(seed, bodies=2)
+    field = np.random.default_rng(seed).normal(size=2 * grid.nodes)
+    theirs = grid.basis(np.ones(x.shape[1])).interpolate(field)
+    assert_close(grid.at_points(field), np.asarray(theirs)[:, :, 0], 1e-13)
+    assert_close(grid.gradient_at_points(field), theirs.grad[:, :, :, 0], 1e-12)
+    assert_close(grid.interpolation.sum(axis=1), np.ones(x.shape[1]), 1e-14)
 
 
 @given(SEED)
 def test_levers_have_no_first_moment_and_the_second_moment_of_bilinear_weights(seed):
-    _, _, sheets = random_sheets(seed)
-    position, xi = sheets.position, sheets.local
-    for axis, lever in enumerate(sheets.levers):
-        assert np.abs(lever @ np.ones(sheets.nodes)).max() < 1e-14 * CELL
+    _, _, grid = random_sheets(seed)
+    position, xi = grid.position, grid.local
+    for axis, lever in enumerate(grid.levers):
+        assert np.abs(lever @ np.ones(grid.nodes)).max() < 1e-14 * CELL
         second = CELL**2 * xi[axis] * (1 - xi[axis])
         assert np.abs(lever @ position[axis] - second).max() < 1e-12 * CELL**2
         assert np.abs(lever @ position[1 - axis]).max() < 1e-12 * CELL**2
@@ -281,12 +279,12 @@ def test_levers_have_no_first_moment_and_the_second_moment_of_bilinear_weights(s
 
 @given(SEED)
 def test_rigid_motions_store_no_energy_and_turn_each_body_about_its_own_centre(seed):
-    x, body, sheets = random_sheets(seed, bodies=3)
-    R = sheets.rigid_motions()
-    K = our_matrices(sheets.basis(np.full(x.shape[1], CELL**2)), 1.0, 1.0, 0.3)[1]
+    x, body, grid = random_sheets(seed, bodies=3)
+    R = grid.rigid_motions()
+    K = our_matrices(grid.basis(np.full(x.shape[1], CELL**2)), 1.0, 1.0, 0.3)[1]
     assert np.abs(K @ R).max() < 1e-12
     for b in np.unique(body):
-        own = R[sheets.blocks[b] : sheets.blocks[b + 1]]
+        own = R[grid.blocks[b] : grid.blocks[b + 1]]
         assert np.linalg.matrix_rank(own) == 3
         assert np.abs(own[0::2, 2].mean()) < 1e-12 and np.abs(own[1::2, 2].mean()) < 1e-12
 
@@ -300,9 +298,9 @@ def test_rigid_motions_store_no_energy_and_turn_each_body_about_its_own_centre(s
     ids=["all cells", "repeated cells", "own points in every cell"],
 )
 def test_the_mapping_equals_scikit_fems_isoparametric_one(chosen, points):
-    _, _, sheets = random_sheets(5, bodies=2)
-    ours = CartesianMapping(CELL * sheets.cell_index, CELL)
-    theirs = MappingIsoparametric(sheets.mesh, ElementQuad1())
+    _, _, grid = random_sheets(5, bodies=2)
+    ours = CartesianMapping(CELL * grid.cell_index, CELL)
+    theirs = MappingIsoparametric(grid.mesh, ElementQuad1())
     rng = np.random.default_rng(0)
     X = rng.uniform(size=(2, *points))
     x = theirs.F(X, chosen)
@@ -314,15 +312,15 @@ def test_the_mapping_equals_scikit_fems_isoparametric_one(chosen, points):
 
 
 def test_building_bases_again_and_again_leaves_no_memory_behind():
-    _, body, sheets = random_sheets(6)
+    _, body, grid = random_sheets(6)
 
     def build(seed):
         rng = np.random.default_rng(seed)
-        basis = sheets.basis(rng.uniform(size=body.size))
+        basis = grid.basis(rng.uniform(size=body.size))
         return forms.mass.assemble(basis, rho=1.0)
 
     build(0)
-    remembered = set(vars(sheets.mesh))
+    remembered = set(vars(grid.mesh))
     tracemalloc.start()
     build(1)
     before = tracemalloc.get_traced_memory()[0]
@@ -330,6 +328,6 @@ def test_building_bases_again_and_again_leaves_no_memory_behind():
         build(seed)
     growth = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
-    assert set(vars(sheets.mesh)) == remembered
+    assert set(vars(grid.mesh)) == remembered
     assert not any("cache" in name for name in remembered)
     assert growth < 20_000  # one kept basis of these 160 points is 100 kB

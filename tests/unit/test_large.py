@@ -10,14 +10,14 @@ import pytest
 
 import skmpm
 from skmpm import linear
-from skmpm.grid import lay
+from skmpm.grid import build_grids
 
 SPACING = 0.74  # of the points [cells]
 COURANT = 10.0  # cells that a pressure wave crosses in a dynamic step
 
 
 def disc(unknowns, seed, nu):
-    """A disc of about that many unknowns, its centre anywhere in a cell, held at its lowest rim points."""
+    """A disc of about that many unknowns, its centre anywhere in a cell, held at its lowest boundary points."""
     radius = np.sqrt(unknowns / (2.0 * np.pi))
     centre = np.random.default_rng(seed).uniform(size=2)
     points = skmpm.disc(centre, radius, spacing=SPACING)
@@ -97,7 +97,7 @@ def test_a_large_body_moves_alike_by_multigrid_and_by_the_band(shape, inertia):
 
 
 def test_memory_does_not_grow_from_step_to_step():
-    """New sheets and solvers in every step, none of which may stay: not even a number per point and step."""
+    """New body grids and solvers in every step, none of which may stay: not even a number per point and step."""
     points = skmpm.disc((0.3, 0.1), 8.0, spacing=SPACING)
     gel = skmpm.NeoHookean(10e6, 0.3, 990.0)
     scene = skmpm.Scene([skmpm.Body(points, gel, velocity=(170.0, 290.0))], cell=1.0)
@@ -118,8 +118,8 @@ def test_memory_does_not_grow_from_step_to_step():
 
 def test_matrices_of_the_points_share_a_pattern_that_cannot_be_changed():
     points = skmpm.disc((0.3, 0.1), 5.0, spacing=SPACING)
-    sheets = lay(points.x, np.zeros(points.n, dtype=int), 1.0, 1)
-    N, (Dx, Dy) = sheets.interpolation, sheets.derivatives
+    grid = build_grids(points.x, np.zeros(points.size, dtype=int), 1.0, 1)
+    N, (Dx, Dy) = grid.interpolation, grid.derivatives
     assert np.shares_memory(N.indices, Dx.indices) and np.shares_memory(N.indices, Dy.indices)
     with pytest.raises(ValueError, match="read-only"):
         N.sort_indices()

@@ -58,13 +58,13 @@ def assert_close(actual, expected, tol):
 # Derivatives, with and without an anchor.
 
 
-@pytest.mark.parametrize("anchored", [False, True], ids=["undeformed anchor", "deformed anchor"])
+@pytest.mark.parametrize("regridded_state", [False, True], ids=["undeformed anchor", "deformed anchor"])
 @pytest.mark.parametrize("law", LAWS)
 @given(seed=SEED, nu=NU)
-def test_stress_is_the_derivative_of_the_energy_and_the_tangent_that_of_the_stress(law, anchored, seed, nu):
+def test_stress_is_the_derivative_of_the_energy_and_the_tangent_that_of_the_stress(law, regridded_state, seed, nu):
     rng, solid = np.random.default_rng(seed), law(E, nu, 990.0)
     F = random_gradients(rng)
-    anchor = (random_gradients(rng), random_stress(rng)) if anchored else (None, None)
+    anchor = (random_gradients(rng), random_stress(rng)) if regridded_state else (None, None)
     P, C = np.zeros((2, 2, N)), np.zeros((2, 2, 2, 2, N))
     for i, j in np.ndindex(2, 2):
         moved = F.astype(complex)
@@ -93,10 +93,10 @@ def test_finite_differences_of_the_energy_agree_with_the_stress(law, seed, nu):
 
 
 @given(SEED, NU, st.booleans())
-def test_neo_hookean_is_objective(seed, nu, anchored):
+def test_neo_hookean_is_objective(seed, nu, regridded_state):
     rng, solid = np.random.default_rng(seed), NeoHookean(E, nu, 990.0)
     F, R = random_gradients(rng), rotations(rng.uniform(0, 7, N))
-    G = random_gradients(rng) if anchored else None
+    G = random_gradients(rng) if regridded_state else None
     turned, scale = product(R, F), np.abs(solid.stress(F, G)).max() + E
     assert np.abs(solid.energy(turned, G) - solid.energy(F, G)).max() < 1e-12 * (scale + solid.energy(F, G).max())
     assert np.abs(solid.stress(turned, G) - product(R, solid.stress(F, G))).max() < 1e-12 * scale
@@ -308,14 +308,14 @@ def own_dilatation(solid, F, anchor):
     return now / rest
 
 
-@pytest.mark.parametrize("anchored", [False, True], ids=["undeformed anchor", "deformed anchor"])
+@pytest.mark.parametrize("regridded_state", [False, True], ids=["undeformed anchor", "deformed anchor"])
 @pytest.mark.parametrize("law", LAWS)
 @given(seed=SEED, nu=NU)
-def test_told_its_own_dilatation_a_point_answers_as_if_it_was_told_nothing(law, anchored, seed, nu):
+def test_told_its_own_dilatation_a_point_answers_as_if_it_was_told_nothing(law, regridded_state, seed, nu):
     """The tangent, which takes a dilatation as given, lacks the bulk tangent along the slope of the volume."""
     rng, solid = np.random.default_rng(seed), law(E, nu, 990.0)
     F = random_gradients(rng)
-    anchor = (random_gradients(rng), random_stress(rng)) if anchored else (None, None)
+    anchor = (random_gradients(rng), random_stress(rng)) if regridded_state else (None, None)
     theta = own_dilatation(solid, F, anchor)
     for answer in ("energy", "stress", "cauchy"):
         assert_close(getattr(solid, answer)(F, *anchor, theta), getattr(solid, answer)(F, *anchor), 1e-11)

@@ -18,7 +18,7 @@ from skmpm.simulate import initial, simulate
 
 SOFT = NeoHookean(1e7, 0.45, 990.0)
 SEEDS = st.integers(0, 2**32 - 1)
-BY_VOLUME = Scheme(fitted=False)  # so that what is seen does not depend on where the grid lies
+BY_VOLUME = Scheme(moment_fitting=False)  # so that what is seen does not depend on where the grid lies
 
 
 def turn(angle):
@@ -30,7 +30,7 @@ def column(pair):
 
 
 def polygon(x, volume=None):
-    """Return a body whose points are its rim; its volume that of the polygon unless given."""
+    """Return a body whose points are its boundary; its volume that of the polygon unless given."""
     y = np.roll(x, -1, axis=1)
     area = np.sum(x[0] * y[1] - x[1] * y[0]) / 2 if volume is None else volume
     n = x.shape[1]
@@ -133,17 +133,17 @@ def test_area_in_a_region_is_that_of_the_clipped_polygon(seed):
     rng = np.random.default_rng(seed)
     bodies = [column(rng.uniform(-1, 1, 2)) + star(rng) for _ in range(3)]
     normal, point = half_planes(0.8 * convex(rng) / 2)
-    rim = outlines([[np.arange(12)]] * 3, [0, 12, 24])
-    found = area_inside(region(normal, point), rim, np.hstack(bodies), 3)
+    boundary = outlines([[np.arange(12)]] * 3, [0, 12, 24])
+    found = area_inside(region(normal, point), boundary, np.hstack(bodies), 3)
     np.testing.assert_allclose(found, [shoelace(clipped(x, normal, point)) for x in bodies], atol=1e-12)
 
 
 def test_holes_are_clipped_too():
     square = np.array([[0.0, 2, 2, 0], [0.0, 0, 2, 2]])
     hole = 1 + 0.5 * (square[:, ::-1] - 1)
-    rim = outlines([[np.arange(4), np.arange(4, 8)]], [0])
+    boundary = outlines([[np.arange(4), np.arange(4, 8)]], [0])
     r = region(*half_planes(np.array([[1.0, 3, 3, 1], [-1.0, -1, 3, 3]])))
-    assert area_inside(r, rim, np.hstack([square, hole]), 1)[0] == pytest.approx(1.5)
+    assert area_inside(r, boundary, np.hstack([square, hole]), 1)[0] == pytest.approx(1.5)
 
 
 @given(SEEDS)
@@ -257,8 +257,8 @@ def test_a_rim_forced_all_around_is_contact_all_around():
     hull = Body(Points(ring, np.full(48, 0.08), (np.arange(24), np.arange(24, 48))), SOFT)
     scene = Scene([polygon(circle, np.pi), hull], cell=0.2)
     state = initial(scene)
-    touching = state.contacts.gap < 1e-9
-    o = observe(scene, pressed(state, touching * np.array([[1.0], [0.0]])))
+    contact = state.contacts.gap < 1e-9
+    o = observe(scene, pressed(state, contact * np.array([[1.0], [0.0]])))
     assert o.bodies.contact_surface[0] * 2 * np.pi == pytest.approx(48 * np.sin(np.pi / 24))
 
 
@@ -296,7 +296,7 @@ def test_hydrostatic_forces_on_a_tiling_make_its_pressure_in_every_body():
     scene = hexagonal_box()
     state = initial(scene)
     c = state.contacts
-    # One force in the middle of each side between two bodies: rim point 3 of 6 segments.
+    # One force in the middle of each side between two bodies: boundary point 3 of 6 segments.
     middle = (c.gap < 1e-9) & (c.bodies[1] >= 0) & (c.point % 6 == 3)
     state = pressed(state, np.stack([2.5 * middle, 0.0 * middle]))
     o = observe(scene, state, interior=True)
@@ -311,20 +311,20 @@ def test_hydrostatic_forces_on_a_tiling_make_its_pressure_in_every_body():
 # --- stress
 
 
-def lattice(n, R=1.0, rim=32):
-    """Pack n x n discs, each touching its neighbours and the walls at rim points."""
+def lattice(n, R=1.0, boundary=32):
+    """Pack n x n discs, each touching its neighbours and the walls at boundary points."""
     at = [((2 * i + 1) * R, (2 * j + 1) * R) for i in range(n) for j in range(n)]
-    bodies = [Body(disc(p, R, spacing=2 * np.pi * R / rim), SOFT) for p in at]
+    bodies = [Body(disc(p, R, spacing=2 * np.pi * R / boundary), SOFT) for p in at]
     return Scene(bodies, cell=0.5 * R, walls=box((0, 0), (2 * n * R, 2 * n * R)))
 
 
 def lattice_forces(state, along_x, along_y, shear=0.0):
     """One force per touching pair: on horizontal contacts, on vertical ones, tangential."""
     c = state.contacts
-    touching = c.gap < 1e-9
+    contact = c.gap < 1e-9
     horizontal = np.abs(c.normal[0]) > 0.5
-    normal = touching * np.where(horizontal, along_x, along_y)
-    return np.stack([normal, touching * np.where(horizontal, -shear, shear)])
+    normal = contact * np.where(horizontal, along_x, along_y)
+    return np.stack([normal, contact * np.where(horizontal, -shear, shear)])
 
 
 @pytest.mark.parametrize("interior", [False, True])
@@ -365,9 +365,9 @@ def test_pressure_of_the_points():
     state = initial(scene, scheme=BY_VOLUME)
     stress = np.repeat(np.diag([-3.0, -1.0])[:, :, None], state.body.size, axis=2)
     v = np.stack([np.where(state.body % 2 == 0, 0.1, -0.1) + 7.0, np.full(state.body.size, -2.0)])
-    calm = observe(scene, replace(state, stress=stress, v=np.full_like(v, 5.0)))
-    assert calm.pressure_points == pytest.approx(2.0 * np.pi / 4)
-    np.testing.assert_allclose(calm.bodies.pressure_points, 2.0)
+    successes = observe(scene, replace(state, stress=stress, v=np.full_like(v, 5.0)))
+    assert successes.pressure_points == pytest.approx(2.0 * np.pi / 4)
+    np.testing.assert_allclose(successes.bodies.pressure_points, 2.0)
     moving = observe(scene, replace(state, v=v))
     own_mass = 990.0 * np.pi
     speed = v[0] - v[0].mean()
@@ -534,7 +534,7 @@ def rigid_among_soft(shift=0.0):
 
 
 def test_rigid_bodies_fill_the_box_but_are_not_measured():
-    # Shifted by half a segment: of the plate's rim points, which give the contacts, four lie under the square.
+    # Shifted by half a segment: of the plate's boundary points, which give the contacts, four lie under the square.
     scene = rigid_among_soft(0.125)
     state = initial(scene)
     o = observe(scene, state)
@@ -559,7 +559,7 @@ def test_rigid_bodies_press_like_walls():
 def test_rigid_body_without_outline_fills_by_its_points():
     scene = rigid_among_soft()
     bare = [replace(b, points=Points(b.points.x, b.points.volume)) for b in scene.bodies]
-    seed = Scheme.seed()
+    seed = Scheme.nezamabadi2017()
     mixed = replace(scene, bodies=[bare[0], scene.bodies[1]])
     o = observe(mixed, initial(mixed, scheme=seed))
     share = (scene.bodies[0].points.x[1] >= 0).mean()
@@ -571,7 +571,7 @@ def test_rigid_body_without_outline_fills_by_its_points():
 def test_bodies_without_outline():
     scene = lattice(3)
     bare = replace(scene, bodies=[replace(b, points=Points(b.points.x, b.points.volume)) for b in scene.bodies])
-    state = initial(bare, scheme=Scheme.seed())
+    state = initial(bare, scheme=Scheme.nezamabadi2017())
     assert (state.contacts.point == -1).all() and state.contacts.point.size
     before, o = observe(bare, state), observe(bare, pressed(state, np.array([[1.0], [0.0]])))
     assert before.coordination == 0.0
@@ -589,7 +589,7 @@ def test_bodies_without_outline():
 
 def test_contacts_at_grid_nodes_have_no_length():
     scene = lattice(2)
-    state = initial(scene, scheme=Scheme.seed())
+    state = initial(scene, scheme=Scheme.nezamabadi2017())
     o = observe(scene, pressed(state, np.array([[1.0], [0.0]])))
     assert np.isnan(o.contact_surface)
     assert o.solid_fraction > 0.7

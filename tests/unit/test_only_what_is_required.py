@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from skmpm import linear, transfer
-from skmpm.contact import shared_nodes
+from skmpm.contact import shared_grid
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.scene import Body, Load, Scene, Support, Wall
@@ -78,26 +78,28 @@ def run(scene, scheme=Scheme(), steps=STEPS):  # noqa: B008
 
 
 @pytest.mark.parametrize("material", [SOFT, LINEAR], ids=["soft", "linear"])
-@pytest.mark.parametrize("scheme", [Scheme(), Scheme(anchor=0.0), Scheme.seed()], ids=["once", "anew", "seed"])
+@pytest.mark.parametrize(
+    "scheme", [Scheme(), Scheme(anchor=0.0), Scheme.nezamabadi2017()], ids=["once", "anew", "seed"]
+)
 def test_one_body_without_walls_runs_no_function_of_contact_and_coulomb(material, scheme):
     """No function at all, nor those that look for overlaps; a wall brings all of them."""
     calls, _ = run(alone(material), scheme)
-    assert calls.below("skmpm.contact", "skmpm.coulomb", "skmpm.outline.overlaps", "skmpm.linear.response") == 0
+    assert calls.below("skmpm.contact", "skmpm.coulomb", "skmpm.outline.overlaps", "skmpm.linear.delassus") == 0
     calls, _ = run(squeezed(material), scheme)
     assert calls.below("skmpm.contact") > 0
     assert calls.below("skmpm.coulomb") > 0
-    assert calls.below("skmpm.linear.response") > 0
+    assert calls.below("skmpm.linear.delassus") > 0
 
 
 def test_a_wall_out_of_reach_brings_no_compliance_and_no_solve_more_than_convergence_needs():
-    """One solve an iteration, as without the wall; a body on a wall needs two, and the compliance of its rim."""
+    """One solve an iteration, as without the wall; a body on a wall needs two, and the compliance of its boundary."""
     far, near = alone(walls=[Wall((0, -5 * R), (0, 1))]), squeezed()
     for scene, solves in ((alone(), 1), (far, 1), (near, 2)):
         calls, states = run(scene)
         newton = sum(state.report.newton for state in states)
         assert calls["skmpm.linear.band.Banded.__call__"] >= solves * newton
         assert (calls["skmpm.linear.band.Banded.__call__"] == newton) == (solves == 1)
-        assert (calls["skmpm.linear.band.Banded.compliance"] > 0) == (solves == 2)
+        assert (calls["skmpm.linear.band.Banded.delassus"] > 0) == (solves == 2)
         assert (calls.below("skmpm.coulomb") > 0) == (solves == 2)
 
 
@@ -110,8 +112,8 @@ def test_bodies_out_of_each_others_reach_are_not_projected_on_one_another():
         ([round_body(centre=(2.04 * R, 0.17e-4))], True),
     ):
         calls, states = run(Scene([round_body(), *others], cell=CELL, walls=walls, gravity=(0.0, -9.81)))
-        assert (calls.named("pairs.touching_bodies") > 0) == near
-        assert calls.named("pairs.touching_wall") > STEPS
+        assert (calls.named("gap_function.contacts_between_bodies") > 0) == near
+        assert calls.named("gap_function.contacts_with_wall") > STEPS
         assert (states[-1].contacts.bodies[1] == -1).any()
 
 
@@ -135,8 +137,8 @@ def test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall():
         calls, states = run(scene, Scheme(linear=seeing))
         assert calls["skmpm.coulomb.search.solve"] > 0
         assert states[-1].contacts.force[0].max() > 0.0
-        touching = np.concatenate([state.contacts.bodies for state in states], axis=1)
-        assert (touching == 0).any(axis=0).all()
+        contact = np.concatenate([state.contacts.bodies for state in states], axis=1)
+        assert (contact == 0).any(axis=0).all()
         shapes.append(set(seen))
     assert shapes[0] == shapes[1]
     assert len(shapes[0]) == 1
@@ -151,52 +153,52 @@ def test_a_linear_material_makes_one_tangent_and_searches_no_line(build):
     calls, states = run(build(LINEAR))
     names = ("skmpm.implicit.bulk.Bulk.stiffness", "skmpm.assembly.Assembly.matrix")
     assert [calls[name] for name in names] == [1, 1]
-    assert sum(state.report.linear for state in states) == 1
-    assert calls["skmpm.implicit.newton._search"] == 0
+    assert sum(state.report.factorisations for state in states) == 1
+    assert calls["skmpm.implicit.newton._backtracked"] == 0
     calls, states = run(build(SOFT))
-    matrices = sum(state.report.linear for state in states)
+    matrices = sum(state.report.factorisations for state in states)
     assert [calls[name] for name in names] == [matrices, matrices]
     assert matrices >= STEPS
-    assert calls["skmpm.implicit.newton._search"] > 0
+    assert calls["skmpm.implicit.newton._backtracked"] > 0
 
 
 def test_a_linear_material_asks_once_how_its_rim_responds():
-    """In a whole run, all the rim, though contacts spread; at finite strain as often as matrices are new."""
+    """In a whole run, all the boundary, though contacts spread; at finite strain as often as matrices are new."""
     for material, once in ((LINEAR, True), (SOFT, False)):
         calls, states = run(squeezed(material), steps=20)
         assert np.unique(states[-1].contacts.key).size > np.unique(states[0].contacts.key).size > 0
-        assert (calls["skmpm.linear.band.Banded.compliance"] == 1) == once
-        assert calls.named("Response.between") >= STEPS
+        assert (calls["skmpm.linear.band.Banded.delassus"] == 1) == once
+        assert calls.named("Delassus.between") >= STEPS
 
 
-@pytest.mark.parametrize("scheme", [Scheme.seed(), Scheme(anchor=0.0)], ids=["shared nodes", "outlines"])
+@pytest.mark.parametrize("scheme", [Scheme.nezamabadi2017(), Scheme(anchor=0.0)], ids=["shared nodes", "outlines"])
 def test_where_sheets_are_laid_anew_only_what_touches_is_asked_how_it_responds(scheme):
-    """The next step has another matrix. Places: all nodes in the seed's law, all rims with outlines."""
+    """The next step has another matrix. Places: all nodes in the law of Nezamabadi et al. (2017), all boundaries with outlines."""
     _, states = run(squeezed(LINEAR), scheme)
-    known = states[-1].derived.response.known
+    known = states[-1].derived.delassus.known
     assert 0 < known.sum() < 0.5 * known.size
 
 
 @pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
 def test_the_potential_of_a_linear_material_is_never_evaluated(build):
     """Its energies are those of the report, two a step; at finite strain line searches and the start ask for more."""
-    energies = ("skmpm.implicit.increment.Increment.energy", "skmpm.implicit.bulk.Bulk.energy")
+    energies = ("skmpm.implicit.residual.Increment.energy", "skmpm.implicit.bulk.Bulk.energy")
     calls, _ = run(build(LINEAR))
     assert [calls[name] for name in energies] == [0, 2 * STEPS]
     calls, _ = run(build(SOFT))
     assert calls[energies[0]] >= 2 * STEPS
 
 
-# --- sheets
+# --- body grids
 
 LAID = (
-    "skmpm.grid.laying.lay",
-    "skmpm.quadrature.fitted",
+    "skmpm.grid.building.build_grids",
+    "skmpm.moment_fitting.fitted_weights",
     "skmpm.outline.cells.cell_moments",
     "skmpm.assembly.prepare",
     "skmpm.assembly.ghost_facets",
-    "skmpm.grid.sheets.Sheets.interpolation",
-    "skmpm.grid.sheets.Sheets.derivatives",
+    "skmpm.grid.body_grids.BodyGrids.interpolation",
+    "skmpm.grid.body_grids.BodyGrids.derivatives",
 )
 
 
@@ -217,20 +219,24 @@ def test_anchored_once_sheets_are_laid_fitted_and_numbered_once_in_a_run(build):
 def test_without_fitting_no_cell_is_cut_by_an_outline():
     """Nor with it where bodies have no outline."""
     bare = Points(*(getattr(round_body().points, name) for name in ("x", "volume")))
-    at_nodes = Scheme(anchor=0.0, contact=shared_nodes)
+    at_nodes = Scheme(anchor=0.0, contact=shared_grid)
     without = Scene([Body(bare, SOFT)], cell=CELL)
-    for scene, scheme in ((alone(), Scheme(fitted=False)), (alone(), Scheme.seed()), (without, at_nodes)):
+    for scene, scheme in (
+        (alone(), Scheme(moment_fitting=False)),
+        (alone(), Scheme.nezamabadi2017()),
+        (without, at_nodes),
+    ):
         calls, _ = run(scene, scheme)
-        assert calls["skmpm.quadrature.fitted"] == calls.below("skmpm.outline.cells") == 0
-        assert calls["skmpm.grid.laying.lay"] > 0
+        assert calls["skmpm.moment_fitting.fitted_weights"] == calls.below("skmpm.outline.cells") == 0
+        assert calls["skmpm.grid.building.build_grids"] > 0
     calls, _ = run(alone(), at_nodes)
-    assert calls["skmpm.quadrature.fitted"] == calls["skmpm.outline.cells.cell_moments"] == STEPS
+    assert calls["skmpm.moment_fitting.fitted_weights"] == calls["skmpm.outline.cells.cell_moments"] == STEPS
 
 
 def test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make():
     """Blocks of A: all pairs of nodes that share a cell; the penalty's facets bring pairs across two cells."""
     off, on = (initial(alone(), scheme=Scheme(ghost=ghost)).derived.assembly for ghost in (0.0, 0.005))
-    corners = off.sheets.nodes_of_cell
+    corners = off.grid.nodes_of_cell
     pairs = {(int(a), int(b)) for cell in corners.T for a in cell for b in cell}
     assert off.indices.size == len(pairs)
     assert not off.ghost.data.any()
@@ -278,8 +284,8 @@ def pulled(t):
 @pytest.mark.parametrize(
     "option, names",
     [
-        ({"loads": [Load(right, pulled)]}, ("places.spread",)),
-        ({"supports": [Support(left)]}, ("places.held", "Elimination.factorised", "Supported.__call__")),
+        ({"loads": [Load(right, pulled)]}, ("point_sets.spread",)),
+        ({"supports": [Support(left)]}, ("point_sets.held", "Elimination.factorised", "Supported.__call__")),
     ],
     ids=["loads", "supports"],
 )
@@ -327,7 +333,7 @@ def test_without_inertia_no_mass_enters_the_matrix_and_no_kinetic_energy_is_summ
         state = initial(scene, scheme=scheme)
         with Calls() as calls:
             step(scene, state, DT, scheme=scheme)
-        return matrices[0], calls["skmpm.simulate.report.kinetic_energy"]
+        return matrices[0], calls["skmpm.simulate.energy_budget.kinetic_energy"]
 
     (light, none), (heavy, _) = pull(1.0, False), pull(1000.0, False)
     assert np.array_equal(light, heavy)
@@ -356,16 +362,16 @@ def test_no_equilibrium_is_looked_for_that_loads_do_not_ask_for(options, scheme)
 
 
 def test_pic_forms_no_gradient_of_velocities_and_no_arms():
-    """From a uniform motion; apic forms one gradient a step, and its arms once for as long as the sheets stay."""
+    """From a uniform motion; apic forms one gradient a step, and its arms once for as long as the body grids stay."""
     scene = squeezed()
     found = {}
     for name in ("pic", "flip", "apic"):
         calls, _ = run(scene, Scheme(transfer=getattr(transfer, name)))
-        found[name] = calls["skmpm.grid.sheets.Sheets.levers"]
+        found[name] = calls["skmpm.grid.body_grids.BodyGrids.levers"]
         own = f"skmpm.transfer.{name}"
         assert calls[own] == STEPS == sum(calls[f"skmpm.transfer.{other}"] for other in ("pic", "flip", "apic"))
         gradients, strains = (
-            calls["skmpm.grid.sheets.Sheets.gradient_at_points"],
+            calls["skmpm.grid.body_grids.BodyGrids.gradient_at_points"],
             calls["skmpm.implicit.bulk.Bulk.at"],
         )
         assert gradients - strains == (STEPS if name == "apic" else 0)

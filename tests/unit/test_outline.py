@@ -83,12 +83,12 @@ def test_outlines_follow_the_loops():
     np.testing.assert_array_equal(o.body, [0] * 7 + [2] * 3)
     np.testing.assert_array_equal(o.next, [1, 2, 0, 4, 5, 6, 3, 8, 9, 7])
     np.testing.assert_array_equal(o.next[o.previous], np.arange(10))
-    assert o.m == 10
+    assert o.size == 10
 
 
 def test_nothing_is_measured_where_there_is_no_outline():
     o, x, n = build([], [])
-    assert o.m == 0
+    assert o.size == 0
     np.testing.assert_array_equal(outline.area(o, x, n), [0, 0])
     np.testing.assert_array_equal(outline.perimeter(o, x, n), [0, 0])
     assert np.isnan(outline.centroid(o, x, n)).all()
@@ -196,7 +196,7 @@ def test_candidates_are_those_of_the_full_search(seed, reach):
     bodies.append([SQUARE * [[50.0], [0.5]] - 3])
     bodies[2] = []
     o, x, _ = build(*bodies)
-    c, j = (a.ravel() for a in np.meshgrid(np.arange(o.m), np.arange(o.m), indexing="ij"))
+    c, j = (a.ravel() for a in np.meshgrid(np.arange(o.size), np.arange(o.size), indexing="ij"))
     near = outline.closest(x[:, c], x[:, j], x[:, o.next[j]])[1] < reach
     near &= o.body[c] != o.body[j]
     np.testing.assert_array_equal(outline.candidates(o, x, reach), (c[near], j[near]))
@@ -360,19 +360,19 @@ def test_all_pairs_of_a_packing_at_once(monkeypatch):
 
 
 def crossed(loops, chosen=(0,)):
-    rim, x, _ = build(loops)
-    return outline.crossings(rim, x, np.array(chosen))
+    boundary, x, _ = build(loops)
+    return outline.crossings(boundary, x, np.array(chosen))
 
 
 def reference_crossings(loops):
     """All pairs of edges, by the parameters at which their lines meet."""
-    rim, x, _ = build(loops)
+    boundary, x, _ = build(loops)
     found = []
-    for i in range(rim.m):
-        for j in range(i + 1, rim.m):
-            if rim.next[i] == j or rim.next[j] == i:
+    for i in range(boundary.size):
+        for j in range(i + 1, boundary.size):
+            if boundary.next[i] == j or boundary.next[j] == i:
                 continue
-            edges = np.stack([x[:, rim.next[i]] - x[:, i], x[:, j] - x[:, rim.next[j]]], axis=1)
+            edges = np.stack([x[:, boundary.next[i]] - x[:, i], x[:, j] - x[:, boundary.next[j]]], axis=1)
             if abs(np.linalg.det(edges)) > 1e-14:
                 s, t = np.linalg.solve(edges, x[:, j] - x[:, i])
                 if 0.0 < s < 1.0 and 0.0 < t < 1.0:
@@ -391,8 +391,8 @@ def test_crossings_are_those_of_all_pairs_of_edges(seed):
 
 
 def test_convex_bodies_turn_back_nowhere_and_a_figure_of_eight_by_a_whole_turn():
-    rim, x, _ = build([regular(40)], [SQUARE])
-    assert np.array(outline.turns(rim, x)) == pytest.approx(2.0 * np.pi * np.array([[1, 1], [0, 0]]), abs=1e-12)
+    boundary, x, _ = build([regular(40)], [SQUARE])
+    assert np.array(outline.turns(boundary, x)) == pytest.approx(2.0 * np.pi * np.array([[1, 1], [0, 0]]), abs=1e-12)
     a = 2.0 * np.pi * (np.arange(100) + 0.5) / 100
     eight = np.array([np.sin(2.0 * a), np.sin(a)])
     assert crossed([eight]).shape[1] == 1
@@ -413,6 +413,6 @@ def test_a_hole_that_is_driven_through_the_rim_crosses_it():
 
 
 def test_the_outline_between_two_segments_is_measured_the_shorter_way():
-    rim, x, _ = build([SQUARE], [SQUARE + 2.0, 0.1 * SQUARE[:, ::-1] + 2.3])
+    boundary, x, _ = build([SQUARE], [SQUARE + 2.0, 0.1 * SQUARE[:, ::-1] + 2.3])
     i, j = np.array([0, 0, 4, 4]), np.array([1, 3, 6, 8])
-    assert outline.apart(rim, x, i, j) == pytest.approx([1.0, 1.0, 2.0, np.inf])
+    assert outline.apart(boundary, x, i, j) == pytest.approx([1.0, 1.0, 2.0, np.inf])

@@ -10,7 +10,7 @@ from skmpm.outline import area, cell_moments, outlines
 
 
 def cells_over(x, cell):
-    """All cells that a cloud of rim points spans, (2, cells)."""
+    """All cells that a cloud of boundary points spans, (2, cells)."""
     low, high = np.floor(x.min(axis=1) / cell).astype(int), np.floor(x.max(axis=1) / cell).astype(int)
     grid = np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True)), indexing="ij")
     return np.stack([g.ravel() for g in grid])
@@ -29,14 +29,14 @@ def polygon(seed, corners=7):
 
 @given(seed=st.integers(0, 10_000), cell=st.floats(0.1, 3.0))
 def test_cells_add_up_to_the_area_and_its_moments(seed, cell):
-    rim, x = polygon(seed)
+    boundary, x = polygon(seed)
     index = cells_over(x, cell)
-    m = cell_moments(rim, x, cell, index, np.zeros(index.shape[1], int))
-    assert m[0].sum() * cell**2 == pytest.approx(area(rim, x, 1)[0], rel=1e-12)
+    m = cell_moments(boundary, x, cell, index, np.zeros(index.shape[1], int))
+    assert m[0].sum() * cell**2 == pytest.approx(area(boundary, x, 1)[0], rel=1e-12)
     assert (m[0] >= -1e-12).all()
     assert (m[0] <= 1 + 1e-12).all()
     fine = cells_over(x, cell / 2)
-    halves = cell_moments(rim, x, cell / 2, fine, np.zeros(fine.shape[1], int))
+    halves = cell_moments(boundary, x, cell / 2, fine, np.zeros(fine.shape[1], int))
     for axis in (0, 1):
         first = cell**3 * (m[1 + axis] + index[axis] * m[0]).sum()
         again = (cell / 2) ** 3 * (halves[1 + axis] + fine[axis] * halves[0]).sum()
@@ -44,10 +44,10 @@ def test_cells_add_up_to_the_area_and_its_moments(seed, cell):
 
 
 def test_moments_of_a_raster():
-    rim, x = polygon(3)
+    boundary, x = polygon(3)
     cell = 0.7
     index = cells_over(x, cell)
-    m = cell_moments(rim, x, cell, index, np.zeros(index.shape[1], int))
+    m = cell_moments(boundary, x, cell, index, np.zeros(index.shape[1], int))
     xi, eta = (g.ravel() for g in np.meshgrid(*2 * [(np.arange(200) + 0.5) / 200], indexing="ij"))
     monomials = np.stack([np.ones_like(xi), xi, eta, xi * eta, xi**2, eta**2])
     outer, hole = Path(x[:, :7].T), Path(x[:, 7:].T)
@@ -59,10 +59,10 @@ def test_moments_of_a_raster():
 
 def test_a_square_on_grid_lines_and_bodies_apart():
     square = np.array([[0.0, 2, 2, 0], [0, 0, 2, 2]])
-    rim = outlines([[np.arange(4)], [np.arange(4)]], [0, 4])
+    boundary = outlines([[np.arange(4)], [np.arange(4)]], [0, 4])
     x = np.concatenate([square, square + 0.5], axis=1)
     index = np.array([[0, 1, 0, 2, 2, 5], [0, 1, 0, 2, 0, 5]])
-    m = cell_moments(rim, x, 1.0, index, np.array([0, 0, 1, 1, 0, 1]))
+    m = cell_moments(boundary, x, 1.0, index, np.array([0, 0, 1, 1, 0, 1]))
     full = [1, 0.5, 0.5, 0.25, 1 / 3, 1 / 3]
     corner = [0.25, 0.25 * 0.75, 0.25 * 0.75, 0.25 * 0.75**2, 0.5 * 7 / 24, 0.5 * 7 / 24]
     assert np.allclose(m[:, :2].T, full)

@@ -1,4 +1,4 @@
-"""The smooth curve through the rim points."""
+"""The smooth curve through the boundary points."""
 
 import numpy as np
 import pytest
@@ -85,11 +85,11 @@ def test_corners_stay_and_sides_stay_straight():
 def test_corners_cut_outlines_into_sides_and_notches_are_told_from_what_sticks_out():
     """An L between two rings: six sides, numbered around even where the loop begins in the middle of one."""
     L = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
-    rim = np.concatenate(
+    boundary = np.concatenate(
         [np.linspace(a, b, 4, endpoint=False) for a, b in zip(L, np.roll(L, -1, axis=0), strict=True)]
     )
-    rim = np.roll(rim, -2, axis=0).T
-    x = np.concatenate([ring(20) - 5.0, rim, ring(30) + 9.0], axis=1)
+    boundary = np.roll(boundary, -2, axis=0).T
+    x = np.concatenate([ring(20) - 5.0, boundary, ring(30) + 9.0], axis=1)
     c = curve(outlines([[np.arange(20)], [np.arange(24)], [np.arange(30)]], [0, 20, 44]), x)
     corners = 20 + np.array([2, 6, 10, 14, 18, 22])
     assert np.flatnonzero(c.corner).tolist() == corners.tolist()

@@ -88,8 +88,8 @@ COMPACT = {  # without parallel sides: inscribed circles, found on middles of ed
 
 
 def measured(loops, angle=0.0, scale=1.0):
-    rim, x, bodies = build([scale * turn(angle) @ loop for loop in loops])
-    return outline.thickness(rim, x, bodies)[0] / scale
+    boundary, x, bodies = build([scale * turn(angle) @ loop for loop in loops])
+    return outline.thickness(boundary, x, bodies)[0] / scale
 
 
 @pytest.mark.parametrize("spacing", SPACINGS)
@@ -129,8 +129,8 @@ def test_triangles_have_their_inscribed_circle(name):
 def test_each_body_has_its_own_and_none_without_outline():
     """Whatever is beside it, or around it: other bodies do not count. Lengths scale."""
     square, wall = SHAPES["square"][0](0.1), SHAPES["annulus"][0](0.1)
-    rim, x, bodies = build([], [5.0 * loop for loop in wall], square, [], [2.0 * loop for loop in square])
-    found = outline.thickness(rim, x, bodies)
+    boundary, x, bodies = build([], [5.0 * loop for loop in wall], square, [], [2.0 * loop for loop in square])
+    found = outline.thickness(boundary, x, bodies)
     np.testing.assert_allclose(found, [np.nan, 1.5, 1.0, np.nan, 2.0], rtol=0.01)
     assert measured(square, 0.3, 1e-6) == pytest.approx(1.0) == pytest.approx(measured(square, 0.3, 1e6))
     none = outline.thickness(*build())
@@ -148,7 +148,7 @@ def test_of_the_library_s_own_shapes(cells):
 
 
 def test_many_pairs_in_chunks_give_the_same(monkeypatch):
-    """And chunks are made of whole rim points."""
+    """And chunks are made of whole boundary points."""
     loops = SHAPES["two holes"][0](0.05)
     whole = measured(loops)
     monkeypatch.setattr("skmpm.outline.widths.CHUNK", 1000)

@@ -10,7 +10,7 @@ from skmpm.packing import Packing, PackingError, _contacts, _rows, packing
 
 
 def radii(count, seed=1):
-    """Radii of the seed [m]."""
+    """Radii of Nezamabadi et al. (2017) [m]."""
     return np.random.default_rng(seed).uniform(0.7e-3, 1.2e-3, count)
 
 

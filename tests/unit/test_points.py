@@ -73,14 +73,14 @@ def test_disc_has_exact_area_centroid_and_second_moments(radius, ratio):
 @given(LENGTH, RATIO)
 def test_disc_outline_lies_on_the_rim_equally_spaced_and_counter_clockwise(radius, ratio):
     points = disc((0, 0), radius, spacing=ratio * radius)
-    (rim,) = points.outline
-    x = points.x[:, rim]
-    assert rim.size == max(8, round(2 * np.pi / ratio))
+    (boundary,) = points.outline
+    x = points.x[:, boundary]
+    assert boundary.size == max(8, round(2 * np.pi / ratio))
     np.testing.assert_allclose(np.hypot(*x), radius, rtol=1e-14)
     chord = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
-    np.testing.assert_allclose(chord, 2 * radius * np.sin(np.pi / rim.size), rtol=1e-11)
+    np.testing.assert_allclose(chord, 2 * radius * np.sin(np.pi / boundary.size), rtol=1e-11)
     assert polygon_area(x) > 0
-    inner = np.delete(points.x, rim, axis=1)
+    inner = np.delete(points.x, boundary, axis=1)
     assert np.hypot(*inner).max() < radius * (1 - 1e-3)
 
 
@@ -93,7 +93,7 @@ def test_disc_outer_ring_is_radau():
 
 
 def test_disc_has_the_announced_number_of_points():
-    assert 170 <= disc((0, 0), 0.95, spacing=0.14).n <= 200
+    assert 170 <= disc((0, 0), 0.95, spacing=0.14).size <= 200
 
 
 def test_disc_points_are_evenly_spread():
@@ -117,19 +117,19 @@ def test_box_has_exact_area_and_first_moments(width, height, ratio):
 def test_box_rule_is_radau_at_the_ends():
     """Two intervals: quadratics are exact, which midpoints would miss by L h^2 / 12."""
     points = box((0, 0), (2.0, 2.0), spacing=1.0)
-    assert points.n == 16
+    assert points.size == 16
     np.testing.assert_allclose(second_moments(points, (0, 0)), 4 * np.array([[4 / 3, 1], [1, 4 / 3]]), rtol=1e-14)
 
 
 def test_box_outline_is_its_rim():
     points = box((1, 2), (2.0, 1.0), spacing=0.3)
-    (rim,) = points.outline
+    (boundary,) = points.outline
     u = (points.x - np.array(((1,), (2,)))) / np.array(((2.0,), (1.0,)))
     on_rim = ((np.abs(u) < 1e-14) | (np.abs(u - 1) < 1e-14)).any(axis=0)
-    np.testing.assert_array_equal(np.sort(rim), np.flatnonzero(on_rim))
-    assert polygon_area(points.x[:, rim]) == pytest.approx(2.0, rel=1e-14)
+    np.testing.assert_array_equal(np.sort(boundary), np.flatnonzero(on_rim))
+    assert polygon_area(points.x[:, boundary]) == pytest.approx(2.0, rel=1e-14)
     for corner in SQUARE.T:
-        assert np.abs(u[:, rim] - corner[:, None]).max(axis=0).min() < 1e-14
+        assert np.abs(u[:, boundary] - corner[:, None]).max(axis=0).min() < 1e-14
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def exact_moments(mesh):
 def test_mesh_rule_is_exact_to_degree_two(name, order):
     mesh = MESHES[name]()
     points = from_mesh(mesh, order=order)
-    f = np.array([np.ones(points.n), *points.x])
+    f = np.array([np.ones(points.size), *points.x])
     np.testing.assert_allclose((points.volume * f) @ f.T, exact_moments(mesh), rtol=1e-13, atol=1e-13)
     assert points.volume.min() > 0
     assert check(points) is None
@@ -189,7 +189,7 @@ def test_mesh_rule_is_exact_to_degree_two(name, order):
 @pytest.mark.parametrize("name", MESHES)
 def test_mesh_points_are_distinct_and_the_outline_encloses_the_area(name):
     points = from_mesh(MESHES[name]())
-    assert np.unique(points.x.round(12), axis=1).shape[1] == points.n
+    assert np.unique(points.x.round(12), axis=1).shape[1] == points.size
     area = sum(polygon_area(points.x[:, loop]) for loop in points.outline)
     assert area == pytest.approx(points.volume.sum(), rel=1e-13)
 
@@ -226,7 +226,7 @@ def test_mesh_as_generators_write_it():
     nodes = np.array([[9.0, 9, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0]])
     cells = [("vertex", [[1]]), ("line", [[1, 2]]), ("triangle", [[1, 3, 2]])]
     points = from_mesh(meshio.Mesh(nodes, cells))
-    assert points.n == 7
+    assert points.size == 7
     np.testing.assert_allclose(np.sort(points.volume * 2), [0.05] * 3 + [2 / 15] * 3 + [0.45], rtol=1e-14)
     assert points.x.max() == 1
 
@@ -306,7 +306,7 @@ def test_check_accepts_good_points():
 
 def test_points_are_converted_and_frozen():
     points = Points([[0, 1], [0, 1]], [1, 1], [[0, 1, 1]])
-    assert points.n == 2
+    assert points.size == 2
     assert points.x.dtype == points.volume.dtype == np.float64
     assert points.outline[0].dtype == np.int64
     with pytest.raises(AttributeError):

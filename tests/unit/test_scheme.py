@@ -26,12 +26,12 @@ BAD = [
     ({"explicit": True, "theta": 0.5}, r"explicit with inertia = True, theta = 0.5.*theta = 1"),
     ({"explicit": True, "inertia": False}, r"explicit with inertia = False.*inertia = True"),
     ({"explicit": "yes"}, r"explicit = 'yes'.*True or False"),
-    ({"contact": "outlines"}, r"contact = 'outlines'.*contact.outlines"),
-    ({"contact": None}, r"contact = None.*contact.outlines"),
+    ({"contact": "outlines"}, r"contact = 'outlines'.*contact.point_to_curve"),
+    ({"contact": None}, r"contact = None.*contact.point_to_curve"),
     ({"transfer": "apic"}, r"transfer = 'apic'.*transfer.apic"),
     ({"linear": "banded"}, r"linear = 'banded'.*linear.banded"),
-    ({"contact": contact.shared_nodes}, r"shared_nodes with anchor = inf.*anchor = 0"),
-    ({"contact": contact.shared_nodes, "anchor": 0.1}, r"shared_nodes with anchor = 0.1.*anchor = 0"),
+    ({"contact": contact.shared_grid}, r"shared_grid with anchor = inf.*anchor = 0"),
+    ({"contact": contact.shared_grid, "anchor": 0.1}, r"shared_grid with anchor = 0.1.*anchor = 0"),
 ]
 
 
@@ -44,20 +44,20 @@ def test_bad_choices_are_refused_with_value_and_remedy(choice, message):
 def test_the_limits_themselves_are_allowed():
     for choice in ({"theta": 0.5}, {"theta": 1}, {"anchor": 0}, {"ghost": 0.0}, {"max_newton": 1}):
         Scheme(**choice)
-    Scheme(contact=contact.shared_nodes, anchor=0.0)
+    Scheme(contact=contact.shared_grid, anchor=0.0)
 
 
 def test_the_default_is_outlines_on_sheets_laid_once():
     scheme = Scheme()
-    assert (scheme.theta, scheme.anchor, scheme.contact) == (1.0, np.inf, contact.outlines)
+    assert (scheme.theta, scheme.anchor, scheme.contact) == (1.0, np.inf, contact.point_to_curve)
     assert (scheme.transfer, scheme.linear) == (transfer.apic, linear.default)
 
 
 def test_seed_is_shared_nodes_on_sheets_laid_at_every_step():
-    seed = Scheme.seed()
-    assert (seed.anchor, seed.contact) == (0.0, contact.shared_nodes)
-    assert seed.fitted is seed.mean_dilatation is False
-    others = {f.name for f in fields(Scheme)} - {"anchor", "contact", "fitted", "mean_dilatation"}
+    seed = Scheme.nezamabadi2017()
+    assert (seed.anchor, seed.contact) == (0.0, contact.shared_grid)
+    assert seed.moment_fitting is seed.mean_dilatation is False
+    others = {f.name for f in fields(Scheme)} - {"anchor", "contact", "moment_fitting", "mean_dilatation"}
     assert all(getattr(seed, name) == getattr(Scheme(), name) for name in others)
 
 

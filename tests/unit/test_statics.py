@@ -30,7 +30,7 @@ def failure(scene, scheme=STATIC):
     """How a run of one step fails: with the first, for a shorter one would be no other."""
     with pytest.raises(StepFailed) as failed:
         list(simulate(scene, dt=1.0, until=1.0, scheme=scheme))
-    assert not failed.value.curable and "retries" not in str(failed.value)
+    assert not failed.value.retryable and "retries" not in str(failed.value)
     return str(failed.value)
 
 

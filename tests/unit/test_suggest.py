@@ -10,18 +10,19 @@ import pytest
 
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
+from skmpm.preflight import preflight
+from skmpm.preflight.limits import APPROACH, warnings_of
+from skmpm.preflight.limits import LID as WAY
+from skmpm.preflight.loading import free_height, loading_of
+from skmpm.preflight.metrics import examine
+from skmpm.preflight.suggest import LAWS, Suggestion, suggest
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate.health import examine, report, warnings_of
-from skmpm.simulate.health.course import course_of, free_height
-from skmpm.simulate.health.verified import APPROACH
-from skmpm.simulate.health.verified import LID as WAY
-from skmpm.simulate.suggest import LAWS, Suggestion, suggest
 
 SOFT, R = NeoHookean(1e5, 0.3, 1000.0), 0.1
 WAVE = float(np.sqrt((SOFT.lame[0] + 2.0 * SOFT.lame[1]) / SOFT.density))
 FLOOR, LID = Wall((0, 0), (0, 1)), Wall((0, 2), (0, -1), velocity=(0, -0.5))
-RESULTS = Path(__file__).parents[2] / "docs" / "tradeoff" / "results.csv"
+RESULTS = Path(__file__).parents[2] / "docs" / "work_precision" / "results.csv"
 
 
 def discs(count, *, radius=R, cell=0.05, spacing=0.03, material=SOFT, walls=(), **motion):
@@ -32,7 +33,7 @@ def discs(count, *, radius=R, cell=0.05, spacing=0.03, material=SOFT, walls=(), 
 
 
 def kind(scene):
-    return course_of(scene).kind
+    return loading_of(scene).kind
 
 
 def asked(scene, error):
@@ -114,7 +115,7 @@ def test_errors_that_were_not_measured_are_refused(error):
     ("name", "scene", "factor"), [("bending", "cantilever", 2 / 3**0.5), ("pressing", "hertz", 1)]
 )
 def test_laws_hold_on_the_runs_of_the_study(name, scene, factor):
-    """Every run that differs in R/h only, of docs/tradeoff/results.csv: within a factor of two of the law."""
+    """Every run that differs in R/h only, of docs/work_precision/results.csv: within a factor of two of the law."""
     (law,) = LAWS[name]
     with RESULTS.open() as file:
         runs = [row for row in csv.DictReader(file) if row["scene"] == scene and "law" in row["why"].split()]
@@ -166,11 +167,11 @@ def ring(spacing=0.01):
     outer = disc((0.0, 0.0), R, spacing=spacing)
     keep = np.hypot(*outer.x) > 0.7 * R
     inner = 0.7 * R * np.array([np.cos(a := np.arange(0.0, 2 * np.pi - 0.01, spacing / 0.7 / R)), np.sin(a)])
-    rim = outer.outline[0]
+    boundary = outer.outline[0]
     x = np.concatenate([outer.x[:, keep], inner], axis=1)
     number = np.cumsum(keep) - 1
     volume = np.full(x.shape[1], 0.51 * np.pi * R**2 / x.shape[1])
-    loops = (number[rim], np.arange(keep.sum(), x.shape[1])[::-1])
+    loops = (number[boundary], np.arange(keep.sum(), x.shape[1])[::-1])
     return Points(x + np.array([[0.0], [R]]), volume, loops)
 
 
@@ -263,6 +264,6 @@ def test_who_flies_or_vibrates_is_held_up_by_them():
         (replace(discs(8, walls=[Wall((0, -1e-9), (0, 1))]), gravity=(0.0, -1e-9)), False),
     ):
         dt = 20.0 * scene.cell / WAVE
-        assert ("dt c/h = 20;" in report(scene, dt)) == warned
-        assert "dt c/h = 20;" not in report(scene, dt, scheme=Scheme(inertia=False))
-        assert "explicit steps" in report(scene, dt, scheme=Scheme(explicit=True))
+        assert ("dt c/h = 20;" in preflight(scene, dt)) == warned
+        assert "dt c/h = 20;" not in preflight(scene, dt, scheme=Scheme(inertia=False))
+        assert "explicit steps" in preflight(scene, dt, scheme=Scheme(explicit=True))

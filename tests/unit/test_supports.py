@@ -133,13 +133,13 @@ def test_a_dynamic_step_moves_supports_too():
 
 
 def test_loads_are_spread_by_rim_length_or_volume():
-    rim = bar(loads=[Load(right, (8.0, 0.0))]).loaded[0]
+    boundary = bar(loads=[Load(right, (8.0, 0.0))]).loaded[0]
     scene = bar(loads=[Load(everywhere, (8.0, 0.0))])
     volume = scene.loaded[0]
-    assert rim.share.sum() == pytest.approx(1.0)
-    y = scene.initial_positions[1, rim.points]
-    assert y @ rim.share == pytest.approx(0.5)
-    assert rim.share[np.isin(y, (0.0, 1.0))] == pytest.approx(1 / 24)  # half of two thirds of 1/8
+    assert boundary.share.sum() == pytest.approx(1.0)
+    y = scene.initial_positions[1, boundary.points]
+    assert y @ boundary.share == pytest.approx(0.5)
+    assert boundary.share[np.isin(y, (0.0, 1.0))] == pytest.approx(1 / 24)  # half of two thirds of 1/8
     assert volume.share == pytest.approx(scene.initial_volumes / 2.0)
     single = bar(loads=[Load(lambda x: right(x) & (x[1] == 0.0), (1.0, 0.0))]).loaded[0]
     assert single.share.tolist() == [1.0]
@@ -174,14 +174,14 @@ def test_a_floating_body_whose_loads_do_not_balance_fails_clearly():
 def test_a_quasi_static_linear_step_is_one_factorisation_and_one_solve():
     scene = bar(supports=[Support(left)], loads=[Load(right, (0.0, -1.0))])
     report = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC).report
-    assert (report.newton, report.linear) == (1, 1)
+    assert (report.newton, report.factorisations) == (1, 1)
 
 
 def test_a_scene_without_supports_eliminates_nothing(monkeypatch):
     def never(*arguments):
         raise AssertionError("eliminated")
 
-    monkeypatch.setattr(import_module("skmpm.simulate.anchor"), "eliminate", never)
+    monkeypatch.setattr(import_module("skmpm.simulate.regrid"), "eliminate", never)
     scene = bar()
     step(scene, initial(scene), 1e-4)
     with pytest.raises(AssertionError, match="eliminated"):

@@ -1,4 +1,4 @@
-"""Points to sheet and back: rigid motions, momentum, angular momentum, and the form that defines it."""
+"""Points to body grid and back: rigid motions, momentum, angular momentum, and the form that defines it."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from skmpm import forms
 from skmpm.assembly import prepare
-from skmpm.grid import lay
+from skmpm.grid import build_grids
 from skmpm.transfer import apic, flip, pic, to_nodes
 
 CELL = 0.3
@@ -22,7 +22,7 @@ def random_assembly(seed, bodies=3, points=30):
     x = CELL * (rng.uniform(-2, 2, (2, bodies))[:, body] + 4 * rng.uniform(size=(2, body.size)))
     volume = rng.uniform(0.05, 0.2, body.size) * CELL**2
     mass = rng.uniform(500.0, 2000.0, body.size) * volume
-    return rng, x, body, mass, prepare(lay(x, body, CELL, bodies), volume, mass, np.zeros(bodies))
+    return rng, x, body, mass, prepare(build_grids(x, body, CELL, bodies), volume, mass, np.zeros(bodies))
 
 
 def affine(rng, kind):
@@ -36,8 +36,8 @@ def affine(rng, kind):
     }[kind]
 
 
-def at_nodes(sheets, v, G):
-    return (v + G @ sheets.position).T.ravel()
+def at_nodes(grid, v, G):
+    return (v + G @ grid.position).T.ravel()
 
 
 def everywhere(G, n):
@@ -52,12 +52,12 @@ def cross(a, b):
     return a[0] * b[1] - a[1] * b[0]
 
 
-def angular_momentum(sheets, x, mass, v, C):
+def angular_momentum(grid, x, mass, v, C):
     """About the origin, with what the affine field adds: m D C, D the second moments of the shape functions.
 
     Jiang et al., ACM ToG 34 (2015), eq. 12; for bilinear functions D = diag(h^2 xi (1 - xi)).
     """
-    D = CELL**2 * sheets.local * (1 - sheets.local)
+    D = CELL**2 * grid.local * (1 - grid.local)
     return mass * (cross(x, v) + C[1, 0] * D[0] - C[0, 1] * D[1])
 
 
@@ -68,7 +68,7 @@ def angular_momentum(sheets, x, mass, v, C):
 def test_nodal_velocity_is_the_momentum_form_over_the_lumped_mass(seed):
     rng, x, _, mass, assembly = random_assembly(seed)
     v = rng.normal(size=x.shape)
-    basis = assembly.sheets.basis(assembly.volume)
+    basis = assembly.grid.basis(assembly.volume)
     P = forms.momentum.assemble(basis, rho=(mass / assembly.volume)[:, None], velocity=v[..., None])
     nodal = to_nodes(assembly, mass, v, np.zeros((2, 2, mass.size)))
     assert np.abs(nodal - P / assembly.mass).max() < 1e-12
@@ -77,13 +77,13 @@ def test_nodal_velocity_is_the_momentum_form_over_the_lumped_mass(seed):
 @given(SEED)
 def test_the_affine_part_is_that_of_its_definition_point_by_point(seed):
     rng, x, _, mass, assembly = random_assembly(seed, points=5)
-    sheets = assembly.sheets
+    grid = assembly.grid
     v, C = rng.normal(size=x.shape), rng.normal(size=(2, 2, mass.size))
-    P = np.zeros((sheets.nodes, 2))
+    P = np.zeros((grid.nodes, 2))
     for p in range(mass.size):
-        for k, node in enumerate(sheets.nodes_of_cell[:, sheets.cell_of_point[p]]):
-            arm = sheets.position[:, node] - x[:, p]
-            P[node] += mass[p] * sheets.shape[k, p] * (v[:, p] + C[:, :, p] @ arm)
+        for k, node in enumerate(grid.nodes_of_cell[:, grid.cell_of_point[p]]):
+            arm = grid.position[:, node] - x[:, p]
+            P[node] += mass[p] * grid.shape[k, p] * (v[:, p] + C[:, :, p] @ arm)
     nodal = to_nodes(assembly, mass, v, C)
     assert np.abs(nodal_momentum(assembly, nodal) - P.T).max() < 1e-12 * np.abs(P).max()
 
@@ -95,7 +95,7 @@ def test_momentum_of_every_body_is_conserved_on_the_way_to_the_nodes(seed):
     P = nodal_momentum(assembly, to_nodes(assembly, mass, v, C))
     for b in np.unique(body):
         expected = (mass * v)[:, body == b].sum(axis=1)
-        assert np.abs(P[:, assembly.sheets.node_body == b].sum(axis=1) - expected).max() < 1e-13 * mass.sum()
+        assert np.abs(P[:, assembly.grid.node_body == b].sum(axis=1) - expected).max() < 1e-13 * mass.sum()
 
 
 @given(SEED)
@@ -104,9 +104,9 @@ def test_momentum_is_conserved_on_the_way_back_by_pic_and_apic_and_its_change_by
     before, after = rng.normal(size=(2, assembly.mass.size))
     v = rng.normal(size=x.shape)
     for scheme in (pic, apic):
-        new, _ = scheme(assembly.sheets, before, after, v)
+        new, _ = scheme(assembly.grid, before, after, v)
         assert np.abs((mass * new).sum(1) - nodal_momentum(assembly, after).sum(1)).max() < 1e-12 * mass.sum()
-    new, _ = flip(assembly.sheets, before, after, v)
+    new, _ = flip(assembly.grid, before, after, v)
     change = nodal_momentum(assembly, after - before).sum(1)
     assert np.abs((mass * (new - v)).sum(1) - change).max() < 1e-12 * mass.sum()
 
@@ -116,7 +116,7 @@ def test_affine_fields_reach_the_nodes_exactly_with_their_gradient(seed, kind):
     rng, x, _, mass, assembly = random_assembly(seed)
     v, G = affine(rng, kind)
     nodal = to_nodes(assembly, mass, v + G @ x, everywhere(G, mass.size))
-    assert np.abs(nodal - at_nodes(assembly.sheets, v, G)).max() < 1e-11
+    assert np.abs(nodal - at_nodes(assembly.grid, v, G)).max() < 1e-11
 
 
 # Back to the points.
@@ -127,8 +127,8 @@ def test_affine_fields_reach_the_nodes_exactly_with_their_gradient(seed, kind):
 def test_points_take_affine_fields_exactly(scheme, seed, kind):
     rng, x, _, mass, assembly = random_assembly(seed)
     old, new = affine(rng, kind), affine(rng, kind)
-    before, after = at_nodes(assembly.sheets, *old), at_nodes(assembly.sheets, *new)
-    v, C = scheme(assembly.sheets, before, after, old[0] + old[1] @ x)
+    before, after = at_nodes(assembly.grid, *old), at_nodes(assembly.grid, *new)
+    v, C = scheme(assembly.grid, before, after, old[0] + old[1] @ x)
     assert np.abs(v - (new[0] + new[1] @ x)).max() < 1e-12
     assert np.abs(C - (everywhere(new[1], mass.size) if scheme is apic else 0.0)).max() < 1e-11
 
@@ -139,16 +139,16 @@ def test_a_translation_survives_the_round_trip_of_every_scheme(scheme, seed):
     rng, x, _, mass, assembly = random_assembly(seed)
     v = np.broadcast_to(rng.normal(size=(2, 1)), x.shape)
     nodal = to_nodes(assembly, mass, v, np.zeros((2, 2, mass.size)))
-    new, C = scheme(assembly.sheets, nodal, nodal, v)
+    new, C = scheme(assembly.grid, nodal, nodal, v)
     assert np.abs(new - v).max() < 1e-12 and np.abs(C).max() < 1e-11
 
 
 def test_flip_keeps_what_the_nodes_cannot_see_and_pic_forgets_it():
     rng, x, _, _, assembly = random_assembly(1)
     v, nodal = rng.normal(size=x.shape), rng.normal(size=assembly.mass.size)
-    kept, C = flip(assembly.sheets, nodal, nodal, v)
+    kept, C = flip(assembly.grid, nodal, nodal, v)
     assert np.array_equal(kept, v) and not C.any()
-    assert np.array_equal(pic(assembly.sheets, nodal, nodal, v)[0], pic(assembly.sheets, nodal, nodal, 0 * v)[0])
+    assert np.array_equal(pic(assembly.grid, nodal, nodal, v)[0], pic(assembly.grid, nodal, nodal, 0 * v)[0])
 
 
 # Angular momentum.
@@ -158,18 +158,18 @@ def test_flip_keeps_what_the_nodes_cannot_see_and_pic_forgets_it():
 def test_apic_keeps_the_angular_momentum_of_any_motion_through_the_round_trip(seed):
     """Points to nodes, nodes to points, points to nodes: each body, with the lumped mass."""
     rng, x, body, mass, assembly = random_assembly(seed)
-    sheets = assembly.sheets
+    grid = assembly.grid
     v, C = rng.normal(size=x.shape), rng.normal(size=(2, 2, mass.size))
     for _ in range(3):
-        at_points = angular_momentum(sheets, x, mass, v, C)
+        at_points = angular_momentum(grid, x, mass, v, C)
         nodal = to_nodes(assembly, mass, v, C)
-        at_the_nodes = cross(sheets.position, nodal_momentum(assembly, nodal))
-        v, C = apic(sheets, nodal, nodal, v)
-        after = angular_momentum(sheets, x, mass, v, C)
+        at_the_nodes = cross(grid.position, nodal_momentum(assembly, nodal))
+        v, C = apic(grid, nodal, nodal, v)
+        after = angular_momentum(grid, x, mass, v, C)
         for b in np.unique(body):
-            scale = 1e-12 * mass.sum() * np.abs(sheets.position).max()
+            scale = 1e-12 * mass.sum() * np.abs(grid.position).max()
             expected = at_points[body == b].sum()
-            assert abs(at_the_nodes[sheets.node_body == b].sum() - expected) < scale
+            assert abs(at_the_nodes[grid.node_body == b].sum() - expected) < scale
             assert abs(after[body == b].sum() - expected) < scale
 
 
@@ -184,7 +184,7 @@ def test_apic_keeps_a_rigid_rotation_and_pic_slows_it_down(seed):
         v, C = rigid, everywhere(spin, mass.size) if scheme is apic else np.zeros((2, 2, mass.size))
         for _ in range(3):
             nodal = to_nodes(assembly, mass, v, C)
-            v, C = scheme(assembly.sheets, nodal, nodal, v)
+            v, C = scheme(assembly.grid, nodal, nodal, v)
         energy[scheme] = (mass * v**2).sum() / (mass * rigid**2).sum()
         if scheme is apic:
             assert np.abs(v - rigid).max() < 1e-11 and np.abs(C - spin[:, :, None]).max() < 1e-10
@@ -196,18 +196,18 @@ def test_apic_keeps_a_rigid_rotation_and_pic_slows_it_down(seed):
 
 def test_points_on_grid_lines_give_finite_velocities():
     x = np.array([[0.0, CELL, 0.5 * CELL], [0.0, CELL, CELL]])
-    sheets = lay(x, np.zeros(3, int), CELL, 1)
+    grid = build_grids(x, np.zeros(3, int), CELL, 1)
     mass = np.ones(3)
-    nodal = to_nodes(prepare(sheets, 0.01 * mass, mass, np.zeros(1)), mass, np.ones((2, 3)), np.zeros((2, 2, 3)))
+    nodal = to_nodes(prepare(grid, 0.01 * mass, mass, np.zeros(1)), mass, np.ones((2, 3)), np.zeros((2, 2, 3)))
     assert np.isfinite(nodal).all() and np.abs(nodal).max() < 1 + 1e-12
-    np.testing.assert_allclose(sheets.at_points(nodal), 1.0, rtol=1e-11)
+    np.testing.assert_allclose(grid.at_points(nodal), 1.0, rtol=1e-11)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_body_of_one_point_keeps_its_velocity(scheme):
-    sheets = lay(np.array([[0.1], [0.2]]), np.array([0]), CELL, 1)
+    grid = build_grids(np.array([[0.1], [0.2]]), np.array([0]), CELL, 1)
     mass, v = np.array([2.0]), np.array([[3.0], [-1.0]])
-    nodal = to_nodes(prepare(sheets, np.array([0.01]), mass, np.zeros(1)), mass, v, np.zeros((2, 2, 1)))
-    new, C = scheme(sheets, nodal, nodal, v)
+    nodal = to_nodes(prepare(grid, np.array([0.01]), mass, np.zeros(1)), mass, v, np.zeros((2, 2, 1)))
+    new, C = scheme(grid, nodal, nodal, v)
     assert np.abs(new - v).max() < 1e-14 and np.abs(C).max() < 1e-12
     assert new.shape == (2, 1) and C.shape == (2, 2, 1)

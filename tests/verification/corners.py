@@ -1,7 +1,7 @@
 """Scenes of corners, and independent measures of how far bodies run into each other.
 
 Bodies are of E = 1 MPa, nu = 0.3, 1000 kg/m3, their sides or diameters 2 R = 0.2 m; lengths are in cells where said.
-Overlap and depth are measured on the polygons through the rim points, by clipping and by crossing numbers.
+Overlap and depth are measured on the polygons through the boundary points, by clipping and by crossing numbers.
 """
 
 import logging
@@ -57,10 +57,10 @@ def depth(x, polygon):
 
 
 def deepest(scene, state):
-    """The lowest gap of a rim point, of any body, to the outlines of the others and to walls [cells]."""
-    rims, found = polygons(scene, state), [0.0]
-    for i, p in enumerate(rims):
-        for j, q in enumerate(rims):
+    """The lowest gap of a boundary point, of any body, to the outlines of the others and to walls [cells]."""
+    boundaries, found = polygons(scene, state), [0.0]
+    for i, p in enumerate(boundaries):
+        for j, q in enumerate(boundaries):
             if i != j and (p.max(axis=1) > q.min(axis=1)).all() and (q.max(axis=1) > p.min(axis=1)).all():
                 found.append(float(depth(p, q).max()))
         found += [
@@ -99,15 +99,15 @@ def _area(x):
 
 def shared(scene, state):
     """Area shared by bodies over the area of all of them, by clipping."""
-    rims = polygons(scene, state)
-    boxes = [(p.min(axis=1), p.max(axis=1)) for p in rims]
+    boundaries = polygons(scene, state)
+    boxes = [(p.min(axis=1), p.max(axis=1)) for p in boundaries]
     pairs = [
         (p, q)
-        for i, p in enumerate(rims)
-        for j, q in enumerate(rims[:i])
+        for i, p in enumerate(boundaries)
+        for j, q in enumerate(boundaries[:i])
         if (boxes[i][0] < boxes[j][1]).all() and (boxes[j][0] < boxes[i][1]).all()
     ]
-    return sum(clipped(p, q) for p, q in pairs) / sum(_area(p) for p in rims)
+    return sum(clipped(p, q) for p, q in pairs) / sum(_area(p) for p in boundaries)
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def run(scene, dt, until, scheme=None):
         for state in simulate(scene, dt=dt, until=until, scheme=scheme, start=start):
             report = state.report
             newton.append(report.newton)
-            settled += report.settled
+            settled += report.frozen_normals
             halved += report.retries
             overlap, gap = max(overlap, report.overlap), min(gap, deepest(scene, state))
             lost.append(report.energy.dissipated)

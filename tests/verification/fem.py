@@ -72,15 +72,15 @@ class Solution:
 
 
 def solve_fem(mesh, traction, held, element=None):
-    """Solve under a traction on the rim, (x, normal) -> (2, ...) [Pa], with the sides `held`.
+    """Solve under a traction on the boundary, (x, normal) -> (2, ...) [Pa], with the sides `held`.
 
     `held` lists (axis, velocity): on the side x[axis] = 0 the components of velocity that are not None are zero.
     Without any, three values of two far nodes are fixed: rigid motions are for the norm to take out.
     """
     basis = Basis(mesh, ElementVector(element or ElementQuad1()))
-    rim = FacetBasis(mesh, basis.elem, intorder=8)
-    force = LinearForm(lambda v, w: dot(traction(w.x, w.n), v)).assemble(rim)
-    fixed = [_side(basis, axis, c) for axis, told in held for c in (0, 1) if told[c] is not None]
+    boundary = FacetBasis(mesh, basis.elem, intorder=8)
+    force = LinearForm(lambda v, w: dot(traction(w.x, w.n), v)).assemble(boundary)
+    fixed = [_side(basis, axis, c) for axis, prescribed in held for c in (0, 1) if prescribed[c] is not None]
     if not held:
         far = basis.nodal_dofs[:, [mesh.p[0].argmin(), mesh.p[0].argmax()]]
         fixed = [far[0, :1], far[1]]

@@ -36,7 +36,7 @@ def hole(x):
 
 
 def pressure(x):
-    """Pressure (...) on the rim of the disc: cos^2 over an arc around the top and one around the bottom."""
+    """Pressure (...) on the boundary of the disc: cos^2 over an arc around the top and one around the bottom."""
     angle = np.arctan2(x[0], np.abs(x[1]))
     inside = np.abs(angle) < HALF_ARC
     return np.where(inside, PRESSURE * np.cos(np.pi * angle / (2 * HALF_ARC)) ** 2, 0.0)

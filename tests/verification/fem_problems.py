@@ -37,7 +37,7 @@ def by_mesh(mesh):
 
 
 def of_stress(known, loaded):
-    """The traction of a known stress on the part of the rim where `loaded(x)`."""
+    """The traction of a known stress on the part of the boundary where `loaded(x)`."""
 
     def traction(x, normal):
         stress = known(x.reshape(2, -1))[1].reshape(2, 2, *x.shape[1:])
@@ -89,7 +89,7 @@ PROBLEMS = (CANTILEVER, PLATE, DISC, COOK)
 
 
 def loads(cloud, traction):
-    """One load for each rim point that a traction acts on: its integral over both edges times the point's hat."""
+    """One load for each boundary point that a traction acts on: its integral over both edges times the point's hat."""
     at, weight = np.polynomial.legendre.leggauss(6)
     force = np.zeros_like(cloud.x)
     for loop in cloud.outline:
@@ -110,8 +110,8 @@ def material_points(problem, h, *, offset=(0.0, 0.0), spacing=SPACING, solver=li
     shift = h * np.asarray(offset)[:, None]
     moved = points.Points(cloud.x + shift, cloud.volume, cloud.outline)
     supports = [
-        Support(lambda x, axis=axis: np.abs(x[axis] - shift[axis]) < 1e-9, velocity=told)
-        for axis, told in problem.held
+        Support(lambda x, axis=axis: np.abs(x[axis] - shift[axis]) < 1e-9, velocity=prescribed)
+        for axis, prescribed in problem.held
     ]
     scene = Scene([Body(moved, MATERIAL)], cell=h, supports=supports, loads=loads(cloud, problem.traction))
     scheme = Scheme(inertia=False, linear=solver, **options)

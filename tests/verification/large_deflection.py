@@ -103,7 +103,7 @@ def ample_fem(across=4):
     lam, mu = AMPLE.lame
     mesh = MeshQuad.init_tensor(np.linspace(0, 10, 10 * across + 1), np.linspace(-0.5, 0.5, across + 1))
     basis = Basis(mesh, ElementVector(ElementQuad2()), intorder=4)
-    rim = FacetBasis(mesh, basis.elem, facets=mesh.facets_satisfying(lambda x: x[0] > 10.0 - NEAR))
+    boundary = FacetBasis(mesh, basis.elem, facets=mesh.facets_satisfying(lambda x: x[0] > 10.0 - NEAR))
 
     def kinematics(w):
         F = grad(w["u"]) + eye(1.0 + 0.0 * w.x[0], 2)
@@ -121,7 +121,7 @@ def ample_fem(across=4):
         change = trace(mul(transpose(inverse), grad(du)))
         return ddot(mu * grad(du) + (mu - lam * log) * turned + lam * change * inverse, grad(v))
 
-    load = LinearForm(lambda v, w: -1e5 * v[1]).assemble(rim)
+    load = LinearForm(lambda v, w: -1e5 * v[1]).assemble(boundary)
     held = basis.get_dofs(lambda x: x[0] < NEAR).flatten()
     u = basis.zeros()
     for share in np.arange(1, 11) / 10:
@@ -168,7 +168,7 @@ def column(cells, per_cell, *, solver=linear.banded, **options):
     *_, state = simulate(scene, dt=1 / 40, until=1.0, scheme=scheme)
     volume, Y, stress = points.volume, points.x[1], state.stress[1, 1]
     exact = -weight * (height - Y)
-    N = state.derived.assembly.sheets.interpolation
+    N = state.derived.assembly.grid.interpolation
     recovered = N @ ((N.T @ (volume * stress)) / (N.T @ volume))
     size = weight * height * volume.sum()
     return [volume @ np.abs(s - exact) / size for s in (stress, recovered)], Y, stress

@@ -11,7 +11,7 @@ COLUMNS = (
     ("anchored once", {}),
     ("anchored at every step", {"anchor": 0.0}),
     ("anchored at strains of 0.2", {"anchor": 0.2}),
-    ("anchored at every step, volumes as weights", {"anchor": 0.0, "fitted": False}),
+    ("anchored at every step, volumes as weights", {"anchor": 0.0, "moment_fitting": False}),
 )
 BARS = ((4, 0.5), (4, 0.1), (4, 0.0), (6, 0.5), (6, 0.1), (6, 0.0))
 

@@ -52,7 +52,7 @@ def errors(problem, cell, per_cell, steps, **options):
 @cache
 def in_space(name, cells, per_cell, steps, *, offset=(0.0, 0.0), fitted=True, solver=linear.banded):
     """Errors of displacement and velocity at h = 1/cells, (grids, 2)."""
-    options = {"offset": offset, "fitted": fitted, "linear": solver}
+    options = {"offset": offset, "moment_fitting": fitted, "linear": solver}
     return np.array([errors(PROBLEMS[name], 1.0 / n, per_cell, steps, **options) for n in cells])
 
 

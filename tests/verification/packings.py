@@ -15,7 +15,7 @@ import numpy as np
 import skmpm
 
 TABLES = Path(__file__).resolve().parents[2] / "docs" / "verification" / "packings"
-RADII, YOUNG, POISSON, DENSITY = (0.7e-3, 1.2e-3), 10e6, 0.45, 990.0  # the seed's discs
+RADII, YOUNG, POISSON, DENSITY = (0.7e-3, 1.2e-3), 10e6, 0.45, 990.0  # the discs of Nezamabadi et al. (2017)
 E_STAR = YOUNG / (1.0 - POISSON**2)
 
 
@@ -63,7 +63,7 @@ def squeeze(discs, friction, cells, *, start=0.70, until=0.97, dt=8e-6, speed=2.
         smallest = gap.min(initial=scene.cell) / scene.cell
         lid = state.wall_force[1, 1] / scene.walls[3].point[0]
         found.append((filled / state.walls[1, 1], report.overlap, smallest, dt * np.abs(turning).max(),
-                      report.newton, report.settled, lid))  # fmt: skip
+                      report.newton, report.frozen_normals, lid))  # fmt: skip
     return Squeeze(*np.array(found, dtype=float).T)
 
 
@@ -81,7 +81,7 @@ class Compression:
 def compress(discs, cells, *, start, until, speed, dt=32e-6, seeds_way=False):
     """Lower a slow lid on smooth discs; `seeds_way` with the shared-node law, a new grid a step, and a linear law."""
     material = skmpm.LinearElastic if seeds_way else skmpm.NeoHookean
-    scheme = skmpm.Scheme.seed() if seeds_way else skmpm.Scheme()
+    scheme = skmpm.Scheme.nezamabadi2017() if seeds_way else skmpm.Scheme()
     scene, filled = packed(discs, 0.0, cells, start=start, speed=speed, material=material)
     first = skmpm.initial(scene, scheme=scheme)
     found, height = [], first.walls[1, 1]

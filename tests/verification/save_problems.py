@@ -30,13 +30,13 @@ class Problem:
     q: np.ndarray
     mu: np.ndarray
     r0: np.ndarray
-    linear: coulomb.Linear | None = None
+    bilateral: coulomb.Bilateral | None = None
     factor: sp.csr_array | None = None  # H, of W = H H', where that is kept instead of W
 
     def solve(self, *, warm, tol=TOL):
         """Impulses and info, from the run's own impulses or from nothing."""
         r0 = self.r0 if warm else None
-        return coulomb.solve(self.W, self.q, self.mu, r0=r0, tol=tol, linear=self.linear)
+        return coulomb.solve(self.W, self.q, self.mu, r0=r0, tol=tol, bilateral=self.bilateral)
 
 
 # Files.
@@ -72,8 +72,8 @@ def unpacked(arrays):
 def save(name, problem):
     """Write one problem; with linear unknowns W is that of all unknowns, the contacts first."""
     W, q = problem.W, problem.q
-    if problem.linear is not None:
-        W, q = problem.linear.join(W, q)
+    if problem.bilateral is not None:
+        W, q = problem.bilateral.join(W, q)
     H = problem.factor
     matrix = triangle(W) if H is None else {**packed(H), "columns": np.array(H.shape[1])}
     FOLDER.mkdir(exist_ok=True)
@@ -90,8 +90,8 @@ def load(path):
     k = r0.size
     if q.size == k:
         return Problem(W, q, mu, r0)
-    linear = coulomb.Linear(W[k:, :k].tocsr(), W[k:, k:].tocsr(), q[k:])
-    return Problem(W[:k, :k].tocsr(), q[:k], mu, r0, linear)
+    bilateral = coulomb.Bilateral(W[k:, :k].tocsr(), W[k:, k:].tocsr(), q[k:])
+    return Problem(W[:k, :k].tocsr(), q[:k], mu, r0, bilateral)
 
 
 # Runs.
@@ -102,10 +102,10 @@ def recorded():
     """Within, every call of `coulomb.solve` leaves its problem in the list."""
     problems, solve = [], coulomb.solve
 
-    def record(W, q, mu, *, r0=None, linear=None, **options):
+    def record(W, q, mu, *, r0=None, bilateral=None, **options):
         start = np.zeros_like(q) if r0 is None else np.array(r0)
-        problems.append(Problem(sp.csr_array(W).copy(), np.array(q), np.array(mu, dtype=float), start, linear))
-        return solve(W, q, mu, r0=r0, linear=linear, **options)
+        problems.append(Problem(sp.csr_array(W).copy(), np.array(q), np.array(mu, dtype=float), start, bilateral))
+        return solve(W, q, mu, r0=r0, bilateral=bilateral, **options)
 
     coulomb.solve = record
     try:
@@ -145,8 +145,10 @@ def compaction(discs, ratio, friction, fraction, dt, *, start=0.55, law=skmpm.Ne
 
 
 def seed(discs, ratio, friction, fraction, dt):
-    """The same with the seed's shared nodes."""
-    return compaction(discs, ratio, friction, fraction, dt, law=skmpm.LinearElastic, scheme=skmpm.Scheme.seed())
+    """The same with the shared of Nezamabadi et al. (2017) nodes."""
+    return compaction(
+        discs, ratio, friction, fraction, dt, law=skmpm.LinearElastic, scheme=skmpm.Scheme.nezamabadi2017()
+    )
 
 
 CORNERS = {
@@ -199,7 +201,7 @@ def heavy(below, dt, *, offset=(0.3, 0.6), ratio=1e4):
 
 
 def ride(fitted, rings=15):
-    """A disc squeezed by four plates and taken along by them, its sheet laid anew at every step."""
+    """A disc squeezed by four plates and taken along by them, its body grid rebuilt at every step."""
     radius, squeeze, ride = 1e-3, 4e-4, 4e-3
 
     def plate(normal):
@@ -217,7 +219,7 @@ def ride(fitted, rings=15):
     material = skmpm.NeoHookean(1e7, 0.45, 990.0)
     body = skmpm.Body(skmpm.disc(centre, radius, spacing=radius / rings), material)
     scene = skmpm.Scene([body], cell=radius / 5, walls=walls)
-    return run(scene, 2e-5, 120, skmpm.Scheme(anchor=0.0, fitted=fitted))
+    return run(scene, 2e-5, 120, skmpm.Scheme(anchor=0.0, moment_fitting=fitted))
 
 
 def rigid(discs, fraction, friction):
@@ -255,10 +257,10 @@ def random_bodies(bodies, contacts, friction, gap, seed):
 
 def plain(make):
     """The run's problems without the linear unknowns of contacts that turn."""
-    return [replace(problem, linear=None) for problem in make()]
+    return [replace(problem, bilateral=None) for problem in make()]
 
 
-SEED, RIMS, ANEW = skmpm.Scheme.seed(), skmpm.Scheme(), skmpm.Scheme(anchor=0.0, contact_tol=1e-10)
+SEED, RIMS, ANEW = skmpm.Scheme.nezamabadi2017(), skmpm.Scheme(), skmpm.Scheme(anchor=0.0, contact_tol=1e-10)
 TIMES = {"0.5us": 0.5e-6, "5us": 5e-6, "50us": 50e-6}
 RUNS = {
     **{
@@ -281,8 +283,8 @@ RUNS = {
             ("nodes", SEED, 0.5, 5, (0.3, 0.7)),
             ("nodes", SEED, 0.0, 5, (0.3, 0.7)),
             ("nodes", SEED, 0.5, 8, (0.0, 0.0)),
-            ("rims", RIMS, 0.5, 5, (0.3, 0.7)),
-            ("rims", RIMS, 0.0, 5, (0.3, 0.7)),
+            ("boundaries", RIMS, 0.5, 5, (0.3, 0.7)),
+            ("boundaries", RIMS, 0.0, 5, (0.3, 0.7)),
         )
     },
     "block_anew_1ms": partial(block, (0.0, 0.0), (0.0, -10.0), 1e-3, ANEW),

@@ -26,7 +26,7 @@ CASES, CHAINS = 20, 20  # of the table
 
 
 @dataclass(frozen=True)
-class Place:
+class PointSet:
     """How the line of centres lies on the grid."""
 
     turn: float  # against the x axis [rad]
@@ -35,7 +35,7 @@ class Place:
 
 def places(count, seed=4):
     draw = np.random.default_rng(seed)
-    return [Place(draw.uniform(0.0, 2.0 * np.pi), tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(count)]
+    return [PointSet(draw.uniform(0.0, 2.0 * np.pi), tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(count)]
 
 
 def rotation(angle):
@@ -161,7 +161,7 @@ def force_law(place, largest=0.006, steps=24):
     """Approach of two discs' centres (k,) [m], the force between them (k,) [N/m], and its reach [m2/N].
 
     Gravity presses them upon each other, uniformly as inertia does, and rises slowly in steps of backward Euler. The
-    reach is by how much the far rim of a disc moves out from its centre of mass, per force.
+    reach is by how much the far boundary of a disc moves out from its centre of mass, per force.
     """
     line, middle, rise = rotation(place.turn)[:, 0], R, 15.0  # so short that they have no time to roll off each other
     shift = R / CHAIN_CELLS * np.array(place.offset)
@@ -184,7 +184,7 @@ def force_law(place, largest=0.006, steps=24):
 def one_dimensional(law, reach, until):
     """Final velocities (CHAIN,) of point masses with the force law between neighbours.
 
-    A disc pressed on one side moves its other side too: approaches are those of the rims, F_i = f(x_i - x_i+1 +
+    A disc pressed on one side moves its other side too: approaches are those of the boundaries, F_i = f(x_i - x_i+1 +
     reach (F_i-1 + F_i+1)), by fixed-point iteration (it contracts by about 0.2).
     """
 
@@ -225,7 +225,7 @@ def test_chain_of_five_discs_moves_as_one_dimension_says():
 
 
 def test_restitution_tends_to_one_under_refinement_and_backward_euler_loses_more():
-    """Head-on, speeds of 0.1 m/s: the nodal law only takes relative velocity of rims, less mass on a finer grid."""
+    """Head-on, speeds of 0.1 m/s: the nodal law only takes relative velocity of boundaries, less mass on a finer grid."""
     place = places(1)[0]
     coarse, fine = (collide(place, cells=cells, dt=0.02).restitution for cells in (4, 8))
     assert 0.85 < coarse < fine < 1.0

@@ -328,10 +328,10 @@ GROUPS = {
     "dense": "packings of 30 and 100 discs, solid fraction 0.80, dt = 50 and 5 us",
     "seed": "packings on shared nodes, R/h = 5 and 8",
     "nodes": "two to four boxes at one node or in a wall corner, shared nodes, R/h = 5 and 8",
-    "rims": "the same, rims against outlines (W singular)",
+    "rims": "the same, boundaries against outlines (W singular)",
     "block": "a block on a wall (W singular or nearly so)",
     "heavy": "a disc on one or two that are 1e4 times lighter, dt = 10 and 20 ms",
-    "ride": "a disc carried along by four plates, sheet laid anew at every step (W singular)",
+    "ride": "a disc carried along by four plates, body grid rebuilt at every step (W singular)",
     "rigid": "rigid discs of an initial packing (W singular)",
     "bodies": "random contacts of 20 rigid bodies, friction 1.5 (W singular)",
 }
@@ -364,10 +364,10 @@ def solved(name, warm):
     r, info = p.solve(warm=warm, tol=TOL)
     took, q = 1e3 * (process_time() - began), p.q
     worst = 0.0
-    if p.linear is not None:
-        q = q + p.linear.coupling.T @ info.linear
-        rest = p.linear.coupling @ r + p.linear.compliance @ info.linear + p.linear.q
-        scale = np.sqrt(np.abs(p.linear.compliance.diagonal()))
+    if p.bilateral is not None:
+        q = q + p.bilateral.coupling.T @ info.bilateral
+        rest = p.bilateral.coupling @ r + p.bilateral.compliance @ info.bilateral + p.bilateral.q
+        scale = np.sqrt(np.abs(p.bilateral.compliance.diagonal()))
         size = np.linalg.norm(p.q / np.sqrt(p.W.diagonal()))
         worst = float(np.linalg.norm(rest / np.where(scale > 0.0, scale, 1.0)) / size)
     worst = max(worst, violation(p.W, q, p.mu, r))

@@ -2,10 +2,10 @@
 
 A corner is pressed into a face and a wall, corners meet tip to tip, a disc settles in a notch, a peg fills a slot, a
 heap of polygons, convex and not, is squeezed until it fills its box, and discs of unlike size and resolution touch.
-Bars of every step: bodies share at most 0.05 % of their area, no rim point lies deeper than 0.05 cells in another
-body (on the polygons through the rim points), and Newton takes at most 3 iterations on average, never all it may (8
-with inertia, 60 without). Grid offset, direction and place are random; every other place has friction 0.5, the
-others none.
+Bars of every step: bodies share at most 0.05 % of their area, no boundary point lies deeper than 0.05 cells in
+another body (on the polygons through the boundary points), and Newton takes at most 3 iterations on average, never
+all it may (8 with inertia, 60 without). Grid offset, direction and place are random; every other place has friction
+0.5, the others none.
 """
 
 from functools import cache
@@ -125,9 +125,9 @@ def test_the_measures_know_polygons_that_overlap():
     assert shared(scene, state) == pytest.approx(0.3 * 0.7 / 4.0)
     assert deepest(scene, state) == pytest.approx(-0.3 / 0.5)
     star = fan(regular(10, 1.0) * np.where(np.arange(10) % 2, 0.5, 1.0)[:, None], 0.3)
-    rim = star.x[:, star.outline[0]]
-    assert depth(np.zeros((2, 1)), rim)[0] == pytest.approx(0.5, abs=0.05)
-    assert not depth(1.01 * rim, rim).any()
+    boundary = star.x[:, star.outline[0]]
+    assert depth(np.zeros((2, 1)), boundary)[0] == pytest.approx(0.5, abs=0.05)
+    assert not depth(1.01 * boundary, boundary).any()
 
 
 @pytest.mark.parametrize("on", ["face", "wall"])
@@ -272,7 +272,7 @@ def test_unlike_discs_touch_where_their_circles_do(name):
 
 
 def test_discs_of_unlike_resolution_obey_hertz_as_those_of_like_do():
-    """R/h = 5, one rim of four times as many points, to d/R = 0.05: within 10 % of Hertz from half of it on.
+    """R/h = 5, one boundary of four times as many points, to d/R = 0.05: within 10 % of Hertz from half of it on.
 
     R/h = 5 is stiff (see test_hertz): the unlike pair is within 5 % of two like ones.
     """
@@ -391,8 +391,8 @@ def figures(folder):
     }
     for ax, (name, found) in zip(axes.flat, shown.items(), strict=True):
         state = found.state
-        for b, rim in enumerate(polygons(found.scene, state)):
-            ax.fill(*rim, facecolor=f"C{b % 10}", edgecolor="black", alpha=0.6, lw=0.5)
+        for b, boundary in enumerate(polygons(found.scene, state)):
+            ax.fill(*boundary, facecolor=f"C{b % 10}", edgecolor="black", alpha=0.6, lw=0.5)
         for wall, at in zip(found.scene.walls, state.walls, strict=True):
             ax.axline(at, slope=None, xy2=at + rotation(0.5 * np.pi) @ np.array(wall.normal), color="black", lw=0.8)
         forced = state.contacts.force[0] > 1e-6 * state.contacts.force[0].max(initial=0.0)

@@ -135,22 +135,22 @@ def second_moments(state, cell):
 def angular_momentum(state, cell):
     """Of the points and of their affine fields, which the nodes will be given: sum m (x x v + F D C').
 
-    Jiang et al., ACM ToG 34 (2015), eq. 12, on sheets that have deformed by F since they were laid.
+    Jiang et al., ACM ToG 34 (2015), eq. 12, on body grids that have deformed by F since they were laid.
     """
     affine = np.einsum("ikn,kn,jkn->ijn", state.F, second_moments(state, cell), state.C)
     return float(state.mass @ (cross(state.x, state.v) + affine[0, 1] - affine[1, 0]))
 
 
-def twist(sheets, field):
+def twist(grid, field):
     """The coefficient of xi eta of a nodal field in each point's cell, (2, n): what no gradient sees."""
-    corners = field.reshape(-1, 2)[sheets.nodes_of_cell] * np.array([1.0, -1.0, 1.0, -1.0])[:, None, None]
-    return (corners.sum(axis=0) / sheets.cell**2)[sheets.cell_of_point].T
+    corners = field.reshape(-1, 2)[grid.nodes_of_cell] * np.array([1.0, -1.0, 1.0, -1.0])[:, None, None]
+    return (corners.sum(axis=0) / grid.cell**2)[grid.cell_of_point].T
 
 
 class Witness:
     """APIC that watches what it forgets.
 
-    A point keeps no xi eta part of the velocity, b, which on sheets with a xi eta part of the displacement, a,
+    A point keeps no xi eta part of the velocity, b, which on body grids with a xi eta part of the displacement, a,
     carries the angular momentum m Dx Dy (a x b). With `returned` it is put in C, as the turning of each point's own
     neighbourhood that has as much of it.
     """
@@ -161,21 +161,21 @@ class Witness:
         self.displacement = np.zeros_like(state.displacement)
         self.expected, self.nodal = 0.0, 0.0  # what should be lost so far, and what the time scheme changed
 
-    def momentum(self, sheets, v):
+    def momentum(self, grid, v):
         """Angular momentum of the nodes, where they are."""
-        mass = sheets.interpolation.T @ self.mass
-        return float(mass @ cross((sheets.position.T + self.displacement.reshape(-1, 2)).T, v.reshape(-1, 2).T))
+        mass = grid.interpolation.T @ self.mass
+        return float(mass @ cross((grid.position.T + self.displacement.reshape(-1, 2)).T, v.reshape(-1, 2).T))
 
-    def __call__(self, sheets, before, after, v):  # noqa: D102
-        start = self.momentum(sheets, before)
+    def __call__(self, grid, before, after, v):  # noqa: D102
+        start = self.momentum(grid, before)
         self.displacement = self.displacement + self.dt * (self.theta * after + (1.0 - self.theta) * before)
-        self.nodal += self.momentum(sheets, after) - start
-        v, C = transfer.apic(sheets, before, after, v)
-        lost = self.D.prod(axis=0) * cross(twist(sheets, self.displacement), twist(sheets, after))
+        self.nodal += self.momentum(grid, after) - start
+        v, C = transfer.apic(grid, before, after, v)
+        lost = self.D.prod(axis=0) * cross(twist(grid, self.displacement), twist(grid, after))
         if not self.returned:
             self.expected -= float(self.mass @ lost)
             return v, C
-        F = sheets.gradient_at_points(self.displacement) + np.eye(2)[:, :, None]
+        F = grid.gradient_at_points(self.displacement) + np.eye(2)[:, :, None]
         arm = np.maximum(np.einsum("ikn,kn->n", F**2, self.D), 1e-300)
         return v, C + lost / arm * np.stack([-F[1], F[0]])
 
@@ -423,7 +423,7 @@ def spin_rows():
             "R/h = 5, 10, 20",
             f"{numbers(leaks)}; of which the time scheme {nodal:.0e}; with the loss returned to C {returned:.0e}",
             f"{rate(1.0 / np.array(sizes), leaks):.1f}",
-            "1e-10: missed, points keep no xi eta part of the velocity; where the sheet has one, too, it carries"
+            "1e-10: missed, points keep no xi eta part of the velocity; where the body grid has one, too, it carries"
             " angular momentum, m Dx Dy a x b a step",
             "test_what_the_midpoint_rule_loses_is_lost_in_the_transfer_and_can_be_returned",
         ),

@@ -93,7 +93,7 @@ def test_cantilever_on_an_aligned_grid(solver):
 def test_cut_cells(problem, solver):
     """Means over three random offsets: at most 1.5 of Q1's errors, and the rates of `rate_wanted`.
 
-    Corners, clamps and curved rims limit Q1's rates and ours alike.
+    Corners, clamps and curved boundaries limit Q1's rates and ours alike.
     """
     error = cut(problem, offsets=3, solver=solver).mean(axis=1)
     assert (error <= FACTOR * of_q1(problem)).all()
@@ -187,7 +187,7 @@ def _points_row(problem):
     texts = []
     for name, spacings, options in (
         ("weights fitted to cells", (1 / 2, 1 / 3, 1 / 4, 1 / 6), {}),
-        ("volumes as weights", (1 / 4, 1 / 6, 1 / 8), {"fitted": False}),
+        ("volumes as weights", (1 / 4, 1 / 6, 1 / 8), {"moment_fitting": False}),
     ):
         found = [at_offsets(problem, h, few, spacing=s, **options) for s in spacings]
         mean = np.array([e.mean(axis=0) for e in found]) / of_q1(problem)[-1]

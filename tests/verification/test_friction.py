@@ -29,21 +29,21 @@ def rotation(angle):
 
 
 @dataclass(frozen=True)
-class Place:
+class PointSet:
     """How the incline lies on the grid."""
 
     turn: float  # of the wall against the x axis [rad]
     offset: tuple[float, float]  # of the body [cells]
 
 
-ALIGNED = Place(0.0, (0.0, 0.0))
-INCLINED = Place(-SLOPE, (0.37, 0.81))  # gravity is vertical
+ALIGNED = PointSet(0.0, (0.0, 0.0))
+INCLINED = PointSet(-SLOPE, (0.37, 0.81))  # gravity is vertical
 
 
 def places(count, seed=3):
     """Aligned, inclined, and others at random."""
     draw = np.random.default_rng(seed)
-    others = [Place(draw.uniform(0.0, 2.0 * np.pi), tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(count - 2)]
+    others = [PointSet(draw.uniform(0.0, 2.0 * np.pi), tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(count - 2)]
     return [ALIGNED, INCLINED, *others]
 
 
@@ -195,10 +195,11 @@ def test_disc_slides():
 
     Goal 1 % for the spin's acceleration: missed, 1 to 4 % too small (asserted: 5 %). Lumped mass makes the moment of
     inertia larger by 2/3 (h/R)^2, 0.7 %; the arm is shorter than R by the 0.5 % that the disc sinks in; the rest are
-    probably blows: every rim point that comes down hits the wall on the leading side, a resistance to rolling. It
-    grows with stiffness (5 and 7 % at E = 1e7 and 1e8 Pa, where the disc stands on one or two points), shrinks with h
-    and is the same for dt = 1 and 2 ms, theta = 1, FLIP and a rim twice as fine. Contact points that glide along the
-    rim cure it where the disc stands on one point (1.3 % at 1e8) and make it worse where they are many and loaded.
+    probably blows: every boundary point that comes down hits the wall on the leading side, a resistance to rolling.
+    It grows with stiffness (5 and 7 % at E = 1e7 and 1e8 Pa, where the disc stands on one or two points), shrinks
+    with h and is the same for dt = 1 and 2 ms, theta = 1, FLIP and a boundary twice as fine. Contact points that
+    glide along the boundary cure it where the disc stands on one point (1.3 % at 1e8) and make it worse where they
+    are many and loaded.
     """
     errors = disc_errors(round_body(SLIPS, INCLINED), SLIPS)
     assert abs(errors[0]) < 0.01
@@ -206,7 +207,7 @@ def test_disc_slides():
 
 
 def slip(friction, place):
-    """Acceleration of the disc's rim along the wall over that of rolling."""
+    """Acceleration of the disc's boundary along the wall over that of rolling."""
     along, _, spin = round_body(friction, place).acceleration(REST + 0.1)
     return float((along + RADIUS * spin) / disc_exact(1.0)[0])
 
@@ -221,8 +222,8 @@ def stick_limit(place):
 def test_the_limit_of_rolling_is_a_third_of_the_slope():
     """R/h = 10: slip grows linearly with mu below tan(slope) / 3 and vanishes there, within 2 %.
 
-    And 3 % above it the rim creeps by less than the elastic bound mu a / R = 1 % of Carter's theory (Proc. R. Soc.
-    Lond. A 112, 1926), while 3 % below it slips.
+    And 3 % above it the boundary creeps by less than the elastic bound mu a / R = 1 % of Carter's theory (Proc. R.
+    Soc. Lond. A 112, 1926), while 3 % below it slips.
     """
     assert stick_limit(INCLINED) == pytest.approx(1.0, abs=0.02)
     assert slip(1.03 * LIMIT, INCLINED) < 0.015 < 0.04 < slip(NEAR, INCLINED)
@@ -266,7 +267,7 @@ def rows():
         Row("disc slides: acceleration", "g (sin - mu cos)", disc_grid, spread(slips[:, 0]), "-",
             verdict("1 %", slips[:, 0], 0.01), "test_disc_slides"),
         Row("the same: acceleration of the spin", "2 mu g cos / R", disc_grid, spread(slips[:, 1]), "-",
-            verdict("1 %", slips[:, 1], 0.01) + " (lumped mass 0.7 %, shorter arm 0.5 %, likely blows of rim points)",
+            verdict("1 %", slips[:, 1], 0.01) + " (lumped mass 0.7 %, shorter arm 0.5 %, likely blows of boundary points)",
             "test_disc_slides"),
         Row("the same with E = 1e6, 1e7, 1e8 Pa, inclined", "2 mu g cos / R", "R/h = 10; 20",
             "; ".join(numbers([disc_errors(round_body(SLIPS, INCLINED, cells=c, young=E), SLIPS)[1]

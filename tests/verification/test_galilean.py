@@ -1,8 +1,9 @@
 """A Galilean test: a squeezed disc that is carried along must not forget that it is squeezed.
 
-A disc of the seed's material is squeezed by four plates, each by 5 % of its radius, held until it rests, and then
-moved rigidly with the plates over six cells. Nothing happens to it on the way, so the forces on the plates stay. The
-plates have friction, 0.3: between smooth ones the squeezed disc turns to where it is softer, moved or not.
+A disc of the material of Nezamabadi et al. (2017) is squeezed by four plates, each by 5 % of its radius, held until
+it rests, and then moved rigidly with the plates over six cells. Nothing happens to it on the way, so the forces on
+the plates stay. The plates have friction, 0.3: between smooth ones the squeezed disc turns to where it is softer,
+moved or not.
 """
 
 from dataclasses import dataclass
@@ -78,12 +79,12 @@ class Ride:
 def ride(rings, *, cells=CELLS, drift=(0.0, 0.0), until=END, **options):
     """Squeeze, hold and move the disc."""
     scene = squeezed(rings, cells, drift)
-    rim, volume, rows, states = scene.outlines, scene.initial_volumes.sum(), [], {}
-    start = outline.area(rim, scene.initial_positions[:, rim.point], 1)[0]
+    boundary, volume, rows, states = scene.outlines, scene.initial_volumes.sum(), [], {}
+    start = outline.area(boundary, scene.initial_positions[:, boundary.point], 1)[0]
     for state in simulate(scene, dt=DT, until=until, scheme=Scheme(**options)):
         force = -np.einsum("wi,iw->w", state.wall_force, scene.normals) / FORCE
         crossed = (state.walls[:, 0].mean() - 0.13 * CELL - drift[0] * state.t) / CELL
-        area = outline.area(rim, state.x[:, rim.point], 1)[0] / start
+        area = outline.area(boundary, state.x[:, boundary.point], 1)[0] / start
         energy = state.report.energy
         rows.append((state.t, crossed, area, state.volume.sum() / volume, energy.kinetic / energy.elastic, *force))
         states["at rest" if state.t < REST + 0.5 * DT else "after"] = state
@@ -123,9 +124,9 @@ def test_a_body_anchored_anew_forgets_its_stress_as_it_crosses_cells():
 
     At rest the force stays to 1e-4; after one cell a quarter of it is gone, after six three quarters, and the outline
     has lost 2 % more area than det F knows. Weights fitted to the cells leave more than 0.8 of it. All without mean
-    dilatation, as the seed's mode is; with it the force at rest stays to 2.3e-3.
+    dilatation, as the mode of Nezamabadi et al. (2017) is; with it the force at rest stays to 2.3e-3.
     """
-    seeds = {"anchor": 0.0, "fitted": False, "mean_dilatation": False}
+    seeds = {"anchor": 0.0, "moment_fitting": False, "mean_dilatation": False}
     still, moved = (ride(7, **seeds, cells=cells) for cells in (0.0, CELLS))
     assert np.abs(still.kept - 1.0).max() < 1e-4
     assert 0.2 < moved.kept[-1] < 0.3
@@ -142,7 +143,7 @@ ANEW = {"volumes as weights": False, "fitted weights": True}
 
 def anew(rings, fitted):
     """Anchored at every step; the contact solver's last digits are out of reach in some of these steps."""
-    return ride(rings, anchor=0.0, fitted=fitted, mean_dilatation=False, contact_tol=2e-5, gap_tol=1e-4)
+    return ride(rings, anchor=0.0, moment_fitting=fitted, mean_dilatation=False, contact_tol=2e-5, gap_tol=1e-4)
 
 
 def per_cell(run):

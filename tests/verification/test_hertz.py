@@ -6,7 +6,7 @@ active set, done again here by `finite_elements`). Grid offset, direction and th
 
 Half-widths are measured in the undeformed body in two ways: by the second moment of the contact forces, which is
 a^2 / 4 for Hertz's ellipse (its reference is the same moment of the finite elements' forces), and by the distance of
-the outermost points with a force, plus one rim spacing.
+the outermost points with a force, plus one boundary spacing.
 """
 
 from dataclasses import dataclass
@@ -87,24 +87,26 @@ def finite_elements(stroke, cap=None, n=32, nu=NU):
     lam, mu = LinearElastic(1 - nu**2, nu, 1.0).lame
     K = BilinearForm(lambda u, v, w: lam * div(u) * div(v) + 2 * mu * ddot(sym_grad(u), sym_grad(v))).assemble(basis)
     x, y = basis.doflocs
-    vertical, rim = np.arange(basis.N) % 2 == 1, np.hypot(x, y) > 0.999
+    vertical, boundary = np.arange(basis.N) % 2 == 1, np.hypot(x, y) > 0.999
     held = (x < 1e-9) & ~vertical
-    held |= (y < 1e-9) & vertical if cap is None else rim & (y < -np.cos(cap))
-    held, top = np.flatnonzero(held), np.flatnonzero(rim & (y > 0.8) & vertical)
-    told = np.zeros(basis.N)
-    told[top] = 1 - stroke - np.sqrt(1 - x[top] ** 2)
-    touching = top[x[top] < half_width(formula(stroke if cap is None else 0.53 * stroke))]
+    held |= (y < 1e-9) & vertical if cap is None else boundary & (y < -np.cos(cap))
+    held, top = np.flatnonzero(held), np.flatnonzero(boundary & (y > 0.8) & vertical)
+    prescribed = np.zeros(basis.N)
+    prescribed[top] = 1 - stroke - np.sqrt(1 - x[top] ** 2)
+    contact = top[x[top] < half_width(formula(stroke if cap is None else 0.53 * stroke))]
     for _ in range(30):
-        before, fixed = touching, np.concatenate([held, touching])
-        u = solve(*condense(K, np.zeros(basis.N), x=np.where(np.isin(np.arange(basis.N), fixed), told, 0), D=fixed))
+        before, fixed = contact, np.concatenate([held, contact])
+        u = solve(
+            *condense(K, np.zeros(basis.N), x=np.where(np.isin(np.arange(basis.N), fixed), prescribed, 0), D=fixed)
+        )
         push = -(K @ u)
-        joining = np.setdiff1d(top[u[top] > told[top] + 1e-12], touching)
-        touching = np.sort(np.append(touching[push[touching] > 0], joining))
-        if np.array_equal(touching, before):
+        joining = np.setdiff1d(top[u[top] > prescribed[top] + 1e-12], contact)
+        contact = np.sort(np.append(contact[push[contact] > 0], joining))
+        if np.array_equal(contact, before):
             break
-    force = 2 * push[touching].sum()
+    force = 2 * push[contact].sum()
     centre = u[vertical & (np.hypot(x, y) < 1e-9)][0]
-    return stroke + centre, force, 2 * np.sqrt(2 * push[touching] @ x[touching] ** 2 / force)
+    return stroke + centre, force, 2 * np.sqrt(2 * push[contact] @ x[contact] ** 2 / force)
 
 
 # The same with material points.
@@ -117,9 +119,9 @@ class Contact:
     depth: float  # d/R
     force: float  # [E* R]
     shear: float  # over the force
-    place: np.ndarray  # (k,) of the rim points, in the undeformed body, along the contact [R]
+    place: np.ndarray  # (k,) of the boundary points, in the undeformed body, along the contact [R]
     share: np.ndarray  # (k,) of the force
-    spacing: float  # of the rim points [R]
+    spacing: float  # of the boundary points [R]
     arcs: bool = False  # whether the far side is held on an arc
 
     @property
@@ -154,7 +156,7 @@ class Contact:
 
 
 def cloud(size, rng, centre, every):
-    """A disc turned by any angle, of whose rim points `every` so many are in its outline."""
+    """A disc turned by any angle, of whose boundary points `every` so many are in its outline."""
     angle, points = rng.uniform(0.0, 2.0 * np.pi), disc((0, 0), R, spacing=R / size / PER)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return Points(turn @ points.x + centre[:, None], points.volume, (points.outline[0][::every],))
@@ -241,7 +243,7 @@ def two_discs(size, rng, solver, every):
 
 
 def arc(centre, direction):
-    """The rim within `CAP` of a direction."""
+    """The boundary within `CAP` of a direction."""
 
     def where(x):
         arm = x - centre[:, None]
@@ -304,8 +306,8 @@ def test_force(problem, solver, size, count):
 def test_half_width(problem, solver, size, count):
     """Goal: within half a cell; of every offset by the second moment, of the mean by the extent.
 
-    The outermost point that touches is known to a rim spacing only, half a cell, and every other rim point has no
-    force: a single extent may be off by 0.8 cells, so its mean is asserted over three offsets and more.
+    The outermost point that touches is known to a boundary spacing only, half a cell, and every other boundary point
+    has no force: a single extent may be off by 0.8 cells, so its mean is asserted over three offsets and more.
     """
     for contacts in resolved(problem, size, solver=solver, count=count):
         assert np.abs([one.by_moment for one in contacts]).max() * size < 0.5
@@ -318,8 +320,8 @@ def test_half_width(problem, solver, size, count):
 def test_pressure(problem, size, count):
     """Averaged by hats one cell apart, within 0.1 p0 (rms), two cells apart within 0.12 p0 anywhere.
 
-    Two rim points to a cell are more than its nodes can tell apart, so that single forces alternate between nothing
-    and twice the pressure; a quasi-static force is their sum over a cell or two.
+    Two boundary points to a cell are more than its nodes can tell apart, so that single forces alternate between
+    nothing and twice the pressure; a quasi-static force is their sum over a cell or two.
     """
     contacts = resolved(problem, size, solver=linear.banded, count=count)[-1]
     off = [[found - exact for _, found, exact in (one.pressure(w / size) for one in contacts)] for w in (1, 2)]
@@ -342,7 +344,7 @@ PLACED = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.87, 0.55, 0.9), (0.44, 0.06, 2.
 @pytest.mark.parametrize("cells", [5, 8])
 @pytest.mark.parametrize(("x", "y", "angle"), PLACED)
 def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cells):
-    """Approach of 0.01 R in one quasi-static step, a rim point or two under each plate: it turns until they balance.
+    """Approach of 0.01 R in one quasi-static step, a boundary point or two under each plate: it turns until they balance.
 
     Linear disc: at most six Newton iterations (up to 19, or no end, with springs that keep it from turning).
     Wall forces are equal and opposite to Newton's tolerance.
@@ -369,8 +371,8 @@ def rows():
 
 
 def _name(problem, every):
-    rim = "" if every == 1 else ", every other rim point in the outline"
-    return f"Hertz, {problem}, {OFFSETS} offsets and directions{rim}"
+    boundary = "" if every == 1 else ", every other boundary point in the outline"
+    return f"Hertz, {problem}, {OFFSETS} offsets and directions{boundary}"
 
 
 def _verdict(good):
@@ -474,10 +476,10 @@ def figures(folder):
     return {
         "hertz_force.png": "Error of Hertz's force over the half-width of the contact in cells: mean and range over"
         " 20 offsets and directions, d/R = 0.02, 0.05, 0.1 from left to right. Below 1.2 cells (dotted) no goal is"
-        " set; dashed: the goals at R/h = 5, 10, 20. Open symbols: every other rim point taken out of the outline.",
+        " set; dashed: the goals at R/h = 5, 10, 20. Open symbols: every other boundary point taken out of the outline.",
         "hertz_pressure.png": "Pressure in a disc between plates at d/R = 0.1 over the place in the contact. Dots:"
-        " forces of the rim points over their spacing; circles: averaged by hat functions one cell apart; line:"
-        " Hertz's ellipse. Left: all rim points, right: every other one in the outline.",
+        " forces of the boundary points over their spacing; circles: averaged by hat functions one cell apart; line:"
+        " Hertz's ellipse. Left: all boundary points, right: every other one in the outline.",
     }
 
 

@@ -1,8 +1,9 @@
 """Bodies do not interpenetrate and do not spin: 100 discs squeezed to 0.97, looked at after every step.
 
-The seed's discs (radii 0.7-1.2 mm, 10 MPa, Poisson's ratio 0.45) in a box whose lid comes down at 2 m/s, dt = 8 us,
-with R/h = 5 and 8 cells per mean radius and friction 0, 0.1 and 0.5 (runs of packings.py). Overlap is the area that
-outlines share, the gap that of every contact at the end of the step, both measured anew, not by the contact solver.
+The discs of Nezamabadi et al. (2017) (radii 0.7-1.2 mm, 10 MPa, Poisson's ratio 0.45) in a box whose lid comes down
+at 2 m/s, dt = 8 us, with R/h = 5 and 8 cells per mean radius and friction 0, 0.1 and 0.5 (runs of packings.py).
+Overlap is the area that outlines share, the gap that of every contact at the end of the step, both measured anew, not
+by the contact solver.
 """
 
 import numpy as np

@@ -19,7 +19,7 @@ from ledger import Row, numbers
 
 JAMMED = 0.842
 ONSET = 3e-4, 4e-3  # pressures over E* between which the line is laid
-HIGHER = 4e-3, 1.1e-2  # of the seed's runs, chosen in hindsight: decides nothing
+HIGHER = 4e-3, 1.1e-2  # of the runs of Nezamabadi et al. (2017), chosen in hindsight: decides nothing
 ONSET_GAP = 1.9  # cells between bodies at their first force at shared nodes, see test_onset
 NEW, SEED = (5, 8), (6, 8, 10)
 SPEEDS = {"fast_": 0.5, "": 0.1, "slow_": 0.05}  # of the lid over R/h = 5 [m/s]
@@ -123,7 +123,7 @@ def rows():
             numbers([coordination_slope(run) for run in ours], 3), "-", "shown", test),
         Row(f"{lid}: pressure at Phi - Phi_4 = {numbers(ABOVE)} over that of mean field",
             "1, an upper estimate", f"R/h = {grids}", "; ".join(numbers(o) for o in over), "-", "shown", test),
-        Row("100 discs the seed's way (shared nodes): apparent jamming",
+        Row("100 discs the way of Nezamabadi et al. (2017) (shared nodes): apparent jamming",
             f"0.842 / (1 + g/2R)^2: {numbers(one, 3)} with g = h, {numbers(two, 3)} with {ONSET_GAP} h (see onset)",
             f"R/h = {numbers(by_nodes)}",
             f"{line}: {numbers(apparent, 3)}; with a window of {numbers(HIGHER)} E*, chosen in hindsight,"

@@ -85,7 +85,7 @@ def test_the_column_anchored_once(solver):
 
 def test_the_column_anchored_at_every_step_stalls_without_fitted_weights():
     """Points that weigh their volumes leave cells with too many or too few: the error stays at 4 % or more."""
-    error = [column(n, 2, anchor=0.0, fitted=False)[0][0] for n in (8, 16, 32)]
+    error = [column(n, 2, anchor=0.0, moment_fitting=False)[0][0] for n in (8, 16, 32)]
     assert min(error) > 0.04
     assert rate(HEIGHTS, error) < 0.2
 
@@ -120,5 +120,5 @@ def figures(folder):
         "large_deflection_column.png": "A column under its own weight: stress at the points, 32 cells, and errors"
         " over h. Anchored at every step with volumes as weights (plain) the error stalls.",
         "large_deflection_bar.png": "A bar pulled to three times its length: force over the closed form, by how often"
-        " the sheets are laid anew and with how many points per cell.",
+        " the body grids are rebuilt and with how many points per cell.",
     }

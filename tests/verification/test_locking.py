@@ -69,8 +69,8 @@ class Mixed:
         A = BilinearForm(lambda u, v, w: 2 * self.mu * ddot(sym_grad(u), sym_grad(v))).assemble(self.basis)
         B = BilinearForm(lambda u, q, w: div(u) * q).assemble(self.basis, pressure)
         C = BilinearForm(lambda p, q, w: p * q / self.lam).assemble(pressure)
-        rim = FacetBasis(mesh, ElementVector(ElementTriP2()), intorder=6)
-        f = LinearForm(lambda v, w: dot(traction(np.asarray(w.x)), v)).assemble(rim)
+        boundary = FacetBasis(mesh, ElementVector(ElementTriP2()), intorder=6)
+        f = LinearForm(lambda v, w: dot(traction(np.asarray(w.x)), v)).assemble(boundary)
         K = sp.block_array([[A, -B.T], [-B, -C]]).tocsr()
         both = solve(*condense(K, np.append(f, np.zeros(pressure.N)), D=clamped(self.basis)))
         self.u, self.p = both[: self.basis.N], both[self.basis.N :]
@@ -115,8 +115,10 @@ def cook_by_fitted_q1(nu, n):
     A = BilinearForm(lambda u, v, w: 2 * mu * ddot(sym_grad(u), sym_grad(v))).assemble(basis)
     B = BilinearForm(lambda u, q, w: div(u) * q).assemble(basis, cells)
     area = LinearForm(lambda q, w: q).assemble(cells)
-    rim = FacetBasis(mesh, ElementVector(ElementQuad1()), facets=mesh.facets_satisfying(lambda x: x[0] > 48 - 1e-9))
-    f = LinearForm(lambda v, w: FORCE / 16 * v[1]).assemble(rim)
+    boundary = FacetBasis(
+        mesh, ElementVector(ElementQuad1()), facets=mesh.facets_satisfying(lambda x: x[0] > 48 - 1e-9)
+    )
+    f = LinearForm(lambda v, w: FORCE / 16 * v[1]).assemble(boundary)
     K = (A + B.T @ sp.diags_array(lam / area) @ B).tocsr()
     u = solve(*condense(K, f, D=basis.get_dofs(lambda x: x[0] < 1e-9).all()))
     exact, _ = cook_by_fem(nu).at(np.asarray(basis.global_coordinates()).reshape(2, -1))
@@ -159,13 +161,13 @@ def cook_scene(material, cell, per):
 
 
 def disc_scene(material, cell, per):
-    """A unit disc, off the lines of the grid, one load for every loaded point of its rim; nothing holds it."""
+    """A unit disc, off the lines of the grid, one load for every loaded point of its boundary; nothing holds it."""
     centre = cell * np.array([[0.13], [0.29]])
     points = disc(centre[:, 0], 1.0, spacing=cell / per)
-    rim = points.x[:, points.outline[0]]
-    force = pressed(rim - centre) * 2 * np.pi / rim.shape[1]
+    boundary = points.x[:, points.outline[0]]
+    force = pressed(boundary - centre) * 2 * np.pi / boundary.shape[1]
     force -= force.mean(axis=1, keepdims=True)
-    loads = [Load(at(x), f) for x, f in zip(rim.T, force.T, strict=True) if f.any()]
+    loads = [Load(at(x), f) for x, f in zip(boundary.T, force.T, strict=True) if f.any()]
     return Scene([Body(points, material)], cell=cell, loads=loads)
 
 
@@ -256,7 +258,7 @@ def test_the_membrane_is_as_good_as_fitted_elements_with_the_same_cure():
 def test_a_compressed_disc_locks_without_the_cure_and_not_with_it(cell):
     """Goal: error at nu = 0.49999 no more than 2 x that at 0.3; smooth as it is, 1.3 is asserted on every grid.
 
-    Its rim cuts cells of every size, some of them with a single point.
+    Its boundary cuts cells of every size, some of them with a single point.
     """
     u, stress = zip(*(measure("disc", nu, cell, mean_dilatation=True)[:2] for nu in NU), strict=True)
     assert max(u) < 1.3 * u[0] and max(stress) < 1.3 * stress[0]
@@ -311,8 +313,8 @@ def test_large_compression_of_a_nearly_incompressible_disc_keeps_its_area():
     supports = [Support(where, velocity=(0.0, v)) for where, v in caps]
     scene = Scene([Body(points, NeoHookean(E, 0.499, 1000.0))], cell=1 / 4, supports=supports)
     *_, state = simulate(scene, dt=0.125, until=1.0, scheme=Scheme(inertia=False, mean_dilatation=True))
-    rim = points.outline[0]
-    before, after = (signed_area(x[:, rim]) for x in (points.x, state.x))
+    boundary = points.outline[0]
+    before, after = (signed_area(x[:, boundary]) for x in (points.x, state.x))
     assert after == pytest.approx(before, rel=5e-3)
     assert determinant(state.F).min() > 0.2
 

@@ -4,7 +4,7 @@ Bodies fly freely, without stress, towards each other, so that the true distance
 is known at any time; the time of the first force is found to 0.004 cells of travel. Grid offset, direction of
 approach, obliqueness and the angle of each cloud of points are random. Distances are in cells, positive where the
 force comes too early, negative where outlines already overlap. Contact by outlines is the default; contact at shared
-nodes, the seed's law, knows no gap and is shown beside it.
+nodes, the law of Nezamabadi et al. (2017), knows no gap and is shown beside it.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ SOFT = LinearElastic(1e6, 0.3, 1000.0)
 PER = 2  # points along the side of a cell
 SIZES = (5, 10, 20)  # R/h; boxes have sides 2 R
 OFFSETS = 20
-SCHEMES = {"outlines": Scheme(), "seed": Scheme.seed()}
+SCHEMES = {"outlines": Scheme(), "seed": Scheme.nezamabadi2017()}
 APART = {"outlines": 0.35, "seed": 3.2}  # at the start [cells]
 TRAVELS = {"outlines": (0.1, 0.02, 0.004), "seed": (0.2, 0.04)}  # of a step [cells]: coarse, then finer
 GOALS = {  # of the mean and of the worst [cells]
@@ -150,14 +150,15 @@ def measured(problem, size, *, law="outlines", count=OFFSETS, solver=linear.defa
 def test_discs_touch_where_their_circles_do(problem, solver, size, count):
     """Goal: true distance at the first force within 0.1 cells on average, 0.3 at worst; asserted: 0.02 at worst.
 
-    What is left is the sagitta between two rim points, (h/2)^2 / 8 R = 0.006 h at R/h = 5, and 0.004 h of travel.
+    What is left is the sagitta between two boundary points, (h/2)^2 / 8 R = 0.006 h at R/h = 5, and 0.004 h of
+    travel.
     """
     assert np.abs(measured(problem, size, count=count, solver=solver)).max() < 0.02
 
 
 @pytest.mark.parametrize(("solver", "size", "count"), SHORT)
 def test_the_corner_of_a_box_touches_a_wall_where_it_is(solver, size, count):
-    """Goal: within 0.5 cells; asserted: 0.006, as a corner is a rim point and only 0.004 cells of travel are left."""
+    """Goal: within 0.5 cells; asserted: 0.006, as a corner is a boundary point and only 0.004 cells of travel are left."""
     assert np.abs(measured("corner and wall", size, count=count, solver=solver)).max() < 0.006
 
 
@@ -174,7 +175,7 @@ def test_the_corner_of_a_box_touches_the_side_of_another(solver, size, count):
 
 @pytest.mark.parametrize("problem", GOALS)
 def test_shared_nodes_touch_cells_too_early(problem):
-    """The seed's law has no gap: a force as soon as two cells, 2 sqrt(2) h across together, have a node in common.
+    """The law of Nezamabadi et al. (2017) has no gap: a force as soon as two cells, 2 sqrt(2) h across together, have a node in common.
 
     Expected was about one cell; it is one and a half to two, and at no time less than a half.
     """

@@ -31,7 +31,7 @@ from skmpm import (
     step,
 )
 from skmpm.points import Points
-from skmpm.simulate.anchor import anchored, bulk_of
+from skmpm.simulate.regrid import bulk_of, regridded_state
 
 E, CELL = 1e6, 1 / 6
 CORNER = np.array([0.37, 0.21]) * CELL
@@ -61,8 +61,8 @@ def thrown(per, rng):
 
 
 def moved(points, to, even=False):
-    """The cloud with its inner points elsewhere, the rim as it is."""
-    inner = np.setdiff1d(np.arange(points.n), points.outline[0])
+    """The cloud with its inner points elsewhere, the boundary as it is."""
+    inner = np.setdiff1d(np.arange(points.size), points.outline[0])
     x, volume = points.x.copy(), points.volume.copy()
     x[:, inner] = to(x[:, inner])
     if even:
@@ -101,12 +101,12 @@ def held(points, places):
 
 
 def pulled(points):
-    """The tractions of the uniform stress: half of what acts on the edges beside each rim point."""
-    rim = points.x[:, points.outline[0]]
-    edge = np.roll(rim, -1, axis=1) - rim
+    """The tractions of the uniform stress: half of what acts on the edges beside each boundary point."""
+    boundary = points.x[:, points.outline[0]]
+    edge = np.roll(boundary, -1, axis=1) - boundary
     traction = uniform_stress() @ np.stack([edge[1], -edge[0]])
     force = 0.5 * (traction + np.roll(traction, 1, axis=1))
-    return [Load(at(x), f) for x, f in zip(rim.T, force.T, strict=True)]
+    return [Load(at(x), f) for x, f in zip(boundary.T, force.T, strict=True)]
 
 
 def pulled_by_the_rule(points, spacing):
@@ -132,11 +132,11 @@ def stress_error(state):
 
 @cache
 def patch(name, per, how, fitted=True, seed=0, solver=linear.banded):
-    """Stress error of a cloud whose rim is `held` in a linear field or `pulled` by its tractions."""
+    """Stress error of a cloud whose boundary is `held` in a linear field or `pulled` by its tractions."""
     points = cloud_of(name, per, seed)
-    rim = points.x[:, points.outline[0]]
-    options = {"supports": held(points, rim)} if how == "held" else {"loads": pulled(points)}
-    scheme = Scheme(inertia=False, fitted=fitted, linear=solver)
+    boundary = points.x[:, points.outline[0]]
+    options = {"supports": held(points, boundary)} if how == "held" else {"loads": pulled(points)}
+    scheme = Scheme(inertia=False, moment_fitting=fitted, linear=solver)
     scene = Scene([Body(points, SOLID)], cell=CELL, **options)
     return stress_error(step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme))
 
@@ -203,8 +203,8 @@ def field_errors(seed, law):
     rng, points = any_cloud(seed)
     solid = LAWS[law]
     scene = Scene([Body(points, solid)], cell=CELL)
-    bulk = bulk_of(scene, anchored(scene, initial(scene), Scheme()), Scheme())
-    position, one = bulk.assembly.sheets.position, np.eye(2)[:, :, None]
+    bulk = bulk_of(scene, regridded_state(scene, initial(scene), Scheme()), Scheme())
+    position, one = bulk.assembly.grid.position, np.eye(2)[:, :, None]
     H = 0.1 * rng.normal(size=(2, 2))
     at = bulk.at((H @ position + rng.normal(size=(2, 1))).T.ravel())
     field = np.abs(at.F - one - H[:, :, None]).max()
@@ -339,13 +339,13 @@ def rows():
             test="test_uniform_stress_is_exact_for_points_that_are_a_rule_in_every_cell",
         )
     )
-    ends = {"pulled": "tractions on its rim points", "held": "its rim points told a linear displacement"}
+    ends = {"pulled": "tractions on its boundary points", "held": "its boundary points told a linear displacement"}
     for name in CLOUDS:
-        for how, told in ends.items():
+        for how, prescribed in ends.items():
             fit, plain = (irregular(name, how, fitted) for fitted in (True, False))
             out.append(
                 Row(
-                    problem=f"Uniform stress, {name} cloud off the grid lines, {told}",
+                    problem=f"Uniform stress, {name} cloud off the grid lines, {prescribed}",
                     reference="the stress itself",
                     h=f"1/6 with {', '.join(str(p * p) for p in PER)} points a cell",
                     error=f"{numbers(fit)}; with volumes as weights {numbers(plain)} (relative L2 of the stress)",
@@ -377,7 +377,7 @@ def figures(folder):
             for fitted, style in ((False, "o--"), (True, "s-")):
                 label = f"{name}, {'fitted' if fitted else 'volumes'}"
                 axis.loglog(np.square(PER), irregular(name, how, fitted), colour + style, label=label, ms=4)
-        axis.set(xlabel="points per cell", title=f"rim {how}")
+        axis.set(xlabel="points per cell", title=f"boundary {how}")
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("relative L2 error of the stress")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncol=4, fontsize=7)

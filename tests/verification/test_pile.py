@@ -137,7 +137,7 @@ def test_a_heavy_disc_on_a_light_one_does_not_sink(solver):
 
 @pytest.mark.parametrize("spacing", [8, 12])
 def test_a_grain_of_gel_rests_under_its_own_weight(spacing):
-    """The seed's disc, 1 mm and 10 MPa: it gives way by a millionth of R, contacts near by are far from that.
+    """The disc of Nezamabadi et al. (2017), 1 mm and 10 MPa: it gives way by a millionth of R, contacts near by are far from that.
 
     Full steps throughout, and after 5 ms the floor bears the weight within 0.1 %.
     """
@@ -212,8 +212,8 @@ def figures(folder):
     dots = left.scatter(*state.x, c=pressure, s=7, lw=0.0, cmap="viridis", vmin=0.0, vmax=np.quantile(pressure, 0.98))
     offsets = np.flatnonzero(np.diff(state.body)) + 1
     for own in np.split(np.arange(state.body.size), offsets):
-        rim = own[-state_rim(state, own) :]
-        left.fill(*state.x[:, rim], fill=False, lw=0.6)
+        boundary = own[-state_rim(state, own) :]
+        left.fill(*state.x[:, boundary], fill=False, lw=0.6)
     for i, point in enumerate(state.walls):
         (left.axvline(point[0], color="k", lw=1) if i else left.axhline(point[1], color="k", lw=1))
     left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
@@ -233,7 +233,7 @@ def figures(folder):
 
 
 def state_rim(state, own):
-    """How many of a disc's points, its last, lie on its rim: all at the largest distance from the centre."""
+    """How many of a disc's points, its last, lie on its boundary: all at the largest distance from the centre."""
     x = state.x_anchor[:, own]
     distance = np.hypot(*(x - x.mean(axis=1, keepdims=True)))
     return int((distance > distance.max() * (1.0 - 1e-6)).sum())

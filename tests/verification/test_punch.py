@@ -12,7 +12,7 @@ import sys
 import numpy as np
 import pytest
 
-from skmpm import Body, NeoHookean, Points, Rigid, Scene, Scheme, StepFailed, Support, box, report, simulate
+from skmpm import Body, NeoHookean, Points, Rigid, Scene, Scheme, StepFailed, Support, box, preflight, simulate
 
 HEIGHT, CELLS = 0.1, 10
 H = HEIGHT / CELLS
@@ -167,7 +167,7 @@ def test_sharp_edges_that_meet_a_soft_body_are_warned_of():
 
 
 def _warned(scene, scheme):
-    return [line for line in report(scene, 1e-3, scheme=scheme).splitlines() if "an edge at" in line]
+    return [line for line in preflight(scene, 1e-3, scheme=scheme).splitlines() if "an edge at" in line]
 
 
 if __name__ == "__main__":

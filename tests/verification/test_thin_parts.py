@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from ledger import Row, numbers, rate
 
-from skmpm import Body, LinearElastic, Load, Points, Scene, Scheme, Support, box, initial, report, step
-from skmpm.simulate.health import verified
+from skmpm import Body, LinearElastic, Load, Points, Scene, Scheme, Support, box, initial, preflight, step
+from skmpm.preflight import limits as verified
 
 CELLS = (1, 2, 4, 8)
 LENGTH = 10.0  # over the thickness, which is 1 m
@@ -60,7 +60,7 @@ def test_what_the_check_says_of_strips_is_what_is_measured():
 
 @pytest.mark.parametrize("cells", CELLS)
 def test_the_check_warns_of_strips_below_four_cells(cells):
-    text = report(strip(cells, PLACES[1]), 1.0, scheme=Scheme(inertia=False))
+    text = preflight(strip(cells, PLACES[1]), 1.0, scheme=Scheme(inertia=False))
     assert ("across its thinnest part" in text) == (cells < 4)
     assert f"{cells} cells across the thinnest part" in text
 

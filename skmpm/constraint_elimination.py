@@ -1,0 +1,156 @@
+"""Supports without multipliers: nodal unknowns that rows G v = told fix are eliminated, A keeps its form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpstrf
+from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
+
+from skmpm.linear import Linear, Solver
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+PIVOT_TOLERANCE = 1e-2  # share of the largest pivot of G'G below which a row says next to nothing new
+ROUND_OFF = 1e-13
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """All v with G v = B told: v = T y + given told, y any vector of the same length."""
+
+    T: sp.csr_array  # (n, n) identity on the unknowns that stay, no columns for the others
+    prescription: sp.csr_array  # (n, k)
+    fixed: Ints  # the unknowns eliminated
+    holds: NDArray[np.bool_]  # (bodies,) whether it holds the body: no rigid motion is left free
+
+    def admissible(self, v: Array, prescribed: Array) -> Array:
+        """The velocity (n,) that agrees with v in the unknowns that stay and obeys what is prescribed (k,)."""
+        return np.asarray(self.T @ v + self.prescription @ prescribed)
+
+    def factorised(self, linear: Linear, A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
+        """The solver `linear` of A on the unknowns that stay; LinAlgError as from `linear`."""
+        diagonal, motions = np.zeros(A.shape[0]), rigid_motions.copy()
+        diagonal[self.fixed], motions[self.fixed] = A.diagonal().mean(), 0.0
+        reduced = (sp.csr_array(self.T.T @ A.tocsr() @ self.T) + sp.diags_array(diagonal)).tobsr((2, 2))
+        order = narrowing(reduced, blocks)
+        if order is None:
+            return Supported(self.T, linear(reduced, blocks, motions))
+        reduced = sp.csr_array(reduced.tocsr()[order][:, order]).tobsr((2, 2))
+        return Supported(sp.csr_array(self.T[:, order]), linear(reduced, blocks, motions[order]))
+
+
+def narrowing(A: sp.bsr_array, blocks: Ints) -> Ints | None:
+    """An order of the unknowns (n,) that makes the band of A narrower, bodies where they are; None if there is none.
+
+    Unknowns along a supported edge depend on each other: if rows of nodes cross it, so does the band. Reverse
+    Cuthill-McKee (George, 1971) finds an order for what the supports leave.
+    """
+    nodes = A.shape[0] // 2
+    pattern = sp.csr_array((np.ones(A.indices.size), A.indices, A.indptr), shape=(nodes, nodes))
+    order = reverse_cuthill_mckee(pattern, symmetric_mode=True).astype(np.int64)
+    body = np.searchsorted(blocks, 2 * np.arange(nodes), side="right")
+    order = order[np.argsort(body[order], kind="stable")]
+    place = np.empty(nodes, dtype=np.int64)
+    place[order] = np.arange(nodes)
+    row = np.repeat(np.arange(nodes), np.diff(A.indptr))
+    if np.abs(place[row] - place[A.indices]).max() >= np.abs(row - A.indices).max():
+        return None
+    return np.stack([2 * order, 2 * order + 1], axis=1).ravel()
+
+
+@dataclass(frozen=True)
+class Supported:
+    """A solver whose solutions stay where supports let them."""
+
+    T: sp.csr_array
+    inner: Solver
+
+    @property
+    def name(self) -> str:
+        """Which solver works on the unknowns that stay."""
+        return self.inner.name
+
+    def __call__(self, b: Array, /) -> Array:
+        """T (T'AT)^-1 T' b."""
+        return np.asarray(self.T @ self.inner(self.T.T @ b))
+
+    def delassus(self, H: sp.csr_array) -> sp.csr_array:
+        """H T (T'AT)^-1 T'H'."""
+        return self.inner.delassus(sp.csr_array(H @ self.T))
+
+
+def eliminate(G: sp.csr_array, B: sp.csr_array, blocks: Ints, rigid_motions: Array) -> Elimination:
+    """Eliminate the rows G v = B told, G (m, n), B (m, k).
+
+    Rows may repeat or depend on each other, as those of many points in one cell do: a Cholesky factorisation of G'G
+    with diagonal pivoting (LAPACK pstrf) finds the unknowns to eliminate, largest weights first, and stops where
+    the rest says next to nothing new. A boundary at an angle to the grid would otherwise fix all nodes of the cells
+    it cuts (Bechet, Moes & Wohlmuth, IJNME 78, 2009): a cantilever at 45 degrees to it would be 4 % too stiff at 8
+    cells over its depth (docs/architecture.md). Connected sets of rows are eliminated one after the other.
+    """
+    n = G.shape[1]
+    gram, right = sp.csr_array(G.T @ G), sp.csr_array(G.T @ B)
+    parts = [_pivoted(gram, right, unknowns) for unknowns in _connected(gram)]
+    fixed = np.concatenate([pivots for pivots, *_ in parts])
+    stays = np.ones(n)
+    stays[fixed] = 0.0
+    depend = _scattered([(pivots, others, D) for pivots, others, D, _ in parts], (n, n))
+    every = np.arange(B.shape[1])
+    prescription = _scattered([(pivots, every, prescribed) for pivots, _, _, prescribed in parts], (n, every.size))
+    return Elimination(_kept(stays) - depend, prescription, fixed, _holds(G, blocks, rigid_motions))
+
+
+def _kept(stays: Array) -> sp.csr_array:
+    """A diagonal matrix without its zeros."""
+    kept = np.flatnonzero(stays)
+    return sp.csr_array((stays[kept], (kept, kept)), shape=(stays.size, stays.size))
+
+
+def _scattered(parts: list[tuple[Ints, Ints, Array]], shape: tuple[int, int]) -> sp.csr_array:
+    """A sparse matrix from dense blocks (rows, columns, values), without their round-off."""
+    where = [np.nonzero(np.abs(values) > ROUND_OFF) for _, _, values in parts]
+    row = [rows[at[0]] for (rows, _, _), at in zip(parts, where, strict=True)]
+    column = [columns[at[1]] for (_, columns, _), at in zip(parts, where, strict=True)]
+    data = [values[at] for (_, _, values), at in zip(parts, where, strict=True)]
+    return sp.csr_array((np.concatenate(data), (np.concatenate(row), np.concatenate(column))), shape=shape)
+
+
+def _connected(gram: sp.csr_array) -> Iterator[Ints]:
+    """The unknowns of every connected set of rows."""
+    touched = np.flatnonzero(np.diff(gram.indptr))
+    sets, label = connected_components(gram[touched][:, touched], directed=False)
+    order = np.argsort(label, kind="stable")
+    yield from np.split(touched[order], np.searchsorted(label[order], np.arange(1, sets)))
+
+
+def _pivoted(gram: sp.csr_array, right: sp.csr_array, unknowns: Ints) -> tuple[Ints, Ints, Array, Array]:
+    """(pivots, others, D, told): the pivots follow as v[pivots] = told - D v[others]."""
+    dense = gram[unknowns][:, unknowns].toarray()
+    factor, pivot, rank, _ = dpstrf(dense, tol=PIVOT_TOLERANCE * float(dense.diagonal().max()))
+    order = unknowns[pivot - 1]
+    upper = factor[:rank, :rank]
+    prescribed = solve_triangular(upper, right[order[:rank]].toarray(), trans="T")
+    dependence = solve_triangular(upper, factor[:rank, rank:])
+    return order[:rank], order[rank:], dependence, solve_triangular(upper, prescribed)
+
+
+def _holds(G: sp.csr_array, blocks: Ints, rigid_motions: Array) -> NDArray[np.bool_]:
+    """Whether the rows stop all three rigid motions of each body: the smallest eigenvalue of (G R)'(G R)."""
+    bodies = blocks.size - 1
+    body = np.repeat(np.arange(bodies), np.diff(blocks))
+    size = np.stack([np.sqrt(np.bincount(body, m**2, bodies)) for m in rigid_motions.T])
+    unit = rigid_motions / np.maximum(size, 1e-300).T[body]
+    moved = G @ unit
+    owner = body[G.indices[G.indptr[:-1]]]
+    products = moved[:, :, None] * moved[:, None, :]
+    matrices = np.zeros((bodies, 3, 3))
+    np.add.at(matrices, owner, products)
+    values = np.linalg.eigvalsh(matrices)
+    return np.asarray(values[:, 0] > 1e-10 * np.maximum(values[:, 2], 1e-300))

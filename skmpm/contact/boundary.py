@@ -1,0 +1,146 @@
+"""Contact of boundary points with outlines and walls, at the configuration of the end of the step.
+
+A boundary point c of one body is projected on the smooth outline of another (`outline.Curve`): a combination of four
+boundary points with shares z(s). The row of the pair is N(c) w_a - sum_m z_m N(m) w_b along the curve's normal, which
+is the exact derivative of the gap: momentum is exact, forces meet on one line, and a frictionless contact is
+conservative. One body of a pair gives the points (the deformable one, then the finer boundary, then position), the
+other the curve, and its corners as points.
+
+Gaps are those of the end of the step. Forces act along the normals of the configuration whose stress drives the
+step, x + theta dt w: a disc that turns under pressure is driven by its stress, and braked by its contacts, by
+p V (omega dt)^2 a step; only normals and stress of one configuration cancel each other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.contact.constraints import Constraints, Linearise, rigid_velocities
+from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
+from skmpm.contact.projection import Roles, neighbours
+from skmpm.grid import BodyGrids
+from skmpm.outline import Outlines
+from skmpm.scene import Scene, SceneError, State
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+DETECTION_DISTANCE = 0.25  # contacts with gaps up to this many cells are found
+PUSH_OUT = 0.2  # share of an overlap left by an earlier step that a step removes
+
+
+def point_to_curve(scene: Scene, state: State, grid: BodyGrids, dt: float, theta: float = 1.0) -> Linearise:
+    """Boundary points against outlines and walls (the default contact law).
+
+    The gap is re-measured where `w` brings the bodies at the end of the step; contacts obey
+    u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. Whatever overlap a pair had at the
+    start of the step, it may keep 0.8 of it (`PUSH_OUT`).
+
+    Raises
+    ------
+    SceneError
+        if a body has no outline
+    """
+    for b, body in enumerate(scene.bodies):
+        if not body.points.outline:
+            raise SceneError(
+                f"body {b} has no outline; give its Points an outline or use Scheme(contact=shared_grid, anchor=0)"
+            )
+    boundary = scene.outlines
+    interpolation = _boundary_interpolation(scene, state, grid, boundary)
+    prescribed = rigid_velocities(scene, state.t + 0.5 * dt)[:, boundary.body]
+    wall_velocities = scene.wall_velocities(state.t + 0.5 * dt)
+    initial = scene.initial_positions[:, boundary.point]
+    roles, reach, start = _roles(scene, boundary, initial), DETECTION_DISTANCE * grid.cell, state.x[:, boundary.point]
+    margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
+    curve = outline.curve(boundary, initial, start)
+    near = neighbours(scene, curve, roles, start, grid.cell, reach, margin)
+
+    def contact(moved: Array) -> ContactPairs:
+        walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
+        on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
+        bodies = [] if near.none and scene.walls else [contacts_between_bodies(scene, near, start, moved, theta)]
+        return ContactPairs.joined([*bodies, *on_walls])
+
+    def linearise(w: Array) -> Constraints:
+        nonlocal near
+        moved = dt * ((interpolation @ w.reshape(-1, 2)).T + prescribed)
+        farthest = float(np.abs(moved).max(initial=0.0))
+        if 2.0 * farthest > near.margin:
+            near = neighbours(scene, curve, roles, start, grid.cell, reach, 4.0 * farthest)
+        return _constraints(scene, contact(moved), start + moved, interpolation, w, prescribed, wall_velocities, dt)
+
+    return linearise
+
+
+def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundary: Outlines) -> sp.csr_array:
+    """Nodal values to boundary points, (m, nodes); zero rows on rigid bodies."""
+    unknown = scene.deformable[state.body]
+    place = np.cumsum(unknown) - 1
+    own = unknown[boundary.point]
+    chosen = sp.csr_array(
+        (own.astype(float), (np.arange(boundary.point.size), np.where(own, place[boundary.point], 0))),
+        shape=(boundary.point.size, grid.local.shape[1]),
+    )
+    return sp.csr_array(chosen @ grid.interpolation)
+
+
+def _roles(scene: Scene, boundary: Outlines, x: Array) -> Roles:
+    """Which bodies give the points: deformable ones, of two of them the one with the finer boundary, then by position.
+
+    The curve of a rigid body does not depend on the solution: nor do the normals of forces on it.
+    """
+    count = np.maximum(np.bincount(boundary.body, minlength=len(scene.bodies)), 1)
+    length = np.hypot(*(x[:, boundary.next] - x))
+    spacing = np.bincount(boundary.body, length, len(scene.bodies)) / count
+    rounded = np.round(spacing / max(float(spacing.max()), 1e-300), 6)
+    centre = [np.bincount(boundary.body, component, len(scene.bodies)) / count for component in x]
+    rank = np.empty(len(scene.bodies), dtype=np.int64)
+    rank[np.lexsort((centre[1], centre[0], rounded, ~scene.deformable))] = np.arange(rank.size)
+    bend = np.where(scene.deformable[boundary.body], 0.0, outline.bend(boundary, x))
+    return Roles(rank, spacing, bend)
+
+
+def _constraints(
+    scene: Scene,
+    found: ContactPairs,
+    x: Array,
+    interpolation: sp.csr_array,
+    w: Array,
+    prescribed: Array,
+    walls: Array,
+    dt: float,
+) -> Constraints:
+    """The pairs as rows, linearised about w, which brings the boundary points to x (2, m)."""
+    k = np.arange(found.gap.size)
+    data = np.concatenate([np.ones(k.size), -found.weights.ravel()])
+    place = (np.tile(k, 5), np.concatenate([found.point, found.stencil.ravel()]))
+    relative = sp.csr_array((data, place), shape=(k.size, x.shape[1]))
+    prescribed = (relative @ prescribed.T).T
+    on_wall = found.bodies[1] < 0
+    prescribed[:, on_wall] -= walls[-1 - found.bodies[1, on_wall]].T
+    tangent_shares = sp.csr_array(
+        (found.tangent_shares.ravel(), (np.tile(k, 4), found.stencil.ravel())), shape=relative.shape
+    )
+    tangent_shares.eliminate_zeros()
+    now = np.einsum("ik,ki->k", found.normal, relative @ (interpolation @ w.reshape(-1, 2)))
+    allowed = (1.0 - PUSH_OUT) * np.minimum(found.before, 0.0)
+    return Constraints(
+        bodies=found.bodies,
+        x=x[:, found.point],
+        normal=found.normal,
+        gap=found.gap,
+        friction=found.friction,
+        key=found.key,
+        point=scene.outlines.point[found.point],
+        base=interpolation,
+        difference=relative,
+        tangent_shares=tangent_shares,
+        curvature=found.curvature,
+        prescribed=prescribed,
+        offset_normal=(found.gap - allowed) / dt - now,
+        pushed_out=np.where(found.before < 0.0, np.maximum(np.minimum(found.gap, 0.0) - found.before, 0.0), 0.0),
+    )

@@ -1,0 +1,160 @@
+"""Contact at grid nodes that bodies share: the law of Nezamabadi et al. (2017) (Nezamabadi et al., Procedia Eng. 2017).
+
+At a node shared by two bodies the normal follows from the gradients of their masses (Huang et al., IJNME 2011) and
+Signorini's law acts on the relative velocity, whatever the gap: bodies stop about one cell apart. Kept as what it
+is, Nezamabadi et al. (2017), and the reference for what outlines gained.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.contact.constraints import Constraints, Linearise, rigid_velocities
+from skmpm.grid import BodyGrids, build_grids
+from skmpm.scene import Scene, SceneError, State
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+WALL_THICKNESS = 2.0  # thickness of a wall made of material points [cells]
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """The nodes of some body grids, as the shared-node law sees them."""
+
+    index: Ints  # (2, nodes) integer coordinates
+    body: Ints  # (nodes,) walls are -1, -2, ...
+    outward: Array  # (2, nodes) gradient of the body's mass
+    unknown: Ints  # (nodes,) number among the unknown nodes, -1 where the motion is prescribed
+    prescribed: Array  # (2, nodes) [m/s]
+
+
+def shared_grid(scene: Scene, state: State, grid: BodyGrids, dt: float, theta: float = 1.0) -> Linearise:
+    """Bodies that share grid nodes may not approach there; walls are slabs of rigid material points."""
+    unknown = scene.deformable[state.body]
+    if not np.array_equal(state.x_anchor, state.x):
+        raise SceneError(
+            "shared_grid needs body grids rebuilt at every step; use Scheme(anchor=0) or Scheme.nezamabadi2017()"
+        )
+    nodes = _concatenate(
+        [
+            _deformable(grid, state.mass[unknown]),
+            _rigid(scene, state, grid.cell, dt),
+            _walls(scene, state, grid.cell, dt),
+        ]
+    )
+    constraints = _constraints(scene, nodes, *_pairs(nodes), grid)
+    return lambda w: constraints
+
+
+def _deformable(grid: BodyGrids, mass: Array) -> _Nodes:
+    outward = np.stack([D.T @ mass for D in grid.derivatives])
+    return _Nodes(grid.node_index, grid.node_body, outward, np.arange(grid.nodes), np.zeros((2, grid.nodes)))
+
+
+def _prescribed(x: Array, body: Ints, mass: Array, velocity: Array, cell: float) -> _Nodes:
+    """Nodes of bodies numbered from 0 that move with `velocity` (2, bodies)."""
+    grid = build_grids(x, body, cell, velocity.shape[1])
+    nodes = _deformable(grid, mass)
+    return _Nodes(nodes.index, nodes.body, nodes.outward, np.full(grid.nodes, -1), velocity[:, grid.node_body])
+
+
+def _rigid(scene: Scene, state: State, cell: float, dt: float) -> _Nodes:
+    chosen = ~scene.deformable[state.body]
+    velocity = rigid_velocities(scene, state.t + 0.5 * dt)
+    return _prescribed(state.x[:, chosen], state.body[chosen], state.mass[chosen], velocity, cell)
+
+
+def _walls(scene: Scene, state: State, cell: float, dt: float) -> _Nodes:
+    """Each wall as a slab of rigid material points, four per cell, as long as the bodies need."""
+    spacing, layers = 0.5 * cell, round(2 * WALL_THICKNESS)
+    parts, owner = [], []
+    for i, wall in enumerate(scene.walls):
+        normal = np.asarray(wall.normal, dtype=float)
+        tangent = np.array([-normal[1], normal[0]])
+        reach = tangent @ (state.x - state.walls[i][:, None])
+        along = np.arange(reach.min() - 3.0 * cell, reach.max() + 3.0 * cell, spacing)
+        depth = -spacing * (np.arange(layers) + 0.5)
+        points = state.walls[i][:, None, None] + tangent[:, None, None] * along[:, None]
+        points = points + normal[:, None, None] * depth
+        parts.append(points.reshape(2, -1))
+        owner.append(np.full(parts[-1].shape[1], i))
+    if not parts:
+        return _prescribed(np.zeros((2, 0)), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((2, 1)), cell)
+    x, body = np.concatenate(parts, axis=1), np.concatenate(owner)
+    density = float(state.mass.sum() / state.volume.sum())
+    mass = np.full(body.size, density * spacing**2)
+    nodes = _prescribed(x, body, mass, scene.wall_velocities(state.t + 0.5 * dt).T, cell)
+    return _Nodes(nodes.index, -1 - nodes.body, nodes.outward, nodes.unknown, nodes.prescribed)
+
+
+def _concatenate(parts: list[_Nodes]) -> _Nodes:
+    return _Nodes(*(np.concatenate(p, axis=-1) for p in zip(*(n.__dict__.values() for n in parts), strict=True)))
+
+
+def _pairs(nodes: _Nodes) -> tuple[Ints, Ints]:
+    """All pairs of bodies at every shared node, however many meet there; one of the two has unknowns."""
+    low = nodes.index.min(axis=1)
+    relative = nodes.index - low[:, None]
+    place = relative[0] * (relative[1].max() + 1) + relative[1]
+    # Within a node: bodies with unknowns first, in their order, then walls.
+    order = np.lexsort((np.abs(nodes.body), nodes.body < 0, place))
+    first, second = [], []
+    step = 1
+    while True:
+        same = place[order[step:]] == place[order[:-step]]
+        if not same.any():
+            break
+        first.append(order[:-step][same])
+        second.append(order[step:][same])
+        step += 1
+    a = np.concatenate(first) if first else np.zeros(0, dtype=np.int64)
+    b = np.concatenate(second) if second else np.zeros(0, dtype=np.int64)
+    free = (nodes.unknown[a] >= 0) | (nodes.unknown[b] >= 0)
+    return a[free], b[free]
+
+
+def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids) -> Constraints:
+    normal = nodes.outward[:, b] - nodes.outward[:, a]
+    length = np.hypot(*normal)
+    # Two bodies that surround a node evenly have no normal there.
+    kept = length > 1e-9 * np.maximum(np.hypot(*nodes.outward[:, a]), np.hypot(*nodes.outward[:, b]))
+    a, b, normal = a[kept], b[kept], normal[:, kept] / length[kept]
+    k = np.arange(a.size)
+    ends, sign = np.concatenate([nodes.unknown[a], nodes.unknown[b]]), np.repeat([1.0, -1.0], k.size)
+    own = ends >= 0
+    difference = sp.csr_array((sign[own], (np.tile(k, 2)[own], ends[own])), shape=(k.size, grid.nodes))
+    prescribed = nodes.prescribed[:, a] - nodes.prescribed[:, b]
+    friction = np.full(k.size, float(scene.friction))
+    walls = np.array([wall.friction for wall in scene.walls], dtype=float)
+    on_wall = nodes.body[b] < 0
+    friction[on_wall] = walls[-1 - nodes.body[b[on_wall]]]
+    return Constraints(
+        bodies=np.stack([nodes.body[a], nodes.body[b]]),
+        x=grid.cell * nodes.index[:, a].astype(float),
+        normal=normal,
+        gap=np.zeros(k.size),
+        friction=friction,
+        key=_key(scene, nodes, a, b),
+        point=np.full(k.size, -1),
+        base=sp.eye_array(grid.nodes, format="csr"),
+        difference=difference,
+        tangent_shares=sp.csr_array(difference.shape),
+        curvature=np.zeros(k.size),
+        prescribed=prescribed,
+        offset_normal=np.einsum("ik,ik->k", normal, prescribed),
+        pushed_out=np.zeros(k.size),
+    )
+
+
+def _key(scene: Scene, nodes: _Nodes, a: Ints, b: Ints) -> Ints:
+    """(node, body, body) as one integer; nodes within 2^20 cells of the origin get different ones."""
+    members = len(scene.bodies) + len(scene.walls)
+    number = np.where(nodes.body < 0, len(scene.bodies) - 1 - nodes.body, nodes.body)
+    place = (nodes.index[0, a] % 2**20) * 2**20 + nodes.index[1, a] % 2**20
+    return np.asarray((place * members + number[a]) * members + number[b])

@@ -1,0 +1,188 @@
+"""The occupied cells and nodes of all bodies, as one disconnected scikit-fem mesh whose quadrature is the points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from skfem import CellBasis, ElementQuad1, ElementVector, MeshQuad
+
+from skmpm.grid.mapping import CartesianMapping
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+CORNERS = np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
+"""Corners of the reference square in the order of `ElementQuad1`, (2, 4)."""
+
+
+@dataclass(frozen=True)
+class BodyGrids:
+    """The occupied cells and nodes of all bodies, and the points' place in them.
+
+    Nodes are sorted by body, and within a body row by row along its shorter side: the smallest band.
+    """
+
+    cell: float  # h [m]
+    cell_of_point: Ints  # (n,)
+    local: Array  # (2, n) coordinates of the points in their cells, in [0, 1]
+    nodes_of_cell: Ints  # (4, cells), corners as in ElementQuad1
+    cell_index: Ints  # (2, cells) integer coordinates of the cells
+    cell_body: Ints  # (cells,)
+    node_index: Ints  # (2, nodes) integer coordinates of the nodes
+    node_body: Ints  # (nodes,)
+    along: Ints  # (bodies,) the component that runs along the rows of nodes
+    bodies: int
+
+    @property
+    def nodes(self) -> int:
+        """How many (body, node) pairs are occupied."""
+        return int(self.node_index.shape[1])
+
+    @cached_property
+    def pieces(self) -> Ints:
+        """Into how many pieces, that share no node, the cells of every body fall, (bodies,)."""
+        cell, corner = np.tile(np.arange(self.cells), 4), self.nodes_of_cell.ravel()
+        size = self.cells + self.nodes
+        shares = sp.coo_array((np.ones(cell.size), (cell, self.cells + corner)), shape=(size, size))
+        count, piece = connected_components(shares, directed=False)
+        owner = np.zeros(count, dtype=np.int64)
+        owner[piece[: self.cells]] = self.cell_body
+        return np.bincount(owner, minlength=self.bodies)
+
+    @property
+    def cells(self) -> int:
+        """How many (body, cell) pairs are occupied."""
+        return int(self.cell_index.shape[1])
+
+    @property
+    def position(self) -> Array:
+        """Positions of the nodes, (2, nodes) [m]."""
+        return self.cell * self.node_index.astype(np.float64)
+
+    @cached_property
+    def blocks(self) -> Ints:
+        """Offsets of the bodies' unknowns, (bodies + 1,): body b owns dofs blocks[b]:blocks[b + 1]."""
+        return 2 * np.searchsorted(self.node_body, np.arange(self.bodies + 1))
+
+    @property
+    def shape(self) -> Array:
+        """Q1 shape functions of each point's four nodes, (4, n): scikit-fem's, at the local coordinates."""
+        return np.stack([ElementQuad1().lbasis(self.local, i)[0] for i in range(4)])
+
+    @property
+    def gradient(self) -> Array:
+        """Gradients of the shape functions, (2, 4, n) [1/m]."""
+        return np.stack([ElementQuad1().lbasis(self.local, i)[1] for i in range(4)], axis=1) / self.cell
+
+    @cached_property
+    def _pattern(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Columns (4 n,) and row offsets (n + 1,) of every `_point_matrix`: shared, so nobody may sort them."""
+        columns = self.nodes_of_cell.T.astype(np.int32)[self.cell_of_point].ravel()
+        offsets = np.arange(0, columns.size + 1, 4, dtype=np.int32)
+        for shared in (columns, offsets):
+            shared.setflags(write=False)
+        return columns, offsets
+
+    def _point_matrix(self, values: Array) -> sp.csr_array:
+        """A sparse matrix (n, nodes) from four values per point, (4, n)."""
+        return sp.csr_array((values.T.ravel(), *self._pattern), shape=(values.shape[1], self.nodes))
+
+    @cached_property
+    def interpolation(self) -> sp.csr_array:
+        """N (n, nodes): nodal values to point values."""
+        return self._point_matrix(self.shape)
+
+    @cached_property
+    def derivatives(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """(n, nodes) matrices of d/dx and d/dy at the points [1/m]."""
+        along_x, along_y = self.gradient
+        return self._point_matrix(along_x), self._point_matrix(along_y)
+
+    @cached_property
+    def levers(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """N_ip (X_i - X_p), one matrix (n, nodes) [m] per component: the arms of the affine momentum."""
+        arms = self.cell * (CORNERS[:, :, None] - self.local[:, None, :])
+        N = self.shape
+        return self._point_matrix(N * arms[0]), self._point_matrix(N * arms[1])
+
+    def at_points(self, field: Array) -> Array:
+        """Values at the points (2, n) of a nodal field (2 nodes,)."""
+        return np.ascontiguousarray((self.interpolation @ field.reshape(-1, 2)).T)
+
+    def gradient_at_points(self, field: Array) -> Array:
+        """Gradients H[i, j] = d field_i / d x_j at the points, (2, 2, n), of a nodal field (2 nodes,)."""
+        columns = [D @ field.reshape(-1, 2) for D in self.derivatives]
+        return np.ascontiguousarray(np.stack(columns, axis=-1).transpose(1, 2, 0))
+
+    @cached_property
+    def mesh(self) -> MeshQuad:
+        """The disconnected mesh; its vertices are the nodes."""
+        return MeshQuad(self.position, self.nodes_of_cell)
+
+    def basis(self, volume: Array, intorder: int | None = None) -> CellBasis:
+        """Scikit-fem basis whose quadrature points are the material points, weighted by `volume` (n,) [m2].
+
+        With `intorder` it is the ordinary basis on the full cells instead (for comparison with plain FEM).
+        """
+        mapping = CartesianMapping(self.cell * self.cell_index.astype(np.float64), self.cell)
+        options: dict[str, Any] = {"mapping": mapping, "disable_doflocs": True}
+        if intorder is not None:
+            return CellBasis(self.mesh, ElementVector(ElementQuad1()), intorder=intorder, **options)
+        X, weights = self.local[:, :, None], (volume / self.cell**2)[:, None]
+        return CellBasis(
+            self.mesh,
+            ElementVector(ElementQuad1()),
+            elements=self.cell_of_point,
+            quadrature=(X, weights),
+            **options,
+        )
+
+    def sums(self, values: Array) -> Array:
+        """Sums over the nodes of every body, (k, bodies), of nodal values (k, nodes)."""
+        return np.stack([np.bincount(self.node_body, row, self.bodies) for row in values])
+
+    def means(self, values: Array, weight: Array | None = None) -> Array:
+        """Means over the nodes of every body, (k, bodies), of nodal values (k, nodes) weighed (nodes,)."""
+        weight = np.ones(self.nodes) if weight is None else weight
+        (total,) = self.sums(weight[None])
+        return np.asarray(self.sums(weight * values) / np.maximum(total, 1e-300))
+
+    def rigid_motions(self) -> Array:
+        """Two translations and the rotation about each body's own centre, (2 nodes, 3)."""
+        position = self.position
+        arm = (position - self.means(position)[:, self.node_body]) / self.cell
+        motions = np.zeros((2 * self.nodes, 3))
+        motions[0::2, 0] = motions[1::2, 1] = 1.0
+        motions[0::2, 2], motions[1::2, 2] = -arm[1], arm[0]
+        return motions
+
+    def pins(self, stiffness: Array) -> Array:
+        """Springs that stop the rigid motions of each body and no other, on the diagonal, (nodes, 2, 2).
+
+        Two hold the node in the middle of a body, one the node farthest from it, across the line to it: under
+        forces that balance each other they carry nothing. `stiffness` (bodies,).
+        """
+        x, body = self.position, self.node_body
+        centre = self.means(x)
+        first = self.blocks[:-1] // 2
+        held = np.flatnonzero(stiffness > 0.0)
+
+        def nearest(distance: Array) -> Ints:
+            return np.asarray(np.lexsort((distance, body))[first[held]])
+
+        middle = nearest(np.hypot(*(x - centre[:, body])))
+        place = np.zeros((2, self.bodies))
+        place[:, held] = x[:, middle]
+        outer = nearest(-np.hypot(*(x - place[:, body])))
+        arm = x[:, outer] - x[:, middle]
+        across = np.stack([-arm[1], arm[0]]) / np.hypot(*arm)
+        springs = np.zeros((self.nodes, 2, 2))
+        springs[middle] = stiffness[held, None, None] * np.eye(2)
+        springs[outer] = stiffness[held, None, None] * np.einsum("ib,jb->bij", across, across)
+        return springs

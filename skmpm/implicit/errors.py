@@ -1,0 +1,45 @@
+"""Why a step's equations were not solved, in the user's words."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.grid import BodyGrids
+
+SMALLER = "use a smaller dt"
+
+
+class NotConverged(RuntimeError):  # noqa: N818
+    """The step's equations were not solved: where, what is wrong, and the remedy."""
+
+    def __init__(self, where: str, problem: str, remedy: str = SMALLER, *, retryable: bool = True) -> None:
+        super().__init__(f"{where}: {problem}; {remedy}")
+        self.retryable = retryable  # whether a smaller dt may help
+
+
+def worst_body(grid: BodyGrids, imbalance: NDArray[np.float64]) -> str:
+    """The body with the largest share of an imbalance (2 nodes,), as text."""
+    square = np.nan_to_num(imbalance, nan=np.inf) ** 2
+    return f"body {int(np.argmax(grid.sums(square.reshape(-1, 2).T).sum(axis=0)))}"
+
+
+def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> NotConverged:
+    """The failure of a factorisation; LAPACK names the unknown at which it stops, and so the body."""
+    found = re.match(r"(\d+)-th leading minor", str(error))
+    if found is None:
+        return NotConverged("all bodies", str(error))
+    b = int(np.searchsorted(grid.blocks, int(found[1]) - 1, side="right")) - 1
+    return NotConverged(
+        f"body {b}",
+        "its matrix is not positive definite, not even with the negative curvature of its material removed",
+        "use a smaller dt, a smaller spacing of its points or a larger Scheme.ghost",
+    )
+
+
+def pair(bodies: NDArray[np.int64]) -> str:
+    """Two bodies (2,), of which walls are -1, -2, ..., as text."""
+    a, b = bodies.tolist()
+    return f"bodies {a} and {b}" if b >= 0 else f"body {a} and wall {-1 - b}"

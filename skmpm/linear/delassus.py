@@ -1,0 +1,78 @@
+"""How the places of contacts respond to impulses on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.linear.solver import Solver
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.integer]
+
+
+@dataclass
+class Delassus:
+    """S = R A^-1 R' of the places that contacts combine, R = base x I, for one factorised A.
+
+    Contacts move over the places from iterate to iterate, the places and A stay. S is dense within a body and found
+    for the places of a body that contacts use, once more with all of them when they use others; with `whole` at once
+    for all places of a body, so that S does not depend, not even by rounding, on where contacts have been before.
+    """
+
+    solver: Solver
+    base: sp.csr_array  # (m, nodes)
+    owner: Ints  # (m,) body of each place
+    whole: bool = False
+    S: sp.csr_array = field(init=False)  # (2 m, 2 m)
+    known: NDArray[np.bool_] = field(init=False)  # (m,)
+
+    def __post_init__(self) -> None:
+        points = self.base.shape[0]
+        self.S, self.known = sp.csr_array((2 * points, 2 * points)), np.zeros(points, dtype=bool)
+
+    def between(self, left: sp.csr_array, right: sp.csr_array) -> sp.csr_array:
+        """Left S right', how what `left` combines moves under impulses on what `right` does; both (k, 2 m)."""
+        self._learn(left)
+        self._learn(right)
+        product = sp.csr_array(left @ self.S) @ right.T
+        return sp.csr_array(product.tocsc().tocsr())  # sorts
+
+    def _learn(self, rows: sp.csr_array) -> None:
+        """Extend S to all places of these rows."""
+        wanted = np.zeros_like(self.known)
+        wanted[rows.indices // 2] = True
+        wanted &= np.diff(self.base.indptr) > 0  # rigid ones do not respond
+        new = np.flatnonzero(wanted & ~self.known)
+        if new.size == 0:
+            return
+        self.known |= wanted
+        bodies = np.zeros(int(self.owner.max()) + 1, dtype=bool)
+        bodies[self.owner[new]] = True
+        if self.whole:
+            self.known |= bodies[self.owner] & (np.diff(self.base.indptr) > 0)
+        again = self.known & bodies[self.owner]
+        self.S = _without(self.S, np.repeat(bodies[self.owner], 2)) + self._of(np.flatnonzero(again))
+
+    def _of(self, points: Ints) -> sp.csr_array:
+        """S of some places, in the numbering of all."""
+        own = self.solver.delassus(sp.csr_array(sp.kron(self.base[points], np.eye(2), format="csr")))
+        chosen = np.stack([2 * points, 2 * points + 1], axis=1).ravel()
+        return _spread(own.data, chosen[own.indices], chosen, np.diff(own.indptr), self.S.shape[0])
+
+
+def _without(S: sp.csr_array, rows: NDArray[np.bool_]) -> sp.csr_array:
+    """S with some rows emptied."""
+    count = np.where(rows, 0, np.diff(S.indptr))
+    kept = np.repeat(~rows, np.diff(S.indptr))
+    return _spread(S.data[kept], S.indices[kept], np.arange(rows.size), count, rows.size)
+
+
+def _spread(data: Array, column: Ints, rows: Ints, count: Ints, size: int) -> sp.csr_array:
+    """A square matrix with `count` entries in each of some rows, ascending."""
+    counts = np.zeros(size, dtype=np.int64)
+    counts[rows] = count
+    return sp.csr_array((data, column, np.append(0, np.cumsum(counts))), shape=(size, size))

@@ -1,0 +1,210 @@
+"""What was verified, and the warnings where a scene leaves it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import floor, log10
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.contact import shared_grid
+from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.preflight.metrics import SceneMetrics
+from skmpm.scene import Scene
+from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
+from skmpm.simulate.initial_state import initial_motion
+from skmpm.simulate.rigid_edges import ROUND, facing_edges
+
+
+class Limit(NamedTuple):
+    """How far something was verified, and where."""
+
+    value: float
+    where: str
+
+
+# In the order of the checks; beside each limit, what showed it (pages are those of docs/).
+RESOLUTION = Limit(3.2, "piles and packings have R/h of 3.2 and more, Hertz's force is met from 5 on")  # test_pile
+SMALLEST = Limit(1.0, "bodies had R/h of 2 and more")  # test_corners, unlike discs
+THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells bend by up to 46, 24, 7.5, 2.1 % too little")  # test_thin_parts
+FEWEST = Limit(1.8, "1.8 and more were verified, with 1 a uniform stress is off by 10 %")  # large.py, test_patch
+COURANT = Limit(15.0, "where waves matter steps of up to 15 were taken")  # test_dynamics, stability
+EXPLICIT = Limit(0.7, "explicit steps are stable to 0.7 wherever a disc lies on the grid")  # test_explicit
+LID = Limit(0.14, "lids of packings move by 0.08 to 0.14")  # test_interpenetration, R/h = 5 and 8
+APPROACH = Limit(0.2, "collisions run at up to 0.2, beyond 1 a step fails")  # test_collision, the largest dt
+LOCKING = Limit(
+    NEARLY_INCOMPRESSIBLE,
+    "at 0.4, 0.45, 0.49 a disc of R/h = 5 is 8, 10, 22 % too stiff, the peak pressure 1.4, 1.9, 4.2 times its own",
+)  # test_mean_dilatation
+POISSON = Limit(0.49999, "mean dilatation was verified up to 0.49999")  # test_locking
+MULTIGRID = Limit(0.499, "amg takes 130 iterations at 0.499, 430 at 0.49999")  # test_locking
+FRICTION = Limit(2.0, "the contact solver was tried up to 2")  # test_contact_solver
+STIFFNESS = Limit(100.0, "discs collide and are squeezed right with 100")  # tests/extremes/test_dials
+DENSITY = Limit(1e4, "a disc rests on one 1e4 times lighter")  # test_pile
+ROTATION = Limit(
+    0.05, "a turn by it is a strain of 0.00125 that is not there, and grows as its square"
+)  # test_dynamics
+STEPS = 1000  # within which a body that spins freely is looked at
+NU_TOLERANCE = 1e-9  # by which a limit may be passed
+
+Lines = Iterator[str]
+
+
+def warnings_of(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> list[str]:
+    """A line for everything that leaves what was verified: object, value, what was verified, remedy."""
+    return [line for check in CHECKS for line in check(scene, metrics, scheme)]
+
+
+def _above(value: float, limit: Limit) -> bool:
+    return value > limit.value * (1.0 + NU_TOLERANCE)
+
+
+def _below(value: float, limit: Limit) -> bool:
+    return value < limit.value * (1.0 - NU_TOLERANCE)
+
+
+def _down(value: float) -> str:
+    """Two digits, rounded down, so that what takes the advice is not warned again."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return f"{floor(value / unit) * unit:.2g}"
+
+
+def _worst(metrics: SceneMetrics, values: NDArray[np.float64], wrong: NDArray[np.bool_]) -> str:
+    """The deformable body with the smallest value, and how many others are wrong."""
+    others = int(wrong.sum()) - 1
+    return f"body {metrics.own[np.argmin(values)]}" + (f" and {others} more" if others > 0 else "")
+
+
+def _resolution(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    limit = RESOLUTION if metrics.touches else SMALLEST
+    R, smallest = metrics.resolution, metrics.resolution.min()
+    if _below(smallest, limit):
+        remedy = f"use cell = {_down(metrics.cell * smallest / limit.value)} m or less"
+        yield f"{_worst(metrics, R, limit.value > R)}: R/h = {smallest:.3g}; {limit.where}; {remedy}"
+
+
+def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    across = np.where(np.isnan(metrics.across), np.inf, metrics.across)
+    if _below(least := float(across.min()), THIN):
+        who, width = _worst(metrics, across, THIN.value > across), least * metrics.cell
+        remedy = f"use cell = {_down(width / THIN.value)} m or less"
+        yield f"{who}: {least:.3g} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
+
+
+def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    each, fewest = metrics.points_per_cell, metrics.points_per_cell.min()
+    if _below(fewest, FEWEST):
+        who = _worst(metrics, each, FEWEST.value > each)
+        remedy = f"use a spacing of {_down(0.74 * metrics.cell)} m or less"
+        yield f"{who}: {fewest:.3g} points per cell of material; {FEWEST.where}; {remedy}"
+
+
+def _courant(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    limit = EXPLICIT if scheme.explicit else COURANT
+    if (scheme.explicit or metrics.waves) and _above(metrics.courant, limit):
+        remedy = f"use dt = {_down(limit.value * metrics.cell / metrics.wave)} s or less"
+        yield f"step: dt c/h = {metrics.courant:.3g}; {limit.where}; {remedy}"
+
+
+def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    if metrics.touches and _above(metrics.lid, LID):
+        remedy = f"use dt {_down(LID.value / metrics.lid)} times as long"
+        yield f"{metrics.lid_name}: moves {metrics.lid:.3g} h a step; {LID.where}; {remedy}"
+    if scheme.inertia and _above(metrics.approach, APPROACH):
+        remedy = f"use dt {_down(APPROACH.value / metrics.approach)} times as long"
+        fallen = f" after falling by {metrics.fall:.3g} m" if metrics.fall else ""
+        yield f"bodies: up to {metrics.approach:.3g} h a step past each other{fallen}; {APPROACH.where}; {remedy}"
+
+
+def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    nu, b = max((m.nu, b) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid))
+    if nu >= LOCKING.value and scheme.mean_dilatation is False:
+        remedy = "use Scheme(mean_dilatation=None), the default"
+        yield f"body {b}: nu = {nu:g} without mean dilatation; {LOCKING.where}; {remedy}"
+    elif _above(nu, POISSON):
+        yield f"body {b}: nu = {nu:.9g}; {POISSON.where}; use 0.49999 or less"
+    elif _above(nu, MULTIGRID) and metrics.solver == "amg":
+        yield f"body {b}: nu = {nu:g}; {MULTIGRID.where}; use linear.banded"
+
+
+def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    soft = [(b, m) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid)]
+    for name, limit, values in (
+        ("E", STIFFNESS, [(m.E, b) for b, m in soft]),
+        ("density", DENSITY, [(m.density, b) for b, m in soft]),
+    ):
+        (low, a), (high, b) = min(values), max(values)
+        if _above(high / low, limit):
+            who, remedy = f"bodies {a} and {b}", f"use {limit.value:g} unless it matters"
+            yield f"{who}: ratio of {name} {high / low:.3g}; {limit.where}; {remedy}"
+
+
+def _friction(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    named = [(wall.friction, f"wall {i}") for i, wall in enumerate(scene.walls)]
+    value, name = max([(scene.friction, "scene"), *named])
+    if metrics.touches and _above(value, FRICTION):
+        yield f"{name}: friction = {value:g}; {FRICTION.where}; use 2, where hardly anything slips"
+
+
+def _small_strain(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    if scheme.anchor <= ROTATION.value:
+        return
+    linear = [isinstance(scene.bodies[b].material, LinearElastic) for b in metrics.own]
+    rotation = np.where(linear, metrics.rotation, 0.0)
+    fastest, b = float(rotation.max()), int(metrics.own[np.argmax(rotation)])
+    if _above(STEPS * fastest, ROTATION):
+        turned = f"turns by {ROTATION.value:g} in {ROTATION.value / fastest:.3g} steps"
+        yield f"body {b}: LinearElastic {turned}; {ROTATION.where}; use NeoHookean"
+    elif any(linear) and (metrics.friction > 0.0 or metrics.points.size > 2):
+        b, cause = int(metrics.own[np.argmax(linear)]), "friction" if metrics.friction else "its neighbours"
+        may = f"{cause} may turn it by more than {ROTATION.value:g}"
+        yield f"body {b}: LinearElastic, and {may}; {ROTATION.where}; use NeoHookean"
+
+
+def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    if not metrics.touches:
+        return
+    if scheme.theta < 1.0 and metrics.points.size + len(scene.walls) > 2:
+        verified = "collisions of two were verified, lasting contact was with theta = 1"
+        yield f"scheme: theta = {scheme.theta:g} with contact; {verified}; use theta = 1"
+    if scheme.contact is shared_grid:
+        verified = "bodies feel each other one to two and a half cells too early"
+        yield f"scheme: contact = shared_grid; {verified}; use contact.point_to_curve unless you want the method of Nezamabadi et al. (2017)"
+    if not scheme.inertia and initial_motion(scene)[0][:, scene.deformable[scene.owner]].any():
+        yield "scheme: inertia = False, where initial velocities of bodies mean nothing; use none or inertia"
+    slides = any(isinstance(body.material, NeoHookean) for body in scene.bodies) and metrics.friction == 0.0
+    if slides and not scheme.inertia:
+        verified = "a frictionless NeoHookean body may slide and turn for nothing, where Newton crawls"
+        yield f"scheme: inertia = False; {verified}; use friction, a Support or inertia"
+
+
+def _edges(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    if scheme.inertia or scheme.contact is shared_grid:
+        return
+    radius = ROUND * metrics.cell
+    found = facing_edges(scene, initial_motion(scene)[0], radius)
+    for rigid, soft in np.unique(found[[0, 2]], axis=1).T.tolist():
+        point = found[1, (found[0] == rigid) & (found[2] == soft)][0]
+        x, y = scene.initial_positions[:, point]
+        verified = (
+            "a flat punch with rounder edges went 40 % of the height down, with sharper ones at times only 25 %"
+        )
+        where = f"body {rigid}: an edge at ({x:.4g}, {y:.4g}) m sharper than {ROUND:g} h meets body {soft}"
+        yield f"{where} without inertia; {verified}; use inertia, or a radius of {radius:.4g} m"  # test_punch
+
+
+CHECKS: tuple[Callable[[Scene, SceneMetrics, Scheme], Lines], ...] = (
+    _resolution,
+    _thin,
+    _points,
+    _courant,
+    _travel,
+    _incompressible,
+    _ratios,
+    _friction,
+    _small_strain,
+    _scheme,
+    _edges,
+)

@@ -1,0 +1,130 @@
+"""The numbers of the preflight check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import linear
+from skmpm.assembly import ghost_facets
+from skmpm.grid import BodyGrids, build_grids
+from skmpm.material import Rigid
+from skmpm.preflight.loading import loading_of
+from skmpm.scene import Scene
+from skmpm.scheme import Scheme
+from skmpm.simulate.algorithm import SHORTEST, check_time
+from skmpm.simulate.initial_state import can_touch, driven, fastest_wave, initial_motion
+from skmpm.simulate.regrid import inward_normals
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneMetrics:
+    """What a scene asks for; per deformable body where there are several, motions at t = 0 or after falling."""
+
+    points: Ints  # (bodies,) rigid ones too
+    rigid: int
+    around: dict[str, int]  # how many walls, supports, loads
+    own: Ints  # (deformable,) their numbers among the bodies
+    points_per_cell: Array  # (deformable,) points over area in cells
+    resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
+    across: Array  # (deformable,) cells across the thinnest part; nan without outline
+    cells: int
+    unknowns: int
+    cell: float  # h [m]
+    wave: float  # fastest pressure wave c [m/s]
+    courant: float  # dt c/h
+    waves: bool  # whether steps must resolve waves
+    lid: float  # way of the fastest wall, rigid body or support in a step [cells]
+    lid_name: str  # which
+    approach: float  # way of the fastest past each other in a step, at most [cells]
+    fall: float  # free height, 0 without gravity [m]
+    rotation: Array  # (deformable,) largest angle that points turn by in a step [rad]
+    touches: bool  # whether anything can touch anything
+    contact: str  # law
+    friction: float  # largest coefficient
+    linear: bool  # whether a step is one linear solve, but for contact
+    inertia: bool
+    theta: float
+    half_bandwidth: int
+    solver: str
+    memory: float  # [bytes] besides the program
+
+
+def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
+    """The numbers of a scene: its Body grids are built, nothing is assembled or solved."""
+    check_time("report: dt", dt, SHORTEST, "a time step greater than zero")
+    own, count = np.flatnonzero(scene.deformable), np.diff(scene.offsets)
+    body = np.repeat(np.arange(count.size), count)
+    area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
+    soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
+    wave, (grid, width) = fastest_wave(scene), _grid(scene, body)
+    solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
+    lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
+    loading, (_, C) = loading_of(scene), initial_motion(scene)
+    rotation = np.zeros(count.size)
+    np.maximum.at(rotation, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
+    boundary = scene.outlines
+    return SceneMetrics(
+        points=count,
+        rigid=count.size - own.size,
+        around={"walls": len(scene.walls), "supports": len(scene.supports), "loads": len(scene.loads)},
+        own=own,
+        points_per_cell=count[own] / area,
+        resolution=np.sqrt(area / np.pi),
+        across=scene.thickness[own] / scene.cell,
+        cells=grid.cells,
+        unknowns=2 * grid.nodes,
+        cell=scene.cell,
+        wave=wave,
+        courant=wave * step if scheme.inertia else 0.0,
+        waves=scheme.inertia and loading.waves,
+        lid=lid * step,
+        lid_name=lid_name,
+        approach=loading.approach * step if touches else 0.0,
+        fall=loading.fall,
+        rotation=rotation[own],
+        touches=touches,
+        contact=getattr(scheme.contact, "__name__", type(scheme.contact).__name__).replace("_", " "),
+        friction=float(max([scene.friction, *(wall.friction for wall in scene.walls)])) if touches else 0.0,
+        linear=all(material.linear for material in soft),
+        inertia=scheme.inertia,
+        theta=scheme.theta,
+        half_bandwidth=width,
+        solver=solver,
+        memory=memory_of(int(count.sum()), 2 * grid.nodes, boundary.size if touches else 0, width, solver),
+    )
+
+
+def _grid(scene: Scene, body: Ints) -> tuple[BodyGrids, int]:
+    """The first body grids, and the half bandwidth of their matrix without supports: of cells and ghost facets."""
+    soft, x, volume = scene.deformable[body], scene.initial_positions, scene.initial_volumes
+    grid = build_grids(x[:, soft], body[soft], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, soft])
+    facets, _ = ghost_facets(grid, volume[soft])
+    reach = max(int(np.ptp(nodes, axis=0).max(initial=0)) for nodes in (grid.nodes_of_cell, facets))
+    return grid, 2 * reach + 1
+
+
+def _solver(scheme: Scheme, width: int) -> str:
+    """The solver to be expected: what `linear.default` would pick, else the scheme's own."""
+    if scheme.linear is linear.default:
+        return "banded" if width <= linear.CROSSOVER else "amg"
+    return str(getattr(scheme.linear, "__name__", type(scheme.linear).__name__))
+
+
+def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:
+    """Peak memory of a run besides the program [bytes], for points, unknowns, boundary points that may touch.
+
+    8 MB + 1.2 kB a point + 5 kB a boundary point, and for the matrix two bands of half bandwidth `width`, or 2 kB an
+    unknown by any other solver. Fitted to peak resident sizes above those after import. Estimate over measured: the
+    main job's first steps, 20, 100, 300 discs, R/h = 5, with and without friction, 1.3 to 1.4; all of it, 60 discs,
+    0.86, 300 with pictures and files, 0.7; discs of `docs/performance.md` that touch nothing, 1.0 to 1.4, in dense
+    packings, 10 to 3,000 discs, R/h = 5 and 8, 1.0 to 1.1; one body by amg, 1e4, 1e5 and 1e6 points, 1.05, 1.15 to
+    1.3, 0.78; by banded, 1e3 to 3e4 points, 1.0 to 1.2.
+    """
+    matrix = 16.0 * (width + 1) * unknowns if solver == "banded" else 2e3 * unknowns
+    return 8e6 + 1.2e3 * points + 5e3 * boundaries + matrix

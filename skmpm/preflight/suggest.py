@@ -1,0 +1,146 @@
+"""Cell, spacing and time step for a wanted error, by laws fitted to the runs of `docs/work_precision.md`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.outline import thickness
+from skmpm.preflight.limits import APPROACH, COURANT, LID, RESOLUTION, SMALLEST, THIN
+from skmpm.preflight.loading import SEVERAL, Loading, loading_of
+from skmpm.scene import Scene
+from skmpm.simulate.initial_state import can_touch, fastest_wave
+
+Array = NDArray[np.float64]
+
+LARGEST = 0.25  # error; what is coarser was not measured
+RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
+WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
+
+
+@dataclass(frozen=True)
+class Law:
+    """error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step.
+
+    s is dt c / R in impacts and free motion, c the speed of pressure waves; else the way of what is driven over R.
+    For `Scheme.balanced()`, whose backward Euler is of first order.
+    """
+
+    spacing: float  # of material points [cells]
+    scale: float  # c
+    power: float  # p
+    time: float  # d
+
+    def __call__(self, n: Array | float, s: Array | float) -> Array:
+        """The error."""
+        return np.asarray(self.scale * np.asarray(n) ** -self.power + self.time * np.asarray(s))
+
+
+LAWS = {
+    "bending": (Law(0.5, 0.45, 0.95, 0.37),),
+    "pressing": (Law(0.74, 2.6, 1.63, 0.37),),
+    "impact": (Law(0.74, 0.27, 1.32, 0.37), Law(0.5, 0.57, 1.8, 0.37)),
+    "packing": (Law(0.74, 0.245, 2.0, 0.79),),
+}
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """Cell, spacing of points and time step for a wanted error, and what the scene was taken for."""
+
+    cell: float  # [m]
+    spacing: float  # of material points [m]
+    dt: float  # [s]
+    kind: str  # "bending", "pressing", "impact", "packing" or "pour"
+    why: str  # what the kind and the time step follow from, in words
+
+    def __str__(self) -> str:
+        """All in a sentence."""
+        return (
+            f"{self.kind}: {self.why}; use cell = {self.cell:.3g} m, spacing = {self.spacing:.3g} m,"
+            f" dt = {self.dt:.3g} s"
+        )
+
+
+def suggest(scene: Scene, *, error: float) -> Suggestion:
+    """The cheapest cell, spacing of points and time step for an error, with `Scheme.balanced()`.
+
+    The error is relative: the largest of what `docs/work_precision.md` measures on its scene of that kind. *Bending*,
+    where nothing touches: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts.
+    *Impact*, where they move by themselves at t = 0: velocities after. *Packing*, six or more that something drives:
+    pressure, work and aspect ratio. *Pour*, where gravity lets them fall: as packing, or pressing where they are few.
+    Only materials, sizes, gravity and what moves at t = 0 are read, not the scene's own cell and points. In impacts,
+    and without anything driven, dt resolves waves; else it follows from how far things move in a step. What the
+    preflight check would warn of is not suggested: there the cell or the step is smaller than the error asks for.
+    Four scenes that are not in the study err by less than twice what was asked (`examples/tradeoff_promises.py`).
+
+    Raises
+    ------
+    ValueError
+        when the error is larger than what was measured, or so small that a body would be 200 cells across
+    """
+    loading, size = loading_of(scene), _smallest(scene)
+    laws = LAWS[_measured_as(scene, loading.kind)]
+    found = [best for law in laws if (best := _cheapest(law, error)) is not None]
+    if not found:
+        least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
+        raise ValueError(f"suggest: error = {error!r}; use one between {1.01 * least:.2g} and {LARGEST}")
+    _, n, spacing, way = min(found)
+    cell = min(size / n, _coarsest(scene))
+    dt = min(way * size / loading.step_control, _longest(scene, loading, cell))
+    paced = "dt resolves waves" if loading.waves else "dt follows from the way per step"
+    return Suggestion(cell, spacing * cell, dt, loading.kind, f"{loading.why}, so {paced}")
+
+
+def _measured_as(scene: Scene, kind: str) -> str:
+    """Which of `LAWS` a kind obeys."""
+    if kind == "pour":
+        return "packing" if scene.deformable.sum() >= SEVERAL else "pressing"
+    return kind
+
+
+def _coarsest(scene: Scene) -> float:
+    """The largest cell that the preflight check does not warn of [m]."""
+    boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
+    radius = np.sqrt(np.bincount(scene.owner, scene.initial_volumes, count) / np.pi)[own].min()
+    across = thickness(boundary, scene.initial_positions[:, boundary.point], count)[own]
+    limit = (RESOLUTION if can_touch(scene) else SMALLEST).value
+    return float(min(radius / limit, np.min(across[~np.isnan(across)], initial=np.inf) / THIN.value))
+
+
+def _longest(scene: Scene, loading: Loading, cell: float) -> float:
+    """The longest step that the preflight check does not warn of [s]."""
+    limits = [(COURANT.value, fastest_wave(scene) if loading.waves else 0.0)]
+    if can_touch(scene):
+        limits += [(LID.value, loading.driven), (APPROACH.value, loading.approach)]
+    return min((value * cell / speed for value, speed in limits if speed > 0.0), default=float("inf"))
+
+
+def _smallest(scene: Scene) -> float:
+    """Radius of the smallest deformable body [m]: twice its smallest radius of gyration, which is a disc's radius."""
+    count = np.diff(scene.offsets)
+    body = np.repeat(np.arange(count.size), count)
+    volume, x = scene.initial_volumes, scene.initial_positions
+
+    def mean(values: Array) -> Array:
+        total = np.bincount(body, volume * values, count.size)
+        return np.asarray(total / np.bincount(body, volume, count.size))
+
+    arm = x - np.stack([mean(x[0]), mean(x[1])])[:, body]
+    xx, xy, yy = mean(arm[0] ** 2), mean(arm[0] * arm[1]), mean(arm[1] ** 2)
+    least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
+    return 2.0 * float(np.sqrt(least[scene.deformable].min()))
+
+
+def _cheapest(law: Law, error: float) -> tuple[float, float, float, float] | None:
+    """Cost, R/h, spacing [cells] and length of a step that reach an error for least; None if none does."""
+    room = error - law(RESOLUTIONS, 0.0)
+    enough = room > 0.0
+    if not (enough.any() and error <= LARGEST):
+        return None
+    n, step = RESOLUTIONS[enough], room[enough] / law.time
+    cost = n**WORK * (1.0 + 0.5 / law.spacing**2) / step
+    k = int(np.argmin(cost))
+    return float(cost[k]), float(n[k]), law.spacing, float(step[k])

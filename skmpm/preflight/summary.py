@@ -1,0 +1,70 @@
+"""The preflight check before time is spent: what a scene asks for, and where it leaves what was verified."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skmpm.preflight.limits import warnings_of
+from skmpm.preflight.metrics import SceneMetrics, examine
+from skmpm.scene import Scene
+from skmpm.scheme import Scheme
+
+
+def preflight(scene: Scene, dt: float, *, scheme: Scheme = Scheme()) -> str:  # noqa: B008
+    """What `simulate` would be asked for, as text: sizes, resolution, motion per step, solver, memory, warnings.
+
+    Body grids are built, nothing is solved. Motions are those at t = 0 and what bodies gain by falling. A line that
+    begins with `!` names an object, its value, what was verified and the remedy.
+
+    Raises
+    ------
+    ValueError
+        when dt [s] is not a time step; SceneError when a velocity is not finite
+    """
+    metrics = examine(scene, dt, scheme)
+    lines = [f"{name:8s}  {text}" for name, text in _lines(metrics).items()]
+    warnings = [f"! {text}" for text in warnings_of(scene, metrics, scheme)]
+    return "\n".join([*lines, *(warnings or ["no warnings"])])
+
+
+def _lines(metrics: SceneMetrics) -> dict[str, str]:
+    """What the report says, by subject."""
+    least, most = metrics.points.min(), metrics.points.max()
+    each = f"{least}" if least == most else f"{least} to {most}"
+    around = ", ".join(f"{name} {number}" for name, number in metrics.around.items())
+    law = "linear, one solve" if metrics.linear else "nonlinear, Newton"
+    return {
+        "bodies": f"{metrics.points.size}, rigid {metrics.rigid}; {around}",
+        "points": f"{metrics.points.sum()}, {each} a body, {metrics.points_per_cell.min():.3g} or more per filled cell",
+        "grid": f"{metrics.cells} cells of {metrics.cell:.6g} m, {metrics.unknowns} unknowns",
+        "R/h": f"{metrics.resolution.min():.3g} smallest, {metrics.resolution.mean():.3g} mean; {_across(metrics)}",
+        "dt c/h": f"{metrics.courant:.3g}, c = {metrics.wave:.4g} m/s" if metrics.inertia else "none without inertia",
+        "driven": f"{metrics.lid_name}, {metrics.lid:.3g} h a step" if metrics.lid else "nothing",
+        "motion": _motion(metrics),
+        "bulk": f"{law}; {f'theta = {metrics.theta:g}' if metrics.inertia else 'quasi-static'}",
+        "contact": _contact(metrics),
+        "solver": f"{metrics.solver}, half bandwidth {metrics.half_bandwidth}",
+        "memory": f"about {_bytes(metrics.memory)} besides the program",
+    }
+
+
+def _motion(metrics: SceneMetrics) -> str:
+    if not metrics.touches:
+        return "nothing can touch"
+    after = f", after falling by {metrics.fall:.3g} m" if metrics.fall else ""
+    return f"{metrics.approach:.3g} h a step past each other{after}"
+
+
+def _across(metrics: SceneMetrics) -> str:
+    known = metrics.across[~np.isnan(metrics.across)]
+    return f"{known.min():.3g} cells across the thinnest part" if known.size else "no outlines"
+
+
+def _contact(metrics: SceneMetrics) -> str:
+    if not metrics.touches:
+        return "off"
+    return f"{metrics.contact}, {f'friction up to {metrics.friction:g}' if metrics.friction else 'frictionless'}"
+
+
+def _bytes(number: float) -> str:
+    return f"{number / 1e9:.2g} GB" if number >= 1e9 else f"{number / 1e6:.0f} MB"

@@ -1,0 +1,70 @@
+"""The material points that supports and loads name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skmpm.outline import Outlines
+from skmpm.scene.objects import Load, SceneError, Support
+
+if TYPE_CHECKING:
+    from skmpm.scene.scene import Scene
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class PointSet:
+    """Points of deformable bodies, and how they share what is done to them."""
+
+    points: Ints  # (m,) into the arrays of a state
+    share: Array  # (m,) their sum is 1
+
+
+def held(scene: Scene, i: int, support: Support) -> PointSet:
+    """The points that support i holds, all alike."""
+    points = _matching(scene, f"support {i}: where", support.where)
+    return PointSet(points, np.full(points.size, 1.0 / max(points.size, 1)))
+
+
+def spread(scene: Scene, i: int, load: Load) -> PointSet:
+    """The points that share load i: by boundary length if only boundary points match, else by volume."""
+    points = _matching(scene, f"load {i}: where", load.where)
+    boundary = scene.outlines
+    if np.isin(points, boundary.point).all():
+        share = _lengths(boundary, scene.initial_positions, points)
+    else:
+        share = scene.initial_volumes[points]
+    return PointSet(points, share / share.sum())
+
+
+def _matching(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> Ints:
+    x = scene.initial_positions
+    if not callable(where):
+        raise SceneError(f"{name} = {where!r}; give a function of positions (2, n) that returns (n,) booleans")
+    inside = np.asarray(where(x))
+    if inside.shape != x.shape[1:] or inside.dtype != np.bool_:
+        raise SceneError(
+            f"{name} returned {inside.dtype} of the shape {inside.shape}; return {x.shape[1:]} booleans,"
+            " one for each position"
+        )
+    return np.flatnonzero(inside & np.repeat(scene.deformable, np.diff(scene.offsets)))
+
+
+def _lengths(boundary: Outlines, x: Array, points: Ints) -> Array:
+    """Half of the boundary from each point to those of its neighbours that match, to both where neither does."""
+    start, end = boundary.point, boundary.point[boundary.next]
+    half = 0.5 * np.hypot(*(x[:, end] - x[:, start]))
+    chosen = np.isin(start, points) & np.isin(end, points)
+
+    def tributary(half: Array) -> Array:
+        return np.asarray(np.bincount(start, half, x.shape[1]) + np.bincount(end, half, x.shape[1]))[points]
+
+    between = tributary(np.where(chosen, half, 0.0))
+    return np.where(between > 0.0, between, tributary(half))

@@ -1,0 +1,141 @@
+"""What a step cost and how good it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.assembly import Assembly
+from skmpm.contact import rigid_velocities
+from skmpm.implicit import Bulk, Increment, Solution
+from skmpm.scene import Energy, Report, Scene, State
+from skmpm.simulate.forces import external_force
+
+Array = NDArray[np.float64]
+
+STRAIN_ROUND_OFF = 100.0 * float(np.finfo(float).eps)  # of strains
+
+
+def kinetic_energy(assembly: Assembly, v: Array) -> float:
+    """Kinetic energy of nodal velocities (2 nodes,) [J/m]."""
+    return 0.5 * float(v @ (assembly.mass * v))
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The energies of one step [J/m]."""
+
+    before: float  # kinetic and elastic
+    kinetic: float
+    elastic: float
+    external: float  # work in the step
+    push_out: float
+    noise: float  # of energies, by rounding
+    exchanged: float  # kinetic, elastic and external, one with another
+    tolerated: float  # given by contacts that act and are open, as far as `gap_tol` lets them
+    rounding: float  # given by gaps that are there by rounding
+
+    @property
+    def largest(self) -> float:
+        """The largest energy of all."""
+        after = self.kinetic + self.elastic
+        return max(abs(self.before), abs(after), abs(self.external), self.push_out, self.noise)
+
+    @property
+    def surplus(self) -> float:
+        """What neither anything nor the tolerances gave."""
+        given = self.external + self.push_out + self.tolerated + self.rounding
+        return self.kinetic + self.elastic - self.before - given
+
+
+def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, displacement: Array) -> Budget:
+    """The energies of a step from a state to this nodal displacement.
+
+    With inertia the work is that of the forces of the step, by which the energies of the time scheme balance. A
+    quasi-static step takes the mean of the forces at both its ends, of second order: the area under their curve.
+    """
+    bulk, w, regridded_state = increment.bulk, solution.w, _at_anchor(increment.bulk)
+    moving = increment.scheme.inertia
+    start, end = (bulk.energy(bulk.at(u)) + regridded_state for u in (increment.start, displacement))
+    kinetic = [kinetic_energy(bulk.assembly, v) if moving else 0.0 for v in (increment.v0, increment.after(w))]
+    external = float(increment.force @ w * increment.dt - solution.reaction @ increment.prescribed)
+    push_out = tolerated = rounding = 0.0
+    if solution.contact is not None:
+        constraints, r, u = solution.contact.constraints, solution.contact.r, solution.contact.u
+        external -= float(r @ constraints.prescribed_components)  # the work of walls and rigid bodies
+        push_out = float(constraints.forces(r, increment.dt)[0] @ constraints.pushed_out)
+        rounding = float(bulk.assembly.mass.sum()) * solution.contact.noise**2
+        tolerated = (
+            float(np.maximum((r * u).reshape(constraints.size, -1).sum(axis=1), 0.0).sum())
+            if constraints.size
+            else 0.0
+        )
+    if not moving:
+        external = 0.5 * (external + _work_at_start(scene, state, increment, w))
+    return Budget(
+        before=start + kinetic[0],
+        kinetic=kinetic[1],
+        elastic=end,
+        external=external,
+        push_out=push_out,
+        noise=max(STRAIN_ROUND_OFF**2 * bulk.modulus * float(bulk.assembly.volume.sum()), 1e-300),
+        exchanged=abs(kinetic[1] - kinetic[0]) + abs(end - start) + abs(external),
+        tolerated=tolerated,
+        rounding=rounding,
+    )
+
+
+def _work_at_start(scene: Scene, state: State, increment: Increment, w: Array) -> float:
+    """The work of loads, supports, walls and rigid bodies along a step if their forces stayed as they are [J/m]."""
+    contacts, middle = state.contacts, state.t + 0.5 * increment.dt
+    loads = external_force(scene, state, state.t) @ w
+    supports = state.support_force.ravel() @ increment.prescribed
+    tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
+    force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent
+    velocity = np.concatenate([rigid_velocities(scene, middle), scene.wall_velocities(middle)[::-1].T], axis=1)
+    relative = velocity[:, contacts.bodies[0]] - velocity[:, contacts.bodies[1]]
+    return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
+
+
+def report_of(
+    old: Energy, increment: Increment, solution: Solution, budget: Budget, overlap: float, *, regridded: bool
+) -> Report:
+    """The report of a step but for its times; what goes in and kinetic and elastic energy do not show, is lost.
+
+    `relaid` tells whether the step began with new body grids.
+    """
+    before = old.kinetic + old.elastic
+    anew = budget.before - before if regridded else 0.0
+    gained = budget.kinetic + budget.elastic - before
+    return Report(
+        dt=increment.dt,
+        newton=solution.newton,
+        factorisations=solution.factorised,
+        contact=0 if solution.contact is None else solution.contact.iterations,
+        residual=solution.residual,
+        imbalance=solution.imbalance,
+        frozen_normals=solution.contact is not None and solution.contact.frozen is not None,
+        overlap=overlap,
+        energy=Energy(
+            kinetic=budget.kinetic,
+            elastic=budget.elastic,
+            external=old.external + budget.external,
+            push_out=old.push_out + budget.push_out,
+            regridded=old.regridded + anew,
+            dissipated=old.dissipated + budget.external + budget.push_out + anew - gained,
+        ),
+    )
+
+
+def _at_anchor(bulk: Bulk) -> float:
+    """Elastic energy that linear materials held when the body grids were built, 1/2 stress : C^-1 : stress [J/m]."""
+    total = 0.0
+    for material, points in bulk.materials:
+        if material.linear and bulk.stress_anchor is not None:
+            (lam, mu), stress = material.lame, bulk.stress_anchor[..., points]
+            trace = stress[0, 0] + stress[1, 1]
+            square = np.einsum("ijp,ijp->p", stress, stress) - lam / (2.0 * (lam + mu)) * trace**2
+            total += float(bulk.assembly.volume[points] @ square) / (4.0 * mu)
+    return total

@@ -1,0 +1,107 @@
+"""Points, walls and contacts at the end of a step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit import Increment, Solution
+from skmpm.linear import Delassus, Solver
+from skmpm.material import determinant, product
+from skmpm.scene import Contacts, Derived, Scene, State, motion
+from skmpm.simulate.regrid import derived_of
+from skmpm.transfer import apic
+
+Array = NDArray[np.float64]
+
+
+def end_state(scene: Scene, state: State, increment: Increment, solution: Solution) -> State:
+    """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
+    dt, own = increment.dt, scene.deformable[state.body]
+    bulk, grid = increment.bulk, increment.bulk.assembly.grid
+    displacement = increment.start + dt * solution.w
+    at = bulk.at(displacement)
+
+    x, v, F, C, stress, weight = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress, state.weight))
+    x[:, own] = state.x_anchor[:, own] + grid.at_points(displacement)
+    after = increment.after(solution.w)
+    transfer = increment.scheme.transfer if increment.scheme.inertia else apic
+    v[:, own], C[:, :, own] = transfer(grid, increment.v0, after, state.v[:, own])
+    F[:, :, own] = product(at.F, state.F_anchor[:, :, own])
+    stress[:, :, own] = bulk.cauchy(at)
+    weight[own] = bulk.assembly.volume * determinant(at.F)
+    _move_rigid(scene, state, dt, x, v)
+    contacts, wall_force = _contacts(scene, solution, dt)
+    return replace(
+        state,
+        t=state.t + dt,
+        x=x,
+        v=v,
+        F=F,
+        C=C,
+        stress=stress,
+        volume=scene.initial_volumes * determinant(F),
+        weight=weight,
+        displacement=displacement,
+        walls=state.walls + dt * scene.wall_velocities(state.t + 0.5 * dt),
+        wall_force=wall_force,
+        support_force=solution.reaction.reshape(-1, 2) / dt,
+        contacts=contacts,
+        derived=_kept(scene, state, increment, solution),
+    )
+
+
+def _kept(scene: Scene, state: State, increment: Increment, solution: Solution) -> Derived:
+    """What later steps can use again."""
+    derived = replace(derived_of(state), key=(), solver=None, delassus=None)
+    if not increment.material_response.linear:
+        return derived
+    delassus = None if solution.contact is None else solution.contact.delassus
+    return replace(derived, key=_key(scene, increment), solver=solution.solver, delassus=delassus)
+
+
+def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solver | None, Delassus | None]:
+    """The factor of an earlier step, where linear answers, dt and the anchor make it the factor of this one.
+
+    And how the places of contacts respond by it, as far as it is known.
+    """
+    derived = state.derived
+    if derived is None or not increment.material_response.linear or derived.key != _key(scene, increment):
+        return None, None
+    return derived.solver, derived.delassus
+
+
+def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
+    materials, scheme = tuple(body.material for body in scene.bodies), increment.scheme
+    options = (scheme.theta, scheme.inertia, scheme.explicit, scheme.linear, scheme.mean_dilatation, scheme.contact)
+    return (increment.dt, *options, materials)
+
+
+def _move_rigid(scene: Scene, state: State, dt: float, x: Array, v: Array) -> None:
+    name, offsets = "body {}: velocity", scene.offsets
+    for b in np.flatnonzero(~scene.deformable).tolist():
+        velocity, own = scene.bodies[b].velocity, slice(offsets[b], offsets[b + 1])
+        x[:, own] += dt * motion(velocity, state.t + 0.5 * dt, name.format(b))[:, None]
+        v[:, own] = motion(velocity, state.t + dt, name.format(b))[:, None]
+
+
+def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:
+    """The contacts with their forces (2, k), and the forces on the walls, (walls, 2) [N/m]."""
+    wall_force = np.zeros((len(scene.walls), 2))
+    if solution.contact is None:
+        return Contacts.none(), wall_force
+    constraints, force = solution.contact.constraints, solution.contact.constraints.forces(solution.contact.r, dt)
+    on_wall = constraints.bodies[1] < 0
+    pushed = -(force[0] * constraints.normal + force[1] * constraints.tangent)[:, on_wall]
+    np.add.at(wall_force, -1 - constraints.bodies[1, on_wall], pushed.T)
+    return Contacts(
+        constraints.bodies,
+        constraints.x,
+        constraints.normal,
+        force,
+        constraints.gap,
+        constraints.key,
+        constraints.point,
+    ), wall_force

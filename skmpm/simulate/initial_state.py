@@ -1,0 +1,132 @@
+"""The state at t = 0."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import Rigid
+from skmpm.scene import Contacts, Energy, Report, Scene, State, field_values, motion
+from skmpm.scheme import Scheme
+from skmpm.simulate.energy_budget import kinetic_energy
+from skmpm.simulate.regrid import assembly_of, regridded_state
+from skmpm.transfer import to_nodes
+
+Array = NDArray[np.float64]
+
+
+def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
+    """The state at t = 0, with the contacts found there."""
+    check_scheme("initial", scheme)
+    x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
+    body = scene.owner.copy()
+    density = np.array([b.material.density for b in scene.bodies])
+    v, C = initial_motion(scene)
+    n = x.shape[1]
+    state = State(
+        t=0.0,
+        x=x,
+        v=v,
+        F=np.repeat(np.eye(2)[:, :, None], n, axis=2),
+        C=C,
+        stress=np.zeros((2, 2, n)),
+        mass=density[body] * volume,
+        volume=volume,
+        weight=volume,
+        body=body,
+        x_anchor=x,
+        F_anchor=np.repeat(np.eye(2)[:, :, None], n, axis=2),
+        stress_anchor=np.zeros((2, 2, n)),
+        displacement=np.zeros(0),
+        walls=np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2),
+        wall_normals=scene.normals.T.copy(),
+        wall_force=np.zeros((len(scene.walls), 2)),
+        support_force=np.zeros((len(scene.supports), 2)),
+        contacts=Contacts.none(),
+        report=Report(),
+    )
+    state = regridded_state(scene, state, scheme)
+    assembly, own = assembly_of(state), scene.deformable[body]
+    nodal = to_nodes(assembly, state.mass[own], v[:, own], C[:, :, own])
+    weight = volume.copy()
+    weight[own] = assembly.volume
+    state = replace(state, weight=weight)
+    at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
+    if not can_touch(scene):
+        return replace(state, report=at_start)
+    # So short a step that nothing moves, nor do the neighbours' margins grow.
+    speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
+    dt = 1e-9 * scene.cell / max(speed, scene.cell)
+    constraints = scheme.contact(scene, state, assembly.grid, dt, scheme.theta)(np.zeros(2 * assembly.grid.nodes))
+    nothing = np.zeros((2, constraints.size))
+    contacts = Contacts(
+        constraints.bodies,
+        constraints.x,
+        constraints.normal,
+        nothing,
+        constraints.gap,
+        constraints.key,
+        constraints.point,
+    )
+    return replace(state, contacts=contacts, report=at_start)
+
+
+def check_scheme(name: str, scheme: object) -> None:
+    """Raise ValueError unless a scheme is one; `name` says whose it is."""
+    if not isinstance(scheme, Scheme):
+        raise ValueError(f"{name}: scheme = {scheme!r}; give a Scheme, as skmpm.Scheme.fast()")
+
+
+def initial_motion(scene: Scene) -> tuple[Array, Array]:
+    """Velocities (2, n) [m/s] of the points at t = 0 and their gradients (2, 2, n) [1/s]."""
+    v, C = [], []
+    for body in scene.bodies:
+        x, weight = body.points.x, body.points.volume
+        if isinstance(body.material, Rigid):
+            v.append(np.repeat(motion(body.velocity, 0.0)[:, None], x.shape[1], axis=1))
+            C.append(np.zeros((2, 2, x.shape[1])))
+            continue
+        field, slope = _field(body.velocity, x, 1e-4 * scene.cell)
+        arm = x - (x @ weight / weight.sum())[:, None]
+        v.append(field + body.spin * np.stack([-arm[1], arm[0]]))
+        C.append(slope + body.spin * np.array([[0.0, -1.0], [1.0, 0.0]])[:, :, None])
+    return np.concatenate(v, axis=1), np.concatenate(C, axis=2)
+
+
+def _field(velocity: object, x: Array, reach: float) -> tuple[Array, Array]:
+    """A velocity field at the points and its gradient, by central differences."""
+    if not callable(velocity):
+        value = np.asarray(velocity, dtype=float)
+        return np.repeat(value[:, None], x.shape[1], axis=1), np.zeros((2, 2, x.shape[1]))
+    steps = reach * np.eye(2)
+
+    def at(y: Array) -> Array:
+        return field_values("velocity(x)", velocity(y), y)
+
+    columns = [(at(x + s[:, None]) - at(x - s[:, None])) / (2.0 * reach) for s in steps]
+    return at(x), np.stack(columns, axis=1)
+
+
+def driven(scene: Scene) -> Iterator[tuple[str, float]]:
+    """What moves as prescribed at t = 0, and how fast [m/s]."""
+    for i, v in enumerate(scene.wall_velocities(0.0)):
+        yield f"wall {i}", float(np.hypot(*v))
+    for i, v in enumerate(np.nan_to_num(scene.support_velocities(0.0))):
+        yield f"support {i}", float(np.hypot(*v))
+    for i, body in enumerate(scene.bodies):
+        if isinstance(body.material, Rigid):
+            yield f"rigid body {i}", float(np.hypot(*motion(body.velocity, 0.0)))
+
+
+def fastest_wave(scene: Scene) -> float:
+    """Speed of the fastest pressure wave [m/s]."""
+    soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
+    return max(float(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density)) for m in soft)
+
+
+def can_touch(scene: Scene) -> bool:
+    """Whether anything in the scene can touch anything else."""
+    return bool(scene.walls) or len(scene.bodies) > 1

@@ -1,0 +1,173 @@
+"""Body grids built through the points, and the bulk that moves on them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.assembly import Assembly, prepare
+from skmpm.constraint_elimination import Elimination, eliminate
+from skmpm.grid import BodyGrids, build_grids
+from skmpm.implicit import Bulk, NotConverged
+from skmpm.material import Rigid, determinant, product
+from skmpm.moment_fitting import fitted_weights
+from skmpm.scene import Derived, Scene, SceneError, State
+from skmpm.scheme import Scheme, averages_dilatation
+
+Array = NDArray[np.float64]
+
+
+def regridded_state(scene: Scene, state: State, scheme: Scheme) -> State:
+    """The state with body grids: rebuilt through the points when they have deformed beyond `scheme.anchor`."""
+    worn = _deformed_beyond_anchor(scene, state, scheme)
+    if state.displacement.size and not worn and _still_valid(scene, state, scheme):
+        return state
+    if state.displacement.size == 0 or worn:
+        relative = product(state.F, _inverse(state.F_anchor))
+        state = replace(
+            state,
+            C=product(state.C, _inverse(relative)),
+            x_anchor=state.x,
+            F_anchor=state.F,
+            stress_anchor=state.stress,
+            displacement=np.zeros(0),
+        )
+    derived = _derived(scene, state, scheme)
+    nodes = derived.assembly.grid.nodes
+    displacement = state.displacement if state.displacement.size else np.zeros(2 * nodes)
+    if displacement.size != 2 * nodes:
+        raise SceneError(
+            f"the state moves {displacement.size // 2} grid nodes, the scene with cell = {scene.cell:g} m has"
+            f" {nodes}; continue with the scene that the state was made from"
+        )
+    return replace(state, displacement=displacement, derived=derived)
+
+
+def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
+    """Whether what is kept was made for this scene and scheme."""
+    kept = state.derived
+    return (
+        kept is not None
+        and kept.assembly.grid.cell == scene.cell
+        and kept.supported is scene.supports
+        and kept.moment_fitting == scheme.moment_fitting
+        and np.array_equal(kept.ghost, _ghost_moduli(scene, scheme))
+    )
+
+
+def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
+    """Body grids through the anchor positions, and what stays as long as they do."""
+    own, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
+    x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
+    grid = build_grids(x[:, own], state.body[own], scene.cell, len(scene.bodies), inward[:, own])
+    volume = (scene.initial_volumes * determinant(state.F_anchor))[own]
+    weights = _weights(scene, grid, volume, x) if scheme.moment_fitting else volume
+    return Derived(
+        assembly=prepare(grid, weights, state.mass[own], modulus),
+        ghost=modulus,
+        moment_fitting=scheme.moment_fitting,
+        supports=_supports(scene, grid, np.cumsum(own) - 1),
+        supported=scene.supports,
+    )
+
+
+def check_whole(scene: Scene, state: State) -> None:
+    """Raise NotConverged where cells fall apart within an outline: nothing would hold the body's parts together."""
+    grid = assembly_of(state).grid
+    parts = np.array([len(body.points.outline) or grid.cells for body in scene.bodies])
+    torn = np.flatnonzero(grid.pieces > parts)
+    if torn.size:
+        raise NotConverged(
+            f"body {torn[0]}",
+            f"its cells fall into {grid.pieces[torn[0]]} pieces that share no node",
+            "use a smaller spacing of its points or a larger cell",
+            retryable=False,
+        )
+
+
+def _weights(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> Array:
+    """The volumes (n,) of the points, fitted to the parts of cells inside the outlines, where there are any."""
+    boundary = scene.outlines
+    bounded = np.isin(grid.cell_body, boundary.body)[grid.cell_of_point]
+    if not bounded.any():
+        return volume
+    moments = outline.cell_moments(boundary, x[:, boundary.point], scene.cell, grid.cell_index, grid.cell_body)
+    return np.where(bounded, fitted_weights(grid, volume, moments[:3]), volume)
+
+
+def _supports(scene: Scene, grid: BodyGrids, number: NDArray[np.int64]) -> Elimination | None:
+    """The unknowns that supports fix: each component told is a row N(c) v = told at every point c held."""
+    if not scene.supports:
+        return None
+    rows, columns = [], []
+    for i, (prescribed, place) in enumerate(zip(scene.support_velocities(0.0), scene.held, strict=True)):
+        at = grid.interpolation[number[place.points]]
+        for axis in np.flatnonzero(~np.isnan(prescribed)).tolist():
+            rows.append(sp.kron(at, np.eye(2)[axis : axis + 1], format="csr"))
+            columns.append(np.full(place.points.size, 2 * i + axis))
+    column = np.concatenate(columns)
+    B = sp.csr_array(
+        (np.ones(column.size), column, np.arange(column.size + 1)), shape=(column.size, 2 * len(scene.supports))
+    )
+    return eliminate(sp.csr_array(sp.vstack(rows)), B, grid.blocks, grid.rigid_motions())
+
+
+def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
+    """Moduli of the bodies' ghost penalties, (bodies,) [Pa]."""
+    modulus = np.zeros(len(scene.bodies))
+    for b, body in enumerate(scene.bodies):
+        if not isinstance(body.material, Rigid):
+            modulus[b] = scheme.ghost * body.material.bounded_modulus
+    return modulus
+
+
+def _deformed_beyond_anchor(scene: Scene, state: State, scheme: Scheme) -> bool:
+    """Whether the body grids have deformed beyond the scheme's bound since they were laid."""
+    if not np.isfinite(scheme.anchor) or state.t == 0.0:
+        return False
+    if scheme.anchor == 0.0:
+        return state.x is not state.x_anchor
+    relative = product(state.F, _inverse(state.F_anchor)) - np.eye(2)[:, :, None]
+    return float(np.abs(relative).max(initial=0.0)) > scheme.anchor
+
+
+def _inverse(F: Array) -> Array:
+    return np.array([[F[1, 1], -F[0, 1]], [-F[1, 0], F[0, 0]]]) / determinant(F)
+
+
+def inward_normals(scene: Scene, x: Array) -> Array:
+    """Inward normals of the boundary points, zero elsewhere, (2, n)."""
+    inward = np.zeros_like(x)
+    boundary = scene.outlines
+    if boundary.point.size:
+        inward[:, boundary.point] = -outline.normals(boundary, x[:, boundary.point])
+    return inward
+
+
+def derived_of(state: State) -> Derived:
+    """What is kept for speed with an anchored state."""
+    if state.derived is None:
+        raise ValueError("the state has no body grids; pass it through `anchored` first")
+    return state.derived
+
+
+def assembly_of(state: State) -> Assembly:
+    """The assembly of an anchored state."""
+    return derived_of(state).assembly
+
+
+def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
+    """The deformable bodies' energy, grouped by material."""
+    own = scene.deformable[state.body]
+    body = state.body[own]
+    of_body = [b.material for b in scene.bodies]
+    kinds = dict.fromkeys(m for m in of_body if not isinstance(m, Rigid))
+    groups = [(kind, np.flatnonzero(np.array([m == kind for m in of_body])[body])) for kind in kinds]
+    F, stress = state.F_anchor[:, :, own], state.stress_anchor[:, :, own]
+    undeformed = bool((np.eye(2)[:, :, None] == F).all())
+    known = (None if undeformed else F, stress if stress.any() else None)
+    return Bulk(assembly_of(state), groups, *known, tuple(averages_dilatation(scheme, kind) for kind in kinds))

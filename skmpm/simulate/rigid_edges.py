@@ -1,0 +1,71 @@
+"""Edges of rigid bodies that are pressed into deformable ones: where stress has no bound."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skmpm import outline
+from skmpm.scene import Contacts, Scene
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+CHORDS = 1.05  # by which the turn over a chord exceeds that over its arc, up to 60 degrees each
+ROUND = 0.5  # [cells] radius of edges that went 40 % of the height into 13 of 14 blocks without inertia (test_punch)
+
+
+def pressed_edge(scene: Scene, contacts: Contacts) -> str:
+    """Where a rigid edge carries the largest contact force, in words; empty where none does.
+
+    Of a rigid body only edges touch the curve of another: its contacts name it first.
+    """
+    if contacts.gap.size == 0:
+        return ""
+    k = int(np.argmax(contacts.force[0]))
+    first, second = contacts.bodies[:, k].tolist()
+    if contacts.force[0, k] <= 0.0 or contacts.point[k] < 0 or second < 0 or scene.deformable[first]:
+        return ""
+    x, y = contacts.x[:, k]
+    return (
+        f"; the largest contact force acts on an edge of body {first} at ({x:.6g}, {y:.6g}) m, where stress has no"
+        f" bound and body {second} may snap round: where a smaller dt does not help, use inertia, or round the edge"
+        f" by {ROUND * scene.cell:.4g} m"
+    )
+
+
+def facing_edges(scene: Scene, v: Array, radius: float) -> Ints:
+    """Edges of rigid bodies with radii of less than `radius` [m] that meet deformable bodies, (3, k).
+
+    Rows are the rigid body, the material point of the edge, the deformable body. An edge meets a body whose points
+    lie within a cell of it, or whose box it moves towards with the velocities v (2, n) [m/s] of the points.
+    """
+    boundary, x = scene.outlines, scene.initial_positions
+    at = x[:, boundary.point]
+    edges = np.flatnonzero(~scene.deformable[boundary.body] & (outline.bend(boundary, at) * radius > CHORDS))
+    if edges.size == 0:
+        return np.zeros((3, 0), dtype=np.int64)
+    point, normal = boundary.point[edges], outline.normals(boundary, at)[:, edges]
+    e, soft = np.nonzero(_ahead(scene, point, normal, v) | _beside(scene, point))
+    return np.stack([boundary.body[edges[e]], point[e], soft])
+
+
+def _ahead(scene: Scene, point: Ints, normal: Array, v: Array) -> Bools:
+    """Whether points with outward normals (2, k) move towards the boxes of deformable bodies, (k, bodies)."""
+    x, start = scene.initial_positions, scene.offsets[:-1]
+    low, high = (f.reduceat(x, start, axis=1) for f in (np.minimum, np.maximum))
+    u = v[:, point, None] - (np.add.reduceat(v, start, axis=1) / np.diff(scene.offsets))[:, None]
+    to = np.stack([side[:, None] - x[:, point, None] for side in (low, high)]) / np.where(u == 0.0, 1e-300, u)
+    enters, leaves = to.min(axis=0).max(axis=0), to.max(axis=0).min(axis=0)
+    faces = np.einsum("ik,ikb->kb", normal, u) > 0.0
+    return np.asarray((enters <= leaves) & (leaves > 0.0) & faces & scene.deformable)
+
+
+def _beside(scene: Scene, point: Ints) -> Bools:
+    """Whether a deformable body has a point within a cell of points (k,), and none is nearer, (k, bodies)."""
+    x, own = scene.initial_positions, np.flatnonzero(scene.deformable[scene.owner])
+    far, nearest = (np.asarray(a) for a in cKDTree(x[:, own].T).query(x[:, point].T))
+    bodies = np.arange(len(scene.bodies))
+    return np.asarray((far[:, None] < scene.cell) & (scene.owner[own[nearest]][:, None] == bodies))

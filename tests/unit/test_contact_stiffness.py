@@ -1,0 +1,144 @@
+"""How loaded contacts turn: the second derivative of gaps by differences, and linear unknowns beside contacts."""
+
+from importlib import import_module
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skmpm import Body, NeoHookean, Scene, Wall, contact, coulomb, disc, initial, simulate
+from skmpm.implicit.contact_stiffness import contact_stiffness, loaded
+
+GEL = NeoHookean(1e6, 0.3, 1000.0)
+R, CELL, DT = 1e-3, 0.2e-3, 1e-5
+
+
+def pair(apart=2.0, friction=0.0, **options):
+    bodies = [
+        Body(disc((0, 0), R, spacing=CELL / 2), GEL),
+        Body(disc((apart * R, 0.3 * R), 0.8 * R, spacing=CELL / 2), GEL),
+    ]
+    return Scene(bodies, cell=CELL, friction=friction, **options)
+
+
+def linearised(scene):
+    """The contact law of a scene at rest, and its number of unknowns."""
+    state = initial(scene)
+    grid = state.derived.assembly.grid
+    return contact.point_to_curve(scene, state, grid, DT), 2 * grid.nodes
+
+
+@given(seed=st.integers(0, 10_000), apart=st.floats(1.776, 1.81))
+def test_the_second_derivative_of_the_gap(seed, apart):
+    """By central differences along a random velocity; apart = 1.775 touches."""
+    linearise, unknowns = linearised(pair(apart))
+    rng = np.random.default_rng(seed)
+    # A smooth motion: each body's own translation, rotation and strain.
+    at = rng.standard_normal(unknowns) * 0.02
+    direction = rng.standard_normal(unknowns) * 0.2
+    rows = linearise(at)
+    if rows.size == 0:
+        return
+    step = 1e-3
+    gaps = []
+    for sign in (-1.0, 0.0, 1.0):
+        other = linearise(at + sign * step * direction)
+        if not np.array_equal(other.key, rows.key):
+            return
+        gaps.append(other.gap)
+    measured = (gaps[0] - 2.0 * gaps[1] + gaps[2]) / (step * DT) ** 2
+    everywhere = np.arange(rows.size)
+    tau, beta, _ = (Z @ rows.at_contact_points(direction) for Z in rows.geometric(everywhere))
+    kappa, g = rows.curvature, rows.gap
+    expected = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
+    size = np.abs(expected).max()
+    assert np.abs(measured - expected).max() <= 1e-3 * size
+
+
+def test_the_compliance_is_the_inverse_of_that_derivative():
+    linearise, unknowns = linearised(pair(1.776))
+    rows = linearise(np.zeros(unknowns))
+    r = np.linspace(0.5, 1.0, rows.size)
+    turns = contact_stiffness(rows, r, DT, 1.0)
+    assert turns.contacts.tolist() == list(range(rows.size))
+    direction = np.random.default_rng(0).standard_normal(unknowns)
+    zeta = turns.Z @ rows.at_contact_points(direction)
+    tau, beta = np.split(zeta, 2)
+    g, kappa = rows.gap, rows.curvature
+    second = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
+    rho = -np.linalg.solve(turns.compliance.toarray(), zeta)
+    assert -zeta @ rho == pytest.approx(-DT * r @ second, rel=1e-12)
+
+
+@given(seed=st.integers(0, 10_000), slope=st.sampled_from([-0.8, -0.3, 0.3, 0.8]))
+def test_forces_that_slip_turn_as_foretold(seed, slope):
+    """Impulses on the cone after a small motion, along rows rebuilt, against those before and rho: second order."""
+    linearise, unknowns = linearised(pair(1.776, friction=abs(slope)))
+    rng = np.random.default_rng(seed)
+    at, direction = rng.standard_normal((2, unknowns)) * [[0.02], [0.2]]
+    rows = linearise(at)
+    r = np.outer(rng.uniform(0.5, 1.0, rows.size), [1.0, slope]).ravel()
+    turns = contact_stiffness(rows, r, DT, 1.0)
+    assert turns.contacts.size == rows.size
+    rho = -np.linalg.solve(turns.compliance.toarray(), turns.Z @ rows.at_contact_points(direction))
+    errors = []
+    for step in (1e-2, 1e-3):
+        other = linearise(at + step * direction)
+        if not np.array_equal(other.key, rows.key):
+            return
+        if not np.array_equal(other.tangent_shares.indices, rows.tangent_shares.indices):
+            return  # a foot went on to the next cubic, whose curvature is another
+        foretold = rows.at_nodes(rows.D.T @ r + turns.acting.T @ (step * rho))
+        turned = other.H.T @ turns.rotated_impulses(r, step * rho)
+        errors.append(np.abs(turned - foretold).max() / np.abs(turned - rows.H.T @ r).max())
+    assert errors[1] < 1e-3
+    assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-6
+
+
+def test_walls_and_unloaded_or_sticking_contacts_turn_nothing():
+    scene = pair(1.776, friction=0.5, walls=[Wall((0, -R), (0, 1), friction=0.5)])
+    linearise, unknowns = linearised(scene)
+    rows = linearise(np.zeros(unknowns))
+    r = np.tile([1.0, 0.5], rows.size)  # on the cone
+    r[0] = 0.0
+    r[3] = 0.2  # sticks
+    chosen = contact_stiffness(rows, r, DT, 1.0).contacts
+    assert (rows.bodies[1] == -1).any()
+    assert set(chosen) == set(np.flatnonzero(rows.bodies[1] >= 0)) - {0, 1}
+    assert set(loaded(rows, r)) == set(chosen) | {1}
+    assert contact_stiffness(rows, np.zeros_like(r), DT, 1.0) is None
+
+
+@given(seed=st.integers(0, 10_000), mu=st.sampled_from([0.0, 0.6]), m=st.integers(1, 3))
+def test_linear_unknowns_are_those_eliminated(seed, mu, m):
+    """With a definite compliance C they can be eliminated by hand: W - B' C^-1 B, q - B' C^-1 p."""
+    rng = np.random.default_rng(seed)
+    k = 4
+    size = 2 * k if mu else k
+    root = rng.standard_normal((size + m, size + m))
+    whole = root @ root.T + 0.1 * np.eye(size + m)
+    W, B, C = whole[:size, :size], whole[size:, :size], whole[size:, size:]
+    q, p = rng.standard_normal(size), rng.standard_normal(m)
+    r, info = coulomb.solve(W, q, np.full(k, mu), tol=1e-10, bilateral=coulomb.Bilateral(B, C, p))
+    assert info.converged
+    assert np.abs(B @ r + C @ info.bilateral + p).max() <= 1e-7
+    inverse = np.linalg.inv(C)
+    reduced = W - B.T @ inverse @ B
+    u = reduced @ r + q - B.T @ inverse @ p
+    assert coulomb.residual(r, u, np.full(k, mu), np.diag(reduced)) <= 1e-6
+
+
+def test_newton_takes_half_the_iterations(monkeypatch):
+    """Two frictionless discs, squeezed off centre and turning about each other, with and without."""
+
+    def iterations():
+        walls = [Wall((0, -R), (0, 1)), Wall((0, 1.1 * R), (0, -1), velocity=(0, -4.0))]
+        walls += [Wall((-R, 0), (1, 0)), Wall((2.58 * R, 0), (-1, 0), velocity=(-4.0, 0))]
+        states = simulate(pair(1.776, walls=walls), dt=DT, until=10 * DT)
+        return np.mean([state.report.newton for state in states])
+
+    consistent = iterations()
+    contact = import_module("skmpm.implicit.contact_problem")
+    monkeypatch.setattr(contact, "contact_stiffness", lambda *arguments: None)
+    assert consistent < 0.8 * iterations()

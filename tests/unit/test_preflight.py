@@ -1,0 +1,481 @@
+"""The preflight check: numbers against hand-computed ones, a warning beyond every limit and none before it."""
+
+import re
+import runpy
+import subprocess
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skmpm
+from skmpm import (
+    Body,
+    LinearElastic,
+    Load,
+    NeoHookean,
+    Points,
+    Rigid,
+    Scene,
+    Scheme,
+    Support,
+    Wall,
+    box,
+    contact,
+    disc,
+    linear,
+)
+from skmpm.preflight import limits, preflight
+from skmpm.preflight.limits import warnings_of
+from skmpm.preflight.metrics import examine, memory_of
+
+ROOT = Path(__file__).parents[2]
+FINE = "no warnings"
+GEL = NeoHookean(E=10e6, nu=0.45, density=990.0)
+WAVE = np.sqrt(10e6 * 0.55 / (1.45 * 0.10) / 990.0)  # sqrt((lambda + 2 mu) / rho) by E and nu
+R, H = 1e-3, 2e-4
+DT = H / WAVE
+LEAST = 1e-4  # by which a limit is passed, or kept
+
+
+def round_body(x=0.0, radius=R, material=GEL, **motion):
+    return Body(disc((x, 0.3 * H), radius, spacing=0.7 * H), material, **motion)
+
+
+def pair(first=GEL, second=GEL, velocity=0.0, **options):
+    return Scene(
+        [round_body(0.0, material=first, velocity=(velocity, 0.0)), round_body(2.1 * R, material=second)],
+        cell=H,
+        **options,
+    )
+
+
+def lines(text):
+    return [line[2:] for line in text.splitlines() if line.startswith("! ")]
+
+
+# Numbers.
+
+
+def test_a_box_on_grid_lines():
+    """8 x 4 cells, 2 points a cell and one more at both ends of a row; gamma of supports and loads is not theirs."""
+    h = 0.125
+    scene = Scene(
+        [Body(box((h, -2 * h), (8 * h, 4 * h), spacing=h / 2), LinearElastic(1e6, 0.25, 1000.0))],
+        cell=h,
+        supports=[Support(lambda x: x[0] == h, velocity=(3.0, None))],
+        loads=[Load(lambda x: x[0] > 8.99 * h, (0.0, 1.0))],
+    )
+    metrics = examine(scene, 2e-3, Scheme())
+    assert metrics.points.tolist() == [18 * 10]
+    assert metrics.points_per_cell == pytest.approx([180 / 32])
+    assert metrics.resolution == pytest.approx([np.sqrt(32 / np.pi)])
+    assert (metrics.cells, metrics.unknowns) == (32, 2 * 9 * 5)
+    assert metrics.wave == pytest.approx(np.sqrt(1.2e6 / 1000.0))  # lambda = mu = E / 2.5 at nu = 1/4
+    assert metrics.courant == pytest.approx(np.sqrt(1200.0) * 2e-3 / h)
+    assert (metrics.lid, metrics.lid_name) == (pytest.approx(3.0 * 2e-3 / h), "support 0")
+    assert metrics.around == {"walls": 0, "supports": 1, "loads": 1}
+    assert metrics.linear and metrics.inertia and not metrics.touches
+    assert (metrics.approach, metrics.friction, metrics.rigid) == (0.0, 0.0, 0)
+    assert metrics.solver == "banded"
+    assert metrics.half_bandwidth == 2 * (5 + 1) + 1  # rows of five nodes; every cell is full: no ghost penalty
+
+
+def test_bodies_walls_and_a_rigid_one():
+    """Unknowns are those of deformable bodies; the fastest wave, wall and motion are found."""
+    slow = LinearElastic(1e6, 0.3, 1000.0)
+    scene = Scene(
+        [
+            round_body(),
+            round_body(3 * R, material=slow, velocity=(3.0, 1.0), spin=2.0),
+            Body(box((5 * R, 0.0), (R, R), spacing=H), Rigid(1.0), velocity=lambda t: (0.0, -4.0 - t)),
+        ],
+        cell=H,
+        walls=[Wall((0, -2 * R), (0, 1), friction=0.7), Wall((0, 4 * R), (0, -1), velocity=(0.0, -3.0))],
+        friction=0.3,
+    )
+    metrics = examine(scene, 1e-6, Scheme(anchor=0.0))
+    assert metrics.points.sum() == scene.initial_volumes.size
+    assert metrics.own.tolist() == [0, 1] and metrics.rigid == 1
+    assert metrics.resolution == pytest.approx([5.0, 5.0])
+    state = skmpm.initial(scene)
+    assert metrics.unknowns == state.displacement.size
+    assert metrics.cells == state.derived.assembly.grid.cells
+    assert metrics.wave == pytest.approx(WAVE)
+    assert (metrics.lid_name, metrics.lid) == ("rigid body 2", pytest.approx(4e-6 / H))
+    up = 1.0 + 2.0 * R  # the right end of the disc that spins
+    assert metrics.approach == pytest.approx(1e-6 / H * np.hypot(3.0 + 2.0 * R, up + 4.0), rel=1e-3)
+    assert metrics.rotation == pytest.approx([0.0, 2e-6])
+    assert metrics.friction == 0.7 and metrics.contact == "point to curve" and metrics.touches and not metrics.linear
+
+
+@pytest.mark.parametrize("radius", [3.3, 12.0, 90.0])
+@pytest.mark.parametrize("stretch", [1.0, 0.3])
+def test_the_solver_is_the_one_that_a_step_takes(radius, stretch):
+    """`linear.default` sees the half bandwidth that was expected and picks what the report says."""
+    seen = []
+
+    def spy(A, blocks, rigid_motions):
+        seen.append((linear.half_bandwidth(A), linear.default(A, blocks, rigid_motions).name))
+        raise np.linalg.LinAlgError("seen")
+
+    points = disc((0.31, 0.77), radius, spacing=0.74 if radius < 20 else 0.9)
+    x = points.x * np.array([[1.0], [stretch]])
+    body = Body(Points(x, points.volume * stretch, points.outline), LinearElastic(1.0, 0.3, 1.0))
+    scene = Scene([body], cell=1.0)
+    metrics = examine(scene, 1.0, Scheme())
+    with pytest.raises(skmpm.StepFailed):
+        skmpm.step(scene, skmpm.initial(scene), 1.0, scheme=Scheme(linear=spy))
+    assert seen[0] == (metrics.half_bandwidth, metrics.solver)
+
+
+def test_the_solver_is_the_schemes_own():
+    assert examine(pair(), DT, Scheme(linear=linear.amg)).solver == "amg"
+    assert examine(pair(), DT, Scheme(linear=linear.direct)).solver == "direct"
+
+
+@pytest.mark.parametrize("scale", [1e3, 1e-3, 1e-6])
+def test_units_do_not_matter(scale):
+    """All lengths scaled, times kept: the same numbers but for h and c, and the same words."""
+
+    def scaled(s):
+        gel = NeoHookean(1e7 * s**2, 0.45, 990.0)
+        bodies = [Body(disc((y * s * R / 7, y * s * R), 0.9 * s * R, spacing=s * R / 8), gel) for y in (1, 3)]
+        walls = [Wall((0, 0), (0, 1), friction=3.0), Wall((0, 4 * s * R), (0, -1), velocity=(0, -30.0 * s))]
+        return Scene(bodies, cell=s * H, walls=walls)
+
+    found, expected = (examine(scaled(s), 5e-6, Scheme()) for s in (scale, 1.0))
+    for name in {field.name for field in fields(found)} - {"cell", "wave"}:
+        value = getattr(expected, name)
+        number = isinstance(value, float | np.ndarray)
+        assert getattr(found, name) == (pytest.approx(value) if number else value), name
+    assert (found.cell, found.wave) == pytest.approx((scale * H, scale * WAVE))
+    texts = [preflight(scaled(s), 5e-6) for s in (scale, 1.0)]
+    plain = [re.sub(r"[-+.e\d]+ (m|m/s)\b", "length", text) for text in texts]
+    assert plain[0] == plain[1]
+    assert len(lines(texts[0])) == 3  # lid, motion, friction
+
+
+@pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, "1", None, 1e-101])
+def test_a_bad_time_step_is_refused_as_by_simulate(dt):
+    with pytest.raises(ValueError, match=re.escape(f"dt = {dt!r}; give a time step greater than zero")) as found:
+        preflight(pair(), dt)
+    with pytest.raises(ValueError) as expected:
+        next(skmpm.simulate(pair(), dt=dt, until=1.0))
+    assert str(found.value) == str(expected.value).replace("simulate", "report")
+
+
+# Warnings.
+
+
+def small(n, cells):
+    """A single disc-like body of n points and R/h = cells, without outline."""
+    x = disc((0.0, 0.0), R, spacing=R / 4).x
+    x = np.tile(x, (1, 1 + n // x.shape[1]))[:, :n]
+    return Scene([Body(Points(x, np.full(n, np.pi * R**2 / n)), GEL)], cell=R / cells)
+
+
+def lid(value):
+    walls = [Wall((0, -2 * R), (0, 1)), Wall((0, 2 * R), (0, -1), velocity=(0.0, -value * H / DT))]
+    return pair(walls=walls)
+
+
+def gel(**changes):
+    return NeoHookean(**{"E": 1e7, "nu": 0.45, "density": 990.0, **changes})
+
+
+def quick(scene):
+    return scene.cell / max(
+        np.sqrt((m.lame[0] + 2 * m.lame[1]) / m.density) for m in (b.material for b in scene.bodies)
+    )
+
+
+LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene and value, scheme
+    "R/h": (limits.RESOLUTION, r"body 0 and 1 more: R/h = 3.2;",
+            lambda v: replace(pair(), cell=R / v), None, {}),
+    "R/h alone": (limits.SMALLEST, r"body 0: R/h = 1;", lambda v: small(20, v), None, {}),
+    "thin": (limits.THIN, r"body 0 and 1 more: 4 cells across its thinnest part of 0.001 m;", lambda v: Scene(
+        [Body(box((x, 0.0), (9 * R, R), spacing=R / 12), GEL) for x in (0.0, 10 * R)], cell=R / v), None, {}),
+    "points": (limits.FEWEST, r"body 0: 1.8 points per cell of material;",
+               lambda v: small(300, np.sqrt(300 / np.pi / v)), None, {}),
+    "dt": (limits.COURANT, r"step: dt c/h = 15;", lambda v: pair(), lambda s, v: v * DT, {}),
+    "dt explicit": (limits.EXPLICIT, r"step: dt c/h = 0.7;", lambda v: pair(), lambda s, v: v * DT,
+                    {"explicit": True}),
+    "lid": (limits.LID, r"wall 1: moves 0.14 h a step;", lid, lambda s, v: DT, {}),
+    "bodies": (limits.APPROACH, r"bodies: up to 0.2 h a step past each other;",
+               lambda v: pair(velocity=v * H / DT), lambda s, v: DT, {}),
+    "locking": (limits.LOCKING, r"body 1: nu = 0\.4\d* without mean dilatation;",
+                lambda v: pair(gel(nu=0.3), gel(nu=v)), None, {"mean_dilatation": False}),
+    "nu": (limits.POISSON, r"body 1: nu = 0.49999", lambda v: pair(second=gel(nu=min(v, 0.499995))), None, {}),
+    "nu by amg": (limits.MULTIGRID, r"body 1: nu = 0.49", lambda v: pair(second=gel(nu=v)), None,
+                  {"linear": linear.amg}),
+    "friction": (limits.FRICTION, r"scene: friction = 2", lambda v: pair(friction=v), None, {}),
+    "friction of a wall": (limits.FRICTION, r"wall 1: friction = 2", lambda v: pair(
+        walls=[Wall((0, -R), (0, 1), friction=0.5), Wall((0, 2 * R), (0, -1), friction=v)]), None, {}),
+    "stiffness": (limits.STIFFNESS, r"bodies 1 and 0: ratio of E 100;",
+                  lambda v: pair(first=gel(E=1e6 * v), second=gel(E=1e6)), None, {}),
+    "density": (limits.DENSITY, r"bodies 0 and 1: ratio of density 1e\+04;",
+                lambda v: pair(second=gel(density=990.0 * v)), None, {}),
+    "turning": (limits.ROTATION, r"body 0: LinearElastic turns by 0.05 in 1e\+03 steps;", lambda v: Scene(
+        [round_body(material=LinearElastic(1e7, 0.45, 990.0), spin=-v / limits.STEPS / DT)], cell=H),
+        lambda s, v: DT, {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LIMITED)
+def test_a_warning_beyond_each_limit_and_none_before(name):
+    """By 1e-4 of the limit; one line with the object, the value, what was verified, the remedy."""
+    limit, says, scene, dt, options = LIMITED[name]
+    sign = -1.0 if limit in (limits.RESOLUTION, limits.SMALLEST, limits.THIN, limits.FEWEST) else 1.0
+    for passed in (-1.0, 0.0, 1.0):
+        value = limit.value * (1.0 + passed * sign * LEAST)
+        given = scene(value)
+        text = preflight(given, quick(given) if dt is None else dt(given, value), scheme=Scheme(**options))
+        if passed > 0.0 or (passed == 0.0 and limit is limits.LOCKING):  # what locks does from 0.4 on
+            (line,) = lines(text)
+            assert re.match(says, line), line
+            assert limit.where in line
+            assert re.search(r"; use [^;]*$", line)
+        else:
+            assert text.endswith(FINE), text
+
+
+def advised(text, says):
+    return float(re.search(rf"^! .*use {says}([\d.e-]+)", text, re.MULTILINE).group(1))
+
+
+@pytest.mark.parametrize("digits", [1.0, 1.23, 2.37, 4.96, 8.88])
+def test_who_takes_the_advice_is_not_warned_again(digits):
+    """Whatever is left of a number when it is printed with two digits."""
+    radius = digits * R
+    scene = Scene([round_body(radius=radius), round_body(3 * radius, radius=radius)], cell=0.5 * radius)
+    cell = advised(preflight(scene, 1e-3 * DT), "cell = ")
+    assert 0.9 < cell * limits.RESOLUTION.value / radius <= 1.0
+    assert "R/h =" not in preflight(replace(scene, cell=cell), 1e-3 * DT)
+    assert "dt c/h =" not in preflight(pair(), advised(preflight(pair(), 100 * digits * DT), "dt = "))
+    moved = pair(velocity=digits * H / DT)
+    text = preflight(moved, DT)
+    assert preflight(moved, DT * advised(text, "dt ")).endswith(FINE)
+
+
+STIFF = LinearElastic(1e7, 0.45, 990.0)
+THREE = Scene([round_body(), round_body(2.1 * R), round_body(4.2 * R)], cell=H)
+SUPPORTED = {"supports": [Support(lambda x: x[0] <= -0.99 * R)]}
+
+
+def stamped(velocity):
+    """A disc and a rigid box above it, narrower than the disc, that moves."""
+    tool = Body(box((-0.5 * R, 1.5 * R), (R, R), spacing=H / 2), Rigid(1.0), velocity=velocity)
+    return Scene([round_body(), tool], cell=H, friction=0.3)
+
+
+CHOICES = {  # what the warning says first, the scene and scheme that bring it, neighbours that do not
+    "small strain with friction": (
+        r"body 1: LinearElastic, and friction may turn it",
+        (pair(second=STIFF, friction=0.1), {}),
+        [(pair(second=STIFF), {}), (pair(friction=0.1), {}), (pair(second=STIFF, friction=0.1), {"anchor": 0.05})],
+    ),
+    "small strain in a packing": (
+        r"body 0: LinearElastic, and its neighbours may turn it",
+        (replace(THREE, bodies=[round_body(material=STIFF), *THREE.bodies[1:]]), {}),
+        [(THREE, {})],
+    ),
+    "midpoint in a packing": (
+        r"scheme: theta = 0.5 with contact;",
+        (THREE, {"theta": 0.5}),
+        [(THREE, {}), (pair(), {"theta": 0.5})],
+    ),
+    "shared nodes": (
+        r"scheme: contact = shared_grid;",
+        (pair(), {"anchor": 0.0, "contact": contact.shared_grid}),
+        [
+            (pair(), {"anchor": 0.0}),
+            (Scene([round_body()], cell=H), {"anchor": 0.0, "contact": contact.shared_grid}),
+        ],
+    ),
+    "quasi-static without friction": (
+        r"scheme: inertia = False;",
+        (pair(**SUPPORTED), {"inertia": False}),
+        [
+            (pair(friction=0.3, **SUPPORTED), {"inertia": False}),
+            (pair(STIFF, STIFF, **SUPPORTED), {"inertia": False}),
+        ],
+    ),
+    "sharp edges without inertia": (
+        r"body 1: an edge at \(-?\d.* m sharper than 0.5 h meets body 0 without inertia;",
+        (stamped((0.0, -1.0)), {"inertia": False}),
+        [(stamped((0.0, -1.0)), {}), (stamped((0.0, 1.0)), {"inertia": False})],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CHOICES)
+def test_a_warning_where_choices_do_not_go_together(name):
+    says, (scene, options), others = CHOICES[name]
+    (line,) = lines(preflight(scene, DT, scheme=Scheme(**options)))
+    assert re.match(says, line), line
+    assert "; use " in line
+    for scene, options in others:
+        assert preflight(scene, DT, scheme=Scheme(**options)).endswith(FINE)
+
+
+def test_locking_is_cured_and_large_quasi_static_steps_are_no_waves():
+    for scheme in (Scheme(), Scheme(mean_dilatation=True)):
+        assert preflight(pair(gel(nu=0.4999), gel(nu=0.4999)), 1e-9, scheme=scheme).endswith(FINE)
+    assert preflight(pair(gel(nu=0.39), gel(nu=0.0)), 1e-9, scheme=Scheme(mean_dilatation=False)).endswith(FINE)
+    assert preflight(pair(friction=0.1), 1.0, scheme=Scheme(inertia=False)).endswith(FINE)
+
+
+def test_a_body_alone_needs_no_warning_of_contact():
+    """Friction, a fast support, linear elasticity, midpoint rule: nothing can touch."""
+    fast = Support(lambda x: x[1] > R, velocity=(H / DT, 0.0))
+    scene = Scene([round_body(material=STIFF)], cell=H, supports=[fast], friction=10.0)
+    assert preflight(scene, DT, scheme=Scheme(theta=0.5)).endswith(FINE)
+    assert preflight(Scene([round_body(spin=0.1 / DT)], cell=H), DT).endswith(FINE)
+
+
+def test_every_check_and_limit_is_tested_here_and_told_in_the_docs():
+    """The table of docs/preflight.md has every limit."""
+    known = {name: value for name, value in vars(limits).items() if isinstance(value, limits.Limit)}
+    assert {limit for limit, *_ in LIMITED.values()} == set(known.values())
+    page = (ROOT / "docs" / "preflight.md").read_text()
+    for name, limit in known.items():
+        assert re.search(rf"^\| `{name}` \|.*\| {limit.value:g} \|", page, re.MULTILINE), name
+    assert preflight(readme_scene(), 5e-6) in page
+
+
+# The text, the cost, the examples.
+
+
+def test_the_text_is_short_and_aligned():
+    text = preflight(pair(walls=[Wall((0, -R), (0, 1), friction=0.25)]), DT)
+    assert 10 <= len(text.splitlines()) <= 16
+    assert all(len(line) <= 100 for line in text.splitlines())
+    assert all(line[9] == " " and line[10] != " " for line in text.splitlines()[:-1])
+    for part in (
+        "bodies    2, rigid 0; walls 1, supports 0, loads 0",
+        "R/h       5 smallest",
+        "friction up to 0.25",
+        "MB",
+    ):
+        assert part in text
+
+
+@pytest.mark.parametrize("name", ["default", "banded", "amg", "direct"])
+def test_nothing_is_solved_or_factorised(name, monkeypatch):
+    """300 discs: not even an assembly. Body grids are built once."""
+
+    def forbidden(*args, **kwargs):
+        raise AssertionError("the report must not do that")
+
+    names = (
+        "cholesky_banded",
+        "Amg",
+        "spla.splu",
+        "prepare",
+        "moment_fitting",
+        "eliminate",
+        "advance",
+        "outline.cell_moments",
+    )
+    modules = [module for key, module in sys.modules.items() if key.startswith("skmpm")]
+    for path in names:
+        *inside, last = path.split(".")
+        holders = [getattr(module, inside[0], None) if inside else module for module in modules]
+        for holder in holders:
+            if hasattr(holder, last):
+                monkeypatch.setattr(holder, last, forbidden)
+    laid, numbers = [], sys.modules["skmpm.preflight.metrics"]
+    original = numbers.build_grids
+    monkeypatch.setattr(numbers, "lay", lambda *args: laid.append(1) or original(*args))
+    bodies = [round_body(2.1 * R * i) for i in range(300)]
+    text = preflight(Scene(bodies, cell=H, friction=0.5), DT, scheme=Scheme(linear=getattr(linear, name)))
+    assert text.endswith(FINE)
+    assert len(laid) == 1
+
+
+EXAMPLES = {
+    "fall.py": lambda m: m["main"](),
+    "cantilever.py": lambda m: m["material_points"](),
+    "squeeze.py": lambda m: m["main"](),
+    "held.py": lambda m: m["main"](),
+    "compaction.py": lambda m: m["run"](m["parser"]().parse_args([])),
+    "large.py": lambda m: m["main"](100_000),
+}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_print_it_before_anything_else_and_warn_of_nothing(name, monkeypatch, capsys, tmp_path):
+    """With their own defaults."""
+
+    def stop(*args, **kwargs):
+        raise InterruptedError
+
+    for work in ("initial", "simulate", "step"):
+        monkeypatch.setattr(skmpm, work, stop)
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    monkeypatch.chdir(tmp_path)
+    module = runpy.run_path(str(ROOT / "examples" / name))
+    with pytest.raises(InterruptedError):
+        EXAMPLES[name](module)
+    printed = capsys.readouterr().out
+    assert re.search(r"^memory    about", printed, re.MULTILINE)
+    assert FINE in printed and "! " not in printed
+
+
+def readme_scene():
+    code = re.search(r"```python\n(.*?)^for ", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE).group(1)
+    names = {}
+    exec(code, names)
+    return names["scene"]
+
+
+def test_the_scene_of_the_readme_warns_of_nothing():
+    assert preflight(readme_scene(), 5e-6).endswith(FINE)
+
+
+MEASURE = """
+import re, sys
+sys.path.insert(0, sys.argv[1])
+import compaction, skmpm
+from skmpm.preflight.metrics import examine
+
+def peak():
+    return 1024.0 * int(re.search(r"VmHWM:\\s*(\\d+)", open("/proc/self/status").read()).group(1))
+
+imported = peak()
+options = compaction.parser().parse_args(["--discs", "60"])
+scene, until = compaction.build(options)
+state = skmpm.initial(scene)
+for _ in range(3):
+    state = skmpm.step(scene, state, options.dt)
+print(peak() - imported, examine(scene, options.dt, skmpm.Scheme()).memory)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the peak of one process from /proc")
+def test_memory_is_what_a_run_takes_within_a_factor_of_one_and_a_half():
+    """60 discs of the main job, three steps, in a process of their own."""
+    command = [sys.executable, "-c", MEASURE, str(ROOT / "examples")]
+    measured, estimate = map(
+        float, subprocess.run(command, capture_output=True, check=True, text=True).stdout.split()
+    )
+    assert 1.0 / 1.5 < estimate / measured < 1.5
+
+
+def test_memory_grows_as_it_should():
+    """The band by its width, contact by boundary points; one body of a million points by amg took 4.4 GB."""
+    assert memory_of(0, 1000, 0, 99, "banded") - memory_of(0, 0, 0, 99, "banded") == 2 * 8 * 100 * 1000
+    assert memory_of(0, 0, 1000, 99, "banded") > memory_of(0, 0, 0, 99, "banded")
+    assert 1 / 1.5 < memory_of(1_003_216, 1_091_962, 0, 3000, "amg") / 4381e6 < 1.5
+    assert 1 / 1.5 < memory_of(60_030, 74_892, 13_061, 63, "banded") / 210e6 < 1.5
+
+
+def test_warnings_are_made_of_numbers():
+    """`warnings_of` needs no second look at the grid."""
+    scene, scheme = pair(), Scheme()
+    metrics = examine(scene, DT, scheme)
+    assert warnings_of(scene, metrics, scheme) == []
+    assert len(warnings_of(scene, replace(metrics, courant=100.0), scheme)) == 1
