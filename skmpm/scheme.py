@@ -137,7 +137,7 @@ class Scheme:
 
     @staticmethod
     def nezamabadi2017() -> Scheme:
-        """The method of Nezamabadi et al. (2017): new body grids at every step, contact at shared nodes without gap, walls as bodies."""
+        """The method of Nezamabadi et al. (2017): regridding at every step, contact at shared nodes."""
         return Scheme(anchor=0.0, contact=shared_grid, moment_fitting=False, mean_dilatation=False)
 
 

@@ -19,7 +19,7 @@ Transfer = Callable[[BodyGrids, Array, Array, Array], tuple[Array, Array]]
 
 
 def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
-    """Nodal velocities (2 nodes,) from the momenta of the points (Nezamabadi et al. 2017, eq. 7), with their affine part.
+    """Nodal velocities (2 nodes,) from the points' momenta (Nezamabadi et al. 2017, eq. 7) and their affine part.
 
     Jiang et al., ACM ToG 34 (2015), eq. 8: P_i = sum_p m_p N_ip (v_p + C_p (X_i - X_p)). `mass` (n,) [kg/m].
     """

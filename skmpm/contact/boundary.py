@@ -89,7 +89,7 @@ def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundar
 
 
 def _roles(scene: Scene, boundary: Outlines, x: Array) -> Roles:
-    """Which bodies give the points: deformable ones, of two of them the one with the finer boundary, then by position.
+    """Which bodies give the points: deformable ones, of two the one with the finer boundary, then by position.
 
     The curve of a rigid body does not depend on the solution: nor do the normals of forces on it.
     """

@@ -1,8 +1,8 @@
-"""Contact at grid nodes that bodies share: the law of Nezamabadi et al. (2017) (Nezamabadi et al., Procedia Eng. 2017).
+"""Contact at grid nodes that bodies share (Nezamabadi et al., Procedia Eng. 175, 2017).
 
 At a node shared by two bodies the normal follows from the gradients of their masses (Huang et al., IJNME 2011) and
-Signorini's law acts on the relative velocity, whatever the gap: bodies stop about one cell apart. Kept as what it
-is, Nezamabadi et al. (2017), and the reference for what outlines gained.
+Signorini's law acts on the relative velocity, whatever the gap: bodies stop about one cell apart. Kept to
+reproduce the published results, and as the reference for what point-to-curve contact gains.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class Roles:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Points and segments that stay all there can be as long as no boundary point moves by more than half the margin."""
+    """Candidate points and segments, complete as long as no boundary point moves by more than half the margin."""
 
     start: Cubics  # the outlines at the start of the step
     cell: float

@@ -206,8 +206,8 @@ class ContactProblem:
         if impulses is None:
             raise NotConverged(
                 pair(self.constraints.bodies[:, self.worst]),
-                f"the contact solver stopped at a residual of {self.stopped:.2g} with {self.constraints.size} contacts"
-                f" (wanted {self.increment.scheme.contact_tol:g}), most of it here",
+                f"the contact solver stopped at a residual of {self.stopped:.2g} with {self.constraints.size}"
+                f" contacts (wanted {self.increment.scheme.contact_tol:g}), most of it here",
             )
         self.r = impulses[0]
         contact_impulse = self._push()

@@ -157,7 +157,7 @@ class Increment:
         return gradient if self.supports is None else np.asarray(self.supports.T.T @ gradient)
 
     def reaction(self, gradient: Array) -> Array:
-        """Impulses that the bodies give their supports, by the work of what is prescribed, (2 supports,) [kg m/s per m]."""
+        """Impulses on the supports, conjugate to prescribed velocities, (2 supports,) [kg m/s per m]."""
         if self.supports is None:
             return np.zeros(0)
         return np.asarray(self.supports.prescription.T @ -gradient / self.scheme.theta)

@@ -135,7 +135,7 @@ def _halves(c: Ints, normal: Array, edge: Array, m: int) -> Array:
 
 
 def _between(c: Ints, other: Ints, forced: Bools, outlines: Outlines) -> Bools:
-    """Say which contacts of boundary point c with `other` lie between forced ones, along a boundary without a break."""
+    """Which contacts of boundary points c with `other` lie between loaded ones along an unbroken boundary."""
     k = c.size
     width = int(other.max(initial=0)) + 1
     key = c * width + other

@@ -24,7 +24,7 @@ BEHIND = 0.5  # of a segment: how far sides go on behind a notch
 
 @dataclass(frozen=True)
 class Curve:
-    """The cubics' tangents as combinations of boundary points; topology and knots are those of the reference shape."""
+    """Tangents of the cubics as combinations of boundary points; topology and knots are those of the reference."""
 
     outlines: Outlines
     corner: NDArray[np.bool_]  # (m,) whether the boundary has a corner there

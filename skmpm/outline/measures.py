@@ -39,7 +39,7 @@ def normals(outlines: Outlines, x: Floats) -> Floats:
 
 
 def bend(outlines: Outlines, x: Floats) -> Floats:
-    """Return the curvature (m,) [1/m] of the boundary: turns to the left over the shorter of both segments, else zero."""
+    """Return the curvature (m,) [1/m] of the boundary: left turns over the shorter of both segments, else zero."""
     ahead = x[:, outlines.next] - x
     back = ahead[:, outlines.previous]
     turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))

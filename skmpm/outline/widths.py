@@ -110,7 +110,7 @@ def _facing(
 
 
 def _leaves(outlines: Outlines, edges: _Edges, p: Integers, direction: Floats) -> NDArray[np.bool_]:
-    """Whether unit vectors (2, k) point inward along normals of boundary points p, or 15 degrees off those of its edges.
+    """Whether unit vectors (2, k) point inward within 15 degrees of normals of boundary points p or of their edges.
 
     Between its edges' normals lie those of a notch and of a smooth boundary; a corner that sticks out has none.
     """

@@ -171,7 +171,7 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
         yield f"scheme: theta = {scheme.theta:g} with contact; {verified}; use theta = 1"
     if scheme.contact is shared_grid:
         verified = "bodies feel each other one to two and a half cells too early"
-        yield f"scheme: contact = shared_grid; {verified}; use contact.point_to_curve unless you want the method of Nezamabadi et al. (2017)"
+        yield f"scheme: contact = shared_grid; {verified}; use contact.point_to_curve"
     if not scheme.inertia and initial_motion(scene)[0][:, scene.deformable[scene.owner]].any():
         yield "scheme: inertia = False, where initial velocities of bodies mean nothing; use none or inertia"
     slides = any(isinstance(body.material, NeoHookean) for body in scene.bodies) and metrics.friction == 0.0

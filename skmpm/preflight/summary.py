@@ -29,13 +29,13 @@ def preflight(scene: Scene, dt: float, *, scheme: Scheme = Scheme()) -> str:  # 
 
 def _lines(metrics: SceneMetrics) -> dict[str, str]:
     """What the report says, by subject."""
-    least, most = metrics.points.min(), metrics.points.max()
+    least, most, fewest = metrics.points.min(), metrics.points.max(), metrics.points_per_cell.min()
     each = f"{least}" if least == most else f"{least} to {most}"
     around = ", ".join(f"{name} {number}" for name, number in metrics.around.items())
     law = "linear, one solve" if metrics.linear else "nonlinear, Newton"
     return {
         "bodies": f"{metrics.points.size}, rigid {metrics.rigid}; {around}",
-        "points": f"{metrics.points.sum()}, {each} a body, {metrics.points_per_cell.min():.3g} or more per filled cell",
+        "points": f"{metrics.points.sum()}, {each} a body, {fewest:.3g} or more per filled cell",
         "grid": f"{metrics.cells} cells of {metrics.cell:.6g} m, {metrics.unknowns} unknowns",
         "R/h": f"{metrics.resolution.min():.3g} smallest, {metrics.resolution.mean():.3g} mean; {_across(metrics)}",
         "dt c/h": f"{metrics.courant:.3g}, c = {metrics.wave:.4g} m/s" if metrics.inertia else "none without inertia",

@@ -20,7 +20,7 @@ LONGEST = 260  # characters of a message on the page
 
 
 def draw(parameter: str, rows: list[dict[str, str]], folder: Path) -> Path:
-    """How every scene ended at every setting of a parameter, with the retries; below, the error of what ended right."""
+    """How every scene ended at every setting of a parameter, with retries; below, the error of what ended right."""
     import matplotlib as mpl
 
     mpl.use("Agg")

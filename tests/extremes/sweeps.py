@@ -1,4 +1,4 @@
-"""Turn every parameter to its ends: `python tests/extremes/sweeps.py [parameter ...] [--processes n]`, by default every parameter.
+"""Turn parameters to their ends: `python tests/extremes/sweeps.py [parameter ...] [--processes n]`, by default all.
 
 Each setting is run on the scenes and kept in docs/stability/<parameter>.csv; what is there is not run again. Then
 docs/stability.md gets its table, its list of failures and one map per parameter: `sweeps.py draw` does only that.

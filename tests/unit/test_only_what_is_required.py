@@ -173,7 +173,7 @@ def test_a_linear_material_asks_once_how_its_rim_responds():
 
 @pytest.mark.parametrize("scheme", [Scheme.nezamabadi2017(), Scheme(anchor=0.0)], ids=["shared nodes", "outlines"])
 def test_where_sheets_are_laid_anew_only_what_touches_is_asked_how_it_responds(scheme):
-    """The next step has another matrix. Places: all nodes in the law of Nezamabadi et al. (2017), all boundaries with outlines."""
+    """The next step has another matrix. Points: all nodes with shared grids, all boundary points with outlines."""
     _, states = run(squeezed(LINEAR), scheme)
     known = states[-1].derived.delassus.known
     assert 0 < known.sum() < 0.5 * known.size

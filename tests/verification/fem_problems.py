@@ -89,7 +89,7 @@ PROBLEMS = (CANTILEVER, PLATE, DISC, COOK)
 
 
 def loads(cloud, traction):
-    """One load for each boundary point that a traction acts on: its integral over both edges times the point's hat."""
+    """One load for each boundary point under a traction: its integral over both edges times the point's hat."""
     at, weight = np.polynomial.legendre.leggauss(6)
     force = np.zeros_like(cloud.x)
     for loop in cloud.outline:

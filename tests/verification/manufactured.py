@@ -101,7 +101,7 @@ def square(amplitude=0.05):
 
 
 def vortex(sign=-1.0, until=0.02):
-    """The generalised vortex (Kamojjala et al., Eng. Comput. 31, 2015): a ring that turns between boundaries that rest.
+    """The generalised vortex (Kamojjala et al., Eng. Comput. 31, 2015): a ring that turns between fixed boundaries.
 
     The rotation is alpha = g(t) h(R), h = 1 - 32 (R - 1)^2 + 256 (R - 1)^4, g = pi sin(pi t), so J = 1 and nothing
     needs to be held. `sign` is that of the last term of b_T; a code in public prints +, which does not balance.

@@ -225,7 +225,7 @@ def test_chain_of_five_discs_moves_as_one_dimension_says():
 
 
 def test_restitution_tends_to_one_under_refinement_and_backward_euler_loses_more():
-    """Head-on, speeds of 0.1 m/s: the nodal law only takes relative velocity of boundaries, less mass on a finer grid."""
+    """Head-on, speeds of 0.1 m/s: the nodal law takes velocity of boundary nodes only, less mass on finer grids."""
     place = places(1)[0]
     coarse, fine = (collide(place, cells=cells, dt=0.02).restitution for cells in (4, 8))
     assert 0.85 < coarse < fine < 1.0

@@ -83,7 +83,7 @@ def test_one_limit_of_the_step_wherever_the_disc_lies(place):
 
 
 def test_nearly_empty_nodes_need_the_ghost_penalty():
-    """Centre in the middle of a cell, where the boundary just reaches over grid lines: unstable at 0.3 h/c without."""
+    """Centre in the middle of a cell, where the boundary just crosses grid lines: unstable at 0.3 h/c without."""
     assert largest_energy((0.5, 0.5), 0.3, ghost=0.0) > 1.5
     assert largest_energy((0.5, 0.5), 0.3) < 1.05
 
@@ -152,7 +152,7 @@ def test_a_lumped_mass_alone_needs_no_factorisation_and_no_contact_iteration():
 
 
 def test_the_factor_and_the_response_of_rims_are_kept():
-    """Explicit with ghost penalty, on body grids laid once: one factorisation in the run, compliances once per body."""
+    """Explicit with ghost penalty, on body grids built once: one factor in the run, one Delassus block a body."""
     scene, scheme = colliding(), Scheme(explicit=True)
     state, factorised, kept = initial(scene, scheme=scheme), 0, None
     for _ in range(30):

@@ -267,7 +267,7 @@ def rows():
         Row("disc slides: acceleration", "g (sin - mu cos)", disc_grid, spread(slips[:, 0]), "-",
             verdict("1 %", slips[:, 0], 0.01), "test_disc_slides"),
         Row("the same: acceleration of the spin", "2 mu g cos / R", disc_grid, spread(slips[:, 1]), "-",
-            verdict("1 %", slips[:, 1], 0.01) + " (lumped mass 0.7 %, shorter arm 0.5 %, likely blows of boundary points)",
+            verdict("1 %", slips[:, 1], 0.01) + " (lumped mass 0.7 %, shorter arm 0.5 %, likely boundary points)",
             "test_disc_slides"),
         Row("the same with E = 1e6, 1e7, 1e8 Pa, inclined", "2 mu g cos / R", "R/h = 10; 20",
             "; ".join(numbers([disc_errors(round_body(SLIPS, INCLINED, cells=c, young=E), SLIPS)[1]

@@ -344,7 +344,7 @@ PLACED = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.87, 0.55, 0.9), (0.44, 0.06, 2.
 @pytest.mark.parametrize("cells", [5, 8])
 @pytest.mark.parametrize(("x", "y", "angle"), PLACED)
 def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cells):
-    """Approach of 0.01 R in one quasi-static step, a boundary point or two under each plate: it turns until they balance.
+    """Approach of 0.01 R in a quasi-static step, one or two boundary points under a plate: it turns until they balance.
 
     Linear disc: at most six Newton iterations (up to 19, or no end, with springs that keep it from turning).
     Wall forces are equal and opposite to Newton's tolerance.
@@ -476,7 +476,7 @@ def figures(folder):
     return {
         "hertz_force.png": "Error of Hertz's force over the half-width of the contact in cells: mean and range over"
         " 20 offsets and directions, d/R = 0.02, 0.05, 0.1 from left to right. Below 1.2 cells (dotted) no goal is"
-        " set; dashed: the goals at R/h = 5, 10, 20. Open symbols: every other boundary point taken out of the outline.",
+        " set; dashed: goals at R/h = 5, 10, 20. Open symbols: every other boundary point taken out of the outline.",
         "hertz_pressure.png": "Pressure in a disc between plates at d/R = 0.1 over the place in the contact. Dots:"
         " forces of the boundary points over their spacing; circles: averaged by hat functions one cell apart; line:"
         " Hertz's ellipse. Left: all boundary points, right: every other one in the outline.",

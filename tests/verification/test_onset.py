@@ -158,7 +158,7 @@ def test_discs_touch_where_their_circles_do(problem, solver, size, count):
 
 @pytest.mark.parametrize(("solver", "size", "count"), SHORT)
 def test_the_corner_of_a_box_touches_a_wall_where_it_is(solver, size, count):
-    """Goal: within 0.5 cells; asserted: 0.006, as a corner is a boundary point and only 0.004 cells of travel are left."""
+    """Goal: within 0.5 cells; asserted: 0.006; a corner is a boundary point, 0.004 cells of travel are left."""
     assert np.abs(measured("corner and wall", size, count=count, solver=solver)).max() < 0.006
 
 
@@ -175,7 +175,7 @@ def test_the_corner_of_a_box_touches_the_side_of_another(solver, size, count):
 
 @pytest.mark.parametrize("problem", GOALS)
 def test_shared_nodes_touch_cells_too_early(problem):
-    """The law of Nezamabadi et al. (2017) has no gap: a force as soon as two cells, 2 sqrt(2) h across together, have a node in common.
+    """Shared-grid contact has no gap: a force as soon as two cells, 2 sqrt(2) h across together, share a node.
 
     Expected was about one cell; it is one and a half to two, and at no time less than a half.
     """

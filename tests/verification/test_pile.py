@@ -137,7 +137,7 @@ def test_a_heavy_disc_on_a_light_one_does_not_sink(solver):
 
 @pytest.mark.parametrize("spacing", [8, 12])
 def test_a_grain_of_gel_rests_under_its_own_weight(spacing):
-    """The disc of Nezamabadi et al. (2017), 1 mm and 10 MPa: it gives way by a millionth of R, contacts near by are far from that.
+    """A disc of 1 mm and 10 MPa: it gives way by a millionth of R, contacts near by are far from that.
 
     Full steps throughout, and after 5 ms the floor bears the weight within 0.1 %.
     """
