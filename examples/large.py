@@ -34,7 +34,8 @@ class Recorded:
     def __call__(self, A, blocks, rigid_motions):
         """Set up the solver of A."""
         began = process_time()
-        self.unknowns, self.solver = A.shape[0], skmpm.linear.amg(A, blocks, rigid_motions)
+        self.unknowns = A.shape[0]
+        self.solver = skmpm.linear.amg(A, blocks, rigid_motions, callback=self.iterations.append)
         self.setup += process_time() - began
         return Timed(self)
 
@@ -51,7 +52,6 @@ class Timed:
         began = process_time()
         x = self.recorded.solver(b)
         self.recorded.solve += process_time() - began
-        self.recorded.iterations.append(self.recorded.solver.iterations[-1])
         return x
 
     def compliance(self, H):

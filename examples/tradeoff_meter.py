@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import process_time
 from types import FrameType
@@ -52,7 +52,7 @@ class Meter:
     unknowns: int = 0
     points: int = 0
     overlap: float = 0.0  # the largest
-    _solves: list[list[int]] = field(default_factory=list)  # of multigrid, a list for each matrix
+    _solves: list[int] = field(default_factory=list)  # iterations of every solve by multigrid
 
     def __call__(self, A: sp.bsr_array, blocks: np.ndarray, rigid_motions: np.ndarray) -> linear.Solver:
         """As the solver does."""
@@ -61,7 +61,7 @@ class Meter:
         self.work += float(A.shape[0]) * linear.half_bandwidth(A) ** 2
         made = self.solver(A, blocks, rigid_motions)
         if isinstance(made, linear.Amg):
-            self._solves.append(made.iterations)
+            made = replace(made, callback=self._solves.append)
         return made
 
     def states(
@@ -101,4 +101,4 @@ class Meter:
         """All of it; `products` are those of multigrid's conjugate gradients with A."""
         names = ("seconds", "steps", "retries", "newton", "contact", "factorisations", "work", "unknowns", "points")
         counts = {name: float(getattr(self, name)) for name in (*names, "overlap")}
-        return counts | {"products": float(sum(map(sum, self._solves)))}
+        return counts | {"products": float(sum(self._solves))}
