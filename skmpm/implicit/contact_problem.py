@@ -76,7 +76,7 @@ class ContactProblem:
     r: Array = field(init=False)
     u: Array = field(init=False)
     last: Measure | None = None
-    delassus: Delassus | None = None  # for the last solver
+    delassus: Delassus | None = None  # by the solver in use: whoever makes another sets it to None
     frozen: Constraints | None = None  # rows whose normals are kept from now on
     normal: Array | None = None  # (2, k) along which the forces act, if this step found them
 
@@ -137,16 +137,16 @@ class ContactProblem:
         constraints = self.constraints
         if constraints.size == 0:
             return -solver(gradient), self._push()
-        if self.delassus is None or self.delassus.solver is not solver:
+        if self.delassus is None:
             lasts = self.increment.material_response.linear and self.increment.scheme.anchor > 0.0
             lasts &= solver.name != "amg"  # which is asked for as little as possible
-            self.delassus = Delassus(solver, constraints.base, self._owners(constraints.base), whole=lasts)
+            self.delassus = Delassus.of(solver, constraints.base, self._owners(constraints.base), whole=lasts)
         geometric = None
         if self.frozen is None and not self.increment.scheme.explicit:  # short steps, in which contacts hardly turn
             geometric = contact_stiffness(constraints, self.r, self.increment.dt, self.increment.scheme.theta)
         moved = constraints.at_contact_points(solver(self._push() - gradient))
         self.timer.lap("linear")
-        W = self._compliance(self.delassus, geometric)
+        W, self.delassus = self._compliance(self.delassus, geometric)
         self.timer.lap("compliance")
         found = None if geometric is None else self._with_stiffness(solver, gradient, W, moved, geometric)
         if found is None:
@@ -166,13 +166,19 @@ class ContactProblem:
         owner[moves] = self.increment.bulk.assembly.grid.node_body[base.indices[base.indptr[moves]]]
         return owner
 
-    def _compliance(self, delassus: Delassus, geometric: ContactStiffness | None) -> sp.csr_array:
-        """W = theta H A^-1 H' of the contacts, then of the rows that turn with those along which these act."""
-        D, theta = self.constraints.D, self.increment.scheme.theta
-        if geometric is None:
-            return theta * delassus.between(D, D)
-        left, right = (sp.csr_array(sp.vstack([D, added], format="csr")) for added in (geometric.Z, geometric.acting))
-        return theta * delassus.between(left, right)
+    def _compliance(self, delassus: Delassus, geometric: ContactStiffness | None) -> tuple[sp.csr_array, Delassus]:
+        """W = theta H A^-1 H' of the contacts, then of the rows that turn with those along which these act.
+
+        Also returns the response as far as it is known then.
+        """
+        left = right = self.constraints.D
+        if geometric is not None:
+            left, right = (
+                sp.csr_array(sp.vstack([left, constraints], format="csr"))
+                for constraints in (geometric.Z, geometric.acting)
+            )
+        W, delassus = delassus.between(left, right)
+        return self.increment.scheme.theta * W, delassus
 
     def _with_stiffness(
         self, solver: Solver, gradient: Array, W: sp.csr_array, moved: Array, geometric: ContactStiffness

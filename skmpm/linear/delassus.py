@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Delassus:
     """S = R A^-1 R' of the places that contacts combine, R = base x I, for one factorised A.
 
@@ -26,36 +26,42 @@ class Delassus:
     solver: Solver
     base: sp.csr_array  # (m, nodes)
     owner: Ints  # (m,) body of each place
-    whole: bool = False
-    S: sp.csr_array = field(init=False)  # (2 m, 2 m)
-    known: NDArray[np.bool_] = field(init=False)  # (m,)
+    whole: bool
+    S: sp.csr_array  # (2 m, 2 m) of the places found so far
+    known: NDArray[np.bool_]  # (m,) which these are
 
-    def __post_init__(self) -> None:
-        points = self.base.shape[0]
-        self.S, self.known = sp.csr_array((2 * points, 2 * points)), np.zeros(points, dtype=bool)
+    @staticmethod
+    def of(solver: Solver, base: sp.csr_array, owner: Ints, *, whole: bool = False) -> Delassus:
+        """The response by a solver, with S of no place yet."""
+        points = base.shape[0]
+        S = sp.csr_array((2 * points, 2 * points))
+        return Delassus(solver, base, owner, whole, S, np.zeros(points, dtype=bool))
 
-    def between(self, left: sp.csr_array, right: sp.csr_array) -> sp.csr_array:
-        """Left S right', how what `left` combines moves under impulses on what `right` does; both (k, 2 m)."""
-        self._learn(left)
-        self._learn(right)
-        product = sp.csr_array(left @ self.S) @ right.T
-        return sp.csr_array(product.tocsc().tocsr())  # sorts
+    def between(self, left: sp.csr_array, right: sp.csr_array) -> tuple[sp.csr_array, Delassus]:
+        """Left S right', how what `left` combines moves under impulses on what `right` does; both (k, 2 m).
 
-    def _learn(self, rows: sp.csr_array) -> None:
-        """Extend S to all places of these rows."""
+        Also returns the response with S of all places that these rows combine.
+        """
+        found = self._extended(left)._extended(right)
+        product = sp.csr_array(left @ found.S) @ right.T
+        return sp.csr_array(product.tocsc().tocsr()), found  # sorts
+
+    def _extended(self, rows: sp.csr_array) -> Delassus:
+        """The response with S of all places of these rows."""
         wanted = np.zeros_like(self.known)
         wanted[rows.indices // 2] = True
         wanted &= np.diff(self.base.indptr) > 0  # rigid ones do not respond
         new = np.flatnonzero(wanted & ~self.known)
         if new.size == 0:
-            return
-        self.known |= wanted
+            return self
+        known = self.known | wanted
         bodies = np.zeros(int(self.owner.max()) + 1, dtype=bool)
         bodies[self.owner[new]] = True
         if self.whole:
-            self.known |= bodies[self.owner] & (np.diff(self.base.indptr) > 0)
-        again = self.known & bodies[self.owner]
-        self.S = _without(self.S, np.repeat(bodies[self.owner], 2)) + self._of(np.flatnonzero(again))
+            known |= bodies[self.owner] & (np.diff(self.base.indptr) > 0)
+        again = known & bodies[self.owner]
+        S = _without(self.S, np.repeat(bodies[self.owner], 2)) + self._of(np.flatnonzero(again))
+        return replace(self, S=S, known=known)
 
     def _of(self, points: Ints) -> sp.csr_array:
         """S of some places, in the numbering of all."""

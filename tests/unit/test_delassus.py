@@ -49,11 +49,11 @@ def combinations(seed, places, size, count=6):
 
 def test_rows_respond_as_the_whole_matrix_says(bodies):
     solver, oracle, base, owner = bodies
-    found = delassus.Delassus(solver, base, owner)
+    found = delassus.Delassus.of(solver, base, owner)
     R, m = sp.kron(base, np.eye(2), format="csr"), base.shape[0]
     for seed in range(4):
         left, right = combinations(seed, m - 1, m), combinations(seed + 10, m - 1, m, count=3)
-        W = found.between(left, right)
+        W, found = found.between(left, right)
         expected = (left @ R) @ oracle((right @ R).T.toarray())
         assert W.has_sorted_indices and W.shape == (6, 3)
         assert np.abs(W.toarray() - expected).max() <= 1e-11 * np.abs(expected).max()
@@ -61,16 +61,16 @@ def test_rows_respond_as_the_whole_matrix_says(bodies):
 
 def test_only_bodies_with_new_places_are_asked_again(bodies):
     solver, _, base, owner = bodies
-    found = delassus.Delassus(solver, base, owner)
+    found = delassus.Delassus.of(solver, base, owner)
     m = base.shape[0]
     chosen = [np.flatnonzero(owner[:-1] == b)[:3] for b in range(3)]
     first = sp.csr_array(np.eye(2 * m)[2 * np.concatenate(chosen[:2])])
-    found.between(first, first)
-    found.between(first, first)
+    _, found = found.between(first, first)
+    _, found = found.between(first, first)
     assert solver.asked == [12], "two components of three places of two bodies, once"
     third = sp.csr_array(np.eye(2 * m)[2 * chosen[2]])
-    found.between(third, first)
+    _, found = found.between(third, first)
     assert solver.asked == [12, 6]
     more = sp.csr_array(np.eye(2 * m)[2 * np.flatnonzero(owner[:-1] == 0)[3:4]])
-    found.between(more, more)
+    _, found = found.between(more, more)
     assert solver.asked == [12, 6, 8], "all known places of the body, and the new one"

@@ -1,0 +1,139 @@
+"""A step is a pure function: nothing that it is given changes, not even what a state keeps for speed."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator, SuperLU
+
+from skmpm import (
+    Body,
+    LinearElastic,
+    Load,
+    NeoHookean,
+    Rigid,
+    Scene,
+    Scheme,
+    StepFailed,
+    Support,
+    Wall,
+    box,
+    disc,
+    initial,
+    linear,
+    step,
+)
+
+R, CELL = 1e-3, 0.2e-3
+LINEAR, SOFT = LinearElastic(1e6, 0.3, 1e3), NeoHookean(1e6, 0.3, 1e3)
+OPAQUE = (LinearOperator, SuperLU)  # factors without arrays to look at
+LEFT_OUT = {"seconds"}  # a time is never the same twice
+
+
+def digest(value):
+    """SHA-256 of all arrays and numbers within a value: fields of dataclasses, items of sequences and mappings."""
+    found = hashlib.sha256()
+
+    def add(value, name):
+        found.update(f"{name} {type(value).__name__}".encode())
+        if is_dataclass(value):
+            value = {f.name: getattr(value, f.name) for f in fields(value)}
+        elif sp.issparse(value):
+            value = {part: getattr(value, part) for part in ("data", "indices", "indptr", "shape")}
+        if isinstance(value, Mapping):
+            value = {key: item for key, item in value.items() if key not in LEFT_OUT}
+            found.update(str(list(value)).encode())
+            for key, item in value.items():
+                add(item, f"{name}.{key}")
+        elif isinstance(value, list | tuple):
+            for i, item in enumerate(value):
+                add(item, f"{name}.{i}")
+        elif isinstance(value, np.ndarray):
+            found.update(f"{value.dtype.str} {value.shape} {value.strides}".encode() + value.tobytes())
+        elif value is None or isinstance(value, bool | int | float | str | np.generic):
+            found.update(repr(value).encode())
+        else:
+            assert callable(value) or isinstance(value, OPAQUE), f"no digest of {name}, a {type(value)}"
+
+    add(value, "state")
+    return found.hexdigest()
+
+
+def three(material, speed=2.0, **options):
+    """Three discs fall on a floor, a lid behind them; none touches anything at first, so contacts spread."""
+    v, places = (0.0, -speed), (1.02, 3.06, 5.08)
+    discs = [Body(disc((0.0, y * R), R, spacing=R / 8), material, velocity=v) for y in places]
+    walls = [Wall((0.0, 0.0), (0.0, 1.0)), Wall((0.0, 6.081 * R), (0.0, -1.0), velocity=v)]
+    return Scene(discs, cell=CELL, walls=walls, friction=0.3, **options)
+
+
+def driven(material):
+    """A block on a support under a rigid disc, with a load, gravity and a wall: all that functions may prescribe."""
+    block = box((0.0, 0.0), (3.0 * R, 2.0 * R), spacing=R / 6)
+    indenter = disc((1.5 * R, 2.5 * R), R / 2, spacing=R / 8)
+    return Scene(
+        [Body(block, material), Body(indenter, Rigid(1e3), velocity=lambda t: (0.0, -1.0 - t))],
+        cell=0.3 * R,
+        supports=[Support(lambda x: (x[1] < 0.1 * R) & (x[0] < 2.0 * R), velocity=lambda t: (100.0 * t, None))],
+        loads=[Load(lambda x: x[0] > 2.9 * R, lambda t: (0.0, 1e3 * t))],
+        walls=[Wall((0.0, -0.01 * R), (0.0, 1.0), velocity=lambda t: (0.0, 10.0 * t))],
+        gravity=lambda X, t: np.stack([0.0 * X[0], -9.81 + 0.0 * X[1]]),
+        friction=0.3,
+    )
+
+
+CASES = {
+    "linear": (three(LINEAR), Scheme(), 1e-5),
+    "finite strain": (three(SOFT), Scheme(), 1e-5),
+    "explicit": (three(SOFT), Scheme(explicit=True), 2e-6),
+    "regridding": (three(LINEAR), Scheme(anchor=0.002), 1e-5),
+    "shared nodes": (three(LINEAR), Scheme.nezamabadi2017(), 5e-6),
+    "multigrid": (three(LINEAR), Scheme(linear=linear.amg), 1e-5),
+    "sparse LU": (three(LINEAR), Scheme(linear=linear.direct), 1e-5),
+    "without inertia": (three(LINEAR), Scheme(inertia=False), 1e-5),
+    "driven": (driven(LINEAR), Scheme(), 1e-5),
+    "driven without inertia": (driven(SOFT), Scheme(inertia=False), 1e-5),
+}
+
+
+@pytest.mark.parametrize("scene, scheme, dt", CASES.values(), ids=CASES)
+def test_a_step_changes_nothing_that_it_is_given_and_leads_to_the_same_bits_again(scene, scheme, dt):
+    """At every step of a run in which contacts spread; body grids, factors and responses of contacts are looked at."""
+    state, most = initial(scene, scheme=scheme), 0
+    for _ in range(12):
+        before, about = digest(state), digest(scene)
+        after = step(scene, state, dt, scheme=scheme)
+        assert digest(state) == before
+        assert digest(scene) == about
+        assert digest(step(scene, state, dt, scheme=scheme)) == digest(after)
+        state, most = after, max(most, np.count_nonzero(after.contacts.force[0]))
+    assert most > 1, "nothing touched"
+
+
+def test_a_step_that_fails_changes_nothing_either():
+    scene = three(LINEAR)
+    state = initial(scene)
+    for _ in range(5):
+        state = step(scene, state, 1e-5)
+    before = digest(state)
+    with pytest.raises(StepFailed) as failure:
+        step(scene, state, 1e-3)
+    assert digest(state) == before == digest(failure.value.state)
+
+
+def test_the_digest_sees_what_is_kept_for_speed():
+    """Each of them changed alone: an array, a nested one, one of the body grids, what is known of contacts."""
+    scene = three(LINEAR)
+    state = step(scene, initial(scene), 1e-5)
+    derived, grid = state.derived, state.derived.assembly.grid
+    assembly = replace(derived.assembly, grid=replace(grid, cell=1.0))
+    others = [
+        replace(state, x=state.x + 1e-15),
+        replace(state, contacts=replace(state.contacts, key=state.contacts.key + 1)),
+        replace(state, derived=replace(derived, assembly=assembly)),
+        replace(state, derived=replace(derived, delassus=replace(derived.delassus, known=~derived.delassus.known))),
+    ]
+    assert len({digest(each) for each in [state, *others]}) == 5
