@@ -1,12 +1,12 @@
 """Who touches where: the rows, gaps and friction of all contacts, for `coulomb` to solve.
 
-A contact law is a function (scene, state, body grids, dt, theta) -> linearise, called once at the start of a step;
-`linearise(w)` gives the `Rows` about the nodal velocity w (2 nodes,) [m/s]. `outlines` is the default, `shared_grid`
-Nezamabadi et al.'s (2017).
+A contact law is a function (scene, state, body grids, dt, theta, motions) -> linearise, called once at the start of a
+step with the prescribed velocities `motions`; `linearise(w)` gives the `Rows` about the nodal velocity w (2 nodes,)
+[m/s]. `outlines` is the default, `shared_grid` Nezamabadi et al.'s (2017).
 """
 
 from skmpm.contact.boundary import point_to_curve
-from skmpm.contact.constraints import Constraints, ContactLaw, Linearise, rigid_velocities
+from skmpm.contact.constraints import Constraints, ContactLaw, Linearise
 from skmpm.contact.grid_nodes import shared_grid
 
-__all__ = ["Constraints", "ContactLaw", "Linearise", "point_to_curve", "rigid_velocities", "shared_grid"]
+__all__ = ["Constraints", "ContactLaw", "Linearise", "point_to_curve", "shared_grid"]

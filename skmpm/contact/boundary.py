@@ -18,12 +18,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.contact.constraints import Constraints, Linearise, rigid_velocities
+from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
 from skmpm.contact.projection import Roles, neighbours
 from skmpm.grid import BodyGrids
 from skmpm.outline import Outlines
-from skmpm.scene import Scene, SceneError, State
+from skmpm.scene import Prescribed, Scene, SceneError, State, prescribed
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,12 +32,15 @@ DETECTION_DISTANCE = 0.25  # contacts with gaps up to this many cells are found
 PUSH_OUT = 0.2  # share of an overlap left by an earlier step that a step removes
 
 
-def point_to_curve(scene: Scene, state: State, grid: BodyGrids, dt: float, theta: float = 1.0) -> Linearise:
+def point_to_curve(
+    scene: Scene, state: State, grid: BodyGrids, dt: float, theta: float = 1.0, motions: Prescribed | None = None
+) -> Linearise:
     """Boundary points against outlines and walls (the default contact law).
 
     The gap is re-measured where `w` brings the bodies at the end of the step; contacts obey
     u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. Whatever overlap a pair had at the
-    start of the step, it may keep 0.8 of it (`PUSH_OUT`).
+    start of the step, it may keep 0.8 of it (`PUSH_OUT`). `motions` are the prescribed velocities of the step,
+    evaluated here where they are not given.
 
     Raises
     ------
@@ -51,8 +54,8 @@ def point_to_curve(scene: Scene, state: State, grid: BodyGrids, dt: float, theta
             )
     boundary = scene.outlines
     interpolation = _boundary_interpolation(scene, state, grid, boundary)
-    prescribed = rigid_velocities(scene, state.t + 0.5 * dt)[:, boundary.body]
-    wall_velocities = scene.wall_velocities(state.t + 0.5 * dt)
+    motions = prescribed(scene, state.t, dt) if motions is None else motions
+    prescribed, wall_velocities = motions.rigid[:, boundary.body], motions.walls
     initial = scene.initial_positions[:, boundary.point]
     roles, reach, start = _roles(scene, boundary, initial), DETECTION_DISTANCE * grid.cell, state.x[:, boundary.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.grid import BodyGrids
-from skmpm.scene import Scene, State, motion
+from skmpm.scene import Prescribed, Scene, State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -170,7 +170,7 @@ def component_along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
 
 
 Linearise = Callable[[Array], Constraints]
-ContactLaw = Callable[[Scene, State, BodyGrids, float, float], Linearise]
+ContactLaw = Callable[[Scene, State, BodyGrids, float, float, Prescribed], Linearise]
 
 
 def _match(known: Ints, wanted: Ints) -> tuple[NDArray[np.bool_], Ints]:
@@ -187,11 +187,3 @@ def lookup(known: Ints, values: Array, wanted: Ints, otherwise: float) -> Array:
         return np.full(wanted.size, otherwise)
     found, where = _match(known, wanted)
     return np.asarray(np.where(found, values[where], otherwise))
-
-
-def rigid_velocities(scene: Scene, t: float) -> Array:
-    """Prescribed velocities of the bodies, (2, bodies) [m/s]; zero for those with unknowns."""
-    prescribed = np.zeros((2, len(scene.bodies)))
-    for b in np.flatnonzero(~scene.deformable).tolist():
-        prescribed[:, b] = motion(scene.bodies[b].velocity, t, f"body {b}: velocity")
-    return prescribed

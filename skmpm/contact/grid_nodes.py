@@ -13,9 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.contact.constraints import Constraints, Linearise, rigid_velocities
+from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.scene import Scene, SceneError, State
+from skmpm.scene import Prescribed, Scene, SceneError, State, prescribed
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,18 +34,24 @@ class _Nodes:
     prescribed: Array  # (2, nodes) [m/s]
 
 
-def shared_grid(scene: Scene, state: State, grid: BodyGrids, dt: float, theta: float = 1.0) -> Linearise:
-    """Bodies that share grid nodes may not approach there; walls are slabs of rigid material points."""
+def shared_grid(
+    scene: Scene, state: State, grid: BodyGrids, dt: float, theta: float = 1.0, motions: Prescribed | None = None
+) -> Linearise:
+    """Bodies that share grid nodes may not approach there; walls are slabs of rigid material points.
+
+    `motions` are the prescribed velocities of the step, evaluated here where they are not given.
+    """
     unknown = scene.deformable[state.body]
     if not np.array_equal(state.x_anchor, state.x):
         raise SceneError(
             "shared_grid needs body grids rebuilt at every step; use Scheme(anchor=0) or Scheme.nezamabadi2017()"
         )
+    motions = prescribed(scene, state.t, dt) if motions is None else motions
     nodes = _concatenate(
         [
             _deformable(grid, state.mass[unknown]),
-            _rigid(scene, state, grid.cell, dt),
-            _walls(scene, state, grid.cell, dt),
+            _rigid(scene, state, grid.cell, motions.rigid),
+            _walls(scene, state, grid.cell, motions.walls.T),
         ]
     )
     constraints = _constraints(scene, nodes, *_pairs(nodes), grid)
@@ -64,13 +70,12 @@ def _prescribed(x: Array, body: Ints, mass: Array, velocity: Array, cell: float)
     return _Nodes(nodes.index, nodes.body, nodes.outward, np.full(grid.nodes, -1), velocity[:, grid.node_body])
 
 
-def _rigid(scene: Scene, state: State, cell: float, dt: float) -> _Nodes:
+def _rigid(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
     chosen = ~scene.deformable[state.body]
-    velocity = rigid_velocities(scene, state.t + 0.5 * dt)
     return _prescribed(state.x[:, chosen], state.body[chosen], state.mass[chosen], velocity, cell)
 
 
-def _walls(scene: Scene, state: State, cell: float, dt: float) -> _Nodes:
+def _walls(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
     """Each wall as a slab of rigid material points, four per cell, as long as the bodies need."""
     spacing, layers = 0.5 * cell, round(2 * WALL_THICKNESS)
     parts, owner = [], []
@@ -89,7 +94,7 @@ def _walls(scene: Scene, state: State, cell: float, dt: float) -> _Nodes:
     x, body = np.concatenate(parts, axis=1), np.concatenate(owner)
     density = float(state.mass.sum() / state.volume.sum())
     mass = np.full(body.size, density * spacing**2)
-    nodes = _prescribed(x, body, mass, scene.wall_velocities(state.t + 0.5 * dt).T, cell)
+    nodes = _prescribed(x, body, mass, velocity, cell)
     return _Nodes(nodes.index, -1 - nodes.body, nodes.outward, nodes.unknown, nodes.prescribed)
 
 

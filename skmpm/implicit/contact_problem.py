@@ -67,7 +67,9 @@ class ContactProblem:
     key: Ints  # of the contacts whose forces are known
     force: Array  # (2, k) [N/m]
     timer: Timer
-    held: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((2, 0), dtype=bool))  # (2, n) by supports
+    prescribed_components: NDArray[np.bool_] = field(  # (2, n) of the points' velocities, by supports
+        default_factory=lambda: np.zeros((2, 0), dtype=bool)
+    )
     iterations: int = 0
     stopped: float = 0.0  # residual of the last solve
     worst: int = 0  # the contact with the largest part of it, where that found no solution
@@ -97,7 +99,7 @@ class ContactProblem:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
         self.timer.lap("bulk")
         grid = self.increment.bulk.assembly.grid
-        self.constraints = relevant(self.linearise(w), grid, self.increment.supports, self.held)
+        self.constraints = relevant(self.linearise(w), grid, self.increment.supports, self.prescribed_components)
         if self.frozen is not None and self.frozen.size:
             self.constraints = self.constraints.with_frames_of(self.frozen, w)
         self.r = self._known()

@@ -125,7 +125,7 @@ def _check_supports(scene: Scene) -> None:
         if not isinstance(support, Support):
             raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
     holder = np.full((2, scene.offsets[-1]), -1)
-    for i, (prescribed, place) in enumerate(zip(scene.support_velocities(0.0), scene.held, strict=True)):
+    for i, (prescribed, place) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
         _check_place(f"support {i}: where", scene, place)
         if np.isnan(prescribed).all():
             raise SceneError(

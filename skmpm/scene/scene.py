@@ -102,17 +102,23 @@ class Scene:
         return np.array(each).reshape(-1, 2)
 
     @cached_property
-    def held(self) -> Sequence[PointSet]:
+    def supported(self) -> Sequence[PointSet]:
         """The points that each support holds."""
         return [held(self, i, support) for i, support in enumerate(self.supports)]
 
     @cached_property
-    def supported_components(self) -> NDArray[np.bool_]:
-        """Which components of the points' motion supports prescribe, (2, n)."""
-        held = np.zeros((2, self.offsets[-1]), dtype=bool)
-        for place, velocity in zip(self.held, self.support_velocities(0.0), strict=True):
-            held[:, place.points] |= ~np.isnan(velocity)[:, None]
-        return held
+    def free_components(self) -> NDArray[np.bool_]:
+        """Which components of their points' velocities supports leave free, (supports, 2)."""
+        return np.isnan(self.support_velocities(0.0))
+
+    @cached_property
+    def supporting(self) -> Ints:
+        """The support that prescribes each component of the points' velocities, -1 where none does, (2, n)."""
+        number = np.full((2, self.offsets[-1]), -1)
+        for i, (place, free) in enumerate(zip(self.supported, self.free_components, strict=True)):
+            for axis in np.flatnonzero(~free):
+                number[axis, place.points] = i
+        return number
 
     @cached_property
     def loaded(self) -> Sequence[PointSet]:

@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from skmpm.assembly import Assembly
     from skmpm.constraint_elimination import Elimination
     from skmpm.linear import Delassus, Solver
-    from skmpm.scene.objects import Support
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -122,7 +119,7 @@ class Derived:
     ghost: Array  # (bodies,) moduli of the ghost penalty in `assembly` [Pa]
     moment_fitting: bool  # whether the weights in `assembly` are
     supports: Elimination | None  # of the unknowns that supports fix
-    supported: Sequence[Support]  # these supports
+    supporting: Ints  # (2, n) the support that fixes each component of the points' velocities, -1 where none does
     key: tuple[object, ...] = ()  # what the kept solver was made for
     solver: Solver | None = None
     delassus: Delassus | None = None  # of the places of contacts, by this solver

@@ -9,11 +9,11 @@ import numpy as np
 
 from skmpm.implicit import ContactProblem, Increment, NotConverged, Timer, advance
 from skmpm.linear import Delassus, one_thread
-from skmpm.scene import Scene, State, StepFailed, check_fits
+from skmpm.scene import Prescribed, Scene, State, StepFailed, check_fits, prescribed
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.energy_budget import budget_of, report_of
-from skmpm.simulate.forces import driven_bodies, external_force, prescribed
+from skmpm.simulate.forces import driven_bodies, external_force
 from skmpm.simulate.grid_to_points import end_state, kept_solver
 from skmpm.simulate.initial_state import can_touch, check_scheme
 from skmpm.simulate.regrid import assembly_of, bulk_of, check_whole, derived_of, regridded_state
@@ -44,19 +44,19 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
     if not scheme.inertia:  # a body goes on only as far as something drives it
         v0 *= np.repeat(driven_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
-    force, moved_as = external_force(scene, state, state.t + scheme.theta * dt), prescribed(scene, state.t + 0.5 * dt)
+    force, motions = external_force(scene, state, state.t + scheme.theta * dt), prescribed(scene, state.t, dt)
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
-    increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, moved_as)
+    increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, motions.supports)
     timer.lap("transfer")
     try:
         check_whole(scene, state)
         with one_thread(), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
-            contact = _contact_problem(scene, state, increment, timer, delassus)
+            contact = _contact_problem(scene, state, increment, motions, timer, delassus)
             solution = advance(increment, contact, solver, timer)
-            after = end_state(scene, state, increment, solution)
+            after = end_state(scene, state, increment, solution, motions)
             timer.lap("transfer")
-            budget = budget_of(scene, state, increment, solution, after.displacement)
+            budget = budget_of(scene, state, increment, solution, after.displacement, motions)
             timer.lap("report")
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
@@ -71,18 +71,17 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
 
 
 def _contact_problem(
-    scene: Scene, state: State, increment: Increment, timer: Timer, delassus: Delassus | None
+    scene: Scene, state: State, increment: Increment, motions: Prescribed, timer: Timer, delassus: Delassus | None
 ) -> ContactProblem | None:
     """The step's contacts; None, and the contact module untouched, where nothing can touch anything."""
     if not can_touch(scene):
         return None
-    linearise = increment.scheme.contact(
-        scene, state, increment.bulk.assembly.grid, increment.dt, increment.scheme.theta
-    )
+    grid, scheme, contacts = increment.bulk.assembly.grid, increment.scheme, state.contacts
+    linearise = scheme.contact(scene, state, grid, increment.dt, scheme.theta, motions)
     timer.lap("detection")
-    contacts = state.contacts
+    components = scene.supporting >= 0
     return ContactProblem(
-        linearise, increment, contacts.key, contacts.force, timer, held=scene.supported_components, delassus=delassus
+        linearise, increment, contacts.key, contacts.force, timer, prescribed_components=components, delassus=delassus
     )
 
 

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
-from skmpm.contact import rigid_velocities
 from skmpm.implicit import Bulk, Increment, Solution
-from skmpm.scene import Energy, Report, Scene, State
+from skmpm.scene import Energy, Prescribed, Report, Scene, State
 from skmpm.simulate.forces import external_force
 
 Array = NDArray[np.float64]
@@ -50,7 +49,9 @@ class Budget:
         return self.kinetic + self.elastic - self.before - given
 
 
-def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, displacement: Array) -> Budget:
+def budget_of(
+    scene: Scene, state: State, increment: Increment, solution: Solution, displacement: Array, motions: Prescribed
+) -> Budget:
     """The energies of a step from a state to this nodal displacement.
 
     With inertia the work is that of the forces of the step, by which the energies of the time scheme balance. A
@@ -73,7 +74,7 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
             else 0.0
         )
     if not moving:
-        external = 0.5 * (external + _work_at_start(scene, state, increment, w))
+        external = 0.5 * (external + _work_at_start(scene, state, increment, w, motions))
     return Budget(
         before=start + kinetic[0],
         kinetic=kinetic[1],
@@ -87,14 +88,14 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
     )
 
 
-def _work_at_start(scene: Scene, state: State, increment: Increment, w: Array) -> float:
+def _work_at_start(scene: Scene, state: State, increment: Increment, w: Array, motions: Prescribed) -> float:
     """The work of loads, supports, walls and rigid bodies along a step if their forces stayed as they are [J/m]."""
-    contacts, middle = state.contacts, state.t + 0.5 * increment.dt
+    contacts = state.contacts
     loads = external_force(scene, state, state.t) @ w
     supports = state.support_force.ravel() @ increment.prescribed
     tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
     force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent
-    velocity = np.concatenate([rigid_velocities(scene, middle), scene.wall_velocities(middle)[::-1].T], axis=1)
+    velocity = np.concatenate([motions.rigid, motions.walls[::-1].T], axis=1)
     relative = velocity[:, contacts.bodies[0]] - velocity[:, contacts.bodies[1]]
     return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
 

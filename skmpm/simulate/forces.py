@@ -1,11 +1,11 @@
-"""What acts on the bodies from outside: gravity, loads and prescribed velocities."""
+"""What acts on the bodies from outside: gravity and loads; and which bodies something drives."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Scene, SceneError, State, field_values
+from skmpm.scene import Scene, State, field_values
 from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
@@ -44,18 +44,6 @@ def driven_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
     driven = np.zeros(len(scene.bodies), dtype=bool)
     pushed = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
     driven[pushed[pushed >= 0]] = True
-    for place in scene.held:
+    for place in scene.supported:
         driven[state.body[place.points]] = True
     return driven
-
-
-def prescribed(scene: Scene, t: float) -> Array:
-    """Velocities of the supports at time t, (2 supports,) [m/s], zero where free."""
-    velocity = scene.support_velocities(t)
-    changed = np.flatnonzero((np.isnan(velocity) != np.isnan(scene.support_velocities(0.0))).any(axis=1))
-    if changed.size:
-        raise SceneError(
-            f"support {changed[0]}: velocity at t = {t:.6g} s is {velocity[changed[0]]}, at t = 0"
-            f" {scene.support_velocities(0.0)[changed[0]]} (nan: None); a component is free always or never"
-        )
-    return np.nan_to_num(velocity).ravel()

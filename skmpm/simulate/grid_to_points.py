@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from skmpm.implicit import Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
-from skmpm.scene import Contacts, Derived, Scene, State, motion
+from skmpm.scene import Contacts, Derived, Prescribed, Scene, State
 from skmpm.simulate.regrid import derived_of
 from skmpm.transfer import apic
 
 Array = NDArray[np.float64]
 
 
-def end_state(scene: Scene, state: State, increment: Increment, solution: Solution) -> State:
+def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, motions: Prescribed) -> State:
     """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
     dt, own = increment.dt, scene.deformable[state.body]
     bulk, grid = increment.bulk, increment.bulk.assembly.grid
@@ -32,7 +32,9 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
     F[:, :, own] = product(at.F, state.F_anchor[:, :, own])
     stress[:, :, own] = bulk.cauchy(at)
     weight[own] = bulk.assembly.volume * determinant(at.F)
-    _move_rigid(scene, state, dt, x, v)
+    rigid = state.body[~own]
+    x[:, ~own] += dt * motions.rigid[:, rigid]
+    v[:, ~own] = motions.rigid_at_end[:, rigid]
     contacts, wall_force = _contacts(scene, solution, dt)
     return replace(
         state,
@@ -45,7 +47,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         volume=scene.initial_volumes * determinant(F),
         weight=weight,
         displacement=displacement,
-        walls=state.walls + dt * scene.wall_velocities(state.t + 0.5 * dt),
+        walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
         support_force=solution.reaction.reshape(-1, 2) / dt,
         contacts=contacts,
@@ -77,14 +79,6 @@ def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     materials, scheme = tuple(body.material for body in scene.bodies), increment.scheme
     options = (scheme.theta, scheme.inertia, scheme.explicit, scheme.linear, scheme.mean_dilatation, scheme.contact)
     return (increment.dt, *options, materials)
-
-
-def _move_rigid(scene: Scene, state: State, dt: float, x: Array, v: Array) -> None:
-    name, offsets = "body {}: velocity", scene.offsets
-    for b in np.flatnonzero(~scene.deformable).tolist():
-        velocity, own = scene.bodies[b].velocity, slice(offsets[b], offsets[b + 1])
-        x[:, own] += dt * motion(velocity, state.t + 0.5 * dt, name.format(b))[:, None]
-        v[:, own] = motion(velocity, state.t + dt, name.format(b))[:, None]
 
 
 def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:

@@ -53,7 +53,7 @@ def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
     return (
         kept is not None
         and kept.assembly.grid.cell == scene.cell
-        and kept.supported is scene.supports
+        and np.array_equal(kept.supporting, scene.supporting)
         and kept.moment_fitting == scheme.moment_fitting
         and np.array_equal(kept.ghost, _ghost_moduli(scene, scheme))
     )
@@ -71,7 +71,7 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
         ghost=modulus,
         moment_fitting=scheme.moment_fitting,
         supports=_supports(scene, grid, np.cumsum(own) - 1),
-        supported=scene.supports,
+        supporting=scene.supporting,
     )
 
 
@@ -104,9 +104,9 @@ def _supports(scene: Scene, grid: BodyGrids, number: NDArray[np.int64]) -> Elimi
     if not scene.supports:
         return None
     rows, columns = [], []
-    for i, (prescribed, place) in enumerate(zip(scene.support_velocities(0.0), scene.held, strict=True)):
+    for i, (free, place) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
         at = grid.interpolation[number[place.points]]
-        for axis in np.flatnonzero(~np.isnan(prescribed)).tolist():
+        for axis in np.flatnonzero(~free).tolist():
             rows.append(sp.kron(at, np.eye(2)[axis : axis + 1], format="csr"))
             columns.append(np.full(place.points.size, 2 * i + axis))
     column = np.concatenate(columns)

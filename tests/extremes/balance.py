@@ -61,7 +61,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def held_bodies(scene: skmpm.Scene, state: skmpm.State) -> list[np.ndarray]:
     """The bodies that each support holds."""
-    return [np.unique(state.body[place.points]) for place in scene.held]
+    return [np.unique(state.body[place.points]) for place in scene.supported]
 
 
 def momentum_gained(case, old: skmpm.State, new: skmpm.State) -> np.ndarray:
@@ -161,7 +161,7 @@ def behind_walls(scene: skmpm.Scene, state: skmpm.State) -> np.ndarray:
     for w, wall in enumerate(scene.walls):
         normal = np.asarray(wall.normal, dtype=float)
         free = np.ones(state.body.size, dtype=bool)
-        for support, place in zip(scene.supports, scene.held, strict=True):
+        for support, place in zip(scene.supports, scene.supported, strict=True):
             velocity = support.velocity(0.0) if callable(support.velocity) else support.velocity
             held = np.array([v is not None for v in velocity])
             if np.abs(normal[held]).max(initial=0.0) > 1e-9:  # cells share what is prescribed
@@ -175,7 +175,7 @@ def behind_walls(scene: skmpm.Scene, state: skmpm.State) -> np.ndarray:
 def supports_missed(scene: skmpm.Scene, old: skmpm.State, new: skmpm.State) -> float:
     """How far the mean displacement of a support's points is from what is prescribed, at most [m]."""
     dt, missed = new.t - old.t, 0.0
-    for support, place in zip(scene.supports, scene.held, strict=True):
+    for support, place in zip(scene.supports, scene.supported, strict=True):
         velocity = support.velocity(0.5 * (old.t + new.t)) if callable(support.velocity) else support.velocity
         moved = (new.x - old.x)[:, place.points]
         for component, wanted in zip(moved, velocity, strict=True):

@@ -99,7 +99,7 @@ def _columns(
         cones += [(len(data), sign, mu) for sign in (1.0, -1.0)]
         data += [column(ends, x, n), column(ends, x, np.array([-n[1], n[0]]))]
         lower += [0.0, None]
-    for support, place in zip(scene.supports, scene.held, strict=True):
+    for support, place in zip(scene.supports, scene.supported, strict=True):
         velocity = support.velocity(0.0) if callable(support.velocity) else support.velocity
         for axis in (k for k in range(2) if velocity[k] is not None):
             for p in place.points:

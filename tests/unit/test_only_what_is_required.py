@@ -255,7 +255,8 @@ def test_ghost_0_forms_no_displacement_within_bodies_and_multiplies_none():
     assert np.count_nonzero(assembly.ghost.data) == assembly.ghost.nnz < assembly.indices.size
 
 
-ONCE = ("outlines", "initial_positions", "initial_volumes", "deformable", "offsets", "normals", "held", "loaded")
+ONCE = ("outlines", "initial_positions", "initial_volumes", "deformable", "offsets", "normals", "supported", "loaded")
+ONCE += ("free_components", "supporting")
 
 
 def test_what_follows_from_the_scene_alone_is_found_once():

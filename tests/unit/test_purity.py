@@ -70,17 +70,24 @@ def three(material, speed=2.0, **options):
     return Scene(discs, cell=CELL, walls=walls, friction=0.3, **options)
 
 
-def driven(material):
-    """A block on a support under a rigid disc, with a load, gravity and a wall: all that functions may prescribe."""
+def driven(material, watch=lambda name, function: function):
+    """A block on a support under a rigid disc, with a load, gravity and a wall: all that functions may prescribe.
+
+    `watch(name, function)` may put another function in the place of each.
+    """
     block = box((0.0, 0.0), (3.0 * R, 2.0 * R), spacing=R / 6)
     indenter = disc((1.5 * R, 2.5 * R), R / 2, spacing=R / 8)
     return Scene(
-        [Body(block, material), Body(indenter, Rigid(1e3), velocity=lambda t: (0.0, -1.0 - t))],
+        [Body(block, material), Body(indenter, Rigid(1e3), velocity=watch("rigid", lambda t: (0.0, -1.0 - t)))],
         cell=0.3 * R,
-        supports=[Support(lambda x: (x[1] < 0.1 * R) & (x[0] < 2.0 * R), velocity=lambda t: (100.0 * t, None))],
-        loads=[Load(lambda x: x[0] > 2.9 * R, lambda t: (0.0, 1e3 * t))],
-        walls=[Wall((0.0, -0.01 * R), (0.0, 1.0), velocity=lambda t: (0.0, 10.0 * t))],
-        gravity=lambda X, t: np.stack([0.0 * X[0], -9.81 + 0.0 * X[1]]),
+        supports=[
+            Support(
+                lambda x: (x[1] < 0.1 * R) & (x[0] < 2.0 * R), velocity=watch("support", lambda t: (100.0 * t, None))
+            )
+        ],
+        loads=[Load(lambda x: x[0] > 2.9 * R, watch("load", lambda t: (0.0, 1e3 * t)))],
+        walls=[Wall((0.0, -0.01 * R), (0.0, 1.0), velocity=watch("wall", lambda t: (0.0, 10.0 * t)))],
+        gravity=watch("gravity", lambda X, t: np.stack([0.0 * X[0], -9.81 + 0.0 * X[1]])),
         friction=0.3,
     )
 
@@ -137,3 +144,42 @@ def test_the_digest_sees_what_is_kept_for_speed():
         replace(state, derived=replace(derived, delassus=replace(derived.delassus, known=~derived.delassus.known))),
     ]
     assert len({digest(each) for each in [state, *others]}) == 5
+
+
+@pytest.mark.parametrize(
+    "scheme, forces",
+    [
+        (Scheme(), [1.0]),
+        (Scheme(theta=0.75), [0.75]),
+        (Scheme(inertia=False), [0.0, 1.0]),
+        (Scheme.nezamabadi2017(), [1.0]),
+    ],
+    ids=["dynamic", "theta", "without inertia", "shared nodes"],
+)
+def test_a_step_asks_once_per_time_level_for_all_that_is_prescribed(scheme, forces):
+    """Velocities in the middle, by which things move; of rigid bodies also at the end, where points keep them.
+
+    Forces at t + theta dt; without inertia also at t, for work is that of the mean of both. `forces` are their times
+    in steps.
+    """
+    asked = {}
+
+    def watch(name, function):
+        def watched(*arguments):
+            asked.setdefault(name, []).append(arguments[-1])
+            return function(*arguments)
+
+        return watched
+
+    scene, dt = driven(LINEAR, watch), 5e-6
+    state = initial(scene, scheme=scheme)
+    for _ in range(3):
+        asked.clear()
+        after = step(scene, state, dt, scheme=scheme)
+        middle = state.t + 0.5 * dt
+        assert asked.pop("wall") == asked.pop("support") == [middle]
+        assert asked.pop("rigid") == [middle, state.t + dt]
+        for times in (asked.pop("load"), asked.pop("gravity")):
+            assert sorted(times) == pytest.approx([state.t + share * dt for share in forces], rel=1e-12)
+        state = after
+    assert not asked and state.contacts.gap.size > 0

@@ -1,0 +1,55 @@
+"""Prescribed velocities: those of walls, rigid bodies and supports, evaluated once in a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.scene.objects import SceneError, motion
+
+if TYPE_CHECKING:
+    from skmpm.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """The prescribed velocities of one step [m/s], in its middle but where they say so."""
+
+    walls: Array  # (walls, 2)
+    rigid: Array  # (2, bodies) of rigid bodies, zero for those with unknowns
+    rigid_at_end: Array  # (2, bodies) the same at the end of the step
+    supports: Array  # (2 supports,) zero where free
+
+
+def prescribed(scene: Scene, t: float, dt: float) -> Prescribed:
+    """The prescribed velocities of a step from t to t + dt [s]; SceneError where one is unclear or not finite."""
+    middle = t + 0.5 * dt
+    return Prescribed(
+        scene.wall_velocities(middle),
+        _rigid(scene, middle),
+        _rigid(scene, t + dt),
+        _supports(scene, middle),
+    )
+
+
+def _rigid(scene: Scene, t: float) -> Array:
+    given = np.zeros((2, len(scene.bodies)))
+    for b in np.flatnonzero(~scene.deformable).tolist():
+        given[:, b] = motion(scene.bodies[b].velocity, t, f"body {b}: velocity")
+    return given
+
+
+def _supports(scene: Scene, t: float) -> Array:
+    velocity = scene.support_velocities(t)
+    changed = np.flatnonzero((np.isnan(velocity) != scene.free_components).any(axis=1))
+    if changed.size:
+        raise SceneError(
+            f"support {changed[0]}: velocity at t = {t:.6g} s is {velocity[changed[0]]}, at t = 0"
+            f" {scene.support_velocities(0.0)[changed[0]]} (nan: None); a component is free always or never"
+        )
+    return np.nan_to_num(velocity).ravel()
