@@ -21,6 +21,7 @@ from skmpm import outline
 from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
 from skmpm.contact.projection import Roles, neighbours
+from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids
 from skmpm.outline import Outlines
 from skmpm.scene import Prescribed, Scene, SceneError, State, prescribed
@@ -66,7 +67,7 @@ def point_to_curve(
         walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
         on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
         bodies = [] if near.none and scene.walls else [contacts_between_bodies(scene, near, start, moved, theta)]
-        return ContactPairs.joined([*bodies, *on_walls])
+        return joined([*bodies, *on_walls])
 
     def linearise(w: Array) -> Constraints:
         nonlocal near

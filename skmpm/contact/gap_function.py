@@ -30,13 +30,6 @@ class ContactPairs:
     before: Array  # (k,) [m] at its start
     friction: Array  # (k,)
 
-    @staticmethod
-    def joined(parts: list[ContactPairs]) -> ContactPairs:
-        """All of them."""
-        return ContactPairs(
-            *(np.concatenate(a, axis=-1) for a in zip(*(p.__dict__.values() for p in parts), strict=True))
-        )
-
 
 def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved: Array, theta: float) -> ContactPairs:
     """Contacts between bodies whose boundary points move from `start` by `moved` (2, m)."""

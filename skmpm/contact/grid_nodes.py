@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.contact.constraints import Constraints, Linearise
+from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.scene import Prescribed, Scene, SceneError, State, prescribed
 
@@ -47,7 +48,7 @@ def shared_grid(
             "shared_grid needs body grids rebuilt at every step; use Scheme(anchor=0) or Scheme.nezamabadi2017()"
         )
     motions = prescribed(scene, state.t, dt) if motions is None else motions
-    nodes = _concatenate(
+    nodes = joined(
         [
             _deformable(grid, state.mass[unknown]),
             _rigid(scene, state, grid.cell, motions.rigid),
@@ -96,10 +97,6 @@ def _walls(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
     mass = np.full(body.size, density * spacing**2)
     nodes = _prescribed(x, body, mass, velocity, cell)
     return _Nodes(nodes.index, -1 - nodes.body, nodes.outward, nodes.unknown, nodes.prescribed)
-
-
-def _concatenate(parts: list[_Nodes]) -> _Nodes:
-    return _Nodes(*(np.concatenate(p, axis=-1) for p in zip(*(n.__dict__.values() for n in parts), strict=True)))
 
 
 def _pairs(nodes: _Nodes) -> tuple[Ints, Ints]:

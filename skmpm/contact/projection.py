@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact.corner_contact import dot, wedge
+from skmpm.contact.tables import among, joined
 from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
 
@@ -108,25 +109,22 @@ class FootPoints:
     beside: Bools  # (k,) whether the point is off the end of the side, or sees no tip
     key: Ints  # (k,) identity
 
-    def __getitem__(self, chosen: NDArray[np.int64] | Bools) -> FootPoints:
-        return FootPoints(*(a[..., chosen] for a in self.__dict__.values()))
-
 
 def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, FootPoints]:
     """All contacts within reach of outlines as they are now; where their feet were at the start of the step."""
     point, segment, s = _nearest(near, now.x)
     found = project(near, now, point, segment, s, np.zeros(point.size, dtype=bool))
     close = (found.gap > -MAX_DEPTH * near.cell) & (found.gap < near.reach)
-    found = found[np.flatnonzero(~found.beside & close)]
+    found = among(found, np.flatnonzero(~found.beside & close))
     before = project(near, near.start, found.point, found.segment, found.s, found.corner_pair)
     chosen = np.flatnonzero(_faces(near, before))
-    chosen = chosen[_outermost(near.curve, found[chosen])]
+    chosen = chosen[_outermost(near.curve, among(found, chosen))]
     corner_pairs = _corner_pairs(near, now)
-    chosen = chosen[~_superseded(near.curve, found[chosen], corner_pairs)]
+    chosen = chosen[~_superseded(near.curve, among(found, chosen), corner_pairs)]
     tips_before = project(
         near, near.start, corner_pairs.point, corner_pairs.segment, corner_pairs.s, corner_pairs.corner_pair
     )
-    return _joined(found[chosen], corner_pairs), _joined(before[chosen], tips_before)
+    return joined([among(found, chosen), corner_pairs]), joined([among(before, chosen), tips_before])
 
 
 def _nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
@@ -220,7 +218,7 @@ def _corner_pairs(near: Neighbours, now: Cubics) -> FootPoints:
     """Corners that see each other tip to tip."""
     c, j = near.corner_pairs
     found = project(near, now, c, j, np.zeros(c.size), np.ones(c.size, dtype=bool))
-    return found[~found.beside & (np.abs(found.gap) < near.reach)]
+    return among(found, ~found.beside & (np.abs(found.gap) < near.reach))
 
 
 def _superseded(curve: Curve, found: FootPoints, corner_pairs: FootPoints) -> Bools:
@@ -230,8 +228,3 @@ def _superseded(curve: Curve, found: FootPoints, corner_pairs: FootPoints) -> Bo
     pairs = [(a, curve.side[b]) for p, q in ((c, j), (j, c)) for a, b in ((p, q), (p, boundary.previous[q]))]
     keys = np.concatenate([a * sides + b for a, b in pairs])
     return np.isin(found.key, keys)
-
-
-def _joined(first: FootPoints, second: FootPoints) -> FootPoints:
-    both = zip(first.__dict__.values(), second.__dict__.values(), strict=True)
-    return FootPoints(*(np.concatenate(parts, axis=-1) for parts in both))

@@ -39,7 +39,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_fits(scene, state, "step")
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, given = Timer(), state
-    state = regridded_state(scene, given, scheme)
+    state, regridded = regridded_state(scene, given, scheme)
     own = scene.deformable[state.body]
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
     if not scheme.inertia:  # a body goes on only as far as something drives it
@@ -65,7 +65,6 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         edge = "" if scheme.inertia else pressed_edge(scene, given.contacts)
         message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {reason}{edge}"
         raise StepFailed(message, given, retryable=getattr(error, "retryable", True)) from error
-    regridded = state.x_anchor is not given.x_anchor
     report = report_of(given.report.energy, increment, solution, budget, overlap, regridded=regridded)
     return replace(after, report=replace(report, seconds=timer.seconds))
 

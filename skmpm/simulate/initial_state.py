@@ -48,7 +48,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         contacts=Contacts.none(),
         report=Report(),
     )
-    state = regridded_state(scene, state, scheme)
+    state, _ = regridded_state(scene, state, scheme)
     assembly, own = assembly_of(state), scene.deformable[body]
     nodal = to_nodes(assembly, state.mass[own], v[:, own], C[:, :, own])
     weight = volume.copy()

@@ -21,12 +21,12 @@ from skmpm.scheme import Scheme, averages_dilatation
 Array = NDArray[np.float64]
 
 
-def regridded_state(scene: Scene, state: State, scheme: Scheme) -> State:
-    """The state with body grids: rebuilt through the points when they have deformed beyond `scheme.anchor`."""
-    worn = _deformed_beyond_anchor(scene, state, scheme)
-    if state.displacement.size and not worn and _still_valid(scene, state, scheme):
-        return state
-    if state.displacement.size == 0 or worn:
+def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, bool]:
+    """The state with body grids, and whether they were rebuilt: where they have deformed beyond `scheme.anchor`."""
+    regridding = state.displacement.size == 0 or _deformed_beyond_anchor(state, scheme)
+    if not regridding and _still_valid(scene, state, scheme):
+        return state, False
+    if regridding:
         relative = product(state.F, _inverse(state.F_anchor))
         state = replace(
             state,
@@ -44,7 +44,7 @@ def regridded_state(scene: Scene, state: State, scheme: Scheme) -> State:
             f"the state moves {displacement.size // 2} grid nodes, the scene with cell = {scene.cell:g} m has"
             f" {nodes}; continue with the scene that the state was made from"
         )
-    return replace(state, displacement=displacement, derived=derived)
+    return replace(state, displacement=displacement, derived=derived), regridding
 
 
 def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
@@ -125,12 +125,12 @@ def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
     return modulus
 
 
-def _deformed_beyond_anchor(scene: Scene, state: State, scheme: Scheme) -> bool:
-    """Whether the body grids have deformed beyond the scheme's bound since they were laid."""
+def _deformed_beyond_anchor(state: State, scheme: Scheme) -> bool:
+    """Whether the body grids have deformed beyond the scheme's bound since they were laid; with a bound of 0 always."""
     if not np.isfinite(scheme.anchor) or state.t == 0.0:
         return False
     if scheme.anchor == 0.0:
-        return state.x is not state.x_anchor
+        return True
     relative = product(state.F, _inverse(state.F_anchor)) - np.eye(2)[:, :, None]
     return float(np.abs(relative).max(initial=0.0)) > scheme.anchor
 

@@ -203,7 +203,7 @@ def field_errors(seed, law):
     rng, points = any_cloud(seed)
     solid = LAWS[law]
     scene = Scene([Body(points, solid)], cell=CELL)
-    bulk = bulk_of(scene, regridded_state(scene, initial(scene), Scheme()), Scheme())
+    bulk = bulk_of(scene, regridded_state(scene, initial(scene), Scheme())[0], Scheme())
     position, one = bulk.assembly.grid.position, np.eye(2)[:, :, None]
     H = 0.1 * rng.normal(size=(2, 2))
     at = bulk.at((H @ position + rng.normal(size=(2, 1))).T.ravel())
