@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
-from skmpm.contact.projection import Roles, neighbours
+from skmpm.contact.projection import Neighbours, Roles, neighbours
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids
 from skmpm.outline import Outlines
@@ -61,21 +61,22 @@ def point_to_curve(
     roles, reach, start = _roles(scene, boundary, initial), DETECTION_DISTANCE * grid.cell, state.x[:, boundary.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
     curve = outline.curve(boundary, initial, start)
-    near = neighbours(scene, curve, roles, start, grid.cell, reach, margin)
+    close = neighbours(scene, curve, roles, start, grid.cell, reach, margin)
 
-    def contact(moved: Array) -> ContactPairs:
+    def contact(near: Neighbours, moved: Array) -> ContactPairs:
         walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
         on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
         bodies = [] if near.none and scene.walls else [contacts_between_bodies(scene, near, start, moved, theta)]
         return joined([*bodies, *on_walls])
 
     def linearise(w: Array) -> Constraints:
-        nonlocal near
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + prescribed)
-        farthest = float(np.abs(moved).max(initial=0.0))
-        if 2.0 * farthest > near.margin:
-            near = neighbours(scene, curve, roles, start, grid.cell, reach, 4.0 * farthest)
-        return _constraints(scene, contact(moved), start + moved, interpolation, w, prescribed, wall_velocities, dt)
+        needed = 2.0 * float(np.abs(moved).max(initial=0.0))
+        wide = needed > close.margin
+        near = neighbours(scene, curve, roles, start, grid.cell, reach, needed) if wide else close
+        return _constraints(
+            scene, contact(near, moved), start + moved, interpolation, w, prescribed, wall_velocities, dt
+        )
 
     return linearise
 
