@@ -14,7 +14,7 @@ in A, and in A only, keep each Newton iteration from sending it away: they carry
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, Timer
 from skmpm.implicit.errors import NotConverged
-from skmpm.implicit.newton import Solution
+from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.statics import advance
 

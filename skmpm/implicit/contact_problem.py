@@ -85,7 +85,7 @@ class ContactProblem:
     @cached_property
     def noise(self) -> float:
         """What rounding of positions does to velocities of gaps [m/s]."""
-        extent = float(np.abs(self.increment.bulk.assembly.grid.position).max(initial=0.0))
+        extent = float(np.abs(self.increment.grid.position).max(initial=0.0))
         return 4.0 * float(np.finfo(float).eps) * extent / self.increment.dt
 
     @property
@@ -98,7 +98,7 @@ class ContactProblem:
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
         self.timer.lap("bulk")
-        grid = self.increment.bulk.assembly.grid
+        grid = self.increment.grid
         self.constraints = relevant(self.linearise(w), grid, self.increment.supports, self.prescribed_components)
         if self.frozen is not None and self.frozen.size:
             self.constraints = self.constraints.with_frames_of(self.frozen, w)
@@ -165,7 +165,7 @@ class ContactProblem:
         """The bodies of the places, (m,); those of rigid bodies do not matter."""
         owner = np.zeros(base.shape[0], dtype=np.int64)
         moves = np.flatnonzero(np.diff(base.indptr))
-        owner[moves] = self.increment.bulk.assembly.grid.node_body[base.indices[base.indptr[moves]]]
+        owner[moves] = self.increment.grid.node_body[base.indices[base.indptr[moves]]]
         return owner
 
     def _compliance(self, delassus: Delassus, geometric: ContactStiffness | None) -> tuple[sp.csr_array, Delassus]:

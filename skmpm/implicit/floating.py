@@ -60,7 +60,7 @@ def floating(increment: Increment, contact: ContactProblem) -> Floating:
     """The floating bodies of a step, spins about their centres of mass at its start."""
     constraints = contact.linearise(increment.prescribed_alone())
     assembly, bodies = increment.bulk.assembly, np.flatnonzero(increment.floats)
-    grid, weight = assembly.grid, assembly.lumped[::2]
+    grid, weight = increment.grid, assembly.lumped[::2]
     x = grid.position + increment.start.reshape(-1, 2).T
     arm = x - grid.means(x, weight)[:, grid.node_body]
     radius = np.sqrt(grid.means((arm**2).sum(axis=0)[None], weight)[0])
@@ -76,22 +76,14 @@ def floating(increment: Increment, contact: ContactProblem) -> Floating:
     mean = sp.csr_array(sp.diags_array(1.0 / (weighed @ motions).diagonal()) @ weighed)
     speeds = _prescribed(increment, constraints, place)
     load = np.asarray(motions.T @ increment.force)
-    return Floating(bodies, motions, mean, _stopped(increment, motions), increment.dt * speeds, load)
+    return Floating(bodies, motions, mean, increment.stopped(motions), increment.dt * speeds, load)
 
 
 def _places(increment: Increment, bodies: Ints) -> Ints:
     """The number of every body among the floating ones, -1 if it is none; the last is that of walls."""
-    place = np.full(increment.bulk.assembly.grid.bodies + 1, -1)
+    place = np.full(increment.grid.bodies + 1, -1)
     place[bodies] = np.arange(bodies.size)
     return place
-
-
-def _stopped(increment: Increment, motions: sp.csr_array) -> sp.csr_array:
-    """What rigid motions would change of the unknowns that supports fix, (m, 3 n)."""
-    if increment.supports is None:
-        return sp.csr_array((0, motions.shape[1]))
-    fixed = increment.supports.fixed
-    return sp.csr_array(motions[fixed] - increment.supports.T[fixed] @ motions)
 
 
 def _prescribed(increment: Increment, constraints: Constraints, place: Ints) -> Array:
@@ -130,15 +122,12 @@ def landed(increment: Increment, contact: ContactProblem, bodies: Floating) -> A
         q = None if _carried(contact, bodies, constraints, joined) else mechanism(bodies.load, joined)
         if q is None:
             return None if looks == 0 else w
-        if float(np.abs(bodies.beyond(increment.dt * w)).max()) > MAX_FALL * increment.bulk.assembly.grid.cell:
+        if float(np.abs(bodies.beyond(increment.dt * w)).max()) > MAX_FALL * increment.grid.cell:
             found = no_equilibrium(increment, bodies, constraints)
             if found is not None:
                 raise found
         velocity = bodies.motions @ q
-        w = (
-            w
-            + FALL_STEP * increment.bulk.assembly.grid.cell / increment.dt / float(np.abs(velocity).max()) * velocity
-        )
+        w = w + FALL_STEP * increment.grid.cell / increment.dt / float(np.abs(velocity).max()) * velocity
     return None
 
 
@@ -154,7 +143,7 @@ def _carried(contact: ContactProblem, bodies: Floating, constraints: Constraints
 
 def check_near(increment: Increment, bodies: Floating, w: Array) -> None:
     """Raise NotConverged where a body has moved by more than `TRAVEL` beyond what is prescribed."""
-    beyond = np.abs(bodies.beyond(increment.dt * w)).max(axis=0) / increment.bulk.assembly.grid.cell
+    beyond = np.abs(bodies.beyond(increment.dt * w)).max(axis=0) / increment.grid.cell
     b = int(np.argmax(beyond))
     if beyond[b] > TRAVEL:
         moves = bool(bodies.limits.any())  # else a smaller dt is the same step
@@ -171,7 +160,7 @@ def near(
 ) -> Array:
     """The direction, less what takes bodies `stride` cells farther beyond what is prescribed than they are at w."""
     before, after = (bodies.beyond(increment.dt * v) for v in (w, w + direction))
-    allowed = np.abs(before) + stride * increment.bulk.assembly.grid.cell
+    allowed = np.abs(before) + stride * increment.grid.cell
     excess = after - np.clip(after, -allowed, allowed)
     if not excess.any():
         return direction
@@ -208,7 +197,7 @@ def no_equilibrium(
     increment: Increment, bodies: Floating, constraints: Constraints, what: str = "there is no equilibrium"
 ) -> NotConverged | None:
     """What loads do where contacts cannot carry them, by those that are closest; None where these can."""
-    closest = _closest(constraints, CLOSE * increment.bulk.assembly.grid.cell)
+    closest = _closest(constraints, CLOSE * increment.grid.cell)
     joined = joints(increment, bodies, closest)
     rough = mechanism(bodies.load, replace(joined, friction=np.full(closest.size, NO_SLIP_FRICTION)), few=True)
     q = mechanism(bodies.load, joined, few=True) if rough is None else rough
@@ -218,7 +207,7 @@ def no_equilibrium(
     b, verb, remedy = int(bodies.bodies[found.body]), found.verb, "" if rough is not None else " or friction"
     if verb == "turns":
         verb = "topples" if _corner(increment, closest, found.contact, b) else "rolls"
-    where = "" if found.contact < 0 else f" {_on(closest, found.contact, b, increment.bulk.assembly.grid.cell)}"
+    where = "" if found.contact < 0 else f" {_on(closest, found.contact, b, increment.grid.cell)}"
     force = bodies.load[3 * found.body : 3 * found.body + 2]
     return NotConverged(
         f"body {b}",
@@ -246,7 +235,7 @@ def _on(constraints: Constraints, contact: int, body: int, cell: float) -> str:
 
 def _corner(increment: Increment, constraints: Constraints, contact: int, body: int) -> bool:
     """Whether a body touches with a corner: the boundary point that is nearest to the contact is one."""
-    grid = increment.bulk.assembly.grid
+    grid = increment.grid
     known = np.flatnonzero(np.diff(constraints.base.indptr) > 0)
     own = known[grid.node_body[constraints.base.indices[constraints.base.indptr[known]]] == body]
     x = (constraints.base[own] @ (grid.position + increment.start.reshape(-1, 2).T).T).T

@@ -10,12 +10,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.constraint_elimination import Elimination
+from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import StartForces
 from skmpm.linear import HeldRotation, Solver, diagonal
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 DRIFT = 1e-4  # [cells] by which the balance of momentum may move a body in the end; then gaps are what they were
 LEAST_INERTIA = 0.25  # of a body's inertia must be left of what resists its turning
@@ -24,8 +26,8 @@ SPRING_SHARE = 1e-3  # of its shear modulus: the springs that keep a floating bo
 
 
 @dataclass(frozen=True)
-class Held:
-    """Drag that holds floating bodies in a quasi-static step: drag * (w - anchor) is part of the balance."""
+class Proximal:
+    """Proximal term that holds floating bodies in a quasi-static step: drag * (w - anchor) is part of the balance."""
 
     drag: Array  # (2 nodes,) by mass, so that it has no moment about their centres [kg/s]
     anchor: Array  # (2 nodes,) [m/s]
@@ -43,7 +45,12 @@ class Increment:
     scheme: Scheme
     supports: Elimination | None = None
     prescribed: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
-    held: Held | None = None  # how floating bodies are, once springs no longer do
+    proximal: Proximal | None = None  # what holds floating bodies, once springs no longer do
+
+    @property
+    def grid(self) -> BodyGrids:
+        """The body grids that the bodies move on."""
+        return self.bulk.assembly.grid
 
     @property
     def _reach(self) -> float:
@@ -59,18 +66,18 @@ class Increment:
     @cached_property
     def mass(self) -> Array:
         """What resists a change of w: the mass, in a quasi-static step nothing or a drag, (2 nodes,) [kg/m]."""
-        if self.held is not None:
-            return self.held.drag
+        if self.proximal is not None:
+            return self.proximal.drag
         mass = self.bulk.assembly.mass
         return mass if self.scheme.inertia else np.zeros_like(mass)
 
     @cached_property
     def floats(self) -> NDArray[np.bool_]:
         """Which bodies neither inertia nor supports hold, (bodies,)."""
-        bodies = self.bulk.assembly.grid.bodies
+        bodies = self.grid.bodies
         if self.scheme.inertia:
             return np.zeros(bodies, dtype=bool)
-        present = np.bincount(self.bulk.assembly.grid.node_body, minlength=bodies) > 0
+        present = np.bincount(self.grid.node_body, minlength=bodies) > 0
         return present if self.supports is None else present & ~self.supports.holds
 
     @property
@@ -81,8 +88,8 @@ class Increment:
     @property
     def rest(self) -> Array:
         """The velocity that inertia or drag keeps, (2 nodes,) [m/s]."""
-        if self.held is not None:
-            return self.held.anchor
+        if self.proximal is not None:
+            return self.proximal.anchor
         return self.v0 if self.scheme.inertia else np.zeros_like(self.v0)
 
     def first(self) -> Array:
@@ -131,7 +138,7 @@ class Increment:
         for impulse in (contact_impulse, solved):
             left = self._left(w, impulse)
             if self._in_cells(left).max() <= DRIFT:
-                return np.asarray(w - left.T[self.bulk.assembly.grid.node_body].ravel())
+                return np.asarray(w - left.T[self.grid.node_body].ravel())
         return None
 
     def drift(self, w: Array, contact_impulse: Array, solved: Array) -> Array:
@@ -141,16 +148,27 @@ class Increment:
 
     def _in_cells(self, velocity: Array) -> Array:
         """Lengths of the ways in the step of velocities (2, bodies) [m/s], (bodies,) [cells]."""
-        return np.asarray(np.hypot(*velocity) * self.dt / self.bulk.assembly.grid.cell)
+        return np.asarray(np.hypot(*velocity) * self.dt / self.grid.cell)
 
     def _left(self, w: Array, contact_impulse: Array) -> Array:
         """The total imbalance of every body over its mass, (2, bodies) [m/s]; none where supports hold something."""
         assembly = self.bulk.assembly
         if not self.scheme.inertia or self.supports is not None:
-            return np.zeros((2, assembly.grid.bodies))
+            return np.zeros((2, self.grid.bodies))
         imbalance = assembly.lumped * (w - self.rest) - self._reach * self.force - contact_impulse
-        left, mass = (assembly.grid.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
+        left, mass = (self.grid.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
         return np.asarray(left / np.maximum(mass, 1e-300))
+
+    @property
+    def fixed(self) -> Ints:
+        """The unknowns that supports fix, (m,)."""
+        return np.zeros(0, dtype=np.int64) if self.supports is None else self.supports.fixed
+
+    def stopped(self, motions: sp.csr_array) -> sp.csr_array:
+        """What motions (2 nodes, k) would change of the unknowns that supports fix, (m, k)."""
+        if self.supports is None:
+            return sp.csr_array((0, motions.shape[1]))
+        return sp.csr_array(motions[self.fixed] - self.supports.T[self.fixed] @ motions)
 
     def unsupported(self, gradient: Array) -> Array:
         """The part of an imbalance that supports do not take, (2 nodes,)."""
@@ -165,7 +183,7 @@ class Increment:
     def round_off(self, w: Array, at: Configuration) -> float:
         """The imbalance that round-off of displacements and velocities leaves, whatever w [kg/s]."""
         modulus = self.bulk.modulus
-        reach = self.bulk.assembly.grid.cell + float(np.abs(at.displacement).max(initial=0.0))
+        reach = self.grid.cell + float(np.abs(at.displacement).max(initial=0.0))
         inertia = float(np.linalg.norm(self.mass * w))
         return float(20.0 * np.finfo(float).eps * (self._reach * modulus * reach * np.sqrt(w.size) + inertia))
 
@@ -178,24 +196,24 @@ class Increment:
         K = self.material_response.stiffness(at, projected=projected)
         if self.scheme.inertia:
             return assembly.matrix(K, self._reach**2)
-        if self.held is not None:
-            return assembly.matrix(K, self._reach**2, self.held.drag.reshape(-1, 2, 1) * np.eye(2))
-        return assembly.matrix(K, self._reach**2, assembly.grid.pins(SPRING_SHARE * self.stiffnesses))
+        if self.proximal is not None:
+            return assembly.matrix(K, self._reach**2, self.proximal.drag.reshape(-1, 2, 1) * np.eye(2))
+        return assembly.matrix(K, self._reach**2, self.grid.pins(SPRING_SHARE * self.stiffnesses))
 
     @property
     def stiffnesses(self) -> Array:
         """Shear moduli of the floating bodies, times what makes them part of A, (bodies,) [kg/s]."""
-        grid, modulus = self.bulk.assembly.grid, np.zeros(self.floats.size)
+        grid, modulus = self.grid, np.zeros(self.floats.size)
         for material, points in self.bulk.materials:
             modulus[grid.cell_body[grid.cell_of_point[points]]] = material.lame[1]
         return np.asarray(self._reach**2 * modulus * self.floats)
 
     def holding(self, w: Array, share: float) -> Increment:
         """The same step with a drag of a share of the shear modulus that holds floating bodies at w."""
-        grid, mass = self.bulk.assembly.grid, self.bulk.assembly.lumped
+        grid, mass = self.grid, self.bulk.assembly.lumped
         total = grid.sums(mass[None, ::2])[0]
         drag = np.repeat((share * self.stiffnesses / np.maximum(total, 1e-300))[grid.node_body], 2) * mass
-        return replace(self, held=Held(drag, w))
+        return replace(self, proximal=Proximal(drag, w))
 
     def factorised(self, at: Configuration, *, projected: bool, touches: bool = False) -> Solver:
         """The scheme's solver for A, steadied where it needs that; LinAlgError where it is not positive definite."""
@@ -232,7 +250,7 @@ class Increment:
         A pressed body has less energy as it turns with its loads left behind, by 2 p V theta^2 / 2; in long steps
         that exceeds its inertia. Translations keep theirs, so that an iteration balances the momentum of the body.
         """
-        grid, mass = self.bulk.assembly.grid, self.bulk.assembly.mass
+        grid, mass = self.grid, self.bulk.assembly.mass
         weight = mass[::2]
         x = grid.position + at.displacement.reshape(-1, 2).T
         arm = x - grid.means(x, weight)[:, grid.node_body]
@@ -248,7 +266,7 @@ class Increment:
         return HeldRotation(solver, grid.node_body, missing, grid.sums(weight[None])[0])
 
     def _solver(self, A: sp.bsr_array) -> Solver:
-        grid, linear = self.bulk.assembly.grid, self.scheme.linear
+        grid, linear = self.grid, self.scheme.linear
         if self.supports is not None:
             return self.supports.factorised(linear, A, grid.blocks, grid.rigid_motions())
         if self.scheme.explicit and self.scheme.ghost == 0.0:

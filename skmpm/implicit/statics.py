@@ -31,7 +31,18 @@ from skmpm.implicit.floating import (
     near,
     negligible,
 )
-from skmpm.implicit.newton import RELAXATION, SLOW_RATE, STALLED_RATE, Mixing, Solution
+from skmpm.implicit.iteration import (
+    RELAXATION,
+    SLOW_RATE,
+    STALLED_RATE,
+    Solution,
+    factorised,
+    first_velocity,
+    matrix_is_due,
+    not_converged,
+)
+from skmpm.implicit.line_search import move
+from skmpm.implicit.mixing import Mixing
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
 
@@ -93,28 +104,31 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     bodies = floating(increment, contact)
     first = landed(increment, contact, bodies)
     try:
-        return _newton(
-            increment, contact, bodies, newton._initial_guess(increment) if first is None else first, kept, timer
-        )
+        start = first_velocity(increment) if first is None else (first, increment.at(first))
+        return _newton(increment, contact, bodies, start, kept, timer)
     except NotConverged as error:
         raise explained(increment, contact, bodies, error) from error
 
 
 def _newton(
-    increment: Increment, contact: ContactProblem, bodies: Floating, w: Array, kept: Solver | None, timer: Timer
+    increment: Increment,
+    contact: ContactProblem,
+    bodies: Floating,
+    start: tuple[Array, Configuration],
+    kept: Solver | None,
+    timer: Timer,
 ) -> Solution:
-    """Newton from w."""
+    """Newton from a velocity and the configuration that it leads to."""
     mass = increment.bulk.assembly.mass
-    search = Search(increment, contact, bodies, w, increment.at(w), kept, Mixing(mass), Mixing(mass))
+    search = Search(increment, contact, bodies, *start, kept, Mixing(mass), Mixing(mass))
     for iteration in range(increment.scheme.max_newton + 1):
         now = _measured(search, iteration)
         check_near(increment, bodies, search.w)
         if _balanced(search, now):
             return _solution(search, now)
         _iterate(search, _anchored(search, now), timer)
-    missing, still = now.gradient - now.contact_impulse, np.zeros(increment.bulk.assembly.grid.bodies)
-    unmet = newton._unmet(increment, contact, missing, now.true, now.residual, still)
-    raise newton._not_converged(increment.scheme.max_newton, unmet)
+    missing, still = now.gradient - now.contact_impulse, np.zeros(increment.grid.bodies)
+    raise not_converged(increment, contact, increment.scheme.max_newton, missing, now.true, now.residual, still)
 
 
 def _measured(search: Search, iteration: int) -> Balance:
@@ -152,7 +166,7 @@ def _balanced(search: Search, now: Balance) -> bool:
 
 def _held(search: Search) -> bool:
     """Whether what the drag bears is neutral and small; anchors have followed until all else has vanished."""
-    if search.increment.held is None:
+    if search.increment.proximal is None:
         return False
     wanted = np.log(search.increment.scheme.newton_tol / NEGLIGIBLE) / np.log(ANCHOR_RATE)
     return bool(
@@ -169,14 +183,14 @@ def _solution(search: Search, now: Balance) -> Solution:
     """The solution that the search has found; factors with a drag are not those of another step."""
     increment, w = search.increment, search.w
     reaction = increment.reaction(now.gradient - increment.mass * (w - increment.rest) - now.contact_impulse)
-    solver = search.solver if increment.held is None else None
+    solver = search.solver if increment.proximal is None else None
     return Solution(w, search.contact, now.iteration, search.factorised, now.residual, now.true, reaction, solver)
 
 
 def _anchored(search: Search, now: Balance) -> Balance:
     """The balance once the drag, where motions are neutral, is set or its anchor has followed the solution."""
     increment, contact = search.increment, search.contact
-    if increment.held is not None:
+    if increment.proximal is not None:
         tol = increment.scheme.newton_tol
         there = now.imbalance <= max(tol, ANCHOR_TOLERANCE * now.true) and not (now.true <= tol or _held(search))
         return _followed(search, now) if there and now.iteration > search.began else now
@@ -204,7 +218,7 @@ def _followed(search: Search, now: Balance) -> Balance:
     search.anchors += 1
     moved, small = w - increment.rest, _small(search, increment.mass * (w - increment.rest))
     wanted = search.anchors > 2 and not small
-    mixed = search.anchoring.mixed(increment.rest, moved, 1.0, wanted=wanted)
+    mixed, _ = search.anchoring.mixed(increment.rest, moved, 1.0, wanted=wanted)
     return _renewed(
         search, now, w + near(increment, search.bodies, w, mixed - moved, MAX_ANCHOR_SHIFT) if wanted else w
     )
@@ -214,24 +228,22 @@ def _iterate(search: Search, now: Balance, timer: Timer) -> None:
     """One Newton iteration."""
     increment, contact = search.increment, search.contact
     slow, late = now.imbalance > SLOW_RATE * search.before, now.imbalance > STALLED_RATE * search.before
-    stuck = late and now.iteration > search.began + (2 if increment.held is None else ITERATIONS_PER_ANCHOR)
-    aged = newton._refactorisation_due(increment, contact, now.iteration, now.imbalance, search.before)
+    stuck = late and now.iteration > search.began + (2 if increment.proximal is None else ITERATIONS_PER_ANCHOR)
+    aged = matrix_is_due(increment, contact, now.iteration, now.imbalance, search.before)
     if search.solver is None or (aged and not increment.material_response.linear):
-        search.solver = contact.delassus = None
-        search.solver, search.projected = newton._factorised(
-            increment, search.at, search.projected and now.imbalance > 0.01
-        )
+        search.solver, projected = None, search.projected and now.imbalance > 0.01
+        search.solver, search.projected = factorised(increment, contact, search.at, projected=projected)
         search.factorised += 1
         timer.lap("factorisation")
     search.share = RELAXATION if stuck else search.share
     if contact.frozen is None and (contact.rejected > 0 or stuck):
         contact.frozen, search.mixing, search.share = contact.constraints, Mixing(increment.bulk.assembly.mass), 1.0
-    search.before = np.inf if increment.held is not None and now.iteration == search.began else now.imbalance
+    search.before = np.inf if increment.proximal is not None and now.iteration == search.began else now.imbalance
     direction, contact_impulse = contact.solve(search.solver, now.gradient)
-    mixed = search.mixing.mixed(search.w, direction, search.share, wanted=slow)
-    whole, direction = mixed is direction, near(increment, search.bodies, search.w, direction)
-    mixed = direction if whole else near(increment, search.bodies, search.w, mixed)
-    search.w, search.at = newton._advanced(
+    way, accelerated = search.mixing.mixed(search.w, direction, search.share, wanted=slow)
+    direction = near(increment, search.bodies, search.w, direction)
+    mixed = near(increment, search.bodies, search.w, way) if accelerated else direction, accelerated
+    search.w, search.at = move(
         increment, search.w, search.at, direction, mixed, now.gradient - contact_impulse, contact_impulse
     )
     timer.lap("bulk")

@@ -75,8 +75,8 @@ def _contact_problem(
     """The step's contacts; None, and the contact module untouched, where nothing can touch anything."""
     if not can_touch(scene):
         return None
-    grid, scheme, contacts = increment.bulk.assembly.grid, increment.scheme, state.contacts
-    linearise = scheme.contact(scene, state, grid, increment.dt, scheme.theta, motions)
+    scheme, contacts = increment.scheme, state.contacts
+    linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions)
     timer.lap("detection")
     components = scene.supporting >= 0
     return ContactProblem(

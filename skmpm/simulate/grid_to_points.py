@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, motions: Prescribed) -> State:
     """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
     dt, own = increment.dt, scene.deformable[state.body]
-    bulk, grid = increment.bulk, increment.bulk.assembly.grid
+    bulk, grid = increment.bulk, increment.grid
     displacement = increment.start + dt * solution.w
     at = bulk.at(displacement)
 
