@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.errors import NotConverged, indefinite, worst_body
+from skmpm.implicit.matrix import solver_of
 from skmpm.implicit.residual import DRIFT, Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
@@ -50,7 +51,7 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
     at = increment.at(still)
     gradient, _ = increment.gradient(still, at)
     prescribed = increment.prescribed_alone()
-    linear = prescribed - increment.factorised(at, projected=True)(
+    linear = prescribed - solver_of(increment, at, projected=True)(
         gradient + increment.matrix(at, projected=True) @ prescribed
     )
     there = increment.at(linear)
@@ -95,11 +96,11 @@ def factorised(
         contact.delassus = None
     if not projected:
         try:
-            return increment.factorised(at, projected=False, touches=touches), False
+            return solver_of(increment, at, projected=False, touches=touches), False
         except np.linalg.LinAlgError:
             pass
     try:
-        return increment.factorised(at, projected=True), True
+        return solver_of(increment, at, projected=True), True
     except np.linalg.LinAlgError as error:
         raise indefinite(increment.grid, error) from error
 

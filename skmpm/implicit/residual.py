@@ -13,15 +13,12 @@ from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import StartForces
-from skmpm.linear import HeldRotation, Solver, diagonal
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 DRIFT = 1e-4  # [cells] by which the balance of momentum may move a body in the end; then gaps are what they were
-LEAST_INERTIA = 0.25  # of a body's inertia must be left of what resists its turning
-SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the projected matrix that are tried; beside corners 1/16 to 1/4 often do
 SPRING_SHARE = 1e-3  # of its shear modulus: the springs that keep a floating body in place in one Newton iteration
 
 
@@ -214,61 +211,3 @@ class Increment:
         total = grid.sums(mass[None, ::2])[0]
         drag = np.repeat((share * self.stiffnesses / np.maximum(total, 1e-300))[grid.node_body], 2) * mass
         return replace(self, proximal=Proximal(drag, w))
-
-    def factorised(self, at: Configuration, *, projected: bool, touches: bool = False) -> Solver:
-        """The scheme's solver for A, steadied where it needs that; LinAlgError where it is not positive definite."""
-        A = self.matrix(at, projected=projected)
-        try:
-            return self._solver(A)
-        except np.linalg.LinAlgError:
-            if projected:
-                raise
-            if touches and not self.scheme.inertia and not self.floats.any():
-                return self._convexified(A, at)
-            if not self.scheme.inertia:  # nothing else than the whole projection stops bodies that turn or buckle
-                raise
-            return self._steadied(A, at)
-
-    def _convexified(self, A: sp.bsr_array, at: Configuration) -> Solver:
-        """A solver for the mixture of the exact A and the projected one that is nearest to A and positive definite.
-
-        Contacts hold what A alone does not, such as the surface beside a corner that is pressed in, so the little
-        that is missing is enough: what is added delays convergence in all directions.
-        """
-        projected = self.matrix(at, projected=True)
-        for share in SHARES:
-            data = (1.0 - share) * A.data + share * projected.data
-            try:
-                return self._solver(sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
-            except np.linalg.LinAlgError:
-                continue
-        return self._solver(projected)
-
-    def _steadied(self, A: sp.bsr_array, at: Configuration) -> Solver:
-        """A solver with more inertia for bodies that pressure would drive round if contacts did not hold them.
-
-        A pressed body has less energy as it turns with its loads left behind, by 2 p V theta^2 / 2; in long steps
-        that exceeds its inertia. Translations keep theirs, so that an iteration balances the momentum of the body.
-        """
-        grid, mass = self.grid, self.bulk.assembly.mass
-        weight = mass[::2]
-        x = grid.position + at.displacement.reshape(-1, 2).T
-        arm = x - grid.means(x, weight)[:, grid.node_body]
-        turn = np.stack([-arm[1], arm[0]], axis=1).ravel()
-        resisting = np.stack([mass * turn**2, turn * (A @ turn)]).reshape(2, -1, 2).sum(axis=-1)
-        inertia, held = grid.sums(resisting)
-        missing = np.maximum(LEAST_INERTIA - held / np.maximum(inertia, 1e-300), 0.0)
-        data, rows = A.data.copy(), np.repeat(np.arange(grid.nodes), np.diff(A.indptr))
-        data[rows == A.indices] += (missing[grid.node_body] * weight)[:, None, None] * np.eye(2)
-        solver = self._solver(sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
-        if self.supports is not None:
-            return solver
-        return HeldRotation(solver, grid.node_body, missing, grid.sums(weight[None])[0])
-
-    def _solver(self, A: sp.bsr_array) -> Solver:
-        grid, linear = self.grid, self.scheme.linear
-        if self.supports is not None:
-            return self.supports.factorised(linear, A, grid.blocks, grid.rigid_motions())
-        if self.scheme.explicit and self.scheme.ghost == 0.0:
-            linear = diagonal
-        return linear(A, grid.blocks, grid.rigid_motions())

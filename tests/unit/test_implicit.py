@@ -25,6 +25,7 @@ from skmpm import (
     step,
 )
 from skmpm.implicit import Bulk, ContactProblem, Increment, contact_problem
+from skmpm.implicit.matrix import solver_of
 from skmpm.implicit.mixing import Mixing
 
 R = 1e-3
@@ -110,7 +111,7 @@ def test_pressure_drives_a_disc_round_in_long_steps_and_inertia_steadies_it():
     values, vectors = np.linalg.eigh(A)
     assert values[0] < 0.0 < values[1]
     assert np.linalg.norm(vectors[:, 0] @ la.orth(assembly.grid.rigid_motions())) > 0.95
-    solver = step.factorised(at, projected=False)
+    solver = solver_of(step, at, projected=False)
     used = np.linalg.inv(solver(np.eye(A.shape[0])))
     assert np.linalg.eigvalsh(0.5 * (used + used.T))[0] > 0.0
     # c (M - M T (T'M T)^-1 T'M), T the translations: these keep their inertia to round-off.
@@ -210,7 +211,7 @@ def test_without_inertia_as_little_of_the_projected_matrix_as_makes_it_definite(
     least = int(np.argmax(lowest > 0.0))
     assert lowest[-1] < 0.0 and least < 4
     b = np.random.default_rng(0).normal(size=still.size)
-    solution = step.factorised(at, projected=False, touches=True)(b)
+    solution = solver_of(step, at, projected=False, touches=True)(b)
     assert mixed[least] @ (kept.T @ solution)[free] == pytest.approx((kept.T @ b)[free], rel=1e-6, abs=1e-6)
 
 
