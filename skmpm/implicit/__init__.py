@@ -15,7 +15,17 @@ from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, Timer
 from skmpm.implicit.errors import NotConverged
 from skmpm.implicit.iteration import Solution
-from skmpm.implicit.residual import Increment
+from skmpm.implicit.residual import End, Increment
 from skmpm.implicit.statics import advance
 
-__all__ = ["Bulk", "Configuration", "ContactProblem", "Increment", "NotConverged", "Solution", "Timer", "advance"]
+__all__ = [
+    "Bulk",
+    "Configuration",
+    "ContactProblem",
+    "End",
+    "Increment",
+    "NotConverged",
+    "Solution",
+    "Timer",
+    "advance",
+]

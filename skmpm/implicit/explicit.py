@@ -32,14 +32,14 @@ class StartForces:
     linear: bool = True
 
     @classmethod
-    def of(cls, bulk: Bulk, displacement: Array, v0: Array, dt: float, ghost: float) -> StartForces:
-        """The forces at a nodal displacement since anchoring (2 nodes,) [m], for `ghost` as in Scheme."""
-        at, grid = bulk.at(displacement), bulk.assembly.grid
+    def of(cls, bulk: Bulk, at: Configuration, v0: Array, dt: float, ghost: float) -> StartForces:
+        """The forces at a configuration, for `ghost` as in Scheme."""
+        grid = bulk.assembly.grid
         share = np.zeros(grid.bodies)
         for material, points in bulk.materials if ghost > 0.0 else ():
             inertia = GHOST_MASS * material.density * (grid.cell / dt) ** 2
             share[grid.cell_body[grid.cell_of_point[points]]] = inertia / (ghost * material.bounded_modulus)
-        return cls(bulk, at, bulk.force(at), displacement + dt * v0, share[grid.node_body])
+        return cls(bulk, at, bulk.force(at), at.displacement + dt * v0, share[grid.node_body])
 
     def at(self, displacement: Array) -> Configuration:
         """The points as they are at the start, the nodes where they are told."""

@@ -56,9 +56,11 @@ class Floating:
         return np.stack([*(moved[:2] - clipped), np.sign(moved[2]) * turn])
 
 
-def floating(increment: Increment, contact: ContactProblem) -> Floating:
-    """The floating bodies of a step, spins about their centres of mass at its start."""
-    constraints = contact.linearise(increment.prescribed_alone())
+def floating(increment: Increment, constraints: Constraints) -> Floating:
+    """The floating bodies of a step, spins about their centres of mass at its start.
+
+    `rows` are the contacts where nothing moves but what is prescribed.
+    """
     assembly, bodies = increment.bulk.assembly, np.flatnonzero(increment.floats)
     grid, weight = increment.grid, assembly.lumped[::2]
     x = grid.position + increment.start.reshape(-1, 2).T
@@ -105,10 +107,11 @@ def joints(increment: Increment, bodies: Floating, constraints: Constraints) -> 
     return Joints(place[np.maximum(constraints.bodies, -1)], normal, tangent, constraints.friction, bodies.stopped)
 
 
-def landed(increment: Increment, contact: ContactProblem, bodies: Floating) -> Array | None:
+def landed(increment: Increment, contact: ContactProblem, bodies: Floating, constraints: Constraints) -> Array | None:
     """The velocity (2 nodes,) that takes bodies to contacts which can carry their loads, None if they are there.
 
-    Bodies follow the mechanism until they have new contacts, as rigid ones. Every contact within reach counts.
+    `rows` are the contacts where nothing moves but what is prescribed. Bodies follow the mechanism until they have
+    new contacts, as rigid ones. Every contact within reach counts.
 
     Raises
     ------
@@ -117,7 +120,7 @@ def landed(increment: Increment, contact: ContactProblem, bodies: Floating) -> A
     """
     w = increment.prescribed_alone()
     for looks in range(MAX_FALL_STEPS if bodies.loaded else 0):
-        constraints = contact.linearise(w)
+        constraints = contact.linearise(w) if looks else constraints
         joined = joints(increment, bodies, constraints)
         q = None if _carried(contact, bodies, constraints, joined) else mechanism(bodies.load, joined)
         if q is None:

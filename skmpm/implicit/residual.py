@@ -31,6 +31,14 @@ class Proximal:
 
 
 @dataclass(frozen=True)
+class End:
+    """The nodes at the end of a step."""
+
+    at: Configuration
+    velocity: Array  # (2 nodes,) [m/s]
+
+
+@dataclass(frozen=True)
 class Increment:
     """The equations of one time step."""
 
@@ -54,11 +62,16 @@ class Increment:
         return self.scheme.theta * self.dt
 
     @cached_property
+    def at_start(self) -> Configuration:
+        """The configuration at the start of the step."""
+        return self.bulk.at(self.start)
+
+    @cached_property
     def material_response(self) -> Bulk | StartForces:
         """What answers the motion: the bodies, or in an explicit step the forces that they start with."""
         if not self.scheme.explicit:
             return self.bulk
-        return StartForces.of(self.bulk, self.start, self.v0, self.dt, self.scheme.ghost)
+        return StartForces.of(self.bulk, self.at_start, self.v0, self.dt, self.scheme.ghost)
 
     @cached_property
     def mass(self) -> Array:
@@ -105,6 +118,10 @@ class Increment:
     def after(self, w: Array) -> Array:
         """The velocity v1 at the end of the step, (2 nodes,) [m/s]."""
         return self.v0 + (w - self.v0) / self.scheme.theta
+
+    def end(self, w: Array) -> End:
+        """The nodes at the end of the step."""
+        return End(self.bulk.at(self.start + self.dt * w), self.after(w))
 
     def energy(self, w: Array, at: Configuration) -> float:
         """The incremental potential E(w) [J/m]."""

@@ -101,8 +101,9 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     """
     if contact is None or not increment.floats.any():
         return newton.advance(increment, contact, kept, timer)
-    bodies = floating(increment, contact)
-    first = landed(increment, contact, bodies)
+    constraints = contact.linearise(increment.prescribed_alone())
+    bodies = floating(increment, constraints)
+    first = landed(increment, contact, bodies, constraints)
     try:
         start = first_velocity(increment) if first is None else (first, increment.at(first))
         return _newton(increment, contact, bodies, start, kept, timer)

@@ -54,9 +54,10 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             solver, delassus = kept_solver(scene, state, increment)
             contact = _contact_problem(scene, state, increment, motions, timer, delassus)
             solution = advance(increment, contact, solver, timer)
-            after = end_state(scene, state, increment, solution, motions)
+            end = increment.end(solution.w)
+            after = end_state(scene, state, increment, solution, end, motions)
             timer.lap("transfer")
-            budget = budget_of(scene, state, increment, solution, after.displacement, motions)
+            budget = budget_of(scene, state, increment, solution, end, motions)
             timer.lap("report")
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
@@ -66,7 +67,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {reason}{edge}"
         raise StepFailed(message, given, retryable=getattr(error, "retryable", True)) from error
     report = report_of(given.report.energy, increment, solution, budget, overlap, regridded=regridded)
-    return replace(after, report=replace(report, seconds=timer.seconds))
+    return replace(after, report=replace(report, seconds=dict(timer.seconds)))
 
 
 def _contact_problem(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
-from skmpm.implicit import Bulk, Increment, Solution
+from skmpm.implicit import Bulk, End, Increment, Solution
 from skmpm.scene import Energy, Prescribed, Report, Scene, State
 from skmpm.simulate.forces import external_force
 
@@ -50,17 +50,17 @@ class Budget:
 
 
 def budget_of(
-    scene: Scene, state: State, increment: Increment, solution: Solution, displacement: Array, motions: Prescribed
+    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: Prescribed
 ) -> Budget:
-    """The energies of a step from a state to this nodal displacement.
+    """The energies of a step from a state to its end.
 
     With inertia the work is that of the forces of the step, by which the energies of the time scheme balance. A
     quasi-static step takes the mean of the forces at both its ends, of second order: the area under their curve.
     """
     bulk, w, regridded_state = increment.bulk, solution.w, _at_anchor(increment.bulk)
     moving = increment.scheme.inertia
-    start, end = (bulk.energy(bulk.at(u)) + regridded_state for u in (increment.start, displacement))
-    kinetic = [kinetic_energy(bulk.assembly, v) if moving else 0.0 for v in (increment.v0, increment.after(w))]
+    elastic = [bulk.energy(at) + regridded_state for at in (increment.at_start, end.at)]
+    kinetic = [kinetic_energy(bulk.assembly, v) if moving else 0.0 for v in (increment.v0, end.velocity)]
     external = float(increment.force @ w * increment.dt - solution.reaction @ increment.prescribed)
     push_out = tolerated = rounding = 0.0
     if solution.contact is not None:
@@ -76,13 +76,13 @@ def budget_of(
     if not moving:
         external = 0.5 * (external + _work_at_start(scene, state, increment, w, motions))
     return Budget(
-        before=start + kinetic[0],
+        before=elastic[0] + kinetic[0],
         kinetic=kinetic[1],
-        elastic=end,
+        elastic=elastic[1],
         external=external,
         push_out=push_out,
         noise=max(STRAIN_ROUND_OFF**2 * bulk.modulus * float(bulk.assembly.volume.sum()), 1e-300),
-        exchanged=abs(kinetic[1] - kinetic[0]) + abs(end - start) + abs(external),
+        exchanged=abs(kinetic[1] - kinetic[0]) + abs(elastic[1] - elastic[0]) + abs(external),
         tolerated=tolerated,
         rounding=rounding,
     )

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit import Increment, Solution
+from skmpm.implicit import End, Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
 from skmpm.scene import Contacts, Derived, Prescribed, Scene, State
@@ -17,18 +17,17 @@ from skmpm.transfer import apic
 Array = NDArray[np.float64]
 
 
-def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, motions: Prescribed) -> State:
+def end_state(
+    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: Prescribed
+) -> State:
     """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
     dt, own = increment.dt, scene.deformable[state.body]
-    bulk, grid = increment.bulk, increment.grid
-    displacement = increment.start + dt * solution.w
-    at = bulk.at(displacement)
+    bulk, grid, at = increment.bulk, increment.grid, end.at
 
     x, v, F, C, stress, weight = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress, state.weight))
-    x[:, own] = state.x_anchor[:, own] + grid.at_points(displacement)
-    after = increment.after(solution.w)
+    x[:, own] = state.x_anchor[:, own] + grid.at_points(at.displacement)
     transfer = increment.scheme.transfer if increment.scheme.inertia else apic
-    v[:, own], C[:, :, own] = transfer(grid, increment.v0, after, state.v[:, own])
+    v[:, own], C[:, :, own] = transfer(grid, increment.v0, end.velocity, state.v[:, own])
     F[:, :, own] = product(at.F, state.F_anchor[:, :, own])
     stress[:, :, own] = bulk.cauchy(at)
     weight[own] = bulk.assembly.volume * determinant(at.F)
@@ -46,7 +45,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         stress=stress,
         volume=scene.initial_volumes * determinant(F),
         weight=weight,
-        displacement=displacement,
+        displacement=at.displacement,
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
         support_force=solution.reaction.reshape(-1, 2) / dt,
