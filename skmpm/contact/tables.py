@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -19,9 +19,9 @@ def joined(parts: Sequence[Table]) -> Table:
     """All items of several tables of one kind, one table after the other."""
     names = [f.name for f in fields(parts[0])]
     columns = {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in names}
-    return replace(parts[0], **columns)
+    return type(parts[0])(**columns)
 
 
 def among(table: Table, chosen: NDArray[Any]) -> Table:
     """The chosen items of a table."""
-    return replace(table, **{f.name: getattr(table, f.name)[..., chosen] for f in fields(table)})
+    return type(table)(**{f.name: getattr(table, f.name)[..., chosen] for f in fields(table)})
