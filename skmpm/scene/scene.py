@@ -104,7 +104,7 @@ class Scene:
     @cached_property
     def supported(self) -> Sequence[PointSet]:
         """The points that each support holds."""
-        return [held(self, i, support) for i, support in enumerate(self.supports)]
+        return tuple(held(self, i, support) for i, support in enumerate(self.supports))
 
     @cached_property
     def free_components(self) -> NDArray[np.bool_]:
@@ -123,7 +123,7 @@ class Scene:
     @cached_property
     def loaded(self) -> Sequence[PointSet]:
         """The points that share each load."""
-        return [spread(self, i, load) for i, load in enumerate(self.loads)]
+        return tuple(spread(self, i, load) for i, load in enumerate(self.loads))
 
     def support_velocities(self, t: float) -> Array:
         """Prescribed velocities at time t, (supports, 2) [m/s], nan where free; SceneError where one is unclear."""

@@ -62,6 +62,20 @@ def digest(value):
     return found.hexdigest()
 
 
+def frozen(value):
+    """The value, all arrays within it made read-only, those that its cached properties keep included."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif sp.issparse(value):
+        frozen([value.data, value.indices, value.indptr])
+    elif is_dataclass(value):
+        frozen(list(vars(value).values()))
+    elif isinstance(value, list | tuple):
+        for item in value:
+            frozen(item)
+    return value
+
+
 def three(material, speed=2.0, **options):
     """Three discs fall on a floor, a lid behind them; none touches anything at first, so contacts spread."""
     v, places = (0.0, -speed), (1.02, 3.06, 5.08)
@@ -118,6 +132,14 @@ def test_a_step_changes_nothing_that_it_is_given_and_leads_to_the_same_bits_agai
         assert digest(step(scene, state, dt, scheme=scheme)) == digest(after)
         state, most = after, max(most, np.count_nonzero(after.contacts.force[0]))
     assert most > 1, "nothing touched"
+
+
+@pytest.mark.parametrize("scene, scheme, dt", CASES.values(), ids=CASES)
+def test_a_step_writes_into_no_array_that_it_is_given(scene, scheme, dt):
+    """Not even to restore it afterwards: all arrays of scene and state are read-only."""
+    state = initial(frozen(scene), scheme=scheme)
+    for _ in range(8):
+        state = step(frozen(scene), frozen(state), dt, scheme=scheme)
 
 
 def test_a_step_that_fails_changes_nothing_either():
