@@ -59,7 +59,8 @@ def _kept(scene: Scene, state: State, increment: Increment, solution: Solution) 
     derived = replace(derived_of(state), key=(), solver=None, delassus=None)
     if not increment.material_response.linear:
         return derived
-    delassus = None if solution.contact is None else solution.contact.delassus
+    contact = solution.contact if solution.solver is not None else None  # by a factor that is kept, or by none
+    delassus = None if contact is None else contact.delassus
     return replace(derived, key=_key(scene, increment), solver=solution.solver, delassus=delassus)
 
 
