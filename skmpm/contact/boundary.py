@@ -24,7 +24,7 @@ from skmpm.contact.projection import Neighbours, Roles, neighbours
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids
 from skmpm.outline import Outlines
-from skmpm.scene import Prescribed, Scene, SceneError, State, prescribed
+from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescribed_velocities
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,7 +34,12 @@ PUSH_OUT = 0.2  # share of an overlap left by an earlier step that a step remove
 
 
 def point_to_curve(
-    scene: Scene, state: State, grid: BodyGrids, dt: float, theta: float = 1.0, motions: Prescribed | None = None
+    scene: Scene,
+    state: State,
+    grid: BodyGrids,
+    dt: float,
+    theta: float = 1.0,
+    motions: PrescribedVelocities | None = None,
 ) -> Linearise:
     """Boundary points against outlines and walls (the default contact law).
 
@@ -55,7 +60,7 @@ def point_to_curve(
             )
     boundary = scene.outlines
     interpolation = _boundary_interpolation(scene, state, grid, boundary)
-    motions = prescribed(scene, state.t, dt) if motions is None else motions
+    motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
     prescribed, wall_velocities = motions.rigid[:, boundary.body], motions.walls
     initial = scene.initial_positions[:, boundary.point]
     roles, reach, start = _roles(scene, boundary, initial), DETECTION_DISTANCE * grid.cell, state.x[:, boundary.point]

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.grid import BodyGrids
-from skmpm.scene import Prescribed, Scene, State
+from skmpm.scene import PrescribedVelocities, Scene, State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -170,7 +170,7 @@ def component_along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
 
 
 Linearise = Callable[[Array], Constraints]
-ContactLaw = Callable[[Scene, State, BodyGrids, float, float, Prescribed], Linearise]
+ContactLaw = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities], Linearise]
 
 
 def _match(known: Ints, wanted: Ints) -> tuple[NDArray[np.bool_], Ints]:

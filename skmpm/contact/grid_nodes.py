@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.scene import Prescribed, Scene, SceneError, State, prescribed
+from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescribed_velocities
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -36,7 +36,12 @@ class _Nodes:
 
 
 def shared_grid(
-    scene: Scene, state: State, grid: BodyGrids, dt: float, theta: float = 1.0, motions: Prescribed | None = None
+    scene: Scene,
+    state: State,
+    grid: BodyGrids,
+    dt: float,
+    theta: float = 1.0,
+    motions: PrescribedVelocities | None = None,
 ) -> Linearise:
     """Bodies that share grid nodes may not approach there; walls are slabs of rigid material points.
 
@@ -47,7 +52,7 @@ def shared_grid(
         raise SceneError(
             "shared_grid needs body grids rebuilt at every step; use Scheme(anchor=0) or Scheme.nezamabadi2017()"
         )
-    motions = prescribed(scene, state.t, dt) if motions is None else motions
+    motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
     nodes = joined(
         [
             _deformable(grid, state.mass[unknown]),

@@ -2,7 +2,7 @@
 
 from skmpm.scene.check import check_fits
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
-from skmpm.scene.prescribed import Prescribed, prescribed
+from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_velocities
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
 
@@ -12,7 +12,7 @@ __all__ = [
     "Derived",
     "Energy",
     "Load",
-    "Prescribed",
+    "PrescribedVelocities",
     "Report",
     "Scene",
     "SceneError",
@@ -24,5 +24,5 @@ __all__ = [
     "check_fits",
     "field_values",
     "motion",
-    "prescribed",
+    "prescribed_velocities",
 ]

@@ -90,7 +90,7 @@ class Load:
     force: ArrayLike | Motion
 
 
-def prescribed(support: Support, t: float, name: str) -> Array:
+def prescribed_components(support: Support, t: float, name: str) -> Array:
     """What a support tells at time t, (2,) [m/s], nan where it leaves a component free; SceneError where unclear."""
     value = support.velocity(t) if callable(support.velocity) else support.velocity
     remedy = "give two components (x, y), each a finite number or None"

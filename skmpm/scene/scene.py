@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from skmpm.material import Rigid
 from skmpm.outline import Outlines, outlines, thickness
 from skmpm.scene.check import check
-from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed
+from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components
 from skmpm.scene.point_sets import PointSet, held, spread
 
 Array = NDArray[np.float64]
@@ -127,7 +127,9 @@ class Scene:
 
     def support_velocities(self, t: float) -> Array:
         """Prescribed velocities at time t, (supports, 2) [m/s], nan where free; SceneError where one is unclear."""
-        each = [prescribed(support, t, f"support {i}: velocity") for i, support in enumerate(self.supports)]
+        each = [
+            prescribed_components(support, t, f"support {i}: velocity") for i, support in enumerate(self.supports)
+        ]
         return np.array(each).reshape(-1, 2)
 
     def forces(self, t: float) -> Array:

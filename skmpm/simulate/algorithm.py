@@ -9,7 +9,7 @@ import numpy as np
 
 from skmpm.implicit import ContactProblem, Increment, NotConverged, Timer, advance
 from skmpm.linear import Delassus, one_thread
-from skmpm.scene import Prescribed, Scene, State, StepFailed, check_fits, prescribed
+from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.energy_budget import budget_of, report_of
@@ -44,7 +44,10 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
     if not scheme.inertia:  # a body goes on only as far as something drives it
         v0 *= np.repeat(driven_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
-    force, motions = external_force(scene, state, state.t + scheme.theta * dt), prescribed(scene, state.t, dt)
+    force, motions = (
+        external_force(scene, state, state.t + scheme.theta * dt),
+        prescribed_velocities(scene, state.t, dt),
+    )
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
     increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, motions.supports)
     timer.lap("transfer")
@@ -71,7 +74,12 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
 
 
 def _contact_problem(
-    scene: Scene, state: State, increment: Increment, motions: Prescribed, timer: Timer, delassus: Delassus | None
+    scene: Scene,
+    state: State,
+    increment: Increment,
+    motions: PrescribedVelocities,
+    timer: Timer,
+    delassus: Delassus | None,
 ) -> ContactProblem | None:
     """The step's contacts; None, and the contact module untouched, where nothing can touch anything."""
     if not can_touch(scene):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
 from skmpm.implicit import Bulk, End, Increment, Solution
-from skmpm.scene import Energy, Prescribed, Report, Scene, State
+from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State
 from skmpm.simulate.forces import external_force
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ class Budget:
 
 
 def budget_of(
-    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: Prescribed
+    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: PrescribedVelocities
 ) -> Budget:
     """The energies of a step from a state to its end.
 
@@ -88,7 +88,9 @@ def budget_of(
     )
 
 
-def _work_at_start(scene: Scene, state: State, increment: Increment, w: Array, motions: Prescribed) -> float:
+def _work_at_start(
+    scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities
+) -> float:
     """The work of loads, supports, walls and rigid bodies along a step if their forces stayed as they are [J/m]."""
     contacts = state.contacts
     loads = external_force(scene, state, state.t) @ w

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skmpm.implicit import End, Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
-from skmpm.scene import Contacts, Derived, Prescribed, Scene, State
+from skmpm.scene import Contacts, Derived, PrescribedVelocities, Scene, State
 from skmpm.simulate.regrid import derived_of
 from skmpm.transfer import apic
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 def end_state(
-    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: Prescribed
+    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: PrescribedVelocities
 ) -> State:
     """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
     dt, own = increment.dt, scene.deformable[state.body]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import Rigid
-from skmpm.scene import Contacts, Energy, Report, Scene, State, field_values, motion, prescribed
+from skmpm.scene import Contacts, Energy, Report, Scene, State, field_values, motion, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
@@ -60,7 +60,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     # So short a step that nothing moves, nor do the neighbours' margins grow.
     speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
     dt = 1e-9 * scene.cell / max(speed, scene.cell)
-    linearise = scheme.contact(scene, state, assembly.grid, dt, scheme.theta, prescribed(scene, 0.0, dt))
+    linearise = scheme.contact(scene, state, assembly.grid, dt, scheme.theta, prescribed_velocities(scene, 0.0, dt))
     constraints = linearise(np.zeros(2 * assembly.grid.nodes))
     nothing = np.zeros((2, constraints.size))
     contacts = Contacts(

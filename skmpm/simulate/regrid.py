@@ -126,7 +126,7 @@ def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
 
 
 def _deformed_beyond_anchor(state: State, scheme: Scheme) -> bool:
-    """Whether the body grids have deformed beyond the scheme's bound since they were laid; with a bound of 0 always."""
+    """Whether the body grids have deformed beyond the scheme's bound; with a bound of 0 always."""
     if not np.isfinite(scheme.anchor) or state.t == 0.0:
         return False
     if scheme.anchor == 0.0:

@@ -389,7 +389,7 @@ def test_nothing_is_solved_or_factorised(name, monkeypatch):
                 monkeypatch.setattr(holder, last, forbidden)
     laid, numbers = [], sys.modules["skmpm.preflight.metrics"]
     original = numbers.build_grids
-    monkeypatch.setattr(numbers, "lay", lambda *args: laid.append(1) or original(*args))
+    monkeypatch.setattr(numbers, "build_grids", lambda *args: laid.append(1) or original(*args))
     bodies = [round_body(2.1 * R * i) for i in range(300)]
     text = preflight(Scene(bodies, cell=H, friction=0.5), DT, scheme=Scheme(linear=getattr(linear, name)))
     assert text.endswith(FINE)

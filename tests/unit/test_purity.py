@@ -122,7 +122,7 @@ CASES = {
 
 @pytest.mark.parametrize("scene, scheme, dt", CASES.values(), ids=CASES)
 def test_a_step_changes_nothing_that_it_is_given_and_leads_to_the_same_bits_again(scene, scheme, dt):
-    """At every step of a run in which contacts spread; body grids, factors and responses of contacts are looked at."""
+    """At every step of a run in which contacts spread, with body grids, factors and Delassus operators."""
     state, most = initial(scene, scheme=scheme), 0
     for _ in range(12):
         before, about = digest(state), digest(scene)

@@ -344,7 +344,7 @@ PLACED = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.87, 0.55, 0.9), (0.44, 0.06, 2.
 @pytest.mark.parametrize("cells", [5, 8])
 @pytest.mark.parametrize(("x", "y", "angle"), PLACED)
 def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cells):
-    """Approach of 0.01 R in a quasi-static step, one or two boundary points under a plate: it turns until they balance.
+    """Approach of 0.01 R one or two boundary points under a plate: it turns until they balance.
 
     Linear disc: at most six Newton iterations (up to 19, or no end, with springs that keep it from turning).
     Wall forces are equal and opposite to Newton's tolerance.

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Prescribed:
+class PrescribedVelocities:
     """The prescribed velocities of one step [m/s], in its middle but where they say so."""
 
     walls: Array  # (walls, 2)
@@ -26,10 +26,10 @@ class Prescribed:
     supports: Array  # (2 supports,) zero where free
 
 
-def prescribed(scene: Scene, t: float, dt: float) -> Prescribed:
+def prescribed_velocities(scene: Scene, t: float, dt: float) -> PrescribedVelocities:
     """The prescribed velocities of a step from t to t + dt [s]; SceneError where one is unclear or not finite."""
     middle = t + 0.5 * dt
-    return Prescribed(
+    return PrescribedVelocities(
         scene.wall_velocities(middle),
         _rigid(scene, middle),
         _rigid(scene, t + dt),
