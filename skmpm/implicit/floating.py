@@ -39,6 +39,7 @@ class Floating:
     motions: sp.csr_array  # (2 nodes, 3 n) velocities for vx, vy and spin times radius, body after body
     mean: sp.csr_array  # (3 n, 2 nodes) the rigid motions nearest to a velocity, by mass
     stopped: sp.csr_array  # (m, 3 n) combinations that supports stop
+    free: sp.csr_array  # (3 n, 3 n) projects motions on those that supports leave free
     limits: Array  # (2, 2) smallest and largest prescribed displacement near by in the step [m]
     load: Array  # (3 n,) of gravity and loads [N/m]
 
@@ -77,8 +78,8 @@ def floating(increment: Increment, constraints: Constraints) -> Floating:
     weighed = sp.csr_array(motions.T @ sp.diags_array(assembly.lumped))
     mean = sp.csr_array(sp.diags_array(1.0 / (weighed @ motions).diagonal()) @ weighed)
     speeds = _prescribed(increment, constraints, place)
-    load = np.asarray(motions.T @ increment.force)
-    return Floating(bodies, motions, mean, increment.stopped(motions), increment.dt * speeds, load)
+    load, stopped = np.asarray(motions.T @ increment.force), increment.stopped(motions)
+    return Floating(bodies, motions, mean, stopped, _free(stopped), increment.dt * speeds, load)
 
 
 def _places(increment: Increment, bodies: Ints) -> Ints:
@@ -86,6 +87,20 @@ def _places(increment: Increment, bodies: Ints) -> Ints:
     place = np.full(increment.grid.bodies + 1, -1)
     place[bodies] = np.arange(bodies.size)
     return place
+
+
+def _free(stopped: sp.csr_array) -> sp.csr_array:
+    """Projects rigid motions (3 n,) of every body on those that rows (m, 3 n) do not stop."""
+    gram = sp.csr_array(stopped.T @ stopped)
+    blocks = [gram[i : i + 3, i : i + 3].toarray() for i in range(0, gram.shape[0], 3)]
+    bases = [null_space(block) for block in blocks]
+    return sp.csr_array(sp.block_diag([basis @ basis.T for basis in bases], format="csr"))
+
+
+def null_space(gram: Array) -> Array:
+    """An orthonormal basis (3, k) of the rigid motions q that rows G leave free, from G'G (3, 3)."""
+    values, vectors = np.linalg.eigh(gram)
+    return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
 
 
 def _prescribed(increment: Increment, constraints: Constraints, place: Ints) -> Array:
@@ -161,13 +176,16 @@ def check_near(increment: Increment, bodies: Floating, w: Array) -> None:
 def near(
     increment: Increment, bodies: Floating, w: Array, direction: Array, stride: float = MAX_ITERATION_MOTION
 ) -> Array:
-    """The direction, less what takes bodies `stride` cells farther beyond what is prescribed than they are at w."""
+    """The direction, less what takes bodies `stride` cells farther beyond what is prescribed than they are at w.
+
+    Only motions that supports leave free are shortened: others would move the supports, and what they carry holds.
+    """
     before, after = (bodies.beyond(increment.dt * v) for v in (w, w + direction))
     allowed = np.abs(before) + stride * increment.grid.cell
     excess = after - np.clip(after, -allowed, allowed)
     if not excess.any():
         return direction
-    return np.asarray(direction - bodies.motions @ excess.T.ravel() / increment.dt)
+    return np.asarray(direction - bodies.motions @ (bodies.free @ excess.T.ravel()) / increment.dt)
 
 
 def negligible(increment: Increment, contact: ContactProblem, bodies: Floating, resultants: Array) -> bool:

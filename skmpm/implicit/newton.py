@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.contact_problem import ContactProblem, Timer
 from skmpm.implicit.errors import NotConverged
+from skmpm.implicit.floating import null_space
 from skmpm.implicit.iteration import (
     RELAXATION,
     SLOW_RATE,
@@ -100,7 +101,7 @@ def _check_balance(increment: Increment) -> None:
     stopped, owner = increment.stopped(sp.csr_array(motions)).toarray(), grid.node_body[increment.fixed // 2]
     for b in np.flatnonzero(increment.floats).tolist():
         own = slice(grid.blocks[b], grid.blocks[b + 1])
-        free = _null_space(stopped[owner == b])
+        free = null_space(stopped[owner == b].T @ stopped[owner == b])
         size, net = np.abs(increment.force[own]).sum(), increment.force[own] @ motions[own]
         if np.abs(free.T @ net).max(initial=0.0) > 1e-6 * size * np.sqrt(own.stop - own.start):
             raise NotConverged(
@@ -111,7 +112,3 @@ def _check_balance(increment: Increment) -> None:
             )
 
 
-def _null_space(constraints: Array) -> Array:
-    """An orthonormal basis (3, k) of the rigid motions that rows (m, 3) leave free."""
-    values, vectors = np.linalg.eigh(constraints.T @ constraints)
-    return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
