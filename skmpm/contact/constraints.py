@@ -118,12 +118,16 @@ class Constraints:
         return np.stack([normal, np.einsum("ik,ik->k", self.tangent, self.prescribed)], axis=1).ravel()
 
     def with_frames_of(self, earlier: Constraints, w: Array) -> Constraints:
-        """These rows about w, gaps and all, but acting along the normals and on the places of `earlier` ones."""
+        """These rows about w, gaps and all, but acting along the normals and on the places of `earlier` ones.
+
+        A corner on a side may go on as two tips, with the roles of the two bodies exchanged.
+        """
         found, where = _match(earlier.key, self.key)
         i = np.flatnonzero(found)
-        taken = sp.csr_array((np.ones(i.size), (i, where[i])), shape=(self.size, earlier.size))
+        way = np.where(earlier.bodies[0, where] == self.bodies[0], 1.0, -1.0)
+        taken = sp.csr_array((way[i], (i, where[i])), shape=(self.size, earlier.size))
         kept = sp.diags_array((~found).astype(float))
-        normal = np.where(found, earlier.normal[:, where], self.normal)
+        normal = np.where(found, way * earlier.normal[:, where], self.normal)
         difference = sp.csr_array(kept @ self.difference + taken @ earlier.difference)
         there = self.base @ w.reshape(-1, 2)
         speeds = [(combined @ there).T for combined in (self.difference, difference)]
@@ -132,7 +136,7 @@ class Constraints:
             self,
             normal=normal,
             difference=difference,
-            prescribed=np.where(found, earlier.prescribed[:, where], self.prescribed),
+            prescribed=np.where(found, way * earlier.prescribed[:, where], self.prescribed),
             offset_normal=self.offset_normal + rotated,
         )
 
