@@ -80,6 +80,7 @@ class ContactProblem:
     last: Measure | None = None
     delassus: Delassus | None = None  # by the solver in use: whoever makes another sets it to None
     frozen: Constraints | None = None  # rows whose normals are kept from now on
+    present: Constraints = field(init=False)  # the rows with the normals of the last `measure`, settled or not
     normal: Array | None = None  # (2, k) along which the forces act, if this step found them
 
     @cached_property
@@ -98,10 +99,10 @@ class ContactProblem:
     def measure(self, w: Array) -> tuple[Array, float]:
         """Linearise about w; the push theta H' r of the impulses known so far and the contact law's residual."""
         self.timer.lap("bulk")
-        grid = self.increment.grid
-        self.constraints = relevant(self.linearise(w), grid, self.increment.supports, self.prescribed_components)
+        found = relevant(self.linearise(w), self.increment.grid, self.increment.supports, self.prescribed_components)
+        self.constraints = self.present = found
         if self.frozen is not None and self.frozen.size:
-            self.constraints = self.constraints.with_frames_of(self.frozen, w)
+            self.constraints = self.present.with_frames_of(self.frozen, w)
         self.r = self._known()
         self.u = self.constraints.D @ self.constraints.at_contact_points(w) + self.constraints.offset
         residual = self._residual()
@@ -116,6 +117,17 @@ class ContactProblem:
         return pair(
             self.constraints.bodies[:, np.argmax(coulomb.residuals(self.r, self.u, self.constraints.friction, scale))]
         )
+
+    def couples(self, w: Array) -> Array:
+        """Moments of the forces on second bodies, (k,) [kg m/s m]: kept places are not where the surfaces are now."""
+        if self.frozen is None or self.frozen.size == 0:
+            return np.zeros(self.constraints.size)
+        grid, (n, t) = self.increment.bulk.assembly.grid, (self.constraints.normal, self.constraints.tangent)
+        x = grid.position.T + (self.increment.start + self.increment.dt * w).reshape(-1, 2)
+        apart = ((self.constraints.difference - self.present.difference) @ (self.constraints.base @ x)).T
+        r = self.constraints.forces(self.r, 1.0)
+        force = r[0] * n + r[1] * t
+        return np.asarray(apart[0] * force[1] - apart[1] * force[0])
 
     def _known(self) -> Array:
         """The impulses known so far on the current rows: as they stand in the frame, as vectors where they stick."""

@@ -37,6 +37,7 @@ class Floating:
 
     bodies: Ints  # (n,)
     motions: sp.csr_array  # (2 nodes, 3 n) velocities for vx, vy and spin times radius, body after body
+    radius: Array  # (n,) of gyration [m]
     mean: sp.csr_array  # (3 n, 2 nodes) the rigid motions nearest to a velocity, by mass
     stopped: sp.csr_array  # (m, 3 n) combinations that supports stop
     free: sp.csr_array  # (3 n, 3 n) projects motions on those that supports leave free
@@ -79,7 +80,7 @@ def floating(increment: Increment, constraints: Constraints) -> Floating:
     mean = sp.csr_array(sp.diags_array(1.0 / (weighed @ motions).diagonal()) @ weighed)
     speeds = _prescribed(increment, constraints, place)
     load, stopped = np.asarray(motions.T @ increment.force), increment.stopped(motions)
-    return Floating(bodies, motions, mean, stopped, _free(stopped), increment.dt * speeds, load)
+    return Floating(bodies, motions, radius[bodies], mean, stopped, _free(stopped), increment.dt * speeds, load)
 
 
 def _places(increment: Increment, bodies: Ints) -> Ints:
@@ -193,6 +194,19 @@ def negligible(increment: Increment, contact: ContactProblem, bodies: Floating, 
     return bool((np.abs(resultants) <= NEGLIGIBLE * np.repeat(forces_on(increment, contact, bodies), 3)).all())
 
 
+def turned(increment: Increment, contact: ContactProblem, bodies: Floating, w: Array) -> Array:
+    """Moment that kept contact normals make on every body, over its radius of gyration and forces on it, (n,).
+
+    Beyond `newton_tol` of the largest forces on any body, which the balance of moments may lack anyway.
+    """
+    place, couples = _places(increment, bodies.bodies), contact.couples(w)
+    owner = place[np.maximum(contact.constraints.bodies, -1)]
+    both = sum(np.bincount(own[own >= 0], couples[own >= 0], bodies.bodies.size) for own in owner)
+    forces = forces_on(increment, contact, bodies)
+    made = np.abs(both) / bodies.radius - increment.scheme.newton_tol * forces.max()
+    return np.asarray(np.maximum(made, 0.0) / np.maximum(forces, 1e-300))
+
+
 def forces_on(increment: Increment, contact: ContactProblem, bodies: Floating) -> Array:
     """Half the sum of all contact forces and loads on every floating body, times the step, (n,) [kg/s]."""
     constraints, place = contact.constraints, _places(increment, bodies.bodies)
@@ -205,7 +219,7 @@ def forces_on(increment: Increment, contact: ContactProblem, bodies: Floating) -
 
 def explained(increment: Increment, contact: ContactProblem, bodies: Floating, error: NotConverged) -> NotConverged:
     """Why no equilibrium was found: what the contacts of the last iteration cannot carry, if so, else the error."""
-    if not bodies.loaded or not hasattr(contact, "rows"):
+    if not bodies.loaded or not hasattr(contact, "constraints"):
         return error
     found = no_equilibrium(increment, bodies, contact.constraints, "no equilibrium was found")
     if found is None:

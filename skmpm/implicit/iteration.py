@@ -105,16 +105,15 @@ def factorised(
         raise indefinite(increment.grid, error) from error
 
 
-def not_converged(
+def unmet_criteria(
     increment: Increment,
     contact: ContactProblem | None,
-    limit: int,
     momentum: Array,
     imbalance: float,
     residual: float,
     drift: Array,
-) -> NotConverged:
-    """The failure after so many iterations, with the criteria that are not met; `momentum` (2 nodes,) is missing."""
+) -> list[tuple[str, str]]:
+    """The criteria of convergence that are not met, where and by how much; `momentum` (2 nodes,) is missing."""
     scheme, unmet = increment.scheme, list[tuple[str, str]]()
     if not imbalance <= scheme.newton_tol:
         size = f"momentum imbalance {imbalance:.2g} (wanted {scheme.newton_tol:g})"
@@ -125,5 +124,10 @@ def not_converged(
         b = int(np.argmax(drift))
         size = f"momentum that would move it by {drift[b]:.2g} cells (wanted {DRIFT:g}) missing"
         unmet.append((f"body {b}", size))
+    return unmet
+
+
+def not_converged(limit: int, unmet: list[tuple[str, str]]) -> NotConverged:
+    """The failure after so many iterations, with the criteria that are not met."""
     what = ", ".join(f"{problem} at {place}" for place, problem in unmet)
     return NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {what}")

@@ -18,6 +18,7 @@ from skmpm.implicit.iteration import (
     first_velocity,
     matrix_is_due,
     not_converged,
+    unmet_criteria,
 )
 from skmpm.implicit.line_search import move
 from skmpm.implicit.mixing import Mixing
@@ -90,7 +91,8 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
         w, at = move(increment, w, at, direction, mixed, gradient - contact_impulse, contact_impulse)
         timer.lap("bulk")
     drift = increment.drift(w, contact_impulse, solved)
-    raise not_converged(increment, contact, limit, gradient - contact_impulse, imbalance, residual, drift)
+    unmet = unmet_criteria(increment, contact, gradient - contact_impulse, imbalance, residual, drift)
+    raise not_converged(limit, unmet)
 
 
 def _check_balance(increment: Increment) -> None:
@@ -110,5 +112,3 @@ def _check_balance(increment: Increment) -> None:
                 "add a Support or a wall, or use inertia",
                 retryable=False,
             )
-
-

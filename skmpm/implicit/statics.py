@@ -30,6 +30,7 @@ from skmpm.implicit.floating import (
     landed,
     near,
     negligible,
+    turned,
 )
 from skmpm.implicit.iteration import (
     RELAXATION,
@@ -40,6 +41,7 @@ from skmpm.implicit.iteration import (
     first_velocity,
     matrix_is_due,
     not_converged,
+    unmet_criteria,
 )
 from skmpm.implicit.line_search import move
 from skmpm.implicit.mixing import Mixing
@@ -55,6 +57,7 @@ ANCHOR_RATE = 0.3  # by which an anchor lessens what is not neutral, for bodies 
 ANCHOR_TOLERANCE = 0.1  # of the drag that is there, to which the solution is found before the anchor follows
 ITERATIONS_PER_ANCHOR = 8  # iterations for an anchor before contact normals are kept
 MAX_ANCHOR_SHIFT = 0.1  # [cells] that the acceleration moves an anchor
+TURNED = 2e-3  # of half the sum of a body's forces, a thousandth of the sum: moment that kept normals may make
 
 
 @dataclass(frozen=True)
@@ -126,10 +129,22 @@ def _newton(
         now = _measured(search, iteration)
         check_near(increment, bodies, search.w)
         if _balanced(search, now):
-            return _solution(search, now)
+            if turned(search.increment, search.contact, search.bodies, search.w).max() <= TURNED:
+                return _solution(search, now)
+            now = _resettled(search, iteration)
         _iterate(search, _anchored(search, now), timer)
-    missing, still = now.gradient - now.contact_impulse, np.zeros(increment.grid.bodies)
-    raise not_converged(increment, contact, increment.scheme.max_newton, missing, now.true, now.residual, still)
+    raise not_converged(increment.scheme.max_newton, _unmet(search, now))
+
+
+def _unmet(search: Search, now: Balance) -> list[tuple[str, str]]:
+    """The criteria of convergence that are not met, where and by how much."""
+    missing, still = now.gradient - now.contact_impulse, np.zeros(search.increment.grid.bodies)
+    unmet = unmet_criteria(search.increment, search.contact, missing, now.true, now.residual, still)
+    left = turned(search.increment, search.contact, search.bodies, search.w)
+    if not left.max() <= TURNED:
+        what = f"contacts that snap, whose moment is {left.max():.2g} of the forces (wanted {TURNED:g})"
+        unmet.append((f"body {search.bodies.bodies[np.argmax(left)]}", what))
+    return unmet
 
 
 def _measured(search: Search, iteration: int) -> Balance:
@@ -178,6 +193,13 @@ def _held(search: Search) -> bool:
 def _small(search: Search, imbalance: Array) -> bool:
     """Whether what an imbalance (2 nodes,) has along rigid motions is a small share of the forces on every body."""
     return negligible(search.increment, search.contact, search.bodies, search.bodies.motions.T @ imbalance)
+
+
+def _resettled(search: Search, iteration: int) -> Balance:
+    """The balance once the contacts act along the normals and at the places of now, which are kept in their turn."""
+    search.contact.frozen = search.contact.present
+    search.mixing, search.before = Mixing(search.increment.bulk.assembly.mass), np.inf
+    return _measured(search, iteration)
 
 
 def _solution(search: Search, now: Balance) -> Solution:
