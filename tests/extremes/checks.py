@@ -22,6 +22,7 @@ MOMENTUM = 1e-10  # of sum m |v| + dt sum |forces|, per step
 ENERGY = 1e-6  # of the largest of all energies so far: Newton's tolerance; what a run may gain, in all
 CONE = 1e-9  # of friction f_n, and of the largest force
 UNBALANCED = 3.0  # newton_tol, which bounds the root of squares over the nodes: sums are larger, twice was seen
+NEUTRAL = 1e-3  # of its forces: what a body may lack along motions without resistance, as docs/method.md promises
 MOMENT = 1e-3  # of sum |arm| |force|, and stress times area
 MOMENT_MOVING = 0.05  # the same where bodies move: the transfer to points keeps it of rigid motions only; 0.026 seen
 MOMENT_COARSE = 0.2  # and in collisions at up to the speed of waves at R/h = 1.5; 0.06 seen
@@ -186,14 +187,17 @@ class Watch:
     def _balance(self, old: skmpm.State, new: skmpm.State) -> None:
         """Change of momentum against weight, loads, contacts, walls and supports: of all, and of every body.
 
-        Without supports a step keeps momentum to round-off, else to Newton's tolerance of the nodal forces.
+        Without supports a step keeps momentum to round-off, else to Newton's tolerance of the nodal forces. Without
+        inertia bodies that only contact holds may lack more where their motion is neutral: then as much as the step
+        reports, a root of squares over the nodes as `newton_tol` is, and at most `NEUTRAL`.
         """
         scheme, b = self.case.scheme, balance_of(self.case, old, new)
         exact = scheme.inertia and not self.scene.supports
         # The duration of a step is only known to the rounding of the times it lies between.
         rounding = 4.0 * np.finfo(float).eps * new.t / (new.t - old.t)
         elastic = 0.0 if exact else b.elastic
-        tolerance = UNBALANCED * scheme.newton_tol
+        left = scheme.newton_tol if scheme.inertia else max(scheme.newton_tol, min(new.report.imbalance, NEUTRAL))
+        tolerance = UNBALANCED * left
         limit = MOMENTUM if exact else tolerance
         size = b.total_size + float(np.sum(elastic))
         noise = 0.0 if exact else float(b.rounding.sum())

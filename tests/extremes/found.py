@@ -124,6 +124,85 @@ WRONG_TODAY = {
         ),
         None,
     ),
+    "a support gives way to bodies that slide far": (
+        Assembly(
+            (Piece("ellipse", angle=0.5 * np.pi, shift=-0.71, linear=True, nu=0.38), Piece(angle=2.76, nu=0.24)),
+            weight=0.0,
+            floor=0.0,
+            friction=0.0,
+            supports=(Hold(1, "core", (None, 0.198)), Hold(0, "top", (-0.063, None))),
+            loads=(Pull(0, "bottom", (5.6e-4, 8.3e-4)),),
+            cells=2.0,
+            offset=(0.0, 0.0),
+        ),
+        None,
+    ),
+    "tips exchange roles while normals are kept": (
+        Assembly(
+            (
+                Piece("plus", angle=0.5 * np.pi, shift=0.1120809228725983, nu=0.23688467101638477),
+                Piece("plus", linear=True, nu=0.32435616454058436, stiffness=1.54182957928477),
+                Piece("disc", shift=-0.07513186061610564, nu=0.26607989359124073, stiffness=0.1763613689694893),
+                Piece(
+                    "ellipse",
+                    aspect=0.6120996602124142,
+                    angle=0.5 * np.pi,
+                    shift=0.15638913054456455,
+                    linear=True,
+                    nu=0.306148629468682,
+                ),
+            ),
+            weight=0.0,
+            floor=None,
+            friction=1.0,
+            supports=(Hold(0, "top", (0.0, 0.0), True), Hold(3, "bottom", (0.0, 0.0), True)),
+            loads=(Pull(2, "right", (-2.6030148874951697e-05, -2.3473298970323623e-05), True),),
+            spacing=0.7269345619883776,
+            offset=(0.0, 0.0),
+            steps=1,
+        ),
+        None,
+    ),
+    "kept normals make a moment": (
+        Assembly(
+            (
+                Piece(
+                    "dumbbell",
+                    shift=-0.19512555265781972,
+                    linear=True,
+                    nu=0.4781676533116415,
+                    stiffness=6.665267085084567,
+                ),
+                Piece("L", angle=0.5 * np.pi, shift=-0.14042945095129034, linear=True, nu=0.33530777244996746),
+            ),
+            weight=2.1348643647506458e-05,
+            floor=0.2,
+            left=1.0,
+            right=1.0,
+            gap=0.14056477958985197,
+            loads=(
+                Pull(1, "left", (1.3991096160074217e-05, 1.612494383952311e-05)),
+                Pull(1, "right", (1.307227405452813e-21, -2.1348643647506458e-05)),
+            ),
+            cells=1.9631593346293943,
+            offset=(0.0, 0.6122188086249043),
+            dt_c_h=0.4116564715764678,
+        ),
+        None,
+    ),
+    "a neutral motion, with a tolerance that is finer than it": (
+        Assembly(
+            (Piece("plus", angle=4.76, linear=True, nu=0.457),),
+            turned=np.pi,
+            floor=0.2,
+            right=0.0,
+            cells=4.9,
+            offset=(0.0, 0.0),
+            steps=1,
+            scheme={"newton_tol": 1e-6},
+        ),
+        None,
+    ),
 }
 
 NEAR_BY = "fails although there is an equilibrium"
