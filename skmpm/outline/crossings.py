@@ -11,6 +11,7 @@ from skmpm.outline.topology import Floats, Integers, Outlines
 # Where a simple loop first touches itself its tangents are opposite, and the arc between the two places that bounds
 # the cavity turns back by pi. Half of that leaves room for the turns of a polygon and for one step beyond. A loop
 # that folds at a point goes round once more than a simple one.
+ROUNDING = 1e-12  # of the extent of all bodies
 BACKWARD, FORWARD = 0.5 * np.pi, 3.0 * np.pi  # [rad]
 
 
@@ -59,9 +60,10 @@ def apart(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> Floats:
 
 
 def _separates(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> NDArray[np.bool_]:
-    """Whether the line through segment i has the ends of segment j strictly on its two sides, (k,)."""
+    """Whether the line through segment i has the ends of segment j on its two sides, by more than rounding, (k,)."""
     origin, along = x[:, i], x[:, outlines.next[i]] - x[:, i]
     first, second = (
         along[0] * (x[1, k] - origin[1]) - along[1] * (x[0, k] - origin[0]) for k in (j, outlines.next[j])
     )
-    return np.asarray(first * second < 0.0, dtype=np.bool_)
+    least = ROUNDING * np.hypot(*along) * float(np.ptp(x, axis=1).max())
+    return np.asarray((np.minimum(first, second) < -least) & (np.maximum(first, second) > least))

@@ -21,7 +21,7 @@ THICKNESS_SHARE = 0.25  # of the thinnest part of all bodies, which what moves p
 MAX_WALL_DEPTH = 0.05  # [cells] of a point behind a wall
 MAX_BODY_DEPTH = 0.25  # [cells] of one body in another
 UNRESOLVED_FOLD = (
-    2.0  # [cells] of the outline between crossing segments: folded corners are below the resolution of the grid
+    2.0  # [cells] of the outline between crossing segments: less is a fold of what the grid hardly resolves
 )
 ENERGY_TOLERANCE = 5e-7  # of the energies, for tolerances and rounding
 CURVATURE_SHARE = 0.01  # of the energy that a step exchanges: what it may gain where the potential curves downwards
@@ -79,14 +79,16 @@ def _check_crossings(scene: Scene, after: State) -> None:
     pairs = outline.crossings(boundary, x, np.flatnonzero(scene.deformable))
     if pairs.size == 0:
         return
-    pairs = pairs[:, outline.apart(boundary, x, *pairs) > UNRESOLVED_FOLD * scene.cell]
-    if pairs.size:
-        i, j = pairs[:, 0]
-        raise NotConverged(
-            f"body {boundary.body[i]}",
-            f"its outline crosses itself near ({x[0, i]:.6g}, {x[1, i]:.6g}) and ({x[0, j]:.6g}, {x[1, j]:.6g}) m",
-            "a body does not touch itself: use smaller loads, or make it of several bodies",
-        )
+    longest = int(np.argmax(outline.apart(boundary, x, *pairs)))
+    i, j = pairs[:, longest]
+    local = float(outline.apart(boundary, x, *pairs)[longest]) <= UNRESOLVED_FOLD * scene.cell
+    raise NotConverged(
+        f"body {boundary.body[i]}",
+        f"its outline crosses itself near ({x[0, i]:.6g}, {x[1, i]:.6g}) and ({x[0, j]:.6g}, {x[1, j]:.6g}) m",
+        "it folds there: use smaller loads, a finer cell or rounder corners"
+        if local
+        else "a body does not touch itself: use smaller loads, or make it of several bodies",
+    )
 
 
 def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> None:

@@ -203,6 +203,24 @@ WRONG_TODAY = {
         ),
         None,
     ),
+    "a corner folds over itself as it is pressed on a wall": (
+        Assembly(
+            (Piece("L", angle=2.4678, nu=0.328, stiffness=0.2),),
+            still=False,
+            weight=0.0,
+            turned=np.pi,
+            floor=0.0,
+            left=0.2,
+            right=0.0,
+            gap=0.15,
+            loads=(Pull(0, "all", (0.04, 0.0)),),
+            cells=2.426,
+            offset=(0.5, 0.0),
+            dt_c_h=26.0,
+            steps=6,
+        ),
+        None,
+    ),
 }
 
 NEAR_BY = "fails although there is an equilibrium"

@@ -81,7 +81,6 @@ def test_an_extreme_setting_is_right_or_ends_in_a_clear_error(parameter, label, 
     assert outcome.kind in CLEAR, outcome.violations
 
 
-@pytest.mark.xfail(strict=True, reason="folds of the boundary within two cells are let pass")
 def test_a_crushed_disc_does_not_fold_over_itself():
     """A soft one under a stiff one, in good steps; then every scene may be watched for it (`Watch._places`)."""
     case, crossed = quick("stiffness", "100", "squeeze"), 0
