@@ -8,18 +8,20 @@ from numbers import Real
 import numpy as np
 
 from skmpm.implicit import ContactProblem, Increment, NotConverged, Timer, advance
+from skmpm.implicit.errors import SMALLER
 from skmpm.linear import Delassus, one_thread
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.energy_budget import budget_of, report_of
-from skmpm.simulate.forces import driven_bodies, external_force
+from skmpm.simulate.forces import dead, driven_bodies, external_force
 from skmpm.simulate.grid_to_points import end_state, kept_solver
 from skmpm.simulate.initial_state import can_touch, check_scheme
 from skmpm.simulate.regrid import assembly_of, bulk_of, check_whole, derived_of, regridded_state
 from skmpm.simulate.rigid_edges import pressed_edge
 from skmpm.transfer import to_nodes
 
+STEPWISE = "apply loads in steps, as functions of time, or use inertia; not a smaller dt"
 SHORTEST = 1e-100  # [s]; shorter steps divide by zero
 
 
@@ -67,8 +69,10 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
         reason = _overflow(state) if isinstance(error, FloatingPointError) else error
         edge = "" if scheme.inertia else pressed_edge(scene, given.contacts)
-        message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {reason}{edge}"
-        raise StepFailed(message, given, retryable=getattr(error, "retryable", True)) from error
+        again = scheme.inertia or not dead(scene, given)  # else a smaller dt is the same step
+        remedy = str(reason) if again else str(reason).replace(f"; {SMALLER}", f"; {STEPWISE}")
+        message = f"the step from t = {given.t:.6g} s with dt = {dt:.3g} s failed: {remedy}{edge}"
+        raise StepFailed(message, given, retryable=again and getattr(error, "retryable", True)) from error
     report = report_of(given.report.energy, increment, solution, budget, overlap, regridded=regridded)
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.material import Rigid
 from skmpm.scene import Scene, State, field_values
 from skmpm.simulate.regrid import assembly_of
 
@@ -37,6 +40,15 @@ def _gravity(scene: Scene, own: NDArray[np.bool_], t: float) -> Array:
     else:
         g[:, own] = np.asarray(scene.gravity, dtype=float)[:, None]
     return g
+
+
+def dead(scene: Scene, state: State) -> bool:
+    """Whether constant loads alone act, so that quasi-static steps from a state are one problem whatever their dt."""
+    moves: list[Any] = [body.velocity for body in scene.bodies if isinstance(body.material, Rigid)]
+    moves += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
+    if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *moves)):
+        return False
+    return not (any(v for velocity in moves for v in velocity if v is not None) or state.v.any())
 
 
 def driven_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:

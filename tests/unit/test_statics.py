@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from skmpm import Body, LinearElastic, NeoHookean, Scene, Scheme, StepFailed, Support, Wall, box, disc
+from skmpm import Body, LinearElastic, Load, NeoHookean, Scene, Scheme, StepFailed, Support, Wall, box, disc
 from skmpm.implicit import statics
 from skmpm.simulate import initial, simulate, step
 
@@ -186,3 +186,21 @@ def test_a_body_that_a_press_lets_go_carries_nothing_and_takes_few_iterations(it
             assert np.abs(states[-1].stress).max() < 1e-4 * np.abs(states[2].stress).max()
             assert max(state.report.newton for state in states) <= 10
     assert not caplog.messages
+
+
+# Steps that do not depend on dt.
+
+
+@pytest.mark.parametrize("law", ["dead", "given in time", "moving"])
+def test_a_step_that_does_not_depend_on_dt_is_not_retried(law):
+    """A soft box under a load that turns it inside out: with constant loads ten retries were ten times the same."""
+    force = {"dead": (0.0, -3.0 * E)}.get(law, lambda t: (0.0, -3.0 * E))
+    base = Support(lambda x: x[1] < 1e-9, velocity=(0.0, -1e-9 if law == "moving" else 0.0))
+    load = Load(lambda x: x[1] > 1.0 - 1e-9, force if law != "moving" else (0.0, -3.0 * E))
+    scene = Scene([Body(box((0, 0), (1.0, 1.0), spacing=0.75 * H), GEL)], cell=H, supports=[base], loads=[load])
+    with pytest.raises(StepFailed) as failed:
+        list(simulate(scene, dt=1.0, until=1.0, scheme=Scheme(inertia=False, max_newton=6)))
+    same = law == "dead"
+    assert failed.value.retryable != same
+    assert ("retries" in str(failed.value)) != same
+    assert ("apply loads in steps" in str(failed.value)) == same
