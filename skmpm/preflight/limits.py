@@ -65,6 +65,12 @@ def _below(value: float, limit: Limit) -> bool:
     return value < limit.value * (1.0 - NU_TOLERANCE)
 
 
+def _told(value: float, limit: Limit) -> str:
+    """A value that leaves a limit, with three digits or as many as tell the two apart."""
+    texts = (f"{value:.{digits}g}" for digits in range(3, 18))
+    return next(text for text in texts if float(text) != limit.value)
+
+
 def _down(value: float) -> str:
     """Two digits, rounded down, so that what takes the advice is not warned again."""
     unit = 10.0 ** (floor(log10(value)) - 1)
@@ -82,7 +88,7 @@ def _resolution(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     R, smallest = metrics.resolution, metrics.resolution.min()
     if _below(smallest, limit):
         remedy = f"use cell = {_down(metrics.cell * smallest / limit.value)} m or less"
-        yield f"{_worst(metrics, R, limit.value > R)}: R/h = {smallest:.3g}; {limit.where}; {remedy}"
+        yield f"{_worst(metrics, R, limit.value > R)}: R/h = {_told(smallest, limit)}; {limit.where}; {remedy}"
 
 
 def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -90,7 +96,7 @@ def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if _below(least := float(across.min()), THIN):
         who, width = _worst(metrics, across, THIN.value > across), least * metrics.cell
         remedy = f"use cell = {_down(width / THIN.value)} m or less"
-        yield f"{who}: {least:.3g} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
+        yield f"{who}: {_told(least, THIN)} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
 
 
 def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -98,24 +104,25 @@ def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if _below(fewest, FEWEST):
         who = _worst(metrics, each, FEWEST.value > each)
         remedy = f"use a spacing of {_down(0.74 * metrics.cell)} m or less"
-        yield f"{who}: {fewest:.3g} points per cell of material; {FEWEST.where}; {remedy}"
+        yield f"{who}: {_told(fewest, FEWEST)} points per cell of material; {FEWEST.where}; {remedy}"
 
 
 def _courant(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     limit = EXPLICIT if scheme.explicit else COURANT
     if (scheme.explicit or metrics.waves) and _above(metrics.courant, limit):
         remedy = f"use dt = {_down(limit.value * metrics.cell / metrics.wave)} s or less"
-        yield f"step: dt c/h = {metrics.courant:.3g}; {limit.where}; {remedy}"
+        yield f"step: dt c/h = {_told(metrics.courant, limit)}; {limit.where}; {remedy}"
 
 
 def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if metrics.touches and _above(metrics.lid, LID):
         remedy = f"use dt {_down(LID.value / metrics.lid)} times as long"
-        yield f"{metrics.lid_name}: moves {metrics.lid:.3g} h a step; {LID.where}; {remedy}"
+        yield f"{metrics.lid_name}: moves {_told(metrics.lid, LID)} h a step; {LID.where}; {remedy}"
     if scheme.inertia and _above(metrics.approach, APPROACH):
         remedy = f"use dt {_down(APPROACH.value / metrics.approach)} times as long"
         fallen = f" after falling by {metrics.fall:.3g} m" if metrics.fall else ""
-        yield f"bodies: up to {metrics.approach:.3g} h a step past each other{fallen}; {APPROACH.where}; {remedy}"
+        approach = _told(metrics.approach, APPROACH)
+        yield f"bodies: up to {approach} h a step past each other{fallen}; {APPROACH.where}; {remedy}"
 
 
 def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -138,7 +145,7 @@ def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
         (low, a), (high, b) = min(values), max(values)
         if _above(high / low, limit):
             who, remedy = f"bodies {a} and {b}", f"use {limit.value:g} unless it matters"
-            yield f"{who}: ratio of {name} {high / low:.3g}; {limit.where}; {remedy}"
+            yield f"{who}: ratio of {name} {_told(high / low, limit)}; {limit.where}; {remedy}"
 
 
 def _friction(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
