@@ -17,6 +17,7 @@ from skmpm.preflight import limits as verified
 CELLS = (1, 2, 4, 8)
 LENGTH = 10.0  # over the thickness, which is 1 m
 PLACES = ((0.0, 0.0), *np.random.default_rng(0).random((7, 2)))  # of a corner on the grid [cells]
+WORST = {1: (0.0, 0.3), 2: (0.25, 0.7), 4: (0.25, 0.7), 8: (0.25, 0.25)}  # of 20 x 20 places, for so many cells
 FORCE = 0.1  # [N/m]: slopes of 1e-4
 STEEL = LinearElastic(1e6, 0.3, 1000.0)
 
@@ -34,12 +35,12 @@ def strip(cells, place):
 
 
 @cache
-def deflections(cells):
+def deflections(cells, places=PLACES):
     """Of the far end over the beam's, less one, (places,)."""
     modulus, shear = STEEL.E / (1.0 - STEEL.nu**2), STEEL.lame[1]
     exact = FORCE * (LENGTH**3 / (3.0 * modulus / 12.0) + 6.0 * LENGTH / (5.0 * shear))
     out = []
-    for place in PLACES:
+    for place in places:
         scene, scheme = strip(cells, place), Scheme(inertia=False)
         state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
         end = scene.initial_positions[0] > scene.initial_positions[0].max() - 1e-9
@@ -48,12 +49,14 @@ def deflections(cells):
 
 
 def test_what_the_check_says_of_strips_is_what_is_measured():
-    """The worst of the places, to 5 % of itself; from eight cells on the deflection is right to 2.5 %."""
+    """The worst of 400 places, to 1 % of itself, and no other exceeds it; at eight cells those are right to 2.5 %."""
     said = [
         float(n) / 100 for n in re.search(r"bend by up to ([\d., ]+) %", verified.THIN.where).group(1).split(", ")
     ]
+    worst = [-deflections(cells, (WORST[cells],))[0] for cells in CELLS]
     found = [-deflections(cells).min() for cells in CELLS]
-    assert found == pytest.approx(said, rel=0.05)
+    assert worst == pytest.approx(said, rel=0.01)
+    assert (np.array(found) <= said).all()
     assert found[0] > found[1] > found[2] > found[3]
     assert found[3] < 0.025
 
