@@ -30,7 +30,7 @@ from skmpm.scene import State
 AnyArray = NDArray[Any]
 
 FORMAT = "skmpm checkpoint"
-SCHEMA = 3  # raised when a file can no longer be read as before
+SCHEMA = 4  # raised when a file can no longer be read as before
 LEFT_OUT = frozenset({"derived"})  # fields that follow from the others
 ARRAY = "@array"  # marks an array in the tree; no field is named so
 
