@@ -20,7 +20,7 @@ def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     """`banded` up to a half bandwidth of 700, a body about 170 cells across, `amg` beyond.
 
     One solve alone is faster by amg from 400 on, 95 cells across, and 2.5 times as fast at 700
-    (`examples/crossover.py`). But contact needs as many solves as a body has contact rows, with one factor: a body
-    120 cells across with 20 rows takes four times as long by amg, one with 100 rows twelve times.
+    (`examples/studies/benchmark/crossover.py`). But contact needs as many solves as a body has contact rows, with one
+    factor: a body 120 cells across with 20 rows takes four times as long by amg, one with 100 rows twelve times.
     """
     return (banded if half_bandwidth(A) <= CROSSOVER else amg)(A, blocks, rigid_motions)

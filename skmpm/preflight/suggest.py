@@ -74,7 +74,8 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
     Only materials, sizes, gravity and what moves at t = 0 are read, not the scene's own cell and points. In impacts,
     and without anything driven, dt resolves waves; else it follows from how far things move in a step. What the
     preflight check would warn of is not suggested: there the cell or the step is smaller than the error asks for.
-    Four scenes that are not in the study err by less than twice what was asked (`examples/tradeoff_promises.py`).
+    Four scenes that are not in the study err by less than twice what was asked
+    (`examples/studies/work_precision/promises.py`).
 
     Raises
     ------

@@ -2,29 +2,15 @@
 
 import csv
 import json
-import sys
-from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import skmpm
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
-MODULES = ("benchmark", "benchmark_goals", "benchmark_measure", "benchmark_page", "benchmark_scenes")
+from examples.studies.benchmark import crossover, large, scenes, study
 
 
-@pytest.fixture
-def benchmark(monkeypatch):
-    """The modules of the benchmark, by name."""
-    monkeypatch.syspath_prepend(str(EXAMPLES))
-    yield {name: import_module(name) for name in MODULES}
-    for name in MODULES:
-        del sys.modules[name]
-
-
-def test_images_move_as_the_tile(benchmark, tmp_path):
+def test_images_move_as_the_tile(tmp_path):
     """A frictional packing at 0.90, and it with five images and no walls between: every disc makes the same steps.
 
     Reference: the packing itself, reflected. Steps are solved to 1e-8 of the forces; tolerance 1e-5 of the motion and
@@ -32,7 +18,6 @@ def test_images_move_as_the_tile(benchmark, tmp_path):
     where contacts lie: 3e-6 with friction 0.45 and 0.4, 1e-4 with 0.5 (6e-6 without mean dilatation, but then 4e-4
     and more with the others). Wrong signs or places of an image show as 1e-3 and more.
     """
-    scenes = benchmark["benchmark_scenes"]
     scene, state = scenes.squeezed(10, 3.0, 0.4, tmp_path)
     assert scenes.fraction(scene, state) == pytest.approx(scenes.SQUEEZED, rel=1e-9)
     after, (whole, images) = state, scenes.tiled(scene, state, 3, 2)
@@ -54,9 +39,9 @@ def test_images_move_as_the_tile(benchmark, tmp_path):
             np.testing.assert_allclose(getattr(images, name)[..., own], expected, rtol=0.0, atol=atol)
 
 
-def test_sizes_are_tiles(benchmark):
+def test_sizes_are_tiles():
     """Larger packings are whole numbers of tiles, as square as they can be."""
-    layout = benchmark["benchmark_scenes"].layout
+    layout = scenes.layout
     assert [layout(n, 100) for n in (30, 100, 300, 1000, 3000)] == [
         (30, 1, 1), (100, 1, 1), (100, 3, 1), (100, 5, 2), (100, 6, 5)
     ]  # fmt: skip
@@ -65,11 +50,10 @@ def test_sizes_are_tiles(benchmark):
 
 
 @pytest.mark.slow
-def test_benchmark(benchmark, tmp_path):
+def test_benchmark(tmp_path):
     """Everything in small; a second run measures nothing anew."""
-    module = benchmark["benchmark"]
     options = ["--quick", "--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
-    module.main(module.parser().parse_args(options))
+    study.main(study.parser().parse_args(options))
     results = sorted((tmp_path / "out").glob("*.json"))
     assert len(results) == 10
     dense = json.loads((tmp_path / "out" / "dense_20_3_0.5.json").read_text())
@@ -82,5 +66,25 @@ def test_benchmark(benchmark, tmp_path):
     with (tmp_path / "docs" / "performance" / "results.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(results)
     times = [path.stat().st_mtime_ns for path in results]
-    module.main(module.parser().parse_args(options))
+    study.main(study.parser().parse_args(options))
     assert [path.stat().st_mtime_ns for path in results] == times
+
+
+def test_large():
+    """A small one of the large bodies: few iterations, and the support carries weight and inertia.
+
+    It sinks as far as one of 1e6 points, 2.079 mm, to 1 %: the arc held is one of whole boundary segments.
+    """
+    for found in large.main(large.parser().parse_args(["--points", "6000"])).values():
+        assert 0 < found["iterations"] <= 20
+        assert found["balance"] <= 1e-6
+    found = large.advance(large.hanging(6000, 0.3, 1), inertia=False)
+    assert found["sag"] == pytest.approx(2.079e-3, rel=0.01)
+
+
+def test_crossover():
+    """A disc of ten cells is solved faster by the band than by multigrid, of which set-up alone takes longer."""
+    ((cells, band, *ratios),) = crossover.main(crossover.parser().parse_args(["--across", "10"]))
+    assert cells == 10
+    assert 20 < band < 100
+    assert max(ratios) < 1.0

@@ -2,7 +2,7 @@
 
 A profiler counts every call of a Python function of the library, wherever it was looked up. Each promise is kept in
 both directions, so that a renamed function cannot keep it: off it is never called, on it is. What is promised
-elsewhere is not repeated here; `examples/tradeoff_features.py` names the test of every promise.
+elsewhere is not repeated here; `examples/studies/feature_cost/scenes.py` names the test of every promise.
 """
 
 import sys

@@ -1,0 +1,1 @@
+"""Studies: packages that run for minutes to hours, resume, and write pages of the docs from their data."""

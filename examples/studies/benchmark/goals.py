@@ -1,0 +1,157 @@
+"""What `study.py` found, goal by goal."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from typing import Any
+
+Result = dict[str, Any]
+Line = tuple[str, ...]
+
+STEPS = ("quasi-static", "dynamic")
+PHASES = {
+    "detection": ("detection",),
+    "compliance": ("compliance",),
+    "contact solve": ("contact",),
+    "linear solves": ("linear",),
+    "factorisation": ("factorisation",),
+    "bulk": ("bulk",),
+    "transfer": ("transfer",),
+    "report, overlap": ("report", "overlap"),
+}
+BULK, DENSE = 45 / 70, 600 / 70  # goals, in times of one LU: milliseconds asked for over those of an LU then
+PER_DISC, PER_POINT = 0.4, 1.2e-3  # allowed memory [MB]
+
+
+def phases(result: Result) -> dict[str, float]:
+    """Seconds by the phases of the page; what no phase claims comes last."""
+    spent = result["phases"]
+    found = {name: sum(spent.get(part, 0.0) for part in parts) for name, parts in PHASES.items()}
+    return {**found, "rest": max(result["step"] - sum(found.values()), 0.0)}
+
+
+def per_lu(seconds: float, result: Result, digits: int = 2) -> str:
+    """A time in those of the two LUs of the same matrix."""
+    if "lu" not in result:
+        return "-"
+    return f"{seconds / result['lu']:.{digits}f} ({seconds / result['lu_direct']:.{digits}f})"
+
+
+def ms(seconds: float) -> str:
+    """Milliseconds, with three digits or none behind the point."""
+    return f"{1e3 * seconds:.3g}" if seconds < 1.0 else f"{1e3 * seconds:.0f}"
+
+
+class Results:
+    """The results by what they are of."""
+
+    def __init__(self, results: dict[str, Result], options: argparse.Namespace) -> None:
+        self.all = results
+        self.main, self.cells, self.friction = options.main, options.cells[0], options.friction[0]
+
+    def dense(self, discs: int, cells: float, friction: float) -> Result | None:
+        """A dense packing, None where it was not measured."""
+        return self.all.get(f"dense_{discs}_{cells:g}_{friction:g}")
+
+    @property
+    def growth(self) -> list[Result]:
+        """Dense packings of all sizes."""
+        of = [r for r in self.all.values() if r["kind"] == "dense"]
+        chosen = [r for r in of if (r["cells"], r["friction"]) == (self.cells, self.friction)]
+        return sorted(chosen, key=lambda r: r["discs"])
+
+    @property
+    def reference(self) -> Result | None:
+        """The one that growth is relative to: 100 discs, or the fewest."""
+        return next((r for r in self.growth if r["discs"] == 100), self.growth[0] if self.growth else None)
+
+    @property
+    def single(self) -> list[Result]:
+        """Single bodies."""
+        return sorted((r for r in self.all.values() if r["kind"] == "single"), key=lambda r: r["points"])
+
+
+def verdict(value: float, goal: float) -> str:
+    """Whether it is met."""
+    return "met" if value <= goal else "**missed**"
+
+
+def goals(found: Results) -> Iterator[Line]:
+    """Goal by goal: what, the goal, what was measured, whether it is met."""
+    yield from _bulk_goals(found)
+    yield from _contact_goals(found)
+    yield from _growth_goals(found)
+    yield from _large_goals(found)
+    yield from _memory_goals(found)
+
+
+def _in_lu(what: str, seconds: float, result: Result, goal: float) -> Line:
+    if "lu" not in result:
+        return what, f"{goal:.2f} LU", f"{ms(seconds)} ms", "no LU"
+    return what, f"{goal:.2f} LU", f"{per_lu(seconds, result)} LU", verdict(seconds / result["lu"], goal)
+
+
+def _bulk_goals(found: Results) -> Iterator[Line]:
+    for law, each in (("LinearElastic", ""), ("NeoHookean", " per Newton iteration")):
+        r = found.all.get(f"free_{law}")
+        if r is None:
+            continue
+        iterations = r["newton"] if each else 1.0
+        search = sum(r["phases"].get(name, 0.0) for name in ("detection", "overlap"))
+        what = f"step without contact{each}, {r['discs']} {law} discs"
+        yield _in_lu(f"{what}, without looking for contacts", (r["step"] - search) / iterations, r, BULK)
+        yield f"{what}, all", "-", f"{per_lu(r['step'] / iterations, r)} LU", "shown"
+
+
+def _contact_goals(found: Results) -> Iterator[Line]:
+    rough, smooth = (found.dense(found.main, found.cells, mu) for mu in (found.friction, 0.0))
+    if rough is None:
+        return
+    what = f"dense step with friction, {rough['discs']} discs, all its Newton iterations"
+    yield _in_lu(what, rough["step"], rough, DENSE)
+    share = rough["contact_phases"] / rough["step"]
+    yield "contact phases, share of that step", "0.70", f"{share:.2f}", verdict(share, 0.7)
+    if smooth is not None and smooth is not rough:
+        more = rough["contact_phases"] / smooth["contact_phases"]
+        yield "contact phases with friction, over those without", "1.5", f"{more:.2f}", verdict(more, 1.5)
+
+
+def _growth_goals(found: Results) -> Iterator[Line]:
+    few = found.reference
+    if few is None or found.growth[-1] is few:
+        return
+    many = found.growth[-1]
+    slower = per_point(many) / per_point(few)
+    sizes = f"{many['discs']} discs over {few['discs']}"
+    yield f"time per point and step, {sizes}", "1.3", f"{slower:.2f}", verdict(slower, 1.3)
+    share = many["memory"] / allowed(many)
+    what = f"memory of {many['discs']} discs above that after import, over 0.4 MB a disc + 1.2 kB a point"
+    yield what, "1", f"{share:.2f}", verdict(share, 1.0)
+
+
+def _large_goals(found: Results) -> Iterator[Line]:
+    large = [r for r in found.single if r["unknowns"] >= 1e4]
+    if large:
+        most = [max(r[name]["iterations"] for name in STEPS) for r in large]
+        what = f"iterations of linear.amg, {large[0]['unknowns']:.1e} to {large[-1]['unknowns']:.1e} unknowns"
+        yield what, "40", f"{min(most)} to {max(most)}", verdict(max(most), 40)
+
+
+def _memory_goals(found: Results) -> Iterator[Line]:
+    r = found.all.get("memory")
+    if r is not None:
+        more = r["late"] - r["early"]
+        what = f"memory after {r['steps']} steps, over that after {r['steps'] // 10} and {r['steps'] // 2}"
+        measured = f"{r['late'] / r['early']:.3f}, {r['late'] / r['middle']:.3f}"
+        yield what, "1.02", measured, verdict(more, 0.02 * r["early"])
+
+
+def per_point(result: Result) -> float:
+    """Time of a step per point [s]."""
+    return float(result["step"] / result["points"])
+
+
+def allowed(result: Result) -> float:
+    """Memory that the goal allows [MB]."""
+    return float(PER_DISC * result["discs"] + PER_POINT * result["points"])

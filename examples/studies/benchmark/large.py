@@ -1,0 +1,137 @@
+"""One large body by multigrid: a disc that hangs by its boundary sinks under its weight, at rest at once or in one step.
+
+    OPENBLAS_NUM_THREADS=1 python -m examples.studies.benchmark large --points 1000000
+
+The grid lies anywhere, so cells are cut at random. Prints iterations, seconds by phase, memory, and how well what
+the support carries balances weight and inertia.
+"""
+
+import argparse
+import resource
+from dataclasses import dataclass, field
+from time import process_time
+
+import numpy as np
+
+import skmpm
+
+RADIUS = 1.0  # [m]
+SPACING = 0.74  # of the points [cells]
+HELD = np.deg2rad(30.0)  # of the boundary, to both sides of its top
+GRAVITY = 9.81  # [m/s2]
+COURANT = 10.0  # cells that a pressure wave crosses in the dynamic step
+
+
+@dataclass
+class Recorded:
+    """`linear.amg` that notes how long it takes."""
+
+    setup: float = 0.0  # [s]
+    solve: float = 0.0  # [s]
+    unknowns: int = 0
+    iterations: list[int] = field(default_factory=list)
+
+    def __call__(self, A, blocks, rigid_motions):
+        """Set up the solver of A."""
+        began = process_time()
+        self.unknowns = A.shape[0]
+        self.solver = skmpm.linear.amg(A, blocks, rigid_motions, callback=self.iterations.append)
+        self.setup += process_time() - began
+        return Timed(self)
+
+
+@dataclass(frozen=True)
+class Timed:
+    """The solver that `Recorded` made."""
+
+    recorded: Recorded
+    name: str = "amg"
+
+    def __call__(self, b):
+        """A^-1 b."""
+        began = process_time()
+        x = self.recorded.solver(b)
+        self.recorded.solve += process_time() - began
+        return x
+
+    def compliance(self, H):
+        """H A^-1 H'."""
+        return self.recorded.solver.delassus(H)
+
+
+def hanging(points: int, nu: float, seed: int) -> skmpm.Scene:
+    """A disc of about that many points, its centre anywhere in a cell."""
+    spacing = RADIUS * np.sqrt(np.pi / points)
+    cell = spacing / SPACING
+    centre = np.random.default_rng(seed).uniform(0.0, cell, 2)
+
+    def top(x):
+        arm = x - centre[:, None]
+        return (np.hypot(*arm) > (1.0 - 1e-9) * RADIUS) & (arm[1] > np.cos(HELD) * RADIUS)
+
+    disc = skmpm.disc(centre, RADIUS, spacing=spacing)
+    gel = skmpm.LinearElastic(E=10e6, nu=nu, density=990.0)
+    return skmpm.Scene([skmpm.Body(disc, gel)], cell=cell, supports=[skmpm.Support(top)], gravity=(0.0, -GRAVITY))
+
+
+def time_step(scene: skmpm.Scene) -> float:
+    """In which a pressure wave crosses `COURANT` cells [s]."""
+    gel = scene.bodies[0].material
+    return float(COURANT * scene.cell / np.sqrt((gel.lame[0] + 2.0 * gel.lame[1]) / gel.density))
+
+
+def advance(scene: skmpm.Scene, inertia: bool) -> dict[str, float]:
+    """One step from rest: what it took and what came out."""
+    solver = Recorded()
+    scheme = skmpm.Scheme(inertia=inertia, linear=solver)
+    dt = time_step(scene)
+    began = process_time()
+    start = skmpm.initial(scene, scheme=scheme)
+    laid = process_time()
+    state = skmpm.step(scene, start, dt, scheme=scheme)
+    done = process_time()
+
+    weight = GRAVITY * state.mass.sum()
+    inertial = (state.v - start.v) @ state.mass / dt if inertia else np.zeros(2)
+    balance = np.array([0.0, -weight]) - state.support_force[0] - inertial
+    return {
+        "points": state.x.shape[1],
+        "unknowns": solver.unknowns,
+        "iterations": max(solver.iterations),
+        "lay": laid - began,
+        "set up": solver.setup,
+        "solve": solver.solve,
+        "rest": done - laid - solver.setup - solver.solve,
+        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "sag": float(start.x[1].min() - state.x[1].min()),
+        "balance": float(np.abs(balance).max() / weight),
+    }
+
+
+def main(options: argparse.Namespace) -> dict[str, dict[str, float]]:
+    """Print and return what both steps took."""
+    scene = hanging(options.points, options.nu, options.seed)
+    print(skmpm.preflight(scene, time_step(scene), scheme=skmpm.Scheme(linear=skmpm.linear.amg)))
+    print(
+        "                points  unknowns iterations   seconds: lay body grids  set up   solve    rest  peak MB  balance"
+    )
+    taken = {}
+    for name in ("quasi-static", "dynamic"):
+        taken[name] = found = advance(scene, inertia=name == "dynamic")
+        print(
+            f"{name:12s} {found['points']:9d} {found['unknowns']:9d} {found['iterations']:10d}"
+            f" {found['lay']:21.2f} {found['set up']:7.2f} {found['solve']:7.2f} {found['rest']:7.2f}"
+            f" {found['memory']:8.0f} {found['balance']:8.0e}",
+            flush=True,
+        )
+    print(f"the lowest point sinks by {taken['quasi-static']['sag']:.4g} m")
+    return taken
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--points", type=int, default=1_000_000)
+    options.add_argument("--nu", type=float, default=0.3)
+    options.add_argument("--seed", type=int, default=0, help="of the place of the disc on the grid")
+    return options

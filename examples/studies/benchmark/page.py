@@ -1,0 +1,185 @@
+"""docs/performance.md, its figure and its csv, from the results of `study.py`."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from pathlib import Path
+from typing import Any
+
+from .goals import PHASES, STEPS, Line, Result, Results, allowed, goals, ms, per_lu, per_point, phases
+from .scenes import RATE, SPACING
+
+HEAD = """# Performance
+
+`python -m examples.studies.benchmark` measures all of this page anew and writes it (here{kept} in {minutes:.0f}
+minutes). One process, one BLAS thread; medians of {steps} steps after two, of processor time (the clock on the wall
+said {busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1 tells of a busy machine). Milliseconds are those of
+one machine; what counts is the ratio to one sparse LU of the same matrix in the same run: `scipy.sparse.linalg.splu`,
+`SymmetricMode`, pivots on the diagonal, which is all that a positive definite matrix needs, the faster of
+`MMD_AT_PLUS_A` and `NATURAL`, the bodies' own order.
+`linear.direct` lets SuperLU look for pivots, which takes longer; ratios to that are in brackets.
+
+Discs are those of the main job: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
+*Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s
+over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} and its mirror images (why that is a
+motion again is prescribed in `examples/studies/benchmark/scenes.py`): every size does the same work per disc, so
+growth is that of the machinery alone. *Free* discs touch nothing and swing by 1 %.
+
+The contact phases are detection, compliance, contact solve and linear solves; the last count in full, although a step
+without contact has some, too.
+"""
+GROWTH = """The matrix is block diagonal, a block for every disc, so one LU does the same work per point in any size;
+what its time per point grows by is memory. So is the time in the system: it hands out fresh pages for large arrays,
+which glibc gives back as soon as they are freed (`--keep-pages` measures without that).
+"""
+LARGE = """A NeoHookean disc whose centre lies anywhere in a cell, by pyamg: held and pulled by 1 %, and swinging
+freely with steps in which a pressure wave passes ten cells.
+"""
+
+
+def table(head: Line, lines: list[Line]) -> str:
+    """A markdown table."""
+    rows = [head, ("---",) * len(head), *lines]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
+
+
+def phase_table(found: Results) -> str:
+    """Times of all steps of discs, and the shares of their phases."""
+    lines = []
+    for r in (r for r in found.all.values() if r["kind"] in ("free", "dense")):
+        kind = f"free, {r['law']}" if r["kind"] == "free" else f"dense, friction {r['friction']:g}"
+        what = (f"{r['discs']} {kind}", f"{r['cells']:g}", str(r["points"]), str(r["unknowns"]))
+        cost = (str(r.get("contacts", "-")), f"{r['newton']:.1f}", per_lu(r["step"], r), ms(r["step"]))
+        lines.append((*what, *cost, *(f"{100.0 * seconds / r['step']:.0f}" for seconds in phases(r).values())))
+    what = ("discs", "R/h", "points", "unknowns", "contacts", "Newton", "step / LU", "ms here")
+    return table((*what, *(f"{name} %" for name in (*PHASES, "rest"))), lines)
+
+
+def growth_table(found: Results) -> str:
+    """How dense packings grow."""
+    few, lines = found.reference, []
+    for r in found.growth if few is not None else []:
+        slower = per_point(r) / per_point(few)
+        contacts = (f"{r['contacts'] / r['discs']:.1f}", f"{r['forced'] / r['discs']:.1f}")
+        memory = (f"{r['memory']:.0f}", f"{allowed(r):.0f}")
+        factor = f"{lu_per_point(r) / lu_per_point(few):.2f}" if "lu" in r else "-"
+        system = f"{100.0 * r['system'] / r['step']:.0f}" if "system" in r else "-"
+        lines.append((str(r["discs"]), str(r["points"]), *contacts, f"{slower:.2f}", factor, system, *memory))
+    of = "" if few is None else f", over that of {few['discs']} discs"
+    contacts = ("contacts a disc", "with force")
+    head = ("discs", "points", *contacts, f"time per point{of}", "the same of one LU", "in the system %")
+    head = (*head, "memory [MB]", "allowed")
+    return table(head, lines)
+
+
+def lu_per_point(result: Result) -> float:
+    """Time of one LU per point [s]."""
+    return float(result["lu"] / result["points"])
+
+
+def single_table(found: Results) -> str:
+    """One body by pyamg."""
+    lines = []
+    for r, name in ((r, name) for r in found.single for name in STEPS):
+        s = r[name]
+        what = (f"{r['points']:.2g}", f"{r['unknowns']:.2g}", name, str(s["newton"]), str(s["iterations"]))
+        setup = s["phases"].get("factorisation", 0.0) / s["step"]
+        cost = (per_lu(s["step"] / s["newton"], s, 1), ms(s["step"]), f"{100.0 * setup:.0f}", f"{r['memory']:.0f}")
+        lines.append((*what, *cost))
+    what = ("points", "unknowns", "step", "Newton", "iterations of a solve, most")
+    return table((*what, "Newton iteration / LU", "ms here", "set-up %", "memory [MB]"), lines)
+
+
+def draw(found: Results, path: Path) -> None:
+    """Time of a step against points, by phase; one body beside it."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4.4), layout="constrained", sharey=True)
+    _draw_growth(left, found)
+    _draw_single(right, found)
+    left.set(title=f"dense packings, friction {found.friction:g}", xlabel="points", ylabel="ms a step, one machine")
+    right.set(title="one disc, linear.amg", xlabel="points")
+    for axis in (left, right):
+        axis.set(xscale="log", yscale="log")
+        axis.legend(fontsize=7)
+        axis.grid(which="major", lw=0.3)
+    fig.savefig(path, dpi=80)
+    plt.close(fig)
+
+
+def _draw_growth(axis: Any, found: Results) -> None:
+    points = [r["points"] for r in found.growth]
+    for name in PHASES:
+        axis.plot(points, [1e3 * max(phases(r)[name], 1e-6) for r in found.growth], ".-", lw=1, label=name)
+    axis.plot(points, [1e3 * r["step"] for r in found.growth], "k.-", label="step")
+    factored = [(r["points"], 1e3 * r["lu"]) for r in found.growth if "lu" in r]
+    axis.plot(*zip(*factored, strict=True), "k:", label="one LU")
+    few = found.reference
+    if few is not None:
+        axis.plot(points, [1e3 * n * per_point(few) for n in points], "0.7", lw=0.8, zorder=0, label="linear growth")
+
+
+def _draw_single(axis: Any, found: Results) -> None:
+    points = [r["points"] for r in found.single]
+    for name, style in zip(STEPS, ("s-", "o--"), strict=True):
+        of = [r[name] for r in found.single]
+        axis.plot(points, [1e3 * s["step"] for s in of], f"k{style}", ms=4, label=f"{name} step")
+        for colour, part, label in (("C4", "factorisation", "set-up"), ("C5", "bulk", "forces and solves")):
+            spent = [1e3 * s["phases"].get(part, 1e-6) for s in of]
+            axis.plot(points, spent, colour + style, ms=3, lw=1, label=f"{name}: {label}")
+
+
+def flat(result: Result, prefix: str = "") -> Result:
+    """Nested results as columns."""
+    columns: Result = {}
+    for name, value in result.items():
+        columns.update(flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value})
+    return columns
+
+
+def keep(results: dict[str, Result], path: Path) -> None:
+    """All that was measured, a line for every workload."""
+    rows = [{"workload": name, **flat(result)} for name, result in results.items()]
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(dict.fromkeys(key for row in rows for key in row)), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+
+
+def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -> None:
+    """Write the page, its figure and its csv."""
+    folder, found = docs / "performance", Results(results, options)
+    folder.mkdir(parents=True, exist_ok=True)
+    keep(results, folder / "results.csv")
+    draw(found, folder / "phases.png")
+    minutes = sum(r["total"] for r in results.values()) / 60.0
+    kept = " with `--keep-pages`" if options.keep_pages else ""
+    busy = [r["wall"] / r["step"] for r in results.values() if "wall" in r] or [1.0]
+    parts = [
+        HEAD.format(
+            minutes=minutes,
+            kept=kept,
+            busy=(min(busy), max(busy)),
+            steps=options.steps,
+            spacing=SPACING,
+            rate=RATE,
+            tile=options.tile,
+        ),
+        "## Goals\n",
+        table(("what", "at most", "measured", ""), list(goals(found))),
+        "## Where the time goes\n",
+        phase_table(found),
+        "![Time of a step against points, by phase](performance/phases.png)\n",
+        "## Growth\n",
+        GROWTH,
+        growth_table(found),
+        "## One large body\n",
+        LARGE,
+        single_table(found),
+        "All figures are in `docs/performance/results.csv`.",
+    ]
+    (docs / "performance.md").write_text("\n".join(parts) + "\n")

@@ -1,0 +1,1 @@
+"""What each feature costs when it is on, and what is not done when it is off."""

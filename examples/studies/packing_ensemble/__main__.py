@@ -1,0 +1,22 @@
+"""How soft discs fill space with and without friction: an ensemble of packings, resumable.
+
+    python -m examples.studies.packing_ensemble --out out/study        # run all members (or what is left of them)
+    python -m examples.studies.packing_ensemble figures                # draw figures, write docs/packing_ensemble.md
+    python -m examples.studies.packing_ensemble main_job --discs 300   # one packing, with checks at every step
+
+`python examples/studies/packing_ensemble` does the same by path; every command knows --help.
+"""
+
+import sys
+from pathlib import Path
+
+if not __package__:  # run by path: the packages are looked for in the root of the repository
+    sys.path[0] = str(Path(__file__).resolve().parents[3])
+
+from examples.studies.packing_ensemble import figures, main_job, study
+
+COMMANDS = {"figures": figures, "main_job": main_job}
+
+if __name__ == "__main__":
+    chosen = COMMANDS[sys.argv.pop(1)] if sys.argv[1:2] and sys.argv[1] in COMMANDS else study
+    chosen.main(chosen.parser().parse_args())

@@ -1,0 +1,81 @@
+"""Packings with their pressures and forces: the Figure of Nezamabadi et al. (2017) 4, and what its mode makes of the first stage."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+
+import skmpm
+
+from . import stages, study
+from .curves import PLANE, Study
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+FRICTIONS = (0.0, 0.5)  # from above
+CORNER = 12.0  # width and height of what is shown of the box [mm]
+STEPS = 12  # of the colours of pressure
+
+
+def figure4(found: Study) -> Figure | None:
+    """Four stages of the first packing, with the force network."""
+    members = [found.get(f"mu{friction:g}_seed0") for friction in FRICTIONS]
+    if None in members:
+        return None
+    kept = [stages.states(member) for member in members]
+    shown = [stage for stage in kept[0] if stage in kept[1]]
+    if not shown:
+        return None
+    figure, axes = plt.subplots(2, len(shown), figsize=(3.2 * len(shown), 5.6), layout="constrained", squeeze=False)
+    drawn = []
+    for line, member, states in zip(axes, members, kept, strict=True):
+        scene = stages.scene(member)
+        for axis, stage in zip(line, shown, strict=True):
+            drawn.append(packing(axis, scene, states[stage]))
+            axis.set_title(f"$\\mu$ = {member.options.friction:g}, nominal {stage:.2f}", fontsize=9)
+    top = np.percentile(np.concatenate([np.asarray(discs.get_array()) for discs in drawn]), 99)
+    for discs in drawn:
+        discs.set_clim(0.0, top)
+    figure.colorbar(drawn[0], ax=axes, label="pressure of a disc / E*", shrink=0.6)
+    return figure
+
+
+def distant(found: Study) -> Figure | None:
+    """A corner of the box at the first stage, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
+    kinds = {
+        "mode of Nezamabadi et al. (2017), R/h = 6": found.get("seed_mu0_r6"),
+        "gap corrected": found.get("mu0_seed0"),
+    }
+    states = {what: stages.states(m).get(study.STAGES[0]) for what, m in kinds.items() if m is not None}
+    if len(states) < len(kinds) or None in states.values():
+        return None
+    figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.9), layout="constrained")
+    for axis, (what, state) in zip(axes, states.items(), strict=True):
+        packing(axis, stages.scene(kinds[what]), state)
+        low = 1e3 * np.array([state.walls[2, 0], state.walls[0, 1]]) - 0.3
+        axis.set(title=what, xlim=(low[0], low[0] + CORNER), ylim=(low[1], low[1] + CORNER))
+    return figure
+
+
+def packing(axis: Axes, scene: skmpm.Scene, state: skmpm.State) -> PolyCollection:
+    """Discs by pressure, lines of force, and the box."""
+    boundary, seen = scene.outlines, skmpm.observe(scene, state)
+    loops = [1e3 * state.x[:, boundary.point[boundary.body == b]].T for b in range(len(scene.bodies))]
+    discs = PolyCollection(
+        loops, array=seen.bodies.pressure / PLANE, cmap=plt.get_cmap("YlOrRd", STEPS), edgecolor="0.5", linewidth=0.25
+    )
+    axis.add_collection(discs)
+    net = stages.network(state)
+    size = np.hypot(*net.force)
+    width = 9.0 / np.sqrt(len(loops)) * size / size.mean() if size.any() else size
+    lines = 1e3 * np.moveaxis(net.ends, 2, 0)  # (k, 2 ends, 2)
+    axis.add_collection(LineCollection(lines, linewidths=np.minimum(width, 3.5), colors="0.1", capstyle="round"))
+    (left, right), (low, high) = 1e3 * state.walls[2:, 0], 1e3 * state.walls[:2, 1]
+    axis.plot([left, right, right, left, left], [low, low, high, high, low], "k", linewidth=0.8)
+    axis.set(aspect="equal", xlim=(left - 0.3, right + 0.3), anchor="S")
+    axis.axis("off")
+    return discs

@@ -1,0 +1,22 @@
+"""What an error costs, parameter by parameter, on four scenes: the work-precision study, resumable.
+
+    python -m examples.studies.work_precision --out out/tradeoff   # run what is missing
+    python -m examples.studies.work_precision page                 # write docs/work_precision.md from what has been run
+    python -m examples.studies.work_precision promises             # `skmpm.suggest` on scenes not in the study
+
+`python examples/studies/work_precision` does the same by path; every command knows --help.
+"""
+
+import sys
+from pathlib import Path
+
+if not __package__:  # run by path: the packages are looked for in the root of the repository
+    sys.path[0] = str(Path(__file__).resolve().parents[3])
+
+from examples.studies.work_precision import page, promises, study
+
+COMMANDS = {"page": page, "promises": promises}
+
+if __name__ == "__main__":
+    chosen = COMMANDS[sys.argv.pop(1)] if sys.argv[1:2] and sys.argv[1] in COMMANDS else study
+    chosen.main(chosen.parser().parse_args())

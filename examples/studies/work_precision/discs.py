@@ -1,0 +1,233 @@
+"""Scenes (c) and (d) of the study: two discs that collide, 30 discs that a lid compacts; references are fine runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import skmpm
+
+from .meter import Meter
+from .parameters import COURANT, Setting, scheme_of
+
+Array = NDArray[np.float64]
+Measured = dict[str, Any]
+
+# Two discs, off centre by one radius, that approach at 0.2 m/s, a sixth of the speed of sound.
+R, E, NU, DENSITY, SPEED, FRICTION = 0.2, 1000.0, 0.3, 1000.0, 0.1, 0.3
+LAWS = {"finite": skmpm.NeoHookean(E, NU, DENSITY), "linear": skmpm.LinearElastic(E, NU, DENSITY)}
+COLLISION_DT = 0.02  # [s]
+PARTED = 2.2  # [s]
+PLACES = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.9))  # offset on the grid [cells], angle
+
+# The packing: the main job in small.
+DISCS, START, END, LID, FRICTIONAL = 30, 0.70, 0.92, 2.0, 0.5
+SOFT = {"E": 10e6, "nu": 0.45, "density": 990.0}
+GELS = {"finite": skmpm.NeoHookean(**SOFT), "linear": skmpm.LinearElastic(**SOFT)}
+MEAN = 0.95e-3  # radius [m]
+RADII = np.random.default_rng(0).uniform(0.7e-3, 1.2e-3, DISCS)
+SMALLEST = float(RADII.min())
+PACKING_DT = 8e-6  # [s]
+EDGES = np.linspace(0.84, 0.92, 9)  # nominal solid fractions between which pressures are averaged
+WORK = 0.90  # up to here the work of the lid counts
+MARKS = 0.001  # of the solid fraction, between looks at outlines
+THICKNESS = 3.0  # of walls made of points [cells]
+
+
+def wave(material: Any) -> float:
+    """Speed of pressure waves [m/s]."""
+    lam, mu = material.lame
+    return float(np.sqrt((lam + 2.0 * mu) / material.density))
+
+
+def time_step(setting: Setting, cell: float, own: float, material: Any) -> float:
+    """The scene's own step times the pace; what is stable for explicit steps."""
+    return COURANT[setting["pace"]] * cell / wave(material) if setting["explicit"] else own * setting["pace"]
+
+
+def own(laws: dict[str, Any], setting: Setting) -> Any:
+    """The finite-strain material, or the other one."""
+    return laws["finite" if setting["material"] == "own" else "linear"]
+
+
+def collision(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Measured:
+    """Velocity of the first disc along and across the line of approach over its speed, and R omega over it."""
+    cell, (*offset, angle) = R / setting["cells"], PLACES[place]
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    material, apart = own(LAWS, setting), 2.0 * R * np.sqrt(0.75) + 0.02 * R
+    bodies = []
+    for centre, v in (((0.0, 0.0), (SPEED, 0.0)), ((apart, R), (-SPEED, 0.0))):
+        cloud = skmpm.disc(turn @ centre + cell * np.array(offset), R, spacing=setting["spacing"] * cell)
+        bodies.append(skmpm.Body(cloud, material, velocity=turn @ v))
+    scene = skmpm.Scene(bodies, cell=cell, friction=FRICTION)
+    scheme = scheme_of(setting, inertia=True, solver=meter)
+    dt = time_step(setting, cell, COLLISION_DT, material)
+    *_, state = meter.states(scene, dt=dt, until=PARTED, scheme=scheme)
+    first = state.body == 0
+    m, x, v = state.mass[first], state.x[:, first], state.v[:, first]
+    mean, arm = v @ m / m.sum(), x - (x @ m / m.sum())[:, None]
+    spin = float(m @ (arm[0] * v[1] - arm[1] * v[0]) / (m @ (arm**2).sum(axis=0)))
+    along, across = turn.T @ mean / SPEED
+    contact = float(state.contacts.force[0].max(initial=0.0))
+    return {"along": float(along), "across": float(across), "spin": R * spin / SPEED, "touching": contact}
+
+
+def collision_errors(measured: Measured, reference: Measured, place: int) -> dict[str, float]:
+    """Of the change of velocity, along and across, and of the spin, over the reference's; infinite if not apart."""
+    apart = 0.0 if measured["touching"] == 0.0 else float("inf")
+    before = {"along": 1.0, "across": 0.0, "spin": 0.0}
+    return {
+        name: apart + abs(measured[name] - reference[name]) / abs(reference[name] - start)
+        for name, start in before.items()
+    }
+
+
+def packing(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Measured:
+    """Curves against the nominal solid fraction: pressure, force of the lid, and from time to time aspect ratios."""
+    cell = MEAN / setting["cells"]
+    scene, height, width = box_of_discs(setting, cell)
+    solid = float(scene.initial_volumes[: scene.offsets[DISCS]].sum())
+    scheme = scheme_of(setting, inertia=True, solver=meter)
+    dt = time_step(setting, cell, PACKING_DT, own(GELS, setting))
+    until = (height - solid / (width * END)) / LID
+    table, start, spent = resumed(folder)
+    checkpoint = None if folder is None else folder / "last.checkpoint"
+    run = meter.states(scene, dt=dt, until=until, scheme=scheme, start=start, checkpoint=checkpoint)
+    looked = max((line["fraction"] for line in table if "alpha" in line), default=0.0)
+    for line in watched(scene, run, solid / width, height, looked):
+        table.append(line)
+        if folder is not None:
+            with (folder / "table.jsonl").open("a") as file:
+                file.write(json.dumps(line | {"seconds": spent + meter.seconds}) + "\n")
+    meter.seconds += spent
+    return {name: [line.get(name) for line in table] for name in ("fraction", "pressure", "lid", "alpha")}
+
+
+def resumed(folder: Path | None) -> tuple[list[dict[str, Any]], skmpm.State | None, float]:
+    """The table so far of an interrupted run, its last state and the processor time it took [s]."""
+    if folder is None or not (folder / "last.checkpoint").exists():
+        return [], None, 0.0
+    state = skmpm.load(folder / "last.checkpoint")
+    whole = (folder / "table.jsonl").read_text().split("\n")[:-1]  # the last line may have been cut
+    lines = [json.loads(line) for line in whole]
+    table = [line for line in lines if line["t"] <= state.t]
+    (folder / "table.jsonl").write_text("".join(json.dumps(line) + "\n" for line in table))
+    return table, state, float(table[-1]["seconds"]) if table else 0.0
+
+
+def width_of(radii: Array) -> float:
+    """Width of the box of some discs [m]."""
+    return float(np.sqrt(np.pi * (radii**2).sum() / 0.72))
+
+
+def stride(radii: Array, squeeze: float, steps: float) -> float:
+    """Way of the lid in one of so many steps over the radius of the smallest disc.
+
+    In all it moves by `squeeze` times the height of the material spread over the width.
+    """
+    height = np.pi * (radii**2).sum() / width_of(radii)
+    return float(squeeze * height / steps / radii.min())
+
+
+def box_of_discs(setting: Setting, cell: float) -> tuple[skmpm.Scene, float, float]:
+    """Discs of the radii of Nezamabadi et al. (2017) in a box under a lid, its height and width."""
+    width = width_of(RADII)
+    packing = skmpm.packing(RADII, width, solid_fraction=START, seed=0)
+    centres, height = packing.centres, float(packing.height)
+    if setting["perturbed"]:
+        centres = centres + setting["perturbed"] * MEAN * np.random.default_rng(1).normal(size=centres.shape)
+    material, spacing = own(GELS, setting), setting["spacing"] * cell
+    bodies = [
+        skmpm.Body(skmpm.disc(centre, radius, spacing=spacing), material)
+        for centre, radius in zip(centres.T, packing.radii, strict=True)
+    ]
+    if setting["walls"] == "planes":
+        return skmpm.Scene(bodies, cell=cell, walls=planes(width, height), friction=FRICTIONAL), height, width
+    bodies += slabs(width, height, cell, spacing)
+    return skmpm.Scene(bodies, cell=cell, friction=FRICTIONAL), height, width
+
+
+def planes(width: float, height: float) -> list[skmpm.Wall]:
+    """Floor, lid, left, right; as rough as the discs, for walls of points cannot be otherwise."""
+    rough = {"friction": FRICTIONAL}
+    return [
+        skmpm.Wall((0.0, 0.0), (0.0, 1.0), **rough),
+        skmpm.Wall((0.0, height), (0.0, -1.0), velocity=(0.0, -LID), **rough),
+        skmpm.Wall((0.0, 0.0), (1.0, 0.0), **rough),
+        skmpm.Wall((width, 0.0), (-1.0, 0.0), **rough),
+    ]
+
+
+def slabs(width: float, height: float, cell: float, spacing: float) -> list[skmpm.Body]:
+    """The same walls of material points."""
+    thick = THICKNESS * cell
+    places = (
+        ((-thick, -thick), (width + 2.0 * thick, thick)),
+        ((0.02 * cell, height), (width - 0.04 * cell, thick)),
+        ((-thick, 0.02 * cell), (thick, 1.1 * height)),
+        ((width, 0.02 * cell), (thick, 1.1 * height)),
+    )
+    rigid = skmpm.Rigid(SOFT["density"])
+    clouds = [skmpm.box(corner, size, spacing=spacing) for corner, size in places]
+    return [skmpm.Body(c, rigid, velocity=(0.0, -LID * (k == 1))) for k, c in enumerate(clouds)]
+
+
+def watched(
+    scene: skmpm.Scene, states: Iterator[skmpm.State], thickness: float, height: float, looked: float
+) -> Iterator[dict[str, Any]]:
+    """A line for every state; `thickness` is the height of all material, spread over the width [m]."""
+    for state in states:
+        fraction = thickness / (height - LID * state.t)
+        line = {"t": state.t, "fraction": fraction, **pressures(scene, state, fraction)}
+        if fraction >= looked + MARKS:
+            looked = fraction
+            line["alpha"] = float(skmpm.observe(scene, state).aspect_ratio)
+        yield line
+
+
+def pressures(scene: skmpm.Scene, state: skmpm.State, fraction: float) -> dict[str, float]:
+    """Of the contact forces (Love and Weber), for both kinds of walls [Pa], and the force on the lid [N/m]."""
+    found, soft = state.contacts, scene.deformable
+    tangent = np.stack([-found.normal[1], found.normal[0]])
+    force = found.force[0] * found.normal + found.force[1] * tangent
+    centre = np.stack([np.bincount(state.body, state.mass * x) for x in state.x]) / np.bincount(
+        state.body, state.mass
+    )
+    trace = 0.0
+    for body, sign in zip(found.bodies, (1.0, -1.0), strict=True):
+        mine = (body >= 0) & soft[body]
+        trace += sign * float((force * (found.x - centre[:, body]))[:, mine].sum())
+    area = float(scene.initial_volumes[soft[state.body]].sum()) / fraction
+    lid = (found.bodies == -2) if scene.walls else (found.bodies == DISCS + 1)
+    return {"pressure": -0.5 * trace / area, "lid": float(force[1] @ (1.0 * lid[0] - lid[1]))}
+
+
+def packing_errors(measured: Measured, reference: Measured, place: int) -> dict[str, float]:
+    """Relative errors of the lid's work up to `WORK`, and of pressure and alpha - 1 above.
+
+    Of the last two, the sum of differences between means over intervals of 0.01, over the sum of the reference's.
+    """
+    work, expected = (
+        _integral(m, "lid", lambda f: 1.0 / f**2, np.array([START, WORK])) for m in (measured, reference)
+    )
+    found = {"work": abs(float(work[0] / expected[0]) - 1.0)}
+    for name in ("pressure", "alpha"):
+        mean, expected = (_integral(m, name, np.ones_like, EDGES) / np.diff(EDGES) for m in (measured, reference))
+        least = 1.0 if name == "alpha" else 0.0
+        found[name] = float(np.abs(mean - expected).sum() / (expected - least).sum())
+    return found
+
+
+def _integral(measured: Measured, name: str, weight: Any, edges: Array) -> Array:
+    """Integrals of a curve times a weight over the solid fraction, between edges."""
+    seen = [(f, y) for f, y in zip(measured["fraction"], measured[name], strict=True) if y is not None]
+    seen.append((max(seen[-1][0], edges[-1]), seen[-1][1]))  # the last look is a little before the end
+    fraction, values = np.array(seen).T
+    values = values * weight(fraction)
+    total = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(fraction)))
+    return np.diff(np.interp(edges, fraction, total))

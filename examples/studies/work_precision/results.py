@@ -1,0 +1,186 @@
+"""What the study found: its runs with their errors, who beats whom, slopes; by the rules of docs/work_precision.md."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import scenes
+from .parameters import DEFAULT, LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, resolutions, sample
+from .study import Member, file_of, plan
+
+SCENES = ("cantilever", "hertz", "collision", "packing")
+LIDS = tuple(name for name in scenes.CASES if name not in SCENES)
+MOST = 512  # of a sample that is looked for
+MARGIN = 1.3  # in cost, from which on a setting beats another
+INFLUENCE = 0.1  # slope below which a parameter counts as without influence
+TOLERANCES = (0.05, 0.02, 0.01)  # at which implicit and explicit steps are compared
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of the study."""
+
+    scene: str
+    setting: Setting
+    whys: frozenset[str]
+    status: str
+    cost: dict[str, float]
+    errors: dict[str, float]  # by quantity, and the largest
+    share: float = 1.0  # of it that was run; the cost is that of all
+    source: str = ""  # hash of the source of the library that made it
+
+    @property
+    def error(self) -> float:
+        """The largest of its errors, infinite if it did not finish."""
+        return self.errors.get("largest", float("inf"))
+
+    @property
+    def seconds(self) -> float:
+        """Processor time."""
+        return self.cost["seconds"] / self.share
+
+
+def key(setting: Setting) -> str:
+    """A setting as a dictionary's key."""
+    return json.dumps(setting, sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Found:
+    """All runs that are there, by scene and setting."""
+
+    runs: dict[str, dict[str, Run]]
+
+    def at(self, scene: str, setting: Setting) -> Run | None:
+        """The run of a setting on a scene, with what makes no difference there put to its default."""
+        return self.runs.get(scene, {}).get(key(scenes.setting_on(scene, setting)))
+
+    def why(self, scene: str, why: str) -> list[Run]:
+        """Runs of one kind."""
+        return [run for run in self.runs.get(scene, {}).values() if why in run.whys]
+
+    def floor(self, scene: str) -> float:
+        """Error of the run nearly as fine as the reference; 0 where the reference is exact or nothing was run."""
+        return max((run.error for run in self.why(scene, "second") if np.isfinite(run.error)), default=0.0)
+
+
+def load(study: Path) -> Found:
+    """Read the study; scenes without their reference have no errors and are left out."""
+    members: dict[str, dict[str, list[Member]]] = {}
+    for member in plan(list(scenes.CASES), MOST):
+        members.setdefault(member.scene, {}).setdefault(key(member.setting), []).append(member)
+    return Found({scene: of_scene(scene, each, study) for scene, each in members.items()})
+
+
+def of_scene(scene: str, members: dict[str, list[Member]], study: Path) -> dict[str, Run]:
+    """The runs of one scene by setting."""
+    read = {}
+    for name, same in members.items():
+        path = file_of(same[0], study)
+        if path.exists():
+            read[name] = json.loads(path.read_text())
+    reference, known = scenes.CASES[scene].reference, None
+    if reference is not None:
+        result = read.get(key(scenes.setting_on(scene, reference)), {})
+        if "measured" not in result:
+            return {}
+        known = result["measured"]
+    return {name: run_of(result, frozenset(m.why for m in members[name]), known) for name, result in read.items()}
+
+
+def run_of(result: dict[str, Any], whys: frozenset[str], known: Any) -> Run:
+    """A result with its errors."""
+    measured = result.get("measured")
+    errors = {} if measured is None else scenes.errors_of(result["scene"], measured, known)
+    share = min((one.get("share", 1.0) for one in measured or [{}]), default=1.0)
+    return Run(
+        result["scene"], result["setting"], whys, result["status"], result["cost"], errors, share, result["library"]
+    )
+
+
+def front(runs: list[Run]) -> list[Run]:
+    """Runs that no other beats in both, error and time; by time."""
+    best, found = float("inf"), []
+    for run in sorted(runs, key=lambda r: (r.seconds, r.error)):
+        if run.error < best:
+            best = run.error
+            found.append(run)
+    return found
+
+
+@dataclass(frozen=True)
+class Beating:
+    """A setting and the scenes on which it beats `balanced`, with the ratio of costs."""
+
+    setting: Setting
+    ratios: dict[str, float]
+    iterations: dict[str, float]  # the same ratio of Newton iterations
+
+
+def beating(found: Found) -> list[Beating]:
+    """All settings that beat `balanced` somewhere, those first that do on most scenes."""
+    settings = [*one_at_a_time(), *resolutions(), *sample(MOST), *PRESETS.values()]
+    settings += [setting for preset in PRESETS.values() for setting in neighbours(preset)]
+    each = []
+    for setting in {key(s): s for s in settings}.values():
+        ratios = {scene: r for scene in SCENES if (r := gain(found, scene, setting)) > MARGIN}
+        each.append(Beating(setting, ratios, {scene: gain(found, scene, setting, "newton") for scene in ratios}))
+    return sorted((b for b in each if b.ratios), key=lambda b: (-len(b.ratios), -max(b.ratios.values())))
+
+
+def gain(found: Found, scene: str, setting: Setting, cost: str = "seconds") -> float:
+    """Cost of `balanced` over that of a setting which errs no more; 0 if it errs more or was not run."""
+    mine, balanced = found.at(scene, setting), found.at(scene, PRESETS["balanced"])
+    if mine is None or balanced is None or mine.error > max(balanced.error, found.floor(scene)):
+        return 0.0
+    return balanced.cost[cost] / max(mine.cost[cost], 1e-12)
+
+
+def slope(found: Found, scene: str, preset: str, parameter: str) -> float:
+    """Change of ln(error) with ln(parameter) between the neighbours of a preset; of `cells`, with h. nan if not run."""
+    around, factor = PRESETS[preset], SLOPES[parameter]
+    pair = [around | {parameter: float(f"{around[parameter] * step:.3g}")} for step in (1.0 / factor, factor)]
+    runs = [found.at(scene, setting) for setting in pair]
+    errors = [run.error if run is not None else float("nan") for run in runs]
+    if not np.isfinite(errors).all() or min(errors) <= 0.0:
+        return float("nan")
+    sign = -1.0 if parameter == "cells" else 1.0
+    return float(sign * np.log(errors[1] / errors[0]) / np.log(pair[1][parameter] / pair[0][parameter]))
+
+
+def dial_runs(found: Found, scene: str, parameter: str) -> list[tuple[Any, Run]]:
+    """Levels of a parameter around the default of the study that were run, and that make a difference on a scene."""
+    levels = LEVELS[parameter] if parameter in scenes.CASES[scene].parameters else ()
+    runs = [(level, found.at(scene, DEFAULT | one)) for level in levels for one in [forced(parameter, level)]]
+    seen = {id(run) for _, run in runs}
+    return [(level, run) for level, run in runs if run is not None] if len(seen) > 1 else []
+
+
+def forced(parameter: str, level: Any) -> Setting:
+    """A level, with what it asks for."""
+    return {parameter: level} | ({"anchor": 0.0} if level == "shared_grid" else {})
+
+
+def cheapest(found: Found, scene: str, explicit: bool, tolerance: float) -> Run | None:
+    """The cheapest run of one kind of steps within a tolerance."""
+    runs = [r for r in found.why(scene, "speed") if r.setting["explicit"] is explicit and r.error <= tolerance]
+    return min(runs, key=lambda r: r.seconds, default=None)
+
+
+def crossing(found: Found, tolerance: float) -> float:
+    """Speed of the lid [m/s] at which both kinds cost the same, by logarithms; nan if they do not cross."""
+    points = []
+    for scene in LIDS:
+        both = [cheapest(found, scene, explicit, tolerance) for explicit in (True, False)]
+        if both[0] is not None and both[1] is not None:
+            points.append((np.log(float(scene.split()[1])), np.log(both[0].seconds / both[1].seconds)))
+    for (s, a), (t, b) in pairwise(points):
+        if a * b <= 0.0 and a != b:
+            return float(np.exp(s + (t - s) * a / (a - b)))
+    return float("nan")

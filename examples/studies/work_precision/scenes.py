@@ -1,0 +1,122 @@
+"""The four scenes of the study: what runs, what is measured, and how far that is from a reference.
+
+(a) `cantilever`: clamped, an end load; tip and stress against quadratic finite elements.
+(b) `hertz`: a disc between frictionless plates; force at three depths and half-width of the contact.
+(c) `collision`: two discs, oblique, with friction; velocities and spin after they part.
+(d) `packing`: 30 discs squeezed by a lid, with friction; work of the lid, pressure and aspect ratio.
+
+A run returns what it measured. Errors are made of that later, against the scene's reference, so a finer reference
+asks for no run again. Scenes (a) to (c) lie on the grid in several *places*: a setting's error is the root mean
+square over them, quantity by quantity, and then the largest of the quantities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import beam, discs, hertz, speeds, statics
+from .meter import Meter
+from .parameters import DEFAULT, Setting, effective
+
+Measured = dict[str, Any]
+ALL = frozenset(DEFAULT)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene of the study."""
+
+    run: Callable[[Setting, int, Meter, Path | None], Measured]  # in one place
+    errors: Callable[[Measured, Measured, int], dict[str, float]]  # of a run, against the reference, in one place
+    parameters: frozenset[str]  # that make a difference
+    inertia: bool  # of implicit steps
+    places: int
+    limit: float  # processor time [s] after which a run is stopped
+    reference: Setting | None  # the run that is the reference; None: it is known without
+    second: Setting | None  # as fine or nearly, for the floor: what the reference itself is uncertain by
+    settings: tuple[Setting, ...] = ()  # all that is run, if not what the parameters ask for
+
+
+CONTACT = frozenset({"contact", "contact_tol"})
+CASES = {
+    "cantilever": Case(
+        beam.cantilever,
+        statics.known_errors,
+        ALL - CONTACT - {"walls", "perturbed"},
+        inertia=False,
+        places=4,
+        limit=200.0,
+        reference=None,
+        second=None,
+    ),
+    "hertz": Case(
+        hertz.hertz,
+        statics.known_errors,
+        ALL - {"perturbed"},
+        inertia=False,
+        places=12,
+        limit=200.0,
+        reference=None,
+        second=None,
+    ),
+    "collision": Case(
+        discs.collision,
+        discs.collision_errors,
+        ALL - {"walls", "perturbed"},
+        inertia=True,
+        places=2,
+        limit=100.0,
+        reference=DEFAULT | {"cells": 20.0, "spacing": 0.5, "pace": 1 / 8, "theta": 0.5},
+        second=DEFAULT | {"cells": 14.0, "spacing": 0.5, "pace": 1 / 4, "theta": 0.5},
+    ),
+    "packing": Case(
+        discs.packing,
+        discs.packing_errors,
+        ALL,
+        inertia=True,
+        places=1,
+        limit=200.0,
+        reference=DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 1 / 8},
+        second=DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 1 / 8, "perturbed": 1e-9},
+    ),
+}
+CASES |= {
+    name: Case(
+        run,
+        speeds.squeeze_errors,
+        ALL,
+        inertia=True,
+        places=1,
+        limit=400.0,
+        reference=DEFAULT | {"pace": speeds.finest(speed)},
+        second=DEFAULT | {"pace": 2.0 * speeds.finest(speed)},
+        settings=tuple(speeds.settings(speed)),
+    )
+    for speed, (name, run) in zip(speeds.SPEEDS, speeds.RUNS.items(), strict=True)
+}
+
+
+def setting_on(name: str, setting: Setting) -> Setting:
+    """The setting as far as it makes a difference on a scene."""
+    case = CASES[name]
+    return effective(setting, case.parameters, inertia=case.inertia)
+
+
+def run(name: str, setting: Setting, meter: Meter, folder: Path | None = None) -> list[Measured]:
+    """What a setting measures on a scene, place by place; `folder` keeps checkpoints of long runs."""
+    case = CASES[name]
+    return [case.run(setting, place, meter, folder) for place in range(case.places)]
+
+
+def errors_of(name: str, measured: list[Measured], reference: list[Measured] | None) -> dict[str, float]:
+    """Relative errors by quantity, root mean square over the places, and the largest of them."""
+    case = CASES[name]
+    known = reference or [{}] * case.places
+    each = [case.errors(m, r, place) for place, (m, r) in enumerate(zip(measured, known, strict=True))]
+    found = {name: float(np.sqrt(np.mean([one[name] ** 2 for one in each]))) for name in each[0]}
+    return found | {"largest": max(found.values())}

@@ -1,0 +1,131 @@
+"""Where implicit and explicit steps cross: a small packing squeezed a little further, by lids of four speeds.
+
+The packing stands still at a nominal solid fraction of 0.82 and is squeezed by 5 % of its height. Time is what is
+compared: the reference of each speed is the same grid with many implicit steps, so errors of space cancel.
+A setting's `pace` is 64 over the number of implicit steps; explicit ones are a share of h/c, as on the other scenes.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import skmpm
+
+from . import discs
+from .meter import Meter
+from .parameters import COURANT, DEFAULT, Setting, scheme_of
+
+SPEEDS = (20.0, 2.0, 0.2, 0.02)  # of the lid [m/s]
+DISCS, START, REST, STRAIN = 12, 0.65, 0.82, 0.05
+STEPS = 64  # implicit steps at pace 1
+STILL = 60  # steps of 8 us in which the packing comes to rest
+BINS = 5  # of the stroke, in which pressures are averaged
+PACES = (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
+FINEST = {20.0: 0.4}  # pace of the reference, else 0.04: 160 steps, else 1600
+LONGEST = 6000  # explicit steps; of more, the cost is that per step of a faster lid
+Measured = dict[str, Any]
+
+
+RADII = np.random.default_rng(3).uniform(0.7e-3, 1.2e-3, DISCS)
+
+
+def packing(setting: Setting, speed: float) -> tuple[skmpm.Scene, float, float]:
+    """Discs as loosely as they were packed, their height and the height of their material spread over the width."""
+    solid, width = float(np.pi * (RADII**2).sum()), discs.width_of(RADII)
+    packed = skmpm.packing(RADII, width, solid_fraction=START, seed=3)
+    cell = discs.MEAN / setting["cells"]
+    bodies = [
+        skmpm.Body(skmpm.disc(centre, radius, spacing=setting["spacing"] * cell), discs.GELS["finite"])
+        for centre, radius in zip(packed.centres.T, packed.radii, strict=True)
+    ]
+    floor, lid, *sides = discs.planes(width, float(packed.height))
+    walls = [floor, replace(lid, velocity=(0.0, -speed)), *sides]
+    scene = skmpm.Scene(bodies, cell=cell, walls=walls, friction=discs.FRICTIONAL)
+    return scene, float(packed.height), solid / width
+
+
+def at_rest(setting: Setting, folder: Path | None) -> skmpm.State:
+    """The packing squeezed to `REST` and left there; kept in a file."""
+    path = None if folder is None else folder / f"rest_{setting['cells']:g}_{setting['spacing']:g}.checkpoint"
+    if path is not None and path.exists():
+        return skmpm.load(path)
+    scene, height, thick = packing(setting, 2.0)
+    *_, state = skmpm.simulate(scene, dt=8e-6, until=(height - thick / REST) / 2.0)
+    still, *_ = packing(setting, 0.0)
+    *_, state = skmpm.simulate(still, dt=8e-6, until=state.t + STILL * 8e-6, start=state)
+    state = replace(state, v=0.0 * state.v, C=0.0 * state.C, t=0.0)
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial_path = path.with_suffix(f".{os.getpid()}")
+        skmpm.save(partial_path, state)
+        partial_path.replace(path)
+    return state
+
+
+def squeeze(setting: Setting, place: int, meter: Meter, folder: Path | None, *, speed: float) -> Measured:
+    """Pressure, and force of the lid, against its way over the height."""
+    scene, *_ = packing(setting, speed)
+    start = at_rest(setting, folder)
+    height = float(start.walls[1, 1])
+    until = STRAIN * height / speed
+    explicit = setting["explicit"]
+    dt = (
+        COURANT[setting["pace"]] * scene.cell / discs.wave(discs.GELS["finite"])
+        if explicit
+        else (until / max(1, round(STEPS / setting["pace"])))
+    )
+    scheme = scheme_of(setting, inertia=True, solver=meter)
+    last = LONGEST * dt if explicit and until > LONGEST * dt else until
+    way, pressure, lid = [0.0], [], []
+    for state in meter.states(scene, dt=dt, until=last, scheme=scheme, start=start):
+        fraction = float(scene.initial_volumes.sum()) / float(state.walls[3, 0] * state.walls[1, 1])
+        seen = discs.pressures(scene, state, fraction)
+        way.append(1.0 - float(state.walls[1, 1]) / height)
+        pressure.append(seen["pressure"])
+        lid.append(seen["lid"])
+    share = last / until
+    return {"way": way, "pressure": pressure, "lid": lid, "share": share}
+
+
+def squeeze_errors(measured: Measured, reference: Measured, place: int) -> dict[str, float]:
+    """Sum of differences of mean pressures over `BINS` parts of the stroke over their sum, and error of the work.
+
+    A step's force acts all along its way. A run that was cut short is compared as far as it came.
+    """
+    whole = measured["way"][-1]
+    edges = np.linspace(0.0, min(STRAIN, whole), BINS + 1)
+    found = {}
+    for name in ("pressure", "lid"):
+        mine, known = (_integral(m, name, edges) for m in (measured, reference))
+        found[name] = float(np.abs(mine - known).sum() / np.abs(known).sum())
+    return found
+
+
+def _integral(measured: Measured, name: str, edges: Any) -> Any:
+    way = np.array(measured["way"])
+    total = np.append(0.0, np.cumsum(np.array(measured[name]) * np.diff(way)))
+    return np.diff(np.interp(edges, way, total))
+
+
+def settings(speed: float) -> list[Setting]:
+    """Implicit steps of all lengths down to four times the reference's, explicit ones of three."""
+    implicit = [DEFAULT | {"pace": step_control} for step_control in PACES if step_control >= 4.0 * finest(speed)]
+    return implicit + [DEFAULT | {"pace": step_control, "explicit": True} for step_control in (4.0, 1.0, 0.5)]
+
+
+def finest(speed: float) -> float:
+    """Pace of the reference.
+
+    At 20 m/s it is not smaller, for pressures do not settle: they rise by a per cent with every halving, down to
+    steps of 0.02 h/c at least. Overlaps pushed out are not the reason, their work is 1e-7 of the lid's.
+    """
+    return FINEST.get(speed, 0.04)
+
+
+RUNS = {f"lid {speed:g}": partial(squeeze, speed=speed) for speed in SPEEDS}

@@ -1,0 +1,236 @@
+"""The trade-off study in small: its commands, what it resumes and records, and the rules by which it judges."""
+
+import json
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skmpm
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture
+def study():
+    """Gives the study's modules by their names."""
+    return lambda name: import_module(f"examples.studies.work_precision.{name}")
+
+
+def test_commands(study, monkeypatch, tmp_path):
+    """The study of the cantilever, presets and two of the sample, and the page of it; run again, nothing is done."""
+    module, page = study("study"), study("page")
+    command = ["--scenes", "cantilever", "--only", "preset", "sample", "--runs", "2", "--processes", "1"]
+    options = module.parser().parse_args([*command, "--out", str(tmp_path / "out")])
+    module.main(options)
+    results = sorted((tmp_path / "out" / "cantilever").glob("*.json"))
+    assert len(results) == 5
+    costs = [json.loads(path.read_text())["cost"] for path in results]
+    assert [c["newton"] for c in costs if c["points"] == 896.0] == [1.0]  # of `balanced`, in every place
+    times = [path.stat().st_mtime_ns for path in results]
+    module.main(options)
+    assert [path.stat().st_mtime_ns for path in results] == times
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
+    rest = (DOCS / "work_precision.md").read_text().split("<!-- /study -->\n")[1]
+    for _ in range(2):
+        page.write(tmp_path / "out", tmp_path / "docs")
+        text = (tmp_path / "docs" / "work_precision.md").read_text()
+        assert "| cantilever | 5 | 2 |" in text
+        assert text.count("## Presets") == 1
+        assert text.endswith(rest)
+        for name in ("fronts", "parameters", "speeds"):  # once will do
+            monkeypatch.setattr(page.figures, name, lambda *args: None)
+    assert len((tmp_path / "docs" / "work_precision" / "results.csv").read_text().splitlines()) == 6
+
+
+def test_every_setting_is_a_scheme_and_larger_samples_begin_with_smaller(study):
+    """All that is planned is accepted by `Scheme`; the plan has every reason to run; what is idle is left out."""
+    parameters, scenes, module = study("parameters"), study("scenes"), study("study")
+    members = module.plan(list(scenes.CASES), 64)
+    for member in members:
+        case = scenes.CASES[member.scene]
+        parameters.scheme_of(member.setting, inertia=case.inertia or member.setting["explicit"])
+        assert scenes.setting_on(member.scene, member.setting) == member.setting
+    assert {m.why for m in members} == set(module.KINDS)
+    assert parameters.sample(64)[:10] == parameters.sample(10)
+    loose = parameters.DEFAULT | {"contact_tol": 1e-4, "theta": 0.5}
+    same = [
+        name for name in ("cantilever", "hertz", "collision") if scenes.setting_on(name, loose) == parameters.DEFAULT
+    ]
+    assert same == ["cantilever"]
+
+
+def test_presets_are_those_of_the_library(study):
+    """What the study measures under their names solves as tightly as they do; it ran without mean dilatation."""
+    parameters = study("parameters")
+    for name, setting in parameters.PRESETS.items():
+        assert parameters.scheme_of(setting, inertia=True) == getattr(skmpm.Scheme, name)(mean_dilatation=False)
+
+
+def test_ends_of_runs(study, tmp_path):
+    """A run without enough time or points says so; costs are counted up to there."""
+    module, parameters = study("study"), study("parameters")
+    member = module.Member("hertz", parameters.DEFAULT, "one", 0.05)
+    assert module.measure(member, tmp_path)["status"].startswith("too long")
+    torn = module.Member("cantilever", parameters.DEFAULT | {"cells": 6.3, "spacing": 2.0}, "one", 0.0)
+    assert module.measure(torn, tmp_path)["status"].startswith("failed")
+    assert study("results").run_of(module.measure(torn, tmp_path), frozenset(), None).error == float("inf")
+
+
+def test_retiming_keeps_the_shorter_time(study, tmp_path):
+    path = tmp_path / "run.json"
+    path.write_text(json.dumps({"cost": {"seconds": 3.0}}))
+    times = [study("study").faster({"cost": {"seconds": new}}, path)["cost"]["seconds"] for new in (2.0, 4.0)]
+    assert times == [2.0, 3.0]
+
+
+def test_references(study):
+    """Tip against Timoshenko's beam to 1 %: the clamp holds the depth too. Q2 elements half as fine: 5e-4.
+
+    Hertz at depth 0.02: force / E* R is 0.010287 by the formula and 0.9985 of it by finite elements.
+    """
+    beam, statics = study("beam"), study("statics")
+    E = statics.E / (1.0 - statics.NU**2)
+    bending = beam.FORCE * beam.LENGTH**3 * 4.0 / (E * beam.DEPTH**3)
+    shear = beam.FORCE * beam.LENGTH / (5.0 / 6.0 * statics.MU * beam.DEPTH)
+    assert beam.finite_elements(16).tip == pytest.approx(bending + shear, rel=1e-2)
+    assert beam.finite_elements(8).tip == pytest.approx(beam.finite_elements(16).tip, rel=5e-4)
+    assert study("hertz").reference(0.02)[0] == pytest.approx(0.010287 * 0.9985, rel=1e-3)
+
+
+def test_explicit_and_implicit_steps_measure_the_same(study):
+    """Collision at R/h = 3.2, points half a cell apart: implicit midpoint steps of 0.04 s, explicit ones of 0.4 h/c.
+
+    Velocities and spin after it to 3 %, what is left of the time steps; a wrong sign or place shows as 10 % and more.
+    """
+    parameters, scenes, meter = study("parameters"), study("scenes"), study("meter")
+    coarse = parameters.DEFAULT | {"cells": 3.2, "spacing": 0.5}
+    found = []
+    for setting in (coarse | {"theta": 0.5, "pace": 2.0}, coarse | {"explicit": True}):
+        run = scenes.CASES["collision"].run
+        found.append(run(setting, 0, meter.Meter(parameters.linear_of(setting)), None))
+    errors = study("discs").collision_errors(*found, 0)
+    assert max(errors.values()) < 0.03
+
+
+def test_a_long_run_goes_on_from_its_checkpoint(study, monkeypatch, tmp_path):
+    """The packing up to 0.72, cut after eight steps: curves are those of a run that was not cut."""
+    discs, parameters, meter = study("discs"), study("parameters"), study("meter")
+    monkeypatch.setattr(discs, "END", 0.72)
+    setting = parameters.DEFAULT | {"cells": 2.5}
+    whole = discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), None)
+    watched = discs.watched
+
+    def cut(*args):
+        for k, line in enumerate(watched(*args)):
+            yield line
+            if k == 7:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(discs, "watched", cut)
+    with pytest.raises(KeyboardInterrupt):
+        discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), tmp_path)
+    monkeypatch.setattr(discs, "watched", watched)
+    again = discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), tmp_path)
+    assert again["fraction"] == whole["fraction"]
+    assert again["pressure"] == whole["pressure"]
+    assert again["alpha"] == whole["alpha"]
+
+
+def test_curves_are_compared_to_their_ends(study):
+    """Curves that differ by a tenth everywhere, looked at every 0.003: errors of 0.1, to a per cent of it.
+
+    The last look is at 0.918; taking the rest for nothing made errors of alpha of 0.1 where there were none.
+    """
+    fraction = np.append(np.arange(0.70, 0.92, 0.003), 0.92).tolist()
+    rise = [f - 0.69 for f in fraction]
+
+    def curves(size, alpha):
+        return {
+            "fraction": fraction,
+            "lid": [size * y for y in rise],
+            "pressure": [size * y for y in rise],
+            "alpha": [1.0 + alpha * y if f < 0.919 else None for f, y in zip(fraction, rise, strict=True)],
+        }
+
+    errors = study("discs").packing_errors(curves(1.1, 0.9), curves(1.0, 1.0), 0)
+    assert errors == pytest.approx({"work": 0.1, "pressure": 0.1, "alpha": 0.1}, rel=1e-2)
+
+
+def made(study, scene, errors, seconds):
+    """Runs with these errors and costs, by (parameter, level) against `balanced`."""
+    results, parameters = study("results"), study("parameters")
+    runs = {}
+    for one, error in errors.items():
+        setting = study("scenes").setting_on(scene, parameters.BALANCED | dict(one))
+        about = (
+            scene,
+            setting,
+            frozenset({"one", "speed"}),
+            "finished",
+            {"seconds": seconds[one], "newton": 2.0},
+            {"largest": error},
+        )
+        runs[results.key(setting)] = results.Run(*about)
+    return runs
+
+
+def test_beating(study):
+    """Cheaper by more than 1.3 with no larger error beats; cheaper with a larger error, or by 1.2, does not.
+
+    What makes no difference on a scene, as friction's solver on the cantilever, beats nothing there.
+    """
+    results = study("results")
+    default, finer, loose = (), (("spacing", 0.5),), (("contact_tol", 1e-4),)
+    errors = {default: 0.1, finer: 0.05, loose: 0.1}
+    runs = {
+        "cantilever": made(study, "cantilever", {default: 0.1, finer: 0.05}, {default: 1.0, finer: 0.5}),
+        "hertz": made(study, "hertz", errors, {default: 1.0, finer: 0.7, loose: 0.8}),
+        "collision": made(study, "collision", {default: 0.1, finer: 0.2}, {default: 1.0, finer: 0.1}),
+    }
+    (only,) = results.beating(results.Found(runs))
+    assert only.setting["spacing"] == 0.5
+    assert only.ratios == {"cantilever": 2.0, "hertz": pytest.approx(1 / 0.7)}
+    assert only.iterations == {"cantilever": 1.0, "hertz": 1.0}
+
+
+def test_laws_are_found_again(study):
+    """A fit to errors made by the law, 40 settings: constants to 1 %; other parameters and spacings do not enter."""
+    fits, parameters, results = study("fits"), study("parameters"), study("results")
+    runs, rng = {}, np.random.default_rng(0)
+    for n, step_control in zip(rng.uniform(3.2, 12, 40), rng.uniform(0.1, 4, 40), strict=True):
+        setting = parameters.DEFAULT | {"cells": n, "pace": step_control}
+        error = 0.8 / n**1.5 + 0.3 * 0.116 * step_control
+        about = (frozenset({"one"}), "finished", {"seconds": 1.0, "steps": 1.0}, {"largest": error})
+        runs[results.key(setting)] = results.Run("collision", setting, *about)
+        for other in ({"spacing": 0.5}, {"theta": 0.5}, {"newton_tol": 1e-2}):
+            run = results.Run("collision", setting | other, *about[:3], {"largest": 9.0})
+            runs[results.key(run.setting)] = run
+    for way in (0.01, 0.03):
+        setting = parameters.DEFAULT | {"pace": way}
+        steps = fits.place(results.Run("lid 2", setting, frozenset(), "", {"steps": 1.0}, {}))[1] / way
+        about = (frozenset({"speed"}), "finished", {"seconds": 1.0, "steps": steps}, {"largest": 0.7 * way})
+        runs_of_lid = {results.key(setting): results.Run("lid 2", setting, *about)}
+    found = results.Found({"collision": runs, "lid 2": runs_of_lid})
+    assert fits.driven_time(found) == pytest.approx(0.7)
+    (fit,) = fits.fits(found)["impact"][:1]
+    assert len(fit.runs) == 40
+    law = fit.law
+    np.testing.assert_allclose([law.scale, law.power, law.time], [0.8, 1.5, 0.3], rtol=0.01)
+    assert fit.worst < 1.01
+
+
+def test_crossing(study):
+    """Explicit steps cost four times as much at 0.2 m/s and a quarter at 2 m/s: they cross half-way in logarithms."""
+    results = study("results")
+    implicit, explicit = (), (("explicit", True),)
+    runs = {
+        f"lid {speed}": made(study, f"lid {speed}", {implicit: 0.01, explicit: 0.01}, {implicit: 1.0, explicit: cost})
+        for speed, cost in (("2", 0.25), ("0.2", 4.0))
+    }
+    assert results.crossing(results.Found(runs), 0.02) == pytest.approx(0.2 * np.sqrt(10.0))
+    cut = {name: {k: replace(r, share=0.1) for k, r in each.items()} for name, each in runs.items()}
+    assert next(iter(cut["lid 2"].values())).seconds == 10.0
