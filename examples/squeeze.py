@@ -1,8 +1,21 @@
-"""Two soft discs squeezed between two walls."""
+"""Two soft discs squeezed between two walls: contact and friction.
+
+    python examples/squeeze.py
+
+A lid that comes down flattens two discs at three contacts. Contact obeys Signorini's and Coulomb's laws exactly:
+there is no penalty stiffness to choose. `State.wall_force` holds what the bodies exert on the walls: slowly driven,
+lid and floor bear the same, and about what Hertz's theory of line contact gives.
+"""
+
+import argparse
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from drawing import plot, save
 
 import skmpm
 
-R = 1e-3
+R = 1e-3  # [m]
 gel = skmpm.NeoHookean(E=10e6, nu=0.45, density=990.0)
 scene = skmpm.Scene(
     [skmpm.Body(skmpm.disc((0.0, y), R, spacing=R / 8), gel) for y in (R, 3 * R)],
@@ -15,14 +28,23 @@ scene = skmpm.Scene(
 )
 
 
-def main() -> skmpm.State:
+def main(out: Path) -> skmpm.State:
+    """The last state; draws its pressure."""
     print(skmpm.preflight(scene, dt=5e-6))
-    for state in skmpm.simulate(scene, dt=5e-6, until=0.4e-3, progress=True):
-        floor, lid = state.wall_force[:, 1]
+    *_, state = skmpm.simulate(scene, dt=5e-6, until=0.4e-3, progress=True)
+    floor, lid = state.wall_force[:, 1]
     print(f"lid down by {4 * R - state.walls[1, 1]:.2e} m: it bears {lid:.0f} N/m, the floor {-floor:.0f} N/m")
     print(f"energy [J/m]: {state.report.energy}")
+
+    axes = plt.figure(figsize=(4, 5), layout="constrained").add_subplot()
+    plot(scene, state, "pressure", axes=axes)
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.figure.colorbar(axes.collections[0], label="pressure [Pa]")
+    save(axes.figure, out / "squeeze.png")
     return state
 
 
 if __name__ == "__main__":
-    main()
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--out", type=Path, default=Path("out/squeeze"), help="directory of the picture")
+    main(options.parse_args().out)
