@@ -70,5 +70,5 @@ def save(figure: Figure, path: Path) -> None:
     figure.savefig(drawn, dpi=70)
     plt.close(figure)
     image = Image.open(drawn).convert("RGB")
-    image.quantize(200, dither=Image.Dither.NONE).save(path, optimize=True)  # a third of the size
+    image.quantize(128, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
     print(f"picture: {path}")
