@@ -1,4 +1,4 @@
-"""One large body by multigrid: a disc that hangs by its boundary sinks under its weight, at rest at once or in one step.
+"""One large body by multigrid: a disc that hangs by its boundary sinks under its weight, at once or in steps.
 
     OPENBLAS_NUM_THREADS=1 python -m examples.studies.benchmark large --points 1000000
 
@@ -112,9 +112,7 @@ def main(options: argparse.Namespace) -> dict[str, dict[str, float]]:
     """Print and return what both steps took."""
     scene = hanging(options.points, options.nu, options.seed)
     print(skmpm.preflight(scene, time_step(scene), scheme=skmpm.Scheme(linear=skmpm.linear.amg)))
-    print(
-        "                points  unknowns iterations   seconds: lay body grids  set up   solve    rest  peak MB  balance"
-    )
+    print("                points  unknowns iterations   seconds:  build   set up   solve    rest  peak MB  balance")
     taken = {}
     for name in ("quasi-static", "dynamic"):
         taken[name] = found = advance(scene, inertia=name == "dynamic")

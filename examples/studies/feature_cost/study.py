@@ -121,7 +121,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
 NOTES = {
     "friction 0.5 / 0": ("rows of turning", "without friction contacts slide, and their forces turn with the"
                          " surface: two rows more for each."),
-    "ghost 0.005 / 0": ("half bandwidth", "the penalty couples nodes two cells apart. It does so at the boundary only, but"
+    "ghost 0.005 / 0": ("half bandwidth", "the penalty couples nodes two cells apart. At the boundary only, but"
                         " a band is as wide as its widest row."),
     "fitted": ("blocks of A", "with volumes for weights cells inside bodies look poorly filled, too, and the ghost"
                " penalty acts there."),

@@ -1,4 +1,4 @@
-"""The claims of Nezamabadi et al. (2017), each with the rule that decides it: written before any member of the study was looked at.
+"""The claims of Nezamabadi et al. (2017), each with the rule that decides it, written before any run was looked at.
 
 A claim about the ensemble needs at least two packings. Differences between frictions are those of the same packing
 without and with friction; "over 2 errors" means larger than two standard errors of their mean.
@@ -203,7 +203,7 @@ def jamming(found: Study) -> list[Row]:
             f"each within {NEAR} of the formula (in brackets; then with the packings' own fraction at 2 m/s instead "
             f"of {JAMMED}), larger with R/h",
             f"{text}; friction 0.5, R/h = 6: {with_friction}", moved),
-        Row("the first of Nezamabadi et al. (2017) change at 0.72 is that of a gap of one cell at R/h = 6", f"within {NEAR} of 0.72",
+        Row("the published first change at 0.72 is that of a gap of one cell at R/h = 6", f"within {NEAR} of 0.72",
             figure(shared[0]), decide(abs(shared[0] - REGIMES[0]) <= NEAR) if np.isfinite(shared[0]) else NOT_RUN),
         Row("with the gap corrected it comes at jamming, without friction", f"slow lid: in {low}-{high}",
             values[0], decide(low <= slow[0] <= high) if first else NOT_RUN),

@@ -146,7 +146,7 @@ def law(found: Study, name: str, unit: float, label: str, fit: Callable[[Axes, S
 
 
 def artefact(found: Study) -> Figure | None:
-    """Interior pressure against interior solid fraction in the mode of Nezamabadi et al. (2017), and with the gap corrected."""
+    """Interior pressure against interior solid fraction with shared-grid contact, and with the gap corrected."""
     shared = {c: m for c in CELLS if (m := found.get(f"seed_mu0_r{c}"))}
     ours = {f"$\\mu$ = {f:g}, {what}": m for what, name in (("2 m/s", "mu{:g}_seed0"), ("0.5 m/s", "slow_mu{:g}"))
             for f in COLOURS if (m := found.get(name.format(f)))}  # fmt: skip
@@ -209,7 +209,7 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
     "coordination.png": (coordination, "Coordination (lines and bands as above), and the power law above jamming."),
     "artefact.png": (
         artefact,
-        "Interior pressure where it first resists. Left, the mode of Nezamabadi et al. (2017): vertical lines at 0.842 / (1 + h/2R)^2, "
+        "Left, shared-grid contact: vertical lines at 0.842 / (1 + h/2R)^2, "
         "dashed, and with the mean first change of our packings at 2 m/s instead of 0.842, dotted; dots where the "
         "first change is found. Right, with the gap corrected.",
     ),

@@ -1,4 +1,4 @@
-"""Packings with their pressures and forces: the Figure of Nezamabadi et al. (2017) 4, and what its mode makes of the first stage."""
+"""Packings with pressures and forces: Figure 4 of Nezamabadi et al. (2017), and the first stage with shared grids."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ TEXT = {
     "ran": "What has been run:",
     "counts": "Counts, mean of the places; `work`: unknowns times half bandwidth squared, of all factorisations.",
     "prices": "The cheapest of all runs within an error, lucky ones among them; nothing where there is none.",
-    "parameters": "Error, and cost over that of the default. Nothing where a parameter makes no difference, or was not run.",
+    "parameters": "Error, and cost over that of the default. Nothing where a parameter has no effect or was not run.",
     "limits": "d ln(error) / d ln(parameter) at the presets; of h, dt, spacing, `contact_tol`.",
     "laws": "error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step, dt c /"
     " R or, where a lid drives, its way over R. Fitted to all runs that differ from `balanced` in R/h, spacing and dt"

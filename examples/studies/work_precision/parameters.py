@@ -35,7 +35,7 @@ DEFAULT: Setting = {  # what runs differ from; `Scheme(mean_dilatation=False)`, 
     "linear": "default",
     "explicit": False,
     "walls": "planes",  # or "points": rigid bodies of material points
-    "perturbed": 0.0,  # of where bodies start, at random [R]; not a parameter, it shows how far results are determined
+    "perturbed": 0.0,  # of where bodies start, at random [R]; it shows how far results are determined
 }
 LEVELS: dict[str, tuple[Any, ...]] = {  # one at a time, the default among them
     "cells": (2.5, 3.2, 4.0, 5.0, 6.3, 8.0, 10.0, 12.5),
@@ -145,7 +145,7 @@ def resolutions() -> list[Setting]:
 
 
 def sample(runs: int) -> list[Setting]:
-    """So many settings over all parameters at once: Sobol's sequence, scrambled; a larger sample begins with a smaller."""
+    """Settings over all parameters at once: scrambled Sobol sequence; a larger sample begins with a smaller."""
     points = qmc.Sobol(len(SAMPLED), rng=np.random.default_rng(SEED)).random_base2(
         int(np.ceil(np.log2(max(runs, 2))))
     )

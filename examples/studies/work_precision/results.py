@@ -1,4 +1,4 @@
-"""What the study found: its runs with their errors, who beats whom, slopes; by the rules of docs/work_precision.md."""
+"""Runs with their errors, which beat which, slopes, by the rules of docs/work_precision.md."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def gain(found: Found, scene: str, setting: Setting, cost: str = "seconds") -> f
 
 
 def slope(found: Found, scene: str, preset: str, parameter: str) -> float:
-    """Change of ln(error) with ln(parameter) between the neighbours of a preset; of `cells`, with h. nan if not run."""
+    """Change of ln(error) with ln(parameter) between neighbours of a preset; of `cells`, with h. nan if not run."""
     around, factor = PRESETS[preset], SLOPES[parameter]
     pair = [around | {parameter: float(f"{around[parameter] * step:.3g}")} for step in (1.0 / factor, factor)]
     runs = [found.at(scene, setting) for setting in pair]
