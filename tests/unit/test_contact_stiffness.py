@@ -152,7 +152,7 @@ def test_kept_rows_do_not_know_which_body_came_first(friction):
     rng = np.random.default_rng(0)
     at, later = 0.02 * rng.standard_normal((2, unknowns))
     kept, rows = linearise(at), linearise(later)
-    exchanged = {name: -getattr(kept, name) for name in ("normal", "difference", "given")}
+    exchanged = {name: -getattr(kept, name) for name in ("normal", "difference", "prescribed")}
     expected = rows.along(kept, later)
     found = rows.along(replace(kept, bodies=kept.bodies[::-1], **exchanged), later)
     assert np.array_equal(kept.key, rows.key) and rows.size > 0
