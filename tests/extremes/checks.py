@@ -370,7 +370,7 @@ class Watch:
             if self.case.scheme.contact is skmpm.contact.point_to_curve:
                 self._limit("behind a wall", depth, BEHIND, state, "points behind a wall [cells]")
         self._limit("overlap", state.report.overlap, OVERLAP, state, "bodies overlap")
-        if self.stack:  # in the others bodies that are crushed still fold: test_dials.py
+        if self.stack:  # in the others bodies that are crushed still fold: test_parameters.py
             crossed = [crossings(loops_of(self.scene, state, b)) for b in range(len(self.scene.bodies))]
             self._limit("crossings", float(max(crossed)), 0.5, state, f"body {np.argmax(crossed)} crosses itself")
         if len(self.scene.bodies) <= MANY:
