@@ -6,7 +6,7 @@ until=...)`; `observe` measures the states it yields, `record` writes them for P
 
 from skmpm import contact, coulomb, linear, outline, transfer
 from skmpm.io import CheckpointError, load, record, save
-from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.material import LinearElastic, Material, MooneyRivlin, NeoHookean, Ogden, Rigid, Yeoh, check_material
 from skmpm.observe import Observables, observe
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.points import Points, box, disc, from_mesh
@@ -22,8 +22,11 @@ __all__ = [
     "CheckpointError",
     "LinearElastic",
     "Load",
+    "Material",
+    "MooneyRivlin",
     "NeoHookean",
     "Observables",
+    "Ogden",
     "Packing",
     "PackingError",
     "Points",
@@ -36,7 +39,9 @@ __all__ = [
     "Suggestion",
     "Support",
     "Wall",
+    "Yeoh",
     "box",
+    "check_material",
     "contact",
     "coulomb",
     "disc",

@@ -46,8 +46,8 @@ def _stiffness_table() -> Array:
 
 @cache
 def _gradient_table() -> Array:
-    """The constant gradients of `forms.reference_gradient`, (3, 2, 4)."""
-    return reference_gradient()
+    """From S by 1, xi, eta to S : grad N of the cell's unknowns by `forms.reference_gradient`, (3, 4, 8)."""
+    return np.asarray(np.einsum("mIa,ij->miIaj", reference_gradient(), np.eye(2)).reshape(3, 4, 8))
 
 
 @cache
@@ -123,23 +123,30 @@ class Assembly:
         return np.asarray(now / rest)
 
     def mean_dilatation_stiffness(
-        self, slope: Array, modulus: Array, rest: Array, points: Selection = ALL, cells: Selection = ALL
+        self,
+        slope: Array,
+        mixed: Array,
+        bulk: Array,
+        rest: Array,
+        points: Selection = ALL,
+        cells: Selection = ALL,
     ) -> Array:
-        """Twin of `forms.mean_dilatation_stiffness`, by cells and blocks, (cells, 64), of rank one each.
+        """Twin of `forms.mean_dilatation_stiffness`, by cells and blocks, (cells, 64), of rank two each.
 
-        `slope` (2, 2, points) and `rest` (points,) are those of all points of these cells, `modulus` of every cell.
+        `slope` and `mixed` (4, points), `bulk` and `rest` (points,) are those of all points of these cells.
         """
         grid = self.grid
-        of_point = slope.reshape(4, -1)
+        of_point = np.concatenate([slope, mixed])
         if not isinstance(points, slice):
-            of_point = np.zeros((4, self.volume.size))
-            of_point[:, points] = slope.reshape(4, -1)
+            of_point = np.zeros((8, self.volume.size))
+            of_point[:, points] = np.concatenate([slope, mixed])
         rows = (np.arange(3)[:, None] * grid.cells + np.arange(grid.cells)[cells]).ravel()
         first = self.moments[slice(rows.size) if isinstance(cells, slice) else rows] @ of_point.T  # of 1, xi, eta
-        growth = np.einsum("mciI,mIa->cai", first.reshape(3, -1, 2, 2), _gradient_table()).reshape(-1, 8)
-        growth *= grid.cell
-        weighted = (modulus[cells] / self.cell_sums(rest, points)[cells])[:, None] * growth
-        return _by_blocks(weighted[:, :, None] * growth[:, None, :])
+        by_monomial = list(zip(first.reshape(3, -1, 2, 4), grid.cell * _gradient_table(), strict=True))
+        growth, push = (sum(values[:, k] @ table for values, table in by_monomial) for k in (0, 1))
+        total, curved = (self.cell_sums(values, points)[cells][:, None] for values in (rest, bulk))
+        push = (push + 0.5 * curved / total * growth) / total
+        return _by_blocks(np.stack([push, growth], axis=2) @ np.stack([growth, push], axis=1))
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
         """A = M + factor K, block sparse, (2 nodes, 2 nodes), or with a block diagonal (nodes, 2, 2) instead of M."""

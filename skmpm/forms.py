@@ -69,16 +69,22 @@ def content(q: Any, w: Any) -> Any:
     return q * w["r"]
 
 
-def mean_dilatation_stiffness(basis: CellBasis, slope: Array, modulus: Array, rest: Array) -> Any:
-    """B' D B: the stiffness against a change of the cells' mean dilatation, (2 nodes, 2 nodes).
+def mean_dilatation_stiffness(basis: CellBasis, slope: Array, mixed: Array, bulk: Array, rest: Array) -> Any:
+    """B'D + D'B + B'EB: the stiffness against a change of the cells' mean dilatation theta, (2 nodes, 2 nodes).
 
-    B is the change of the cells' volumes, D = modulus / undeformed volume: what remains of a mixed form with a
-    pressure constant in every cell once that is eliminated (Simo, Taylor & Pister, CMAME 51, 1985).
-    `slope` (2, 2, n), `modulus` (cells,) [Pa], `rest` (n,) undeformed volume per anchor volume.
+    B is the change of theta, D and E the second derivatives of the cells' energies by theta and the displacement, and
+    by theta twice: what remains of a mixed form with theta and a pressure constant in every cell once both are
+    eliminated (Simo, Taylor & Pister, CMAME 51, 1985). `slope` (2, 2, n) of the volume by F, `mixed` (2, 2, n)
+    and `bulk` (n,) of the energy by theta and F, and by theta twice [Pa], `rest` (n,) undeformed volume; all per
+    anchor volume.
     """
-    pressure = basis.with_element(ElementQuad0())
-    B = growth.assemble(basis, pressure, S=slope[..., None])
-    return B.T @ (B.multiply((modulus / content.assemble(pressure, r=rest[:, None]))[:, None])).tocsr()
+    mean = basis.with_element(ElementQuad0())
+    B = growth.assemble(basis, mean, S=slope[..., None]).multiply(
+        1.0 / content.assemble(mean, r=rest[:, None])[:, None]
+    )
+    D, E = growth.assemble(basis, mean, S=mixed[..., None]), content.assemble(mean, r=bulk[:, None])
+    coupled = B.T @ D
+    return coupled + coupled.T + B.T @ B.multiply(E[:, None]).tocsr()
 
 
 @BilinearForm

@@ -10,7 +10,7 @@ from skmpm import linear as _linear
 from skmpm import transfer as _transfer
 from skmpm.contact import ContactLaw, point_to_curve, shared_grid
 from skmpm.linear import Linear
-from skmpm.material import Elastic, poisson_ratio
+from skmpm.material import Material, poisson_ratio
 from skmpm.transfer import Transfer
 
 # Poisson's ratio from which Q1 cells lock: without mean dilatation a disc of R/h = 5 between plates is 7.7 % too
@@ -141,7 +141,7 @@ class Scheme:
         return Scheme(anchor=0.0, contact=shared_grid, moment_fitting=False, mean_dilatation=False)
 
 
-def averages_dilatation(scheme: Scheme, material: Elastic) -> bool:
+def averages_dilatation(scheme: Scheme, material: Material) -> bool:
     """Whether a material takes the mean dilatation of its points' cell: as the scheme says, or by Poisson's ratio."""
     if scheme.mean_dilatation is not None:
         return scheme.mean_dilatation

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Bulk, Configuration
+from skmpm.material import bounded_modulus
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ class StartForces:
         share = np.zeros(grid.bodies)
         for material, points in bulk.materials if ghost > 0.0 else ():
             inertia = GHOST_MASS * material.density * (grid.cell / dt) ** 2
-            share[grid.cell_body[grid.cell_of_point[points]]] = inertia / (ghost * material.bounded_modulus)
+            share[grid.cell_body[grid.cell_of_point[points]]] = inertia / (ghost * bounded_modulus(material))
         return cls(bulk, at, bulk.force(at), at.displacement + dt * v0, share[grid.node_body])
 
     def at(self, displacement: Array) -> Configuration:

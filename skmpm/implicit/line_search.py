@@ -42,9 +42,7 @@ def move(
 
 def _noise(increment: Increment, w: Array, at: Configuration, direction: Array, size: float) -> float:
     """How far the potential, of terms of this size, is known [J/m]."""
-    materials = (
-        20.0 * float(np.finfo(float).eps) * increment.bulk.modulus * float(increment.bulk.assembly.volume.sum())
-    )
+    materials = 20.0 * float(np.finfo(float).eps) * increment.modulus * float(increment.bulk.assembly.volume.sum())
     return 1e-13 * size + materials + increment.round_off(w, at) * float(np.linalg.norm(direction))
 
 

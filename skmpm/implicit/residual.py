@@ -13,6 +13,7 @@ from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import StartForces
+from skmpm.implicit.viscous import ViscousBulk
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -67,11 +68,16 @@ class Increment:
         return self.bulk.at(self.start)
 
     @cached_property
-    def material_response(self) -> Bulk | StartForces:
+    def material_response(self) -> Bulk | ViscousBulk | StartForces:
         """What answers the motion: the bodies, or in an explicit step the forces that they start with."""
-        if not self.scheme.explicit:
-            return self.bulk
-        return StartForces.of(self.bulk, self.at_start, self.v0, self.dt, self.scheme.ghost)
+        if self.scheme.explicit:
+            return StartForces.of(self.bulk, self.at_start, self.v0, self.dt, self.scheme.ghost)
+        return ViscousBulk.of(self.bulk, self.at_start, self._reach) if self.bulk.viscosity > 0.0 else self.bulk
+
+    @property
+    def modulus(self) -> float:
+        """Largest modulus that resists the motion in the step, lambda + 2 mu + 2 eta / dt [Pa]."""
+        return self.bulk.modulus + 2.0 * self.bulk.viscosity / self._reach
 
     @cached_property
     def mass(self) -> Array:
@@ -194,12 +200,17 @@ class Increment:
             return np.zeros(0)
         return np.asarray(self.supports.prescription.T @ -gradient / self.scheme.theta)
 
+    def dissipated(self, w: Array) -> float:
+        """What the viscosity of the materials dissipates in the step [J/m]; never negative."""
+        if not isinstance(self.material_response, ViscousBulk):
+            return 0.0
+        return 2.0 * self.material_response.potential(self.at(w)) / self.scheme.theta
+
     def round_off(self, w: Array, at: Configuration) -> float:
         """The imbalance that round-off of displacements and velocities leaves, whatever w [kg/s]."""
-        modulus = self.bulk.modulus
         reach = self.grid.cell + float(np.abs(at.displacement).max(initial=0.0))
         inertia = float(np.linalg.norm(self.mass * w))
-        return float(20.0 * np.finfo(float).eps * (self._reach * modulus * reach * np.sqrt(w.size) + inertia))
+        return float(20.0 * np.finfo(float).eps * (self._reach * self.modulus * reach * np.sqrt(w.size) + inertia))
 
     def matrix(self, at: Configuration, *, projected: bool = False) -> sp.bsr_array:
         """A = M + theta^2 dt^2 K; in a quasi-static step K and what keeps floating bodies from going anywhere.

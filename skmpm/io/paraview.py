@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.io.checkpoint import writable
-from skmpm.material import LinearElastic, NeoHookean, determinant
+from skmpm.material import Rigid, determinant, is_linear, poisson_ratio
 from skmpm.scene import Scene, State
 
 Array = NDArray[np.float64]
@@ -227,16 +227,18 @@ def _point_data(scene: Scene, state: State) -> dict[str, Array]:
 
 
 def _stress_zz(scene: Scene, state: State) -> Array:
-    """Out-of-plane Cauchy stress of plane strain, (n,) [Pa].
+    """Out-of-plane Cauchy stress of plane strain, (n,) [Pa]; nan where a material does not say.
 
-    LinearElastic: nu (sigma_xx + sigma_yy); NeoHookean with F_zz = 1: lambda ln J / J.
+    Linear materials: nu (sigma_xx + sigma_yy); others have it from their `stress_zz`.
     """
-    nu, lam = np.zeros(len(scene.bodies)), np.zeros(len(scene.bodies))
+    out = np.zeros(state.x.shape[1])
     for b, material in enumerate(body.material for body in scene.bodies):
-        if isinstance(material, LinearElastic):
-            nu[b] = material.nu
-        elif isinstance(material, NeoHookean):
-            lam[b] = material.lame[0]
-    J = np.maximum(determinant(state.F), np.finfo(float).tiny)  # a linear body may be turned inside out
-    in_plane = state.stress[0, 0] + state.stress[1, 1]
-    return np.asarray(nu[state.body] * in_plane + lam[state.body] * np.log(J) / J)
+        own = slice(scene.offsets[b], scene.offsets[b + 1])
+        if isinstance(material, Rigid):
+            continue
+        if is_linear(material):
+            out[own] = poisson_ratio(material) * (state.stress[0, 0, own] + state.stress[1, 1, own])
+        else:
+            known = getattr(material, "stress_zz", None)
+            out[own] = np.nan if known is None else known(state.F[:, :, own])
+    return out

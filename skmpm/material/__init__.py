@@ -1,33 +1,54 @@
-"""Materials: energy, stress and tangent at the points, all per volume of the anchor configuration.
+"""Materials are functions of the deformation gradient alone; the rest is built on them once, for any material.
 
-A body grid is anchored: the solver moves points by a deformation gradient `F` relative to the anchor, where the
-points already had `F_anchor` and Cauchy stress `stress_anchor` (both None for an undeformed, unstressed anchor).
-Every material answers in that frame, so that stresses and tangents meet the gradients of the anchored body grid
-directly.
-
-Against locking a material may be told the `dilatation` of the points, their volume over their undeformed volume, as
-an average over neighbours: it then takes the place of the points' own wherever lambda multiplies it (mean dilatation;
-Nagtegaal, Parks & Rice, CMAME 4, 1974; Simo, Taylor & Pister, CMAME 51, 1985).
+`law` says what a material is. `anchored` sees one from a deformed, stressed anchor configuration, `dilatation` with
+the mean dilatation of cells, `viscous` with Kelvin and
+Voigt's viscosity; `check` tells whether its functions fit each other.
 """
 
-from skmpm.material.elastic import Elastic, Isotropic, determinant, poisson_ratio, product
-from skmpm.material.hessian import hessian, projected_hessian
+from skmpm.material import dilatation
+from skmpm.material.anchored import Anchored, projected
+from skmpm.material.check import check_material, lacking
+from skmpm.material.invariants import Hyperelastic
+from skmpm.material.law import (
+    Isotropic,
+    Material,
+    bounded_modulus,
+    determinant,
+    inverse,
+    is_linear,
+    poisson_ratio,
+    product,
+    viscosity_of,
+    youngs_modulus,
+)
 from skmpm.material.linear import LinearElastic
 from skmpm.material.neohookean import NeoHookean
 from skmpm.material.rigid import Rigid
-
-Material = LinearElastic | NeoHookean | Rigid
+from skmpm.material.rubber import MooneyRivlin, Ogden, Yeoh
+from skmpm.material.viscous import Viscous
 
 __all__ = [
-    "Elastic",
+    "Anchored",
+    "Hyperelastic",
     "Isotropic",
     "LinearElastic",
     "Material",
+    "MooneyRivlin",
     "NeoHookean",
+    "Ogden",
     "Rigid",
+    "Viscous",
+    "Yeoh",
+    "bounded_modulus",
+    "check_material",
     "determinant",
-    "hessian",
+    "dilatation",
+    "inverse",
+    "is_linear",
+    "lacking",
     "poisson_ratio",
     "product",
-    "projected_hessian",
+    "projected",
+    "viscosity_of",
+    "youngs_modulus",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import shared_grid
-from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.material import Rigid, is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
@@ -126,8 +126,9 @@ def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 
 def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    nu, b = max((m.nu, b) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid))
-    if nu >= LOCKING.value and scheme.mean_dilatation is False:
+    soft = [(body.material, b) for b, body in enumerate(scene.bodies) if not isinstance(body.material, Rigid)]
+    nu, b = max((poisson_ratio(material), b) for material, b in soft)
+    if not _below(nu, LOCKING) and scheme.mean_dilatation is False:
         remedy = "use Scheme(mean_dilatation=None), the default"
         yield f"body {b}: nu = {nu:g} without mean dilatation; {LOCKING.where}; {remedy}"
     elif _above(nu, POISSON):
@@ -139,7 +140,7 @@ def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Line
 def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     soft = [(b, m) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid)]
     for name, limit, values in (
-        ("E", STIFFNESS, [(m.E, b) for b, m in soft]),
+        ("E", STIFFNESS, [(youngs_modulus(m), b) for b, m in soft]),
         ("density", DENSITY, [(m.density, b) for b, m in soft]),
     ):
         (low, a), (high, b) = min(values), max(values)
@@ -158,16 +159,25 @@ def _friction(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 def _small_strain(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if scheme.anchor <= ROTATION.value:
         return
-    linear = [isinstance(scene.bodies[b].material, LinearElastic) for b in metrics.own]
+    linear = [_is_linear(scene, b) for b in metrics.own]
     rotation = np.where(linear, metrics.rotation, 0.0)
     fastest, b = float(rotation.max()), int(metrics.own[np.argmax(rotation)])
     if _above(STEPS * fastest, ROTATION):
         turned = f"turns by {ROTATION.value:g} in {ROTATION.value / fastest:.3g} steps"
-        yield f"body {b}: LinearElastic {turned}; {ROTATION.where}; use NeoHookean"
+        yield f"body {b}: {_name(scene, b)} {turned}; {ROTATION.where}; use NeoHookean"
     elif any(linear) and (metrics.friction > 0.0 or metrics.points.size > 2):
         b, cause = int(metrics.own[np.argmax(linear)]), "friction" if metrics.friction else "its neighbours"
         may = f"{cause} may turn it by more than {ROTATION.value:g}"
-        yield f"body {b}: LinearElastic, and {may}; {ROTATION.where}; use NeoHookean"
+        yield f"body {b}: {_name(scene, b)}, and {may}; {ROTATION.where}; use NeoHookean"
+
+
+def _is_linear(scene: Scene, b: int) -> bool:
+    material = scene.bodies[b].material
+    return not isinstance(material, Rigid) and is_linear(material)
+
+
+def _name(scene: Scene, b: int) -> str:
+    return type(scene.bodies[b].material).__name__
 
 
 def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -181,9 +191,9 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
         yield f"scheme: contact = shared_grid; {verified}; use contact.point_to_curve"
     if not scheme.inertia and initial_motion(scene)[0][:, scene.deformable[scene.owner]].any():
         yield "scheme: inertia = False, where initial velocities of bodies mean nothing; use none or inertia"
-    slides = any(isinstance(body.material, NeoHookean) for body in scene.bodies) and metrics.friction == 0.0
+    slides = not all(_is_linear(scene, b) for b in metrics.own) and metrics.friction == 0.0
     if slides and not scheme.inertia:
-        verified = "a frictionless NeoHookean body may slide and turn for nothing, where Newton crawls"
+        verified = "a frictionless body at finite strain may slide and turn for nothing, where Newton crawls"
         yield f"scheme: inertia = False; {verified}; use friction, a Support or inertia"
 
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.material import Rigid
+from skmpm.material import Rigid, is_linear
 from skmpm.preflight.loading import loading_of
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.initial_state import can_touch, driven, fastest_wave, initial_motion
+from skmpm.simulate.initial_state import can_touch, check_explicit, driven, fastest_wave, initial_motion
 from skmpm.simulate.regrid import inward_normals
 
 Array = NDArray[np.float64]
@@ -58,6 +58,7 @@ class SceneMetrics:
 def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     """The numbers of a scene: its Body grids are built, nothing is assembled or solved."""
     check_time("report: dt", dt, SHORTEST, "a time step greater than zero")
+    check_explicit("report", scene, scheme)
     own, count = np.flatnonzero(scene.deformable), np.diff(scene.offsets)
     body = np.repeat(np.arange(count.size), count)
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
@@ -91,7 +92,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         touches=touches,
         contact=getattr(scheme.contact, "__name__", type(scheme.contact).__name__).replace("_", " "),
         friction=float(max([scene.friction, *(wall.friction for wall in scene.walls)])) if touches else 0.0,
-        linear=all(material.linear for material in soft),
+        linear=all(is_linear(material) for material in soft),
         inertia=scheme.inertia,
         theta=scheme.theta,
         half_bandwidth=width,

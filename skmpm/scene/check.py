@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.material import Isotropic, Rigid, lacking
 from skmpm.outline import Outlines, area, lens_depth, overlap
 from skmpm.points import Points
 from skmpm.points import check as check_points
@@ -66,16 +66,25 @@ def _check_body(name: str, body: Body) -> None:
     if problem:
         raise SceneError(f"{name}: {problem}")
     material = body.material
-    if not isinstance(material, LinearElastic | NeoHookean | Rigid):
-        raise SceneError(f"{name}: material is {material!r}; use LinearElastic, NeoHookean or Rigid")
-    _positive(f"{name}: density", material.density, "a density in kg/m3")
     if not isinstance(material, Rigid):
         _check_outline(name, body.points)
+        _check_material(name, material)
+    _positive(f"{name}: density", material.density, "a density in kg/m3")
+    _check_motion(name, body)
+
+
+def _check_material(name: str, material: object) -> None:
+    """A material is what has density, lame, energy, stress and tangent, whatever its class."""
+    if isinstance(material, Isotropic):
         _positive(f"{name}: Young's modulus E", material.E, "a modulus in Pa")
         nu = _number(f"{name}: Poisson's ratio nu", material.nu, "give one between -1 and 0.5")
         if not -1.0 < nu < 0.5:
             raise SceneError(f"{name}: Poisson's ratio nu = {nu}; it lies between -1 and 0.5, both excluded")
-    _check_motion(name, body)
+    if problem := lacking(material):
+        raise SceneError(
+            f"{name}: material is {material!r}, {problem}; use NeoHookean, LinearElastic, Rigid, ... or a material of"
+            " your own that passes skmpm.check_material"
+        )
 
 
 def _check_outline(name: str, points: Points) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Material
+from skmpm.material import Material, Rigid
 from skmpm.points import Points
 
 Array = NDArray[np.float64]
@@ -28,14 +28,14 @@ class Body:
     Parameters
     ----------
     points : its points and outline
-    material : LinearElastic, NeoHookean or Rigid
+    material : LinearElastic, NeoHookean, MooneyRivlin, Yeoh, Ogden, one of your own (`skmpm.Material`), or Rigid
     velocity : (2,) [m/s], or a function of positions (2, n) -> (2, n) at t = 0; for `Rigid` (2,) or a function of
         time t -> (2,) for the whole run, taken at the middle of each step
     spin : initial angular velocity about the centre of mass [rad/s], counter-clockwise
     """
 
     points: Points
-    material: Material
+    material: Material | Rigid
     velocity: ArrayLike | Callable[..., ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
     spin: float = field(default=0.0, kw_only=True)
 

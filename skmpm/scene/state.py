@@ -53,6 +53,7 @@ class Energy:
     external: float = 0.0  # work of gravity, loads, walls and supports
     push_out: float = 0.0  # work of contacts that remove an overlap left by an earlier step
     regridded: float = 0.0  # what regridding made of the points' energy, more or less
+    viscous: float = 0.0  # dissipated by the viscosity of materials
     dissipated: float = 0.0  # what is missing: friction, impacts, the time scheme, the transfer
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact import point_to_curve
 from skmpm.implicit import NotConverged
-from skmpm.material import LinearElastic, determinant
+from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme
 from skmpm.simulate.energy_budget import Budget
@@ -32,8 +32,10 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     """Area shared by bodies over the area of all bodies after a step; NotConverged where the step cannot be right."""
     if not (np.isfinite(budget.elastic) and float(after.volume.min()) > 0.0):
         b = int(after.body[np.argmin(determinant(after.F))])
-        linear = isinstance(scene.bodies[b].material, LinearElastic)
-        remedy = "use a smaller dt" + (" or NeoHookean: LinearElastic holds for small strains" if linear else "")
+        material = scene.bodies[b].material
+        linear = not isinstance(material, Rigid) and is_linear(material)
+        small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
+        remedy = f"use a smaller dt{small}"
         raise NotConverged(f"body {b}", "points are turned inside out at the end of the step", remedy)
     if scheme.inertia and scheme.theta == 1.0:
         _check_energy(scheme, after, budget)

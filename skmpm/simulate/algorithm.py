@@ -16,7 +16,7 @@ from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.energy_budget import budget_of, report_of
 from skmpm.simulate.forces import dead, driven_bodies, external_force
 from skmpm.simulate.grid_to_points import end_state, kept_solver
-from skmpm.simulate.initial_state import can_touch, check_scheme
+from skmpm.simulate.initial_state import can_touch, check_explicit, check_scheme
 from skmpm.simulate.regrid import assembly_of, bulk_of, check_whole, derived_of, regridded_state
 from skmpm.simulate.rigid_edges import pressed_edge
 from skmpm.transfer import to_nodes
@@ -39,6 +39,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     """
     check_scheme("step", scheme)
     check_fits(scene, state, "step")
+    check_explicit("step", scene, scheme)
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, given = Timer(), state
     state, regridded = regridded_state(scene, given, scheme)

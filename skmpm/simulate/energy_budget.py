@@ -31,8 +31,9 @@ class Budget:
     elastic: float
     external: float  # work in the step
     push_out: float
+    viscous: float  # dissipated by the materials' viscosity
     noise: float  # of energies, by rounding
-    exchanged: float  # kinetic, elastic and external, one with another
+    exchanged: float  # kinetic, elastic, external and viscous, one with another
     tolerated: float  # given by contacts that act and are open, as far as `gap_tol` lets them
     rounding: float  # given by gaps that are there by rounding
 
@@ -40,13 +41,13 @@ class Budget:
     def largest(self) -> float:
         """The largest energy of all."""
         after = self.kinetic + self.elastic
-        return max(abs(self.before), abs(after), abs(self.external), self.push_out, self.noise)
+        return max(abs(self.before), abs(after), abs(self.external), self.push_out, self.viscous, self.noise)
 
     @property
     def surplus(self) -> float:
         """What neither anything nor the tolerances gave."""
         given = self.external + self.push_out + self.tolerated + self.rounding
-        return self.kinetic + self.elastic - self.before - given
+        return self.kinetic + self.elastic + self.viscous - self.before - given
 
 
 def budget_of(
@@ -62,6 +63,7 @@ def budget_of(
     elastic = [bulk.energy(at) + regridded_state for at in (increment.at_start, end.at)]
     kinetic = [kinetic_energy(bulk.assembly, v) if moving else 0.0 for v in (increment.v0, end.velocity)]
     external = float(increment.force @ w * increment.dt - solution.reaction @ increment.prescribed)
+    viscous = increment.dissipated(w)
     push_out = tolerated = rounding = 0.0
     if solution.contact is not None:
         constraints, r, u = solution.contact.constraints, solution.contact.r, solution.contact.u
@@ -81,8 +83,9 @@ def budget_of(
         elastic=elastic[1],
         external=external,
         push_out=push_out,
+        viscous=viscous,
         noise=max(STRAIN_ROUND_OFF**2 * bulk.modulus * float(bulk.assembly.volume.sum()), 1e-300),
-        exchanged=abs(kinetic[1] - kinetic[0]) + abs(elastic[1] - elastic[0]) + abs(external),
+        exchanged=abs(kinetic[1] - kinetic[0]) + abs(elastic[1] - elastic[0]) + abs(external) + viscous,
         tolerated=tolerated,
         rounding=rounding,
     )
@@ -105,7 +108,7 @@ def _work_at_start(
 def report_of(
     old: Energy, increment: Increment, solution: Solution, budget: Budget, overlap: float, *, regridded: bool
 ) -> Report:
-    """The report of a step but for its times; what goes in and kinetic and elastic energy do not show, is lost.
+    """The report of a step but for its times; what goes in and no other energy shows, is lost.
 
     `relaid` tells whether the step began with new body grids.
     """
@@ -127,7 +130,8 @@ def report_of(
             external=old.external + budget.external,
             push_out=old.push_out + budget.push_out,
             regridded=old.regridded + anew,
-            dissipated=old.dissipated + budget.external + budget.push_out + anew - gained,
+            viscous=old.viscous + budget.viscous,
+            dissipated=old.dissipated + budget.external + budget.push_out + anew - gained - budget.viscous,
         ),
     )
 
@@ -135,10 +139,10 @@ def report_of(
 def _at_anchor(bulk: Bulk) -> float:
     """Elastic energy that linear materials held when the body grids were built, 1/2 stress : C^-1 : stress [J/m]."""
     total = 0.0
-    for material, points in bulk.materials:
-        if material.linear and bulk.stress_anchor is not None:
-            (lam, mu), stress = material.lame, bulk.stress_anchor[..., points]
-            trace = stress[0, 0] + stress[1, 1]
-            square = np.einsum("ijp,ijp->p", stress, stress) - lam / (2.0 * (lam + mu)) * trace**2
-            total += float(bulk.assembly.volume[points] @ square) / (4.0 * mu)
+    for law, points, _ in bulk.groups:
+        if law.linear and law.stress_anchor is not None:
+            stress = law.stress_anchor.reshape(4, -1)
+            C = law.tangent(np.eye(2)[:, :, None]).reshape(4, 4)
+            square = np.einsum("ap,ab,bp->p", stress, np.linalg.pinv(C), stress)
+            total += 0.5 * float(bulk.assembly.volume[points] @ square)
     return total

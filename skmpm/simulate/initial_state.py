@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Rigid
+from skmpm.material import Rigid, viscosity_of
 from skmpm.scene import Contacts, Energy, Report, Scene, State, field_values, motion, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.energy_budget import kinetic_energy
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """The state at t = 0, with the contacts found there."""
     check_scheme("initial", scheme)
+    check_explicit("initial", scene, scheme)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
     density = np.array([b.material.density for b in scene.bodies])
@@ -79,6 +80,16 @@ def check_scheme(name: str, scheme: object) -> None:
     """Raise ValueError unless a scheme is one; `name` says whose it is."""
     if not isinstance(scheme, Scheme):
         raise ValueError(f"{name}: scheme = {scheme!r}; give a Scheme, as skmpm.Scheme.fast()")
+
+
+def check_explicit(name: str, scene: Scene, scheme: Scheme) -> None:
+    """Raise ValueError where an explicit step meets viscous forces, which it does not know."""
+    for b, body in enumerate(scene.bodies if scheme.explicit else ()):
+        if not isinstance(body.material, Rigid) and viscosity_of(body.material) > 0.0:
+            raise ValueError(
+                f"{name}: body {b} has viscosity = {viscosity_of(body.material):g} Pa s, which explicit steps do not"
+                " know; use Scheme(explicit=False) or viscosity = 0"
+            )
 
 
 def initial_motion(scene: Scene) -> tuple[Array, Array]:

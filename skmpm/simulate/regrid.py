@@ -13,7 +13,7 @@ from skmpm.assembly import Assembly, prepare
 from skmpm.constraint_elimination import Elimination, eliminate
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.implicit import Bulk, NotConverged
-from skmpm.material import Rigid, determinant, product
+from skmpm.material import Rigid, bounded_modulus, determinant, inverse, product
 from skmpm.moment_fitting import fitted_weights
 from skmpm.scene import Derived, Scene, SceneError, State
 from skmpm.scheme import Scheme, averages_dilatation
@@ -27,10 +27,10 @@ def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, 
     if not regridding and _still_valid(scene, state, scheme):
         return state, False
     if regridding:
-        relative = product(state.F, _inverse(state.F_anchor))
+        relative = product(state.F, inverse(state.F_anchor))
         state = replace(
             state,
-            C=product(state.C, _inverse(relative)),
+            C=product(state.C, inverse(relative)),
             x_anchor=state.x,
             F_anchor=state.F,
             stress_anchor=state.stress,
@@ -121,7 +121,7 @@ def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
     modulus = np.zeros(len(scene.bodies))
     for b, body in enumerate(scene.bodies):
         if not isinstance(body.material, Rigid):
-            modulus[b] = scheme.ghost * body.material.bounded_modulus
+            modulus[b] = scheme.ghost * bounded_modulus(body.material)
     return modulus
 
 
@@ -131,12 +131,8 @@ def _deformed_beyond_anchor(state: State, scheme: Scheme) -> bool:
         return False
     if scheme.anchor == 0.0:
         return True
-    relative = product(state.F, _inverse(state.F_anchor)) - np.eye(2)[:, :, None]
+    relative = product(state.F, inverse(state.F_anchor)) - np.eye(2)[:, :, None]
     return float(np.abs(relative).max(initial=0.0)) > scheme.anchor
-
-
-def _inverse(F: Array) -> Array:
-    return np.array([[F[1, 1], -F[0, 1]], [-F[1, 0], F[0, 0]]]) / determinant(F)
 
 
 def inward_normals(scene: Scene, x: Array) -> Array:

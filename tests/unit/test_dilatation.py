@@ -3,23 +3,22 @@
 Derivatives by the complex step where the code allows it, else by central differences.
 """
 
-from itertools import product as product_of
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skmpm import forms
+from skmpm import MooneyRivlin, Ogden, forms
 from skmpm.assembly import prepare
 from skmpm.grid import build_grids
-from skmpm.implicit import Bulk
-from skmpm.material import LinearElastic, NeoHookean, determinant, product
+from skmpm.implicit import Bulk, Configuration
+from skmpm.material import LinearElastic, NeoHookean, determinant, dilatation, product
 
 SEED = st.integers(0, 2**32 - 1)
 CELL = 0.2
 SOFT, LINEAR = NeoHookean(2e6, 0.49, 1200.0), LinearElastic(1e7, 0.45, 990.0)
-MIXES = {"soft": [SOFT, SOFT], "linear": [LINEAR, LINEAR], "mixed": [SOFT, LINEAR]}
+OGDEN, MOONEY = Ogden((6e5, 1.2e3, -1e4), (1.3, 5.0, -2.0), 2e7, 1e3), MooneyRivlin(1e5, 5e4, 4e6, 1e3)
+MIXES = {"soft": [SOFT, SOFT], "linear": [LINEAR, LINEAR], "mixed": [SOFT, LINEAR], "rubber": [OGDEN, MOONEY]}
 ALL, NONE, FIRST = (True, True), (), (True, False)  # which of two materials are averaged
 
 
@@ -86,11 +85,11 @@ def test_projection_drops_the_softening_beyond_a_dilatation_of_e():
 def test_fast_stiffness_equals_the_mixed_form(seed):
     rng, bulk, _ = random_bulk(seed, ghost=0.0)
     fast, n = bulk.assembly, bulk.assembly.volume.size
-    slope, rest = rng.normal(size=(2, 2, n)), rng.uniform(0.5, 2.0, n)
-    modulus = rng.normal(size=fast.grid.cells)
+    slope, mixed, rest = rng.normal(size=(2, 2, n)), rng.normal(size=(2, 2, n)), rng.uniform(0.5, 2.0, n)
+    bulk_modulus = rng.normal(size=n)
     basis = fast.grid.basis(fast.volume)
-    expected = forms.mean_dilatation_stiffness(basis, slope, modulus, rest).toarray()
-    added = fast.mean_dilatation_stiffness(slope, modulus, rest)
+    expected = forms.mean_dilatation_stiffness(basis, slope, mixed, bulk_modulus, rest).toarray()
+    added = fast.mean_dilatation_stiffness(slope.reshape(4, n), mixed.reshape(4, n), bulk_modulus, rest)
     nothing = np.zeros((2, 2, 2, 2, n))
     assert_close(dense(bulk, fast.stiffness(nothing, (slice(None), added))), expected, 1e-12)
 
@@ -134,17 +133,15 @@ def test_anchored_anew_in_the_same_cells_nothing_changes():
         ALL,
     )
     relative = product(end, np.repeat(np.linalg.inv(G)[:, :, None], n, axis=2))
-    early, late = (first._evaluate("volumes", end), anew._evaluate("volumes", relative))
-    assert_close(anew.assembly.mean_dilatation(late), first.assembly.mean_dilatation(early), 1e-12)
-    dilatation = first.assembly.mean_dilatation(early)
-    for method in ("energy", "stress", "cauchy"):
-        old = first._evaluate(method, end, dilatation)
-        new = anew._evaluate(method, relative, dilatation)
-        if method == "energy":
-            new = new * np.linalg.det(G)
-        if method == "stress":
-            new = np.einsum("ijp,kj->ikp", new, np.linalg.inv(G)) * np.linalg.det(G)
-        assert_close(new, old, 1e-11)
+    early, late = (
+        Configuration(U, F, bulk._mean(np.concatenate([dilatation.volumes(g.law, g.of(F)) for g in bulk.groups], -1)))
+        for bulk, F in ((first, end), (anew, relative))
+    )
+    assert_close(late.dilatation, early.dilatation, 1e-12)
+    assert anew.energy(late) == pytest.approx(first.energy(early), rel=1e-11)
+    P = np.einsum("ijp,kj->ikp", anew.stress(late), np.linalg.inv(G)) * np.linalg.det(G)
+    assert_close(P, first.stress(early), 1e-11)
+    assert_close(anew.cauchy(late), first.cauchy(early), 1e-11)
 
 
 @pytest.mark.parametrize("mix", ["soft", "mixed"])
@@ -170,16 +167,20 @@ def test_bodies_of_another_material_pay_nothing(mix, monkeypatch):
     """Nothing of mean dilatations is asked of points or cells of theirs."""
     _, bulk, U = random_bulk(5, mix, averaged=FIRST)
     asked = []
-    for law, method in product_of((NeoHookean, LinearElastic), ("volumes", "volume_slope", "bulk_tangent")):
-        original = getattr(law, method)
+    for name in ("volumes", "volume_slope", "slopes", "tangents"):
+        original = getattr(dilatation, name)
         monkeypatch.setattr(
-            law, method, lambda self, F, *rest, _f=original: asked.append(F.shape[-1]) or _f(self, F, *rest)
+            dilatation,
+            name,
+            lambda law, F, *rest, _f=original, **options: asked.append(F.shape[-1]) or _f(law, F, *rest, **options),
         )
     sums, original = [], type(bulk.assembly).cell_sums
     monkeypatch.setattr(
         type(bulk.assembly), "cell_sums", lambda self, v, *rest: sums.append(v.size) or original(self, v, *rest)
     )
-    added = bulk._bulk_stiffness(bulk.at(U), False)
+    at = bulk.at(U)
+    assert bulk.force(at).shape == U.shape
+    _, added = bulk.tangents(at, projected=False)
     assert set(asked) == set(sums) == {20}
     assert len(added[1]) == np.sum(bulk.assembly.grid.cell_body == 0) < bulk.assembly.grid.cells
 

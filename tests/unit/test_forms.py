@@ -176,7 +176,7 @@ def test_mean_dilatation_resists_nothing_but_a_change_of_the_cells_areas(seed):
     basis = CellBasis(mesh, ElementVector(ElementQuad1()), quadrature=(np.array([[0.5], [0.5]]), np.ones(1)))
     n = mesh.nelements
     slope, one = np.repeat(np.eye(2)[:, :, None], n, axis=2), np.ones(n)
-    K = forms.mean_dilatation_stiffness(basis, slope, one, one)
+    K = forms.mean_dilatation_stiffness(basis, slope, 0.0 * slope, one, one)
     u = rng.normal(size=basis.N)
     corners = u.reshape(-1, 2).T[:, mesh.t]  # (2, 4, cells); to first order an area grows by the flux through edges
     x = mesh.p[:, mesh.t]
@@ -185,3 +185,6 @@ def test_mean_dilatation_resists_nothing_but_a_change_of_the_cells_areas(seed):
     assert u @ K @ u == pytest.approx((flux**2 / SIZE**2).sum(), rel=1e-11)
     turn = nodal(mesh, lambda x, y: (-y, x))
     assert np.abs(K @ turn).max() < 1e-12
+    # With dilatation coupled to F by the same slope: twice sum (change of area)^2 / area more.
+    coupled = forms.mean_dilatation_stiffness(basis, slope, slope, one, one)
+    assert u @ coupled @ u == pytest.approx(3.0 * (u @ K @ u), rel=1e-11)

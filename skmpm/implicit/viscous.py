@@ -1,0 +1,67 @@
+"""Viscous bodies: what answers the motion is the elastic bulk and the viscous potential of the step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.assembly import Selection
+from skmpm.implicit.bulk import Bulk, Configuration
+from skmpm.material import Viscous, is_linear, viscosity_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ViscousBulk:
+    """The bulk of a step with viscosity: its potential is the elastic energy plus Psi of `material.viscous`."""
+
+    bulk: Bulk
+    parts: tuple[tuple[Viscous, Selection], ...]  # of the materials that are viscous, with their points
+
+    @classmethod
+    def of(cls, bulk: Bulk, start: Configuration, reach: float) -> ViscousBulk:
+        """For a step from a configuration to the time `reach` [s] later."""
+        parts = []
+        for group in bulk.groups:
+            material = group.law.material
+            if viscosity_of(material) > 0.0:
+                law = Viscous(2.0 * viscosity_of(material) / reach, group.of(start.F), is_linear(material))
+                parts.append((law, group.points))
+        return cls(bulk, tuple(parts))
+
+    @property
+    def linear(self) -> bool:
+        """Whether all materials are linear."""
+        return self.bulk.linear
+
+    def at(self, displacement: Array) -> Configuration:
+        """The configuration at a nodal displacement since anchoring (2 nodes,) [m]."""
+        return self.bulk.at(displacement)
+
+    def energy(self, at: Configuration) -> float:
+        """Strain energy, ghost penalty and viscous potential [J/m]; inf where a point is turned inside out."""
+        elastic = self.bulk.energy(at)
+        return elastic if np.isinf(elastic) else elastic + self.potential(at)
+
+    def potential(self, at: Configuration) -> float:
+        """The viscous potential [J/m], half of what is dissipated on the way there at a constant rate."""
+        volume = self.bulk.assembly.volume
+        return float(sum(volume[points] @ law.energy(at.F[..., points]) for law, points in self.parts))
+
+    def force(self, at: Configuration) -> Array:
+        """Internal, viscous and ghost forces, the derivative of `energy`, (2 nodes,) [N/m]."""
+        P = self.bulk.stress(at).copy()
+        for law, points in self.parts:
+            P[..., points] += law.stress(at.F[..., points])
+        return self.bulk.assembly.internal_force(P) + self.bulk.assembly.ghost_force(at.displacement)
+
+    def stiffness(self, at: Configuration, *, projected: bool) -> Array:
+        """Stiffness in the pattern of A, positive semi-definite where `projected`, (blocks, 2, 2) [Pa]."""
+        C, added = self.bulk.tangents(at, projected=projected)
+        C = C.copy()
+        for law, points in self.parts:
+            C[..., points] += law.tangent(at.F[..., points], projected=projected)
+        return self.bulk.assembly.stiffness(C, added)

@@ -1,0 +1,106 @@
+"""Materials seen from an anchor configuration, built on their energy, stress and tangent as functions of F."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material.law import Material, determinant, is_linear, product
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Anchored:
+    """A material per volume of the anchor configuration; F (2, 2, n) is relative to that.
+
+    The points had the deformation `F_anchor` there: W_a(F) = W(F F_anchor) / J_anchor. A linear material instead
+    measures strain from the anchor and adds the stress that the points had there, so that it is the total
+    small-strain law when anchored once and an incremental law when anchored anew:
+    W_a(F) = W(F) + stress_anchor : (F - I).
+    """
+
+    material: Material
+    F_anchor: Array | None = None  # (2, 2, n), None where undeformed
+    stress_anchor: Array | None = None  # (2, 2, n) Cauchy [Pa], None where unstressed
+
+    @property
+    def linear(self) -> bool:
+        """Whether the material is linear."""
+        return is_linear(self.material)
+
+    @property
+    def unstressed(self) -> Anchored:
+        """The same without the stress at the anchor."""
+        return replace(self, stress_anchor=None)
+
+    def rest(self, n: int) -> Array:
+        """Undeformed volume of n points per anchor volume, (n,)."""
+        if self.linear or self.F_anchor is None:
+            return np.ones(n)
+        return np.asarray(1.0 / determinant(self.F_anchor))
+
+    def energy(self, F: Array) -> Array:
+        """Strain energy, (n,) [Pa]; inf where the material is turned inside out."""
+        if self.linear:
+            W = self.material.energy(F)
+            return W if self.stress_anchor is None else W + self.work(F)
+        if self.F_anchor is None:
+            return self.material.energy(F)
+        return np.asarray(self.material.energy(product(F, self.F_anchor)) / determinant(self.F_anchor))
+
+    def work(self, F: Array) -> Array | float:
+        """Work of the stress at the anchor on a linear material, (n,) [Pa]."""
+        if not self.linear or self.stress_anchor is None:
+            return 0.0
+        return np.asarray(np.einsum("ijp,ijp->p", self.stress_anchor, F - np.eye(2)[:, :, None]))
+
+    def stress(self, F: Array) -> Array:
+        """First Piola-Kirchhoff stress, (2, 2, n) [Pa]."""
+        if self.linear:
+            P = self.material.stress(F)
+            return P if self.stress_anchor is None else P + self.stress_anchor
+        if self.F_anchor is None:
+            return self.material.stress(F)
+        P = self.material.stress(product(F, self.F_anchor))
+        return np.asarray(np.einsum("ijp,kjp->ikp", P, self.F_anchor) / determinant(self.F_anchor))
+
+    def tangent(self, F: Array) -> Array:
+        """Derivative of `stress` by F, (2, 2, 2, 2, n) [Pa]."""
+        if self.linear or self.F_anchor is None:
+            return self.material.tangent(F)
+        G = self.F_anchor
+        C = self.material.tangent(product(F, G)) / determinant(G)
+        return np.asarray(np.einsum("iKjLp,IKp,JLp->iIjJp", C, G, G, optimize=True))
+
+    def cauchy(self, F: Array, P: Array) -> Array:
+        """Cauchy stress (2, 2, n) [Pa] of a first Piola-Kirchhoff stress; the same where strains are small."""
+        if self.linear:
+            return P
+        return np.asarray(np.einsum("ijp,kjp->ikp", P, F) / determinant(F))
+
+
+def projected(H: Array) -> Array:
+    """Symmetric matrices (m, m, n) with their negative eigenvalues set to zero."""
+    M = np.moveaxis(H, -1, 0)
+    doubtful = np.flatnonzero(~_definite(H))
+    if doubtful.size == 0:
+        return H
+    out = M.copy()
+    values, vectors = np.linalg.eigh(M[doubtful])
+    negative = np.minimum(values, 0.0)
+    out[doubtful] -= np.einsum("pij,pj,pkj->pik", vectors, negative, vectors)
+    return np.moveaxis(out, 0, -1)
+
+
+def _definite(H: Array) -> NDArray[np.bool_]:
+    """Whether matrices (m, m, n) are positive definite, by Gaussian elimination, (n,)."""
+    left, definite = H, np.ones(H.shape[-1], dtype=bool)
+    while left.size:
+        pivot = left[0, 0]
+        definite &= pivot > 0.0
+        row = left[0, 1:] / np.where(definite, pivot, 1.0)
+        left = np.where(definite, left[1:, 1:] - left[1:, :1] * row, 0.0)
+    return definite

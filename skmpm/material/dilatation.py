@@ -1,0 +1,123 @@
+"""Mean dilatation: the energy of any material at F-bar, F with the mean dilatation of the cell in place of its own.
+
+F-bar = (theta / J)^(1/2) F in the plane, J = det F per undeformed volume, theta the mean of J over the cell by
+undeformed volumes (de Souza Neto et al., Int. J. Solids Struct. 33, 1996, for F-bar; Simo, Taylor & Pister, CMAME 51,
+1985, and Moran, Ortiz & Shih, IJNME 29, 1990, for mean dilatation inside the energy). As theta is a function of
+the displacement, the force is the derivative of an energy and the stiffness is symmetric. What its shear modulus mu
+makes a neo-Hookean solid resist dilatation with stays that of the point,
+
+    W(F, theta) = W(F-bar) + mu (g(J) - g(theta)), g(J) = J - 1 - ln J,
+
+so that lambda alone multiplies theta at small strain (Nagtegaal, Parks & Rice, CMAME 4, 1974); without it, peaks of
+pressure are averaged away. A linear material takes F + 1/2 (theta - tr(F - I)) I for F-bar, theta the mean of
+tr(F - I), and g = 1/2 tr(F - I)^2: it stays linear. docs/method.md derives what is computed here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material.anchored import Anchored
+from skmpm.material.anchored import projected as without_negative
+from skmpm.material.invariants import TURN, cofactor
+from skmpm.material.law import determinant
+
+Array = NDArray[np.float64]
+
+ONE = np.array([1.0, 0.0, 0.0, 1.0])[:, None]
+DEVIATOR = np.eye(4) - 0.5 * ONE * ONE.T
+
+
+def volumes(law: Anchored, F: Array) -> Array:
+    """Volumes now and undeformed, per anchor volume, (2, n): dilatations are ratios of their sums.
+
+    Of a linear material the change of volume takes the place of the volume.
+    """
+    now = F[0, 0] + F[1, 1] - 2.0 if law.linear else determinant(F)
+    return np.stack([now, law.rest(F.shape[-1])])
+
+
+def volume_slope(law: Anchored, F: Array) -> Array:
+    """Derivative of the volume now by F, (2, 2, n)."""
+    return np.broadcast_to(np.eye(2)[:, :, None], F.shape) if law.linear else cofactor(F)
+
+
+def energy(law: Anchored, F: Array, theta: Array) -> Array:
+    """W(F, theta), (n,) [Pa]; inf where a point or the cell is turned inside out."""
+    mu = law.material.lame[1]
+    if law.linear:
+        own = 0.5 * mu * ((F[0, 0] + F[1, 1] - 2.0) ** 2 - theta**2)
+        return np.asarray(law.unstressed.energy(_bar(law, F, theta)[0]) + law.work(F) + own)
+    good, rest = (determinant(F) > 0.0) & (theta > 0.0), law.rest(theta.size)
+    F, theta = np.where(good, F, np.eye(2)[:, :, None]), np.where(good, theta, 1.0)
+    own = mu * rest * (_resisted(determinant(F) / rest) - _resisted(theta))
+    return np.asarray(np.where(good, law.energy(_bar(law, F, theta)[0]) + own, np.inf))
+
+
+def _resisted(J: Array) -> Array:
+    """J - 1 - ln J."""
+    return np.asarray(J - 1.0 - np.log1p(J - 1.0))
+
+
+def slopes(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
+    """W_F (2, 2, n) and W_theta (n,) [Pa]."""
+    mu, (F_bar, s) = law.material.lame[1], _bar(law, F, theta)
+    P = law.unstressed.stress(F_bar)
+    if law.linear:
+        half = 0.5 * (P[0, 0] + P[1, 1])
+        P = P + (mu * (F[0, 0] + F[1, 1] - 2.0) - half) * np.eye(2)[:, :, None]
+        return P if law.stress_anchor is None else P + law.stress_anchor, half - mu * theta
+    q, rest = np.einsum("ijp,ijp->p", P, F_bar), law.rest(theta.size)
+    own = mu * (1.0 - rest / determinant(F)) - 0.5 * q / determinant(F)
+    return s * P + own * cofactor(F), 0.5 * q / theta - mu * rest * (1.0 - 1.0 / theta)
+
+
+def curvatures(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array, Array]:
+    """W_FF (4, 4, n), W_Ftheta (4, n) and W_thetatheta (n,) [Pa]."""
+    mu, (F_bar, s) = law.material.lame[1], _bar(law, F, theta)
+    C = law.tangent(F_bar).reshape(4, 4, -1)
+    if law.linear:
+        of_one = np.einsum("abp,bc->ap", C, ONE)
+        mixed = 0.5 * (of_one - 0.5 * ONE * of_one[[0, 3]].sum(axis=0))
+        by_F = np.einsum("ab,bcp,cd->adp", DEVIATOR, C, DEVIATOR, optimize=True)
+        return by_F + mu * (ONE * ONE.T)[:, :, None], mixed, 0.25 * of_one[[0, 3]].sum(axis=0) - mu
+    P, f = law.stress(F_bar).reshape(4, -1), F_bar.reshape(4, -1)
+    a = cofactor(F_bar).reshape(4, -1) / determinant(F_bar)
+    stretched = np.einsum("abp,bp->ap", C, f)
+    J, rest = determinant(F), law.rest(theta.size)
+    q, size, k = np.sum(P * f, axis=0), np.sum(f * stretched, axis=0), P + stretched
+    side = s**2 * ((0.125 * size + 0.375 * q + 0.5 * mu * rest) * a - 0.5 * k)
+    outer = side[:, None] * a
+    by_F = s**2 * C
+    by_F += outer
+    by_F += outer.swapaxes(0, 1)
+    by_F += (mu * (1.0 - rest / J) - 0.5 * q / J) * TURN[:, :, None]
+    mixed = 0.5 * s / theta * (k - 0.5 * (size + q) * a)
+    return by_F, mixed, (0.25 * (size - q) - mu * rest) / theta**2
+
+
+def tangents(law: Anchored, F: Array, theta: Array, tension: Array, *, projected: bool) -> tuple[Array, Array, Array]:
+    """What the stiffness of a cell is made of: `curvatures`, the first with what the mean tension (n,) [Pa] adds.
+
+    `tension` is the derivative of the cell's energy by its volume, which is curved in F itself, by `TURN`. If
+    `projected`, the three are those of the nearest positive semi-definite matrix (5, 5, n) of F and theta at each
+    point: the quadratic form of the cell is a sum of theirs.
+    """
+    by_F, mixed, by_theta = curvatures(law, F, theta)
+    if law.linear:
+        return by_F, mixed, by_theta
+    by_F = by_F + tension * TURN[:, :, None]
+    if projected:
+        H = np.concatenate([by_F, mixed[:, None]], axis=1)
+        H = without_negative(np.concatenate([H, np.concatenate([mixed, by_theta[None]])[None]]))
+        by_F, mixed, by_theta = H[:4, :4], H[:4, 4], H[4, 4]
+    return by_F, mixed, by_theta
+
+
+def _bar(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
+    """F-bar (2, 2, n), and (theta / J)^(1/2), one where the material is linear, (n,)."""
+    if law.linear:
+        return F + 0.5 * (theta - (F[0, 0] + F[1, 1] - 2.0)) * np.eye(2)[:, :, None], np.ones_like(theta)
+    s = np.sqrt(theta * law.rest(theta.size) / determinant(F))
+    return s * F, s

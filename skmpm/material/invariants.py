@@ -1,0 +1,121 @@
+"""Derivatives by F of energies that depend on invariants of F in the plane."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material.law import determinant, poisson_ratio, youngs_modulus
+
+Array = NDArray[np.float64]
+
+# The second derivative of det F by F, entry 2 i + I for F_iI.
+TURN = np.array([[0, 0, 0, 1], [0, 0, -1, 0], [0, -1, 0, 0], [1, 0, 0, 0]], dtype=float)
+
+
+def cofactor(F: Array) -> Array:
+    """The derivative of det F by F, (2, 2, n)."""
+    return np.stack([np.stack([F[1, 1], -F[1, 0]]), np.stack([-F[0, 1], F[0, 0]])])
+
+
+def hessian(F: Array, mu: float, slope: Array, curvature: Array) -> Array:
+    """Hessian of mu/2 |F|^2 + g(J) by F, (2, 2, 2, 2, n); slope g', curvature g''.
+
+    H = mu I + g'' c c' + g' E with c = dJ/dF and E = d2J/dF2.
+    """
+    c = cofactor(F).reshape(4, -1)
+    H = curvature * c[:, None] * c[None, :]
+    H += mu * np.eye(4)[:, :, None]
+    H += slope * TURN[:, :, None]
+    return H.reshape(2, 2, 2, 2, -1)
+
+
+class Hyperelastic(ABC):
+    """A law W(A, J) of A = tr F'F - 2 J = (F11 - F22)^2 + (F12 + F21)^2 and J = det F.
+
+    Isotropic energies in plane strain are functions of these two, both small (A, J - 1) where strains are, so that
+    energies of tiny strains are not lost in round-off. dA/dF = 2 (F - c), c = cof F.
+    """
+
+    @property
+    @abstractmethod
+    def lame(self) -> tuple[float, float]:
+        """Lame constants (lambda, mu) at zero strain [Pa]."""
+
+    @property
+    def E(self) -> float:
+        """Young's modulus at zero strain [Pa]."""
+        return youngs_modulus(self)  # type: ignore[arg-type]
+
+    @property
+    def nu(self) -> float:
+        """Poisson's ratio at zero strain."""
+        return poisson_ratio(self)  # type: ignore[arg-type]
+
+    @abstractmethod
+    def _energy(self, A: Array, J: Array) -> Array:
+        """W, (n,) [Pa]; J > 0."""
+
+    @abstractmethod
+    def _slopes(self, A: Array, J: Array) -> tuple[Array, Array]:
+        """W_A, W_J, (n,) [Pa]."""
+
+    @abstractmethod
+    def _curvatures(self, A: Array, J: Array) -> tuple[Array, Array, Array]:
+        """W_AA, W_AJ, W_JJ, (n,) [Pa]."""
+
+    def energy(self, F: Array) -> Array:
+        """Energy density, (n,) [Pa]; inf where J <= 0."""
+        A, J = _invariants(F)
+        W = self._energy(A, np.where(J > 0.0, J, 1.0))
+        return np.asarray(np.where(J > 0.0, W, np.inf))
+
+    def stress(self, F: Array) -> Array:
+        """First Piola-Kirchhoff stress, (2, 2, n) [Pa]."""
+        by_A, by_J = self._slopes(*_invariants(F))
+        c = cofactor(F)
+        return np.asarray(2.0 * by_A * (F - c) + by_J * c)
+
+    def tangent(self, F: Array) -> Array:
+        """Tangent dP/dF, (2, 2, 2, 2, n) [Pa]."""
+        invariants = _invariants(F)
+        by_A, by_J = self._slopes(*invariants)
+        curved_aa, curved_aj, curved_jj = self._curvatures(*invariants)
+        c = cofactor(F).reshape(4, -1)
+        a = F.reshape(4, -1) - c
+        H = (curved_jj * c + 2.0 * curved_aj * a)[:, None] * c + (4.0 * curved_aa * a + 2.0 * curved_aj * c)[
+            :, None
+        ] * a
+        H += 2.0 * by_A * np.eye(4)[:, :, None] + (by_J - 2.0 * by_A) * TURN[:, :, None]
+        return np.asarray(H.reshape(2, 2, 2, 2, -1))
+
+
+def _invariants(F: Array) -> tuple[Array, Array]:
+    return (F[0, 0] - F[1, 1]) ** 2 + (F[0, 1] + F[1, 0]) ** 2, determinant(F)
+
+
+def first_invariant(A: Array, J: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """J^-2/3 (A + 2 J + 1) - 3 =: I and its derivatives I_A, I_J, I_AJ, I_JJ; F33 = 1 is counted. I_AA = 0."""
+    log_J, left = np.log1p(J - 1.0), J - 1.0 - A
+    I = J ** (-2 / 3) * A + 2.0 * np.expm1(log_J / 3) + np.expm1(-2 / 3 * log_J)  # noqa: E741
+    by_J = 2 / 3 * J ** (-5 / 3) * left
+    curved_jj = 2 / 3 * (J ** (-5 / 3) - 5 / 3 * J ** (-8 / 3) * left)
+    return I, J ** (-2 / 3), by_J, -2 / 3 * J ** (-5 / 3), curved_jj
+
+
+def second_invariant(A: Array, J: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """J^-4/3 (A + 2 J + J^2) - 3 =: I and its derivatives I_A, I_J, I_AJ, I_JJ; F33 = 1 is counted. I_AA = 0."""
+    log_J, left = np.log1p(J - 1.0), J**2 - J - 2.0 * A
+    I = J ** (-4 / 3) * A + 2.0 * np.expm1(-log_J / 3) + np.expm1(2 / 3 * log_J)  # noqa: E741
+    by_J = 2 / 3 * J ** (-7 / 3) * left
+    curved_jj = 2 / 3 * ((2.0 * J - 1.0) * J ** (-7 / 3) - 7 / 3 * J ** (-10 / 3) * left)
+    return I, J ** (-4 / 3), by_J, -4 / 3 * J ** (-7 / 3), curved_jj
+
+
+def volumetric(J: Array) -> tuple[Array, Array, Array]:
+    """U = (J^2 - 1 - 2 ln J) / 4, U', U'' of unit bulk modulus (Simo & Miehe, CMAME 98, 1992; Holzapfel 6.138)."""
+    change = J - 1.0
+    U = 0.25 * (change**2 + 2.0 * (change - np.log1p(change)))
+    return U, 0.5 * (J - 1.0 / J), 0.5 * (1.0 + J**-2)
