@@ -189,6 +189,19 @@ def test_the_potential_of_a_linear_material_is_never_evaluated(build):
     assert calls[energies[0]] >= 2 * STEPS
 
 
+@pytest.mark.parametrize("material", [SOFT, LINEAR], ids=["soft", "linear"])
+@pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
+def test_without_viscosity_no_function_of_it_runs(build, material):
+    """In a whole run, and no matrix and no energy is evaluated more often; with it some are."""
+    viscous = ("skmpm.material.viscous", "skmpm.implicit.viscous")
+    calls, states = run(build(material))
+    assert calls.below(*viscous) == 0
+    assert states[-1].report.energy.viscous == 0.0
+    calls, states = run(build(replace(material, viscosity=1.0)))
+    assert calls.below(*viscous) > STEPS
+    assert states[-1].report.energy.viscous > 0.0
+
+
 # --- body grids
 
 LAID = (
