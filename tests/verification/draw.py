@@ -18,6 +18,7 @@ DOCS = HERE.parents[1] / "docs"
 KEPT = DOCS / "verification"
 MODULES = (
     "materials",
+    "viscosity",
     "patch",
     "fem_elasticity",
     "locking",

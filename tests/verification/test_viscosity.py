@@ -102,7 +102,7 @@ def of_stack(law, eta, steps=200, press=0.01):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_packing_at_rest_under_pressure_loses_a_mode_as_its_closed_form(law):
-    """Two boxes, whose contacts stay closed, move like the strip: decay and frequency to 1 %, 3 and 2 at finite strain.
+    """Two boxes, whose contacts stay closed, move like the strip: to 1 %; at finite strain to 3 and 2 %.
 
     Pressed by 1 %, the finite-strain law is stiffer and denser by about as much.
     """
