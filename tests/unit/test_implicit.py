@@ -177,7 +177,7 @@ def test_what_a_step_may_gain_is_a_share_of_what_it_exchanges_whatever_went_befo
 
     def budget(gain, exchanged):
         return report.Budget(
-            before=1.0, kinetic=0.0, elastic=1.0 + gain, external=0.0, push_out=0.0, noise=1e-300,
+            before=1.0, kinetic=0.0, elastic=1.0 + gain, external=0.0, push_out=0.0, viscous=0.0, noise=1e-300,
             exchanged=exchanged, tolerated=0.0, rounding=0.0,
         )  # fmt: skip
 

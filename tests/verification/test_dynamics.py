@@ -9,7 +9,7 @@ import pytest
 from ledger import Row, numbers, rate
 
 from skmpm import linear, transfer
-from skmpm.material import LinearElastic, NeoHookean
+from skmpm.material import Anchored, LinearElastic, NeoHookean
 from skmpm.points import box, disc
 from skmpm.scene import Body, Scene, Support
 from skmpm.scheme import Scheme
@@ -314,7 +314,8 @@ def false_strain(kind, theta):
     """The volumetric strain that a material needs for the stress it shows when turned by angles (n,)."""
     material = kind(1.0, 0.3, 1.0)
     c, s = np.cos(theta), np.sin(theta)
-    stress = material.cauchy(np.array([[c, -s], [s, c]]))
+    turned = np.array([[c, -s], [s, c]])
+    stress = Anchored(material).cauchy(turned, material.stress(turned))
     lam, mu = material.lame
     return np.abs(stress[0, 0] + stress[1, 1]) / (4.0 * (lam + mu))
 
