@@ -8,7 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skmpm import Body, NeoHookean, Scene, SceneError, Scheme, Wall, disc, initial, preflight, simulate, step
+from skmpm.implicit import NotConverged
 from skmpm.material import LinearElastic, Viscous, determinant, inverse, product
+from skmpm.simulate.acceptance import check_step
+from skmpm.simulate.energy_budget import Budget
 
 SEED = st.integers(0, 2**32 - 1)
 STEP, N, ETA, DT = 1e-30, 8, 3.0, 0.25
@@ -96,6 +99,18 @@ def test_energies_add_up_and_viscosity_never_gives_any(law, scheme):
     assert energy[-1].viscous > 0.05 * energy[-1].external
     *_, plain = simulate(squeezed(law(1e6, 0.45, 1000.0)), dt=5e-6, until=1e-5)
     assert plain.report.energy.viscous == 0.0
+
+
+def test_what_viscosity_takes_does_not_hide_a_gain_of_energy():
+    """In a step that keeps its energy although viscosity dissipates some, that came from nothing."""
+    scene = squeezed(NeoHookean(1e6, 0.3, 1000.0, viscosity=5.0))
+    *_, state = simulate(scene, dt=5e-6, until=1e-5)
+    energies = {"before": 1.0, "kinetic": 0.0, "external": 0.0, "push_out": 0.0, "noise": 1e-300}
+    limits = {"tolerated": 0.0, "rounding": 0.0}
+    budget = Budget(**energies, elastic=0.95, viscous=0.05, exchanged=0.1, **limits)
+    assert check_step(scene, Scheme(), state, state, budget) == 0.0
+    with pytest.raises(NotConverged, match="the bodies gain energy from nothing"):
+        check_step(scene, Scheme(), state, state, replace(budget, elastic=1.0, exchanged=0.05))
 
 
 @pytest.mark.parametrize("law", [LinearElastic, NeoHookean])
