@@ -93,7 +93,7 @@ class State:
     v: Array  # (2, n) velocities [m/s]
     F: Array  # (2, 2, n) deformation gradients
     C: Array  # (2, 2, n) affine velocity (APIC), by anchor position [1/s]
-    stress: Array  # (2, 2, n) Cauchy stress [Pa], tension positive
+    stress: Array  # (2, 2, n) elastic Cauchy stress [Pa], tension positive; without what viscosity adds
     mass: Array  # (n,) [kg/m]
     volume: Array  # (n,) current [m2]
     weight: Array  # (n,) current volumes that the points stand for in integrals over their cells [m2]
