@@ -1,8 +1,9 @@
-"""Fast twins of the weak forms: the same numbers as `forms` on `Body grids.basis`, without a kernel per entry.
+"""Vectorised assembly of the weak forms: equal to `forms` on `BodyGrids.basis`, without one kernel per entry.
 
-Q1 gradients are linear in the local coordinates, so a cell's stiffness is linear in six moments of its points;
-one sparse product makes the moments, one GEMM with the reference matrices of `forms` the cell matrices, one
-`bincount` the block-sparse matrix whose pattern is known as long as the body grids stay anchored.
+Q1 gradients are linear in the local coordinates, so the stiffness of a cell is a linear function of six moments of
+its points. One sparse product computes the moments, one dense product with the reference matrices of `forms` the cell
+matrices, and one sparse product their sums in a block-sparse matrix, whose pattern is fixed while the body grids stay
+anchored.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ Ints = NDArray[np.int64]
 Selection = Ints | slice  # of points or cells
 ALL = slice(None)
 
-STENCIL = 25  # nodes at most two cells away from a node: what cells and ghost facets couple
-FLOOR = 1e-12  # of the heaviest point of its body: the least mass of a node
+STENCIL_NODES = 25  # nodes at most two cells away from a node, coupled with it by cells and ghost facets
+MIN_MASS_RATIO = 1e-12  # smallest mass of a node, relative to the heaviest point of its body
 
 # Corners, in the order of `forms.reference_ghost`, of the lower (0) and upper (1) cell beside a facet with
 # normal x and with normal y.
@@ -34,71 +35,71 @@ GHOST_CORNERS = (
 
 
 def _by_blocks(cells: Array) -> Array:
-    """Matrices (..., 8, 8) of cells, whose unknowns are node-interleaved, as blocks of pairs of nodes (..., 64)."""
+    """Cell matrices (..., 8, 8), whose unknowns are interleaved by nodes, as 2 x 2 blocks of node pairs (..., 64)."""
     return cells.reshape(*cells.shape[:-2], 4, 2, 4, 2).swapaxes(-3, -2).reshape(*cells.shape[:-2], 64)
 
 
 @cache
 def _stiffness_table() -> Array:
-    """The constant reference matrices of `forms.reference_stiffness`, by blocks, (60, 64)."""
+    """The constant reference matrices of `forms.reference_stiffness`, in blocks, (60, 64)."""
     return _by_blocks(reference_stiffness().reshape(60, 8, 8))
 
 
 @cache
 def _gradient_table() -> Array:
-    """From S by 1, xi, eta to S : grad N of the cell's unknowns by `forms.reference_gradient`, (3, 4, 8)."""
+    """From the moments 1, xi, eta of S to S : grad N for the unknowns of a cell, (3, 4, 8)."""
     return np.asarray(np.einsum("mIa,ij->miIaj", reference_gradient(), np.eye(2)).reshape(3, 4, 8))
 
 
 @cache
 def _ghost_table() -> Array:
-    """The constant 6 x 6 ghost matrix; by symmetry the same for facets with normal x and y."""
+    """The constant 6 x 6 ghost penalty matrix, by symmetry the same for facets with normal x and y."""
     return np.asarray(reference_ghost()[0])
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """Everything about an anchored set of body grids that does not change while it stays anchored."""
+    """Data of a set of body grids that do not change while these stay anchored."""
 
     grid: BodyGrids
     volume: Array  # (n,) volumes of the points in the anchor configuration [m2]
     lumped: Array  # (2 nodes,) mass of the points at every unknown [kg/m]
-    mass: Array  # (2 nodes,) the same, more than zero [kg/m]
+    mass: Array  # (2 nodes,) the same, bounded from below by a positive value [kg/m]
     ghost: sp.csr_array  # (nodes, nodes) ghost stiffness, the same for both components [Pa]
     moments: sp.csr_array  # (6 cells, n) monomials of the local coordinates, times volume / cell^2
-    indices: Ints  # block columns and row pointers of the pattern of A
-    indptr: Ints
-    scatter: sp.csr_array  # (blocks, 16 cells) sums the blocks of the cells to those of A
+    indices: Ints  # (blocks,) columns of the blocks of A
+    indptr: Ints  # (nodes + 1,) row offsets of the blocks of A
+    scatter: sp.csr_array  # (blocks, 16 cells) sums the blocks of cells into those of A
     ghost_data: Array  # (blocks, 2, 2) the ghost stiffness in the pattern of A
 
     def internal_force(self, P: Array) -> Array:
-        """Sum over points of V P : grad N, (2 nodes,) [N/m]; `P` (2, 2, n) [Pa]."""
+        """Internal force, the sum over points of V P : grad N, (2 nodes,) [N/m]; `P` (2, 2, n) [Pa]."""
         Dx, Dy = self.grid.derivatives
         VP = self.volume * P
         return np.asarray(Dx.T @ VP[:, 0].T + Dy.T @ VP[:, 1].T).ravel()
 
     def ghost_force(self, displacement: Array) -> Array:
-        """Force of the ghost penalty on the displacement since anchoring, (2 nodes,) [N/m]."""
+        """Force of the ghost penalty for the displacement since anchoring, (2 nodes,) [N/m]."""
         if self.ghost.nnz == 0:
             return np.zeros_like(displacement)
         return np.asarray(self.ghost @ self._within_bodies(displacement)).ravel()
 
     def ghost_energy(self, displacement: Array) -> float:
-        """Energy of the ghost penalty on the displacement since anchoring [J/m]."""
+        """Energy of the ghost penalty for the displacement since anchoring [J/m]."""
         if self.ghost.nnz == 0:
             return 0.0
         u = self._within_bodies(displacement)
         return 0.5 * float(np.sum(u * (self.ghost @ u)))
 
     def _within_bodies(self, displacement: Array) -> Array:
-        """Displacement less the mean of its body, (nodes, 2): of a long way the penalty would see the rounding."""
+        """Displacement minus the mean of its body, (nodes, 2), to avoid round-off errors for large translations."""
         u = displacement.reshape(-1, 2)
         return u - self.grid.means(u.T).T[self.grid.node_body]
 
     def stiffness(self, C: Array, added: tuple[Selection, Array] | None = None) -> Array:
-        """Data of the stiffness in the pattern of A, (blocks, 2, 2).
+        """Blocks of the stiffness in the pattern of A, (blocks, 2, 2), from tangents `C` (2, 2, 2, 2, n) [Pa].
 
-        From tangents `C` (2, 2, 2, 2, n), and matrices (k, 64), by blocks, to be `added` to those of k cells.
+        `added` are k cells and matrices (k, 64), in blocks, to be added to theirs.
         """
         flat = C.reshape(4, 4, -1)
         entries = np.stack([flat[a, b] for a, b in PAIRS], axis=1)
@@ -109,14 +110,15 @@ class Assembly:
         return np.asarray((self.scatter @ cells.reshape(-1, 4)).reshape(-1, 2, 2) + self.ghost_data)
 
     def cell_sums(self, values: Array, points: Selection = ALL) -> Array:
-        """Sums over points of every cell of V values, (cells,); `values` (points,)."""
+        """Sums of V values over the points of each cell, (cells,); `values` (points,)."""
         cell = self.grid.cell_of_point[points]
         return np.asarray(np.bincount(cell, self.volume[points] * values, self.grid.cells), dtype=np.float64)
 
     def mean_dilatation(self, volumes: Array, points: Selection = ALL) -> Array:
-        """Volume over undeformed volume of each point's cell, (points,), from both per anchor volume, (2, points).
+        """Ratio of current to undeformed volume of the cell of each point, (points,).
 
-        `points` are all those of their cells.
+        `volumes` (2, points) are the current and undeformed volumes of points per anchor volume; `points` include all
+        points of their cells.
         """
         cell = self.grid.cell_of_point[points]
         now, rest = (self.cell_sums(v, points)[cell] for v in volumes)
@@ -131,9 +133,9 @@ class Assembly:
         points: Selection = ALL,
         cells: Selection = ALL,
     ) -> Array:
-        """Twin of `forms.mean_dilatation_stiffness`, by cells and blocks, (cells, 64), of rank two each.
+        """Cell matrices, of rank two, of `forms.mean_dilatation_stiffness`, in blocks, (cells, 64).
 
-        `slope` and `mixed` (4, points), `bulk` and `rest` (points,) are those of all points of these cells.
+        `slope` and `mixed` (4, points), `bulk` and `rest` (points,) belong to all points of these cells.
         """
         grid = self.grid
         of_point = np.concatenate([slope, mixed])
@@ -143,13 +145,13 @@ class Assembly:
         rows = (np.arange(3)[:, None] * grid.cells + np.arange(grid.cells)[cells]).ravel()
         first = self.moments[slice(rows.size) if isinstance(cells, slice) else rows] @ of_point.T  # of 1, xi, eta
         by_monomial = list(zip(first.reshape(3, -1, 2, 4), grid.cell * _gradient_table(), strict=True))
-        growth, push = (sum(values[:, k] @ table for values, table in by_monomial) for k in (0, 1))
-        total, curved = (self.cell_sums(values, points)[cells][:, None] for values in (rest, bulk))
-        push = (push + 0.5 * curved / total * growth) / total
-        return _by_blocks(np.stack([push, growth], axis=2) @ np.stack([growth, push], axis=1))
+        growth, coupling = (sum(values[:, k] @ table for values, table in by_monomial) for k in (0, 1))
+        total, curvature = (self.cell_sums(values, points)[cells][:, None] for values in (rest, bulk))
+        coupling = (coupling + 0.5 * curvature / total * growth) / total
+        return _by_blocks(np.stack([coupling, growth], axis=2) @ np.stack([growth, coupling], axis=1))
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
-        """A = M + factor K, block sparse, (2 nodes, 2 nodes), or with a block diagonal (nodes, 2, 2) instead of M."""
+        """Block-sparse A = M + factor K, (2 nodes, 2 nodes), or with diagonal blocks (nodes, 2, 2) in place of M."""
         nodes = self.grid.nodes
         data = factor * stiffness
         rows = np.repeat(np.arange(nodes), np.diff(self.indptr))
@@ -159,19 +161,19 @@ class Assembly:
 
 
 def lumped_mass(grid: BodyGrids, mass: Array) -> Array:
-    """Lumped mass of every unknown (2 nodes,) from the points' masses (n,) [kg/m] (Nezamabadi et al. 2017, eq. 6)."""
+    """Lumped mass (2 nodes,) of the unknowns from masses (n,) of points [kg/m] (Nezamabadi et al. 2017, eq. 6)."""
     return np.repeat(grid.interpolation.T @ mass, 2)
 
 
 def _heaviest(grid: BodyGrids, mass: Array) -> Array:
-    """Mass of the heaviest point of every node's body, (nodes,)."""
+    """Mass of the heaviest point of the body of each node, (nodes,) [kg/m]."""
     heaviest = np.zeros(grid.bodies)
     np.maximum.at(heaviest, grid.cell_body[grid.cell_of_point], mass)
     return heaviest[grid.node_body]
 
 
 def ghost_facets(grid: BodyGrids, volume: Array, threshold: float = 0.6) -> tuple[Ints, Ints]:
-    """Facets inside a body beside a cell filled less than `threshold`: their six nodes (6, f) and bodies (f,)."""
+    """Interior facets beside cells with a filling below `threshold`: their six nodes (6, f) and bodies (f,)."""
     fill = np.bincount(grid.cell_of_point, volume, grid.cells) / grid.cell**2
     nodes, owners = [], []
     for normal in (0, 1):
@@ -183,8 +185,8 @@ def ghost_facets(grid: BodyGrids, volume: Array, threshold: float = 0.6) -> tupl
 
 
 def _neighbours(grid: BodyGrids, normal: int) -> tuple[Ints, Ints]:
-    """Pairs of cells of one body that share a facet with this normal: (lower, upper)."""
-    corner = 1 if normal == 0 else 3  # of the lower cell, where the upper cell begins
+    """Pairs of adjacent cells of one body whose common facet has this normal: (lower, upper)."""
+    corner = 1 if normal == 0 else 3  # of the lower cell, corner 0 of the upper cell
     begins = np.full(grid.nodes, -1)
     begins[grid.nodes_of_cell[0]] = np.arange(grid.cells)
     upper = begins[grid.nodes_of_cell[corner]]
@@ -192,23 +194,23 @@ def _neighbours(grid: BodyGrids, normal: int) -> tuple[Ints, Ints]:
 
 
 def _pairs(nodes: Ints) -> Ints:
-    """Rows and columns (2, k, k, m) of the blocks that groups of nodes (k, m) have in A."""
+    """Rows and columns (2, k, k, m) in A of all blocks of m groups of k nodes each (k, m)."""
     k, m = nodes.shape
     return np.stack([np.broadcast_to(nodes[:, None], (k, k, m)), np.broadcast_to(nodes[None, :], (k, k, m))])
 
 
 def _neighbour(grid: BodyGrids, row: Ints, column: Ints) -> Ints:
-    """A number for each pair of nodes at most two cells apart, ascending with row and, within it, with column."""
+    """Key of each pair of nodes at most two cells apart, ascending with row and, within a row, with column."""
     inner = grid.along[grid.node_body]
-    place = np.where(inner == 0, np.array([[1], [5]]), np.array([[5], [1]]))
-    place = np.sum(place * grid.node_index, axis=0)
-    return np.asarray((STENCIL * np.arange(grid.nodes) + STENCIL // 2 - place)[row] + place[column])
+    strides = np.where(inner == 0, np.array([[1], [5]]), np.array([[5], [1]]))
+    offset = np.sum(strides * grid.node_index, axis=0)
+    return np.asarray((STENCIL_NODES * np.arange(grid.nodes) + STENCIL_NODES // 2 - offset)[row] + offset[column])
 
 
 def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -> Assembly:
-    """Compute once what stays while the body grids stay anchored.
+    """Compute the data that do not change while the body grids stay anchored.
 
-    `volume`, `mass` (n,) of the points [m2], [kg/m]; `ghost_modulus` (bodies,) gamma E_g of each body [Pa].
+    `volume` [m2] and `mass` [kg/m] (n,) are those of the points, `ghost_modulus` (bodies,) [Pa] is gamma E_g.
     """
     nodes = grid.nodes
     facet_nodes, facet_body = ghost_facets(grid, volume)
@@ -218,14 +220,14 @@ def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -
 
     pairs = [_pairs(grid.nodes_of_cell).transpose(0, 3, 1, 2), _pairs(ghost_nodes)]
     row, column = np.concatenate([pair.reshape(2, -1) for pair in pairs], axis=1)
-    where, some = numbered(_neighbour(grid, row, column), STENCIL * nodes)
+    where, some = numbered(_neighbour(grid, row, column), STENCIL_NODES * nodes)
     row, column = row[some], column[some]
     in_cells, in_ghost = np.split(where, [pairs[0][0].size])
     scatter = sp.csr_array(
         (np.ones(in_cells.size), (in_cells, np.arange(in_cells.size))), shape=(some.size, in_cells.size)
     )
-    ghost = np.bincount(in_ghost, ghost_values.ravel(), some.size).astype(np.float64)  # of none: integers
-    felt = np.flatnonzero(ghost)
+    ghost = np.bincount(in_ghost, ghost_values.ravel(), some.size).astype(np.float64)  # integers if there are none
+    nonzero = np.flatnonzero(ghost)
 
     n = grid.local.shape[1]
     weight = volume / grid.cell**2
@@ -237,9 +239,9 @@ def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -
         grid=grid,
         volume=volume,
         lumped=lumped,
-        # A point exactly on a grid line leaves a node without mass, where a velocity would be 0/0.
-        mass=np.maximum(lumped, FLOOR * np.repeat(_heaviest(grid, mass), 2)),
-        ghost=sp.csr_array((ghost[felt], (row[felt], column[felt])), shape=(nodes, nodes)),
+        # A point exactly on a grid line may leave a node of its cell without mass, whose velocity would be 0/0.
+        mass=np.maximum(lumped, MIN_MASS_RATIO * np.repeat(_heaviest(grid, mass), 2)),
+        ghost=sp.csr_array((ghost[nonzero], (row[nonzero], column[nonzero])), shape=(nodes, nodes)),
         moments=moments,
         indices=column,
         indptr=np.searchsorted(row, np.arange(nodes + 1)),

@@ -1,4 +1,4 @@
-"""Supports without multipliers: nodal unknowns that rows G v = told fix are eliminated, A keeps its form."""
+"""Supports without Lagrange multipliers: elimination of unknowns by the constraints G v = B v_prescribed."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from skmpm.linear import Linear, Solver
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-PIVOT_TOLERANCE = 1e-2  # share of the largest pivot of G'G below which a row says next to nothing new
-ROUND_OFF = 1e-13
+# Pivots of G'G below this fraction of the largest belong to nearly redundant constraints. At 1e-2 a cantilever at 45
+# degrees to the grid is 1.3 % too stiff instead of 4 % with all constraints (docs/architecture.md).
+PIVOT_TOLERANCE = 1e-2
+ROUND_OFF = 1e-13  # entries of the elimination matrices below this, of order one otherwise, are dropped
 
 
 @dataclass(frozen=True)
 class Elimination:
-    """All v with G v = B told: v = T y + given told, y any vector of the same length."""
+    """The solutions of G v = B p for prescribed velocities p (k,): v = T y + prescription p for any y (n,)."""
 
-    T: sp.csr_array  # (n, n) identity on the unknowns that stay, no columns for the others
+    T: sp.csr_array  # (n, n) identity on the remaining unknowns, with empty columns for the eliminated ones
     prescription: sp.csr_array  # (n, k)
-    fixed: Ints  # the unknowns eliminated
-    holds: NDArray[np.bool_]  # (bodies,) whether it holds the body: no rigid motion is left free
+    fixed: Ints  # the eliminated unknowns
+    holds: NDArray[np.bool_]  # (bodies,) whether the constraints suppress all rigid motions of the body
 
     def admissible(self, v: Array, prescribed: Array) -> Array:
-        """The velocity (n,) that agrees with v in the unknowns that stay and obeys what is prescribed (k,)."""
+        """The velocity (n,) that equals v in the remaining unknowns and obeys the prescribed velocities (k,)."""
         return np.asarray(self.T @ v + self.prescription @ prescribed)
 
     def factorised(self, linear: Linear, A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-        """The solver `linear` of A on the unknowns that stay; LinAlgError as from `linear`."""
+        """The solver `linear` for A on the remaining unknowns; raises LinAlgError if `linear` does."""
         diagonal, motions = np.zeros(A.shape[0]), rigid_motions.copy()
         diagonal[self.fixed], motions[self.fixed] = A.diagonal().mean(), 0.0
         reduced = (sp.csr_array(self.T.T @ A.tocsr() @ self.T) + sp.diags_array(diagonal)).tobsr((2, 2))
@@ -47,34 +49,34 @@ class Elimination:
 
 
 def narrowing(A: sp.bsr_array, blocks: Ints) -> Ints | None:
-    """An order of the unknowns (n,) that makes the band of A narrower, bodies where they are; None if there is none.
+    """An order of the unknowns (n,) within bodies that reduces the bandwidth of A, or None if none is found.
 
-    Unknowns along a supported edge depend on each other: if rows of nodes cross it, so does the band. Reverse
-    Cuthill-McKee (George, 1971) finds an order for what the supports leave.
+    Elimination couples the unknowns along a supported edge, which widens the band if the rows of nodes cross this
+    edge. The reverse Cuthill-McKee algorithm (George, 1971) orders the remaining unknowns.
     """
     nodes = A.shape[0] // 2
     pattern = sp.csr_array((np.ones(A.indices.size), A.indices, A.indptr), shape=(nodes, nodes))
     order = reverse_cuthill_mckee(pattern, symmetric_mode=True).astype(np.int64)
     body = np.searchsorted(blocks, 2 * np.arange(nodes), side="right")
     order = order[np.argsort(body[order], kind="stable")]
-    place = np.empty(nodes, dtype=np.int64)
-    place[order] = np.arange(nodes)
+    position = np.empty(nodes, dtype=np.int64)
+    position[order] = np.arange(nodes)
     row = np.repeat(np.arange(nodes), np.diff(A.indptr))
-    if np.abs(place[row] - place[A.indices]).max() >= np.abs(row - A.indices).max():
+    if np.abs(position[row] - position[A.indices]).max() >= np.abs(row - A.indices).max():
         return None
     return np.stack([2 * order, 2 * order + 1], axis=1).ravel()
 
 
 @dataclass(frozen=True)
 class Supported:
-    """A solver whose solutions stay where supports let them."""
+    """A solver whose solutions obey the homogeneous constraints of the supports."""
 
     T: sp.csr_array
     inner: Solver
 
     @property
     def name(self) -> str:
-        """Which solver works on the unknowns that stay."""
+        """Name of the solver for the remaining unknowns."""
         return self.inner.name
 
     def __call__(self, b: Array, /) -> Array:
@@ -87,13 +89,14 @@ class Supported:
 
 
 def eliminate(G: sp.csr_array, B: sp.csr_array, blocks: Ints, rigid_motions: Array) -> Elimination:
-    """Eliminate the rows G v = B told, G (m, n), B (m, k).
+    """Eliminate unknowns by the constraints G v = B p, with G (m, n), B (m, k) and prescribed velocities p (k,).
 
-    Rows may repeat or depend on each other, as those of many points in one cell do: a Cholesky factorisation of G'G
-    with diagonal pivoting (LAPACK pstrf) finds the unknowns to eliminate, largest weights first, and stops where
-    the rest says next to nothing new. A boundary at an angle to the grid would otherwise fix all nodes of the cells
-    it cuts (Bechet, Moes & Wohlmuth, IJNME 78, 2009): a cantilever at 45 degrees to it would be 4 % too stiff at 8
-    cells over its depth (docs/architecture.md). Connected sets of rows are eliminated one after the other.
+    Constraints may be redundant, as those of many points in one cell are. A Cholesky factorisation of G'G with
+    diagonal pivoting (LAPACK pstrf) selects the unknowns to eliminate, largest weights first, and stops where the
+    remaining constraints are nearly redundant. Otherwise a boundary at an angle to the grid would fix all nodes of
+    the cells it cuts (Bechet, Moes & Wohlmuth, IJNME 78, 2009), and a cantilever at 45 degrees to the grid would be
+    4 % too stiff at 8 cells over its depth (docs/architecture.md). Connected sets of constraints are eliminated one
+    after the other.
     """
     n = G.shape[1]
     gram, right = sp.csr_array(G.T @ G), sp.csr_array(G.T @ B)
@@ -108,13 +111,13 @@ def eliminate(G: sp.csr_array, B: sp.csr_array, blocks: Ints, rigid_motions: Arr
 
 
 def _kept(stays: Array) -> sp.csr_array:
-    """A diagonal matrix without its zeros."""
+    """Sparse diagonal matrix of `stays`, without stored zeros."""
     kept = np.flatnonzero(stays)
     return sp.csr_array((stays[kept], (kept, kept)), shape=(stays.size, stays.size))
 
 
 def _scattered(parts: list[tuple[Ints, Ints, Array]], shape: tuple[int, int]) -> sp.csr_array:
-    """A sparse matrix from dense blocks (rows, columns, values), without their round-off."""
+    """Sparse matrix from dense blocks (rows, columns, values), without entries below `ROUND_OFF`."""
     where = [np.nonzero(np.abs(values) > ROUND_OFF) for _, _, values in parts]
     row = [rows[at[0]] for (rows, _, _), at in zip(parts, where, strict=True)]
     column = [columns[at[1]] for (_, columns, _), at in zip(parts, where, strict=True)]
@@ -123,7 +126,7 @@ def _scattered(parts: list[tuple[Ints, Ints, Array]], shape: tuple[int, int]) ->
 
 
 def _connected(gram: sp.csr_array) -> Iterator[Ints]:
-    """The unknowns of every connected set of rows."""
+    """The unknowns of each connected set of constraints."""
     touched = np.flatnonzero(np.diff(gram.indptr))
     sets, label = connected_components(gram[touched][:, touched], directed=False)
     order = np.argsort(label, kind="stable")
@@ -131,7 +134,7 @@ def _connected(gram: sp.csr_array) -> Iterator[Ints]:
 
 
 def _pivoted(gram: sp.csr_array, right: sp.csr_array, unknowns: Ints) -> tuple[Ints, Ints, Array, Array]:
-    """(pivots, others, D, told): the pivots follow as v[pivots] = told - D v[others]."""
+    """(pivots, others, D, P): the eliminated unknowns are v[pivots] = P p - D v[others] for prescribed p (k,)."""
     dense = gram[unknowns][:, unknowns].toarray()
     factor, pivot, rank, _ = dpstrf(dense, tol=PIVOT_TOLERANCE * float(dense.diagonal().max()))
     order = unknowns[pivot - 1]
@@ -142,7 +145,7 @@ def _pivoted(gram: sp.csr_array, right: sp.csr_array, unknowns: Ints) -> tuple[I
 
 
 def _holds(G: sp.csr_array, blocks: Ints, rigid_motions: Array) -> NDArray[np.bool_]:
-    """Whether the rows stop all three rigid motions of each body: the smallest eigenvalue of (G R)'(G R)."""
+    """Whether the constraints suppress all rigid motions R of each body: smallest eigenvalue of (G R)'(G R)."""
     bodies = blocks.size - 1
     body = np.repeat(np.arange(bodies), np.diff(blocks))
     size = np.stack([np.sqrt(np.bincount(body, m**2, bodies)) for m in rigid_motions.T])

@@ -1,4 +1,4 @@
-"""Material points as a good rule: weights that integrate constants and linear functions over each cell's material."""
+"""Moment fitting: weights of material points that integrate linear functions exactly over the material of cells."""
 
 from __future__ import annotations
 
@@ -9,22 +9,25 @@ from skmpm.grid import BodyGrids
 
 Array = NDArray[np.float64]
 
-MIN_WEIGHT, MOST = 0.02, 5.0  # weights over volumes; more lets points on an edge stand for all of a sliver
-RESOLVED_SPREAD = 1e-3  # smallest eigenvalue, over the largest, of moments that the points of a cell can tell apart
+# Bounds of the ratio of weight to volume. Larger weights would let points on an edge represent all of a sliver;
+# tighter bounds lose area in slivers with boundary points only and first moments elsewhere (docs/architecture.md).
+MIN_WEIGHT, MAX_WEIGHT = 0.02, 5.0
+RESOLVED_SPREAD = 1e-3  # variance [cells^2] above which the points of a cell resolve the moment along a direction
 
 
 def fitted_weights(grid: BodyGrids, volume: Array, moments: Array) -> Array:
-    """Weights (n,) of the points, closest to their volumes (n,), with the given moments of 1, xi, eta in each cell.
+    """Weights (n,) of the points that are closest to their volumes (n,) and have the given moments in each cell.
 
-    `moments` (3, cells) [cell areas]. The weights minimise sum (w - V)^2 / V in each cell; where its points are too
-    few for three moments they match those they can, the area first, and no weight falls below `LEAST` of a volume
-    (moment fitting: Mueller, Kummer & Oberlack, IJNME 96, 2013). The stress of a uniform field is then balanced on
-    any cloud with a few points in every cell, wherever the grid lies.
+    `moments` (3, cells) [cell areas] are those of 1, xi, eta. The weights minimise sum (w - V)^2 / V in each cell
+    (moment fitting: Mueller, Kummer & Oberlack, IJNME 96, 2013). If the points of a cell are too few for three
+    moments, the weights match the area first and then the moments that the points resolve; no weight is below
+    `MIN_WEIGHT` volumes. A uniform stress is then in equilibrium on any cloud with a few points per cell, for any
+    position of the grid.
     """
     of, cells = grid.cell_of_point, grid.cells
     weight = volume / grid.cell**2
     area = np.bincount(of, weight, cells)
-    plain = np.clip(moments[0] / area, MIN_WEIGHT, MOST)
+    plain = np.clip(moments[0] / area, MIN_WEIGHT, MAX_WEIGHT)
     mean = np.stack([np.bincount(of, weight * xi, cells) for xi in grid.local]) / area
     arm = grid.local - mean[:, of]
     spread = np.stack([[np.bincount(of, weight * a * b, cells) for b in arm] for a in arm])

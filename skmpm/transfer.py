@@ -1,7 +1,8 @@
-"""Points to body grid and back. What differs between PIC, FLIP and APIC is what the points take back.
+"""Velocity transfer between points and body grids: PIC, FLIP and APIC, which differ in the transfer to the points.
 
-A transfer is a function (body grids, before, after, v) -> (v, C): nodal velocities (2 nodes,) before and after the
-step [m/s] and the points' velocities (2, n) give the points' new velocities and affine field C (2, 2, n) [1/s].
+A transfer is a function (body grids, before, after, v) -> (v, C). From the nodal velocities (2 nodes,) before and
+after the step and the velocities v (2, n) of points [m/s] it computes new velocities of points and their affine
+velocity field C (2, 2, n) [1/s].
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ Transfer = Callable[[BodyGrids, Array, Array, Array], tuple[Array, Array]]
 
 
 def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
-    """Nodal velocities (2 nodes,) from the points' momenta (Nezamabadi et al. 2017, eq. 7) and their affine part.
+    """Nodal velocities (2 nodes,) from the affine momenta of points (Nezamabadi et al. 2017, eq. 7, for C = 0).
 
     Jiang et al., ACM ToG 34 (2015), eq. 8: P_i = sum_p m_p N_ip (v_p + C_p (X_i - X_p)). `mass` (n,) [kg/m].
     """
@@ -32,12 +33,12 @@ def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
 
 
 def pic(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
-    """The points take the new nodal velocity: smooth, damps at a rate that depends on the time step."""
+    """Points take the new nodal velocity: smooth, with numerical damping that depends on the time step."""
     return grid.at_points(after), np.zeros((2, 2, v.shape[1]))
 
 
 def flip(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
-    """The points take the change of the nodal velocity: no damping, keeps what the nodes cannot see.
+    """Points take the change of the nodal velocity: no damping, but velocities the grid does not resolve persist.
 
     Brackbill & Ruppel, J. Comput. Phys. 65 (1986).
     """
@@ -45,8 +46,8 @@ def flip(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array,
 
 
 def apic(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
-    """PIC with the gradient of the velocity kept at the points: keeps angular momentum.
+    """PIC with an affine velocity field at the points, which conserves angular momentum.
 
-    Jiang et al., ACM ToG 34 (2015); with Q1 functions their B D^-1 is the gradient of the nodal field.
+    Jiang et al., ACM ToG 34 (2015); for Q1 shape functions their B D^-1 is the gradient of the nodal velocity field.
     """
     return grid.at_points(after), grid.gradient_at_points(after)

@@ -1,8 +1,8 @@
-"""Who touches where: the rows, gaps and friction of all contacts, for `coulomb` to solve.
+"""Contact laws: the constraints, gaps and friction of all contacts, for the solver `coulomb`.
 
 A contact law is a function (scene, state, body grids, dt, theta, motions) -> linearise, called once at the start of a
-step with the prescribed velocities `motions`; `linearise(w)` gives the `Rows` about the nodal velocity w (2 nodes,)
-[m/s]. `outlines` is the default, `shared_grid` Nezamabadi et al.'s (2017).
+step with the prescribed velocities `motions`. `linearise(w)` returns the `Constraints` linearised about the nodal
+velocity w (2 nodes,) [m/s]. `point_to_curve` is the default; `shared_grid` is that of Nezamabadi et al. (2017).
 """
 
 from skmpm.contact.boundary import point_to_curve

@@ -1,14 +1,15 @@
-"""Contact of boundary points with outlines and walls, at the configuration of the end of the step.
+"""Point-to-curve contact: boundary points against outlines and walls, in the configuration at the end of the step.
 
-A boundary point c of one body is projected on the smooth outline of another (`outline.Curve`): a combination of four
-boundary points with shares z(s). The row of the pair is N(c) w_a - sum_m z_m N(m) w_b along the curve's normal, which
-is the exact derivative of the gap: momentum is exact, forces meet on one line, and a frictionless contact is
-conservative. One body of a pair gives the points (the deformable one, then the finer boundary, then position), the
-other the curve, and its corners as points.
+A boundary point c of one body is projected on the smooth outline of another body (`outline.Curve`). The foot of the
+projection is a combination of four boundary points with weights z(s). The row of the contact Jacobian is
+N(c) w_a - sum_m z_m N(m) w_b along the normal of the curve, the exact derivative of the gap: momentum is conserved
+exactly, the two contact forces act on one line, and frictionless contact is conservative. One body of a pair
+contributes its boundary points (a deformable body before a rigid one, then the body with the finer boundary, then by
+position), the other its curve and, as points, its corners.
 
-Gaps are those of the end of the step. Forces act along the normals of the configuration whose stress drives the
-step, x + theta dt w: a disc that turns under pressure is driven by its stress, and braked by its contacts, by
-p V (omega dt)^2 a step; only normals and stress of one configuration cancel each other.
+Gaps are those at the end of the step. Contact forces act along the normals of x + theta dt w, the configuration in
+which the stress is evaluated: a disc that rotates under a pressure p gains p V (omega dt)^2 per step from its stress
+and loses the same amount at its contacts. The two cancel only if normals and stress belong to one configuration.
 """
 
 from __future__ import annotations
@@ -29,8 +30,10 @@ from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescrib
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-DETECTION_DISTANCE = 0.25  # contacts with gaps up to this many cells are found
-PUSH_OUT = 0.2  # share of an overlap left by an earlier step that a step removes
+# Largest gap of a detected contact [cells]: a point that approaches further within a Newton iteration is detected in
+# the next one.
+DETECTION_DISTANCE = 0.25
+PUSH_OUT = 0.2  # fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies
 
 
 def point_to_curve(
@@ -41,17 +44,17 @@ def point_to_curve(
     theta: float = 1.0,
     motions: PrescribedVelocities | None = None,
 ) -> Linearise:
-    """Boundary points against outlines and walls (the default contact law).
+    """Contact of boundary points with outlines and walls (the default contact law).
 
-    The gap is re-measured where `w` brings the bodies at the end of the step; contacts obey
-    u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. Whatever overlap a pair had at the
-    start of the step, it may keep 0.8 of it (`PUSH_OUT`). `motions` are the prescribed velocities of the step,
-    evaluated here where they are not given.
+    The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
+    u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of
+    the step may keep 0.8 of this overlap (`PUSH_OUT`). `motions` are the prescribed velocities of the step, evaluated
+    here if not given.
 
     Raises
     ------
     SceneError
-        if a body has no outline
+        If a body has no outline.
     """
     for b, body in enumerate(scene.bodies):
         if not body.points.outline:
@@ -87,21 +90,21 @@ def point_to_curve(
 
 
 def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundary: Outlines) -> sp.csr_array:
-    """Nodal values to boundary points, (m, nodes); zero rows on rigid bodies."""
-    unknown = scene.deformable[state.body]
-    place = np.cumsum(unknown) - 1
-    own = unknown[boundary.point]
+    """Interpolation from nodes to boundary points, (m, nodes); the rows of rigid bodies are zero."""
+    deformable = scene.deformable[state.body]
+    number = np.cumsum(deformable) - 1  # of a material point among those of deformable bodies
+    own = deformable[boundary.point]
     chosen = sp.csr_array(
-        (own.astype(float), (np.arange(boundary.point.size), np.where(own, place[boundary.point], 0))),
+        (own.astype(float), (np.arange(boundary.point.size), np.where(own, number[boundary.point], 0))),
         shape=(boundary.point.size, grid.local.shape[1]),
     )
     return sp.csr_array(chosen @ grid.interpolation)
 
 
 def _roles(scene: Scene, boundary: Outlines, x: Array) -> Roles:
-    """Which bodies give the points: deformable ones, of two the one with the finer boundary, then by position.
+    """Rank the bodies by which contributes points: deformable before rigid, finer boundary first, then by position.
 
-    The curve of a rigid body does not depend on the solution: nor do the normals of forces on it.
+    The curve of a rigid body does not depend on the solution, and neither do the normals of the forces on it.
     """
     count = np.maximum(np.bincount(boundary.body, minlength=len(scene.bodies)), 1)
     length = np.hypot(*(x[:, boundary.next] - x))
@@ -124,11 +127,11 @@ def _constraints(
     walls: Array,
     dt: float,
 ) -> Constraints:
-    """The pairs as rows, linearised about w, which brings the boundary points to x (2, m)."""
+    """Constraints of the contact pairs, linearised about w, which moves the boundary points to x (2, m)."""
     k = np.arange(found.gap.size)
     data = np.concatenate([np.ones(k.size), -found.weights.ravel()])
-    place = (np.tile(k, 5), np.concatenate([found.point, found.stencil.ravel()]))
-    relative = sp.csr_array((data, place), shape=(k.size, x.shape[1]))
+    row_and_column = (np.tile(k, 5), np.concatenate([found.point, found.stencil.ravel()]))
+    relative = sp.csr_array((data, row_and_column), shape=(k.size, x.shape[1]))
     prescribed = (relative @ prescribed.T).T
     on_wall = found.bodies[1] < 0
     prescribed[:, on_wall] -= walls[-1 - found.bodies[1, on_wall]].T

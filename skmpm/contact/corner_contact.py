@@ -1,9 +1,9 @@
-"""Two corners that meet tip to tip.
+"""Contact of two convex corners.
 
-The places of one corner where two bodies overlap are a wedge, that of the Minkowski difference of the bodies: its
-sides are the outermost normals that both corners have in common. Its tip is rounded by a disc, so that the gap has a
-direction wherever the corners are, the one in the middle where they meet head-on; gap and normal are continuous where
-the disc meets the sides.
+The positions of one corner for which the two bodies overlap form a wedge, a corner of the Minkowski difference of the
+bodies. The normals of the sides of the wedge are the outermost normals that the normal cones of both corners share.
+Its tip is rounded by a disc, so that the gap has a normal for all positions of the corners: the mean normal where
+they meet head-on. Gap and normal are continuous where the disc meets the sides.
 """
 
 from __future__ import annotations
@@ -19,35 +19,36 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-PARALLEL_NORMALS = 1e-6  # difference of the normals of corners below which they point the same way
+PARALLEL_NORMALS = 1e-6  # corners whose mean normals differ by less point the same way and cannot touch
 
 
 def edges(curve: Curve, x: Array, c: Ints) -> tuple[Array, Array]:
-    """Unit vectors (2, k) from the boundary points c to the ones after and before them."""
+    """Unit vectors (2, k) from the boundary points c (k,) to the next and to the previous ones."""
     boundary = curve.outlines
     ahead, back = x[:, boundary.next[c]] - x[:, c], x[:, boundary.previous[c]] - x[:, c]
     return ahead / np.maximum(np.hypot(*ahead), 1e-300), back / np.maximum(np.hypot(*back), 1e-300)
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Products of vectors (2, k), (k,)."""
+    """Scalar products (k,) of vectors (2, k)."""
     return np.asarray(np.einsum("ik,ik->k", a, b))
 
 
 @dataclass(frozen=True)
 class CornerContact:
-    """The wedge that corners c may not enter because of corners j, its tip rounded by a disc that its sides touch."""
+    """Contact of corners c with the wedge of corners j, whose tip is rounded by a disc tangent to its sides."""
 
-    seen: Bools  # (k,) whether c sees the tip, and not the sides
+    seen: Bools  # (k,) whether c is closest to the disc at the tip and not to a side
     normal: Array  # (2, k)
     gap: Array  # (k,) [m]
-    key: Ints  # (k,)
+    key: Ints  # (k,) identity of the contact
 
 
 def wedge(curve: Curve, x: Array, c: Ints, j: Ints, depth: float) -> CornerContact:
-    """From the normals that both corners have in common: m in the middle of them, `half` to either side.
+    """Contact of corners c with corners j, from the normals common to both: mean normal m, half angle `half`.
 
-    In the disc the gap is measured along m, so that a corner that has gone past the tip still finds back.
+    `depth` [m] is the distance of the centre of the disc below the tip. Inside the disc the gap is measured along m,
+    so that a corner that has passed the tip is still pushed back.
     """
     m = _mean_normal(curve, x, j) - _mean_normal(curve, x, c)
     first, last = _fan(curve, x, j, m)
@@ -66,13 +67,13 @@ def wedge(curve: Curve, x: Array, c: Ints, j: Ints, depth: float) -> CornerConta
     normal = (above * m + across * np.stack([-m[1], m[0]])) / distance
     gap = distance - radius + (along - above) * above / distance
     seen = (size > PARALLEL_NORMALS) & (half >= 0.0) & (np.abs(across) <= above * np.tan(half))
-    # Not in the middle, where tips meet head-on: there they should not forget their impulses.
+    # The key changes beside the axis: corners that meet head-on keep it, and with it their impulses.
     key = np.where(across > -0.5 * radius * np.sin(half), keys[1], keys[0])
     return CornerContact(seen, normal, gap, key)
 
 
 def _keys(curve: Curve, c: Ints, j: Ints, before: Bools, after: Bools) -> tuple[Ints, Ints]:
-    """Of the contacts that tips become at either end of the wedge: c with a side of j, or j with a side of c."""
+    """Keys of the contacts that adjoin at the two ends of the wedge: c with a side of j, or j with a side of c."""
     boundary, sides = curve.outlines, curve.side
     ends = ((before, boundary.previous), (after, np.arange(boundary.size)))
     first, last = (np.where(own, j, c) * curve.sides + sides[of[np.where(own, c, j)]] for own, of in ends)
@@ -80,7 +81,7 @@ def _keys(curve: Curve, c: Ints, j: Ints, before: Bools, after: Bools) -> tuple[
 
 
 def _fan(curve: Curve, x: Array, c: Ints, m: Array) -> tuple[Array, Array]:
-    """Angles against m of the normals of the edges before and after corners c, (k,) each [rad]."""
+    """Angles (k,) [rad] from m to the normals of the edges before and after corners c."""
     ahead, back = edges(curve, x, c)
     normals = (np.stack([-back[1], back[0]]), np.stack([ahead[1], -ahead[0]]))
     first, last = (np.arctan2(m[0] * n[1] - m[1] * n[0], dot(m, n)) for n in normals)
@@ -88,5 +89,6 @@ def _fan(curve: Curve, x: Array, c: Ints, m: Array) -> tuple[Array, Array]:
 
 
 def _mean_normal(curve: Curve, x: Array, c: Ints) -> Array:
+    """Unit outward normals (2, k) that bisect the normal cones of corners c."""
     inward = np.sum(edges(curve, x, c), axis=0)
     return np.asarray(-inward / np.maximum(np.hypot(*inward), 1e-300))

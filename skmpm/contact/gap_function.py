@@ -1,4 +1,4 @@
-"""The contacts of a configuration: which points touch which curve or wall, where, and how far from it they are."""
+"""The gap function: contact pairs of a configuration, with their foot points, normals and gaps."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class ContactPairs:
-    """The contacts of a configuration."""
+    """The contact pairs of a configuration."""
 
-    bodies: Ints  # (2, k)
-    point: Ints  # (k,) boundary vertex
-    key: Ints  # (k,) identity from step to step
-    stencil: Ints  # (4, k) boundary vertices that carry the other side; unused for walls
-    weights: Array  # (4, k) their shares; zero for walls
-    tangent_shares: Array  # (4, k) shares in the curve's unit tangent [1/m]; zero for walls and at corners
-    curvature: Array  # (k,) of the curve, negative where it bulges [1/m]; zero for walls and at corners
+    bodies: Ints  # (2, k) walls are -1, -2, ...
+    point: Ints  # (k,) boundary point
+    key: Ints  # (k,) identity of the contact, the same in all steps
+    stencil: Ints  # (4, k) boundary points that define the curve at the foot; unused for walls
+    weights: Array  # (4, k) their weights in the foot; zero for walls
+    tangent_shares: Array  # (4, k) their weights in the curve's unit tangent [1/m]; zero for walls and at corners
+    curvature: Array  # (k,) of the curve, negative where it is convex [1/m]; zero for walls and at corners
     normal: Array  # (2, k) at x + theta dt w
-    gap: Array  # (k,) [m] at its end
-    before: Array  # (k,) [m] at its start
-    friction: Array  # (k,)
+    gap: Array  # (k,) at the end of the step [m]
+    before: Array  # (k,) gap at the start of the step [m]
+    friction: Array  # (k,) Coulomb coefficients
 
 
 def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved: Array, theta: float) -> ContactPairs:
-    """Contacts between bodies whose boundary points move from `start` by `moved` (2, m)."""
+    """Contact pairs of bodies whose boundary points move from `start` by `moved`, both (2, m) [m]."""
     curve, boundary = near.curve, near.curve.outlines
     now = curve.through(start + moved)
     end, begin = foot_points(near, now)
@@ -49,7 +49,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         curvature=curvature,
         normal=driving.normal,
         gap=end.gap,
-        # Beside the end of a side there was no overlap with it.
+        # A point that was beyond the end of a side did not overlap with it.
         before=np.where(begin.beside, np.maximum(begin.gap, 0.0), begin.gap),
         friction=np.full(end.point.size, float(scene.friction)),
     )
@@ -58,7 +58,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
 def contacts_with_wall(
     scene: Scene, near: Neighbours, i: int, start: Array, moved: Array, point: Array, step: Array
 ) -> ContactPairs:
-    """Contacts with wall i, which moves from `point` by `step`."""
+    """Contact pairs of boundary points with wall i, which moves from `point` by `step`, both (2,) [m]."""
     wall, curve, boundary = scene.walls[i], near.curve, near.curve.outlines
     normal = np.asarray(wall.normal, dtype=float)
     before = normal @ (start - point[:, None])

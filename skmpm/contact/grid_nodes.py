@@ -1,8 +1,8 @@
-"""Contact at grid nodes that bodies share (Nezamabadi et al., Procedia Eng. 175, 2017).
+"""Shared-grid contact, at grid nodes that belong to several bodies (Nezamabadi et al., Procedia Eng. 175, 2017).
 
-At a node shared by two bodies the normal follows from the gradients of their masses (Huang et al., IJNME 2011) and
-Signorini's law acts on the relative velocity, whatever the gap: bodies stop about one cell apart. Kept to
-reproduce the published results, and as the reference for what point-to-curve contact gains.
+At a node shared by two bodies the normal follows from the gradients of their masses (Huang et al., IJNME 2011), and
+Signorini's law acts on the relative velocity, independently of the gap: bodies stop about one cell apart. Provided to
+reproduce the published results and as the reference for point-to-curve contact.
 """
 
 from __future__ import annotations
@@ -21,16 +21,18 @@ from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescrib
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-WALL_THICKNESS = 2.0  # thickness of a wall made of material points [cells]
+# Thickness of a wall made of material points [cells]: points in front of it share nodes less than one cell behind its
+# surface with it, and these nodes receive mass from points less than two cells deep.
+WALL_THICKNESS = 2.0
 
 
 @dataclass(frozen=True)
 class _Nodes:
-    """The nodes of some body grids, as the shared-node law sees them."""
+    """Nodes of body grids, with the data needed for contact at shared nodes."""
 
     index: Ints  # (2, nodes) integer coordinates
     body: Ints  # (nodes,) walls are -1, -2, ...
-    outward: Array  # (2, nodes) gradient of the body's mass
+    outward: Array  # (2, nodes) sum of m_p grad N(x_p) [kg/m2]
     unknown: Ints  # (nodes,) number among the unknown nodes, -1 where the motion is prescribed
     prescribed: Array  # (2, nodes) [m/s]
 
@@ -43,9 +45,9 @@ def shared_grid(
     theta: float = 1.0,
     motions: PrescribedVelocities | None = None,
 ) -> Linearise:
-    """Bodies that share grid nodes may not approach there; walls are slabs of rigid material points.
+    """Contact at grid nodes that bodies share; walls are slabs of rigid material points.
 
-    `motions` are the prescribed velocities of the step, evaluated here where they are not given.
+    `motions` are the prescribed velocities of the step, evaluated here if not given.
     """
     unknown = scene.deformable[state.body]
     if not np.array_equal(state.x_anchor, state.x):
@@ -70,7 +72,7 @@ def _deformable(grid: BodyGrids, mass: Array) -> _Nodes:
 
 
 def _prescribed(x: Array, body: Ints, mass: Array, velocity: Array, cell: float) -> _Nodes:
-    """Nodes of bodies numbered from 0 that move with `velocity` (2, bodies)."""
+    """Nodes of rigid bodies, numbered from 0, that move with `velocity` (2, bodies) [m/s]."""
     grid = build_grids(x, body, cell, velocity.shape[1])
     nodes = _deformable(grid, mass)
     return _Nodes(nodes.index, nodes.body, nodes.outward, np.full(grid.nodes, -1), velocity[:, grid.node_body])
@@ -82,7 +84,7 @@ def _rigid(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
 
 
 def _walls(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
-    """Each wall as a slab of rigid material points, four per cell, as long as the bodies need."""
+    """Nodes of walls: slabs of rigid material points, four per cell, that exceed the bodies by three cells."""
     spacing, layers = 0.5 * cell, round(2 * WALL_THICKNESS)
     parts, owner = [], []
     for i, wall in enumerate(scene.walls):
@@ -105,16 +107,16 @@ def _walls(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
 
 
 def _pairs(nodes: _Nodes) -> tuple[Ints, Ints]:
-    """All pairs of bodies at every shared node, however many meet there; one of the two has unknowns."""
+    """All pairs of bodies at every node that two or more share; at least one of each pair has unknowns."""
     low = nodes.index.min(axis=1)
     relative = nodes.index - low[:, None]
-    place = relative[0] * (relative[1].max() + 1) + relative[1]
-    # Within a node: bodies with unknowns first, in their order, then walls.
-    order = np.lexsort((np.abs(nodes.body), nodes.body < 0, place))
+    position = relative[0] * (relative[1].max() + 1) + relative[1]
+    # At each node bodies come first, in the order of their numbers, then walls.
+    order = np.lexsort((np.abs(nodes.body), nodes.body < 0, position))
     first, second = [], []
     step = 1
     while True:
-        same = place[order[step:]] == place[order[:-step]]
+        same = position[order[step:]] == position[order[:-step]]
         if not same.any():
             break
         first.append(order[:-step][same])
@@ -129,7 +131,7 @@ def _pairs(nodes: _Nodes) -> tuple[Ints, Ints]:
 def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids) -> Constraints:
     normal = nodes.outward[:, b] - nodes.outward[:, a]
     length = np.hypot(*normal)
-    # Two bodies that surround a node evenly have no normal there.
+    # The normal is undefined at a node that both bodies surround symmetrically.
     kept = length > 1e-9 * np.maximum(np.hypot(*nodes.outward[:, a]), np.hypot(*nodes.outward[:, b]))
     a, b, normal = a[kept], b[kept], normal[:, kept] / length[kept]
     k = np.arange(a.size)
@@ -160,8 +162,8 @@ def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids)
 
 
 def _key(scene: Scene, nodes: _Nodes, a: Ints, b: Ints) -> Ints:
-    """(node, body, body) as one integer; nodes within 2^20 cells of the origin get different ones."""
+    """(node, body, body) as one integer, unique for nodes of a window of 2^20 by 2^20 cells."""
     members = len(scene.bodies) + len(scene.walls)
     number = np.where(nodes.body < 0, len(scene.bodies) - 1 - nodes.body, nodes.body)
-    place = (nodes.index[0, a] % 2**20) * 2**20 + nodes.index[1, a] % 2**20
-    return np.asarray((place * members + number[a]) * members + number[b])
+    position = (nodes.index[0, a] % 2**20) * 2**20 + nodes.index[1, a] % 2**20
+    return np.asarray((position * members + number[a]) * members + number[b])

@@ -1,13 +1,13 @@
-"""Where contact points meet the sides of other outlines: corners, notches and all.
+"""Closest-point projection of boundary points on the outlines of other bodies, corners included.
 
-Corners cut an outline into sides, smooth curves. A point may touch several sides of one body: in a notch those to
-both hands bound it. Where sides meet in a corner that sticks out it is enough to be in front of one of them.
-Corners are points whichever body gives them: a side may touch a corner between two of its own points. So are places
-that deformation has made as sharp.
+Corners divide an outline into sides, which are smooth curves. A point may be in contact with several sides of one
+body: both sides of a notch bound it. At a convex corner it is enough that the point lies in front of one of the two
+sides. Corners of both bodies of a pair are projected, whichever body contributes the points, because a side may touch
+a corner between two of its own boundary points; so are boundary points that deformation has made as sharp.
 
-A contact of a vertex has a normal along which both edges of the vertex lead away from the other side (a vertex of the
-Minkowski difference of the two bodies); what edges that point into it touch is touched by other points. See `tips`
-for two corners that meet.
+A boundary vertex is in contact only if both of its edges lead away from the other surface along the normal, as at a
+vertex of the Minkowski difference of the two bodies; if an edge points into the surface, its other boundary points
+are in contact instead. Contact of two convex corners is treated in `corner_contact`.
 """
 
 from __future__ import annotations
@@ -27,66 +27,67 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-MAX_DEPTH = 1.0  # a point deeper than this many cells belongs to the other side of the body
-FACING = -0.3  # largest cosine between the normals of two surfaces in contact; of a corner 0
-MAX_EDGE_SINE = 0.5  # sine of the angle by which the boundary beside a contact point may dip into the other surface
-CORNER_RADIUS = 0.05  # depth below a tip of the centre of the disc that rounds it [cells]
-MAX_EDGE_DEPTH = 0.1  # by how much it may always do so [cells]
-# A rigid boundary that turns by more within a spacing s of the other boundary is an edge: a chord of 2 s, as
-# boundaries are stretched beside edges, would lie deeper in it than s EDGE / 2, 0.13 cells for points 0.74 cells
-# apart.
+MAX_DEPTH = 1.0  # [cells] a point at a greater depth is attributed to the opposite side of the body
+MAX_NORMALS_COSINE = -0.3  # largest cosine between outward normals of surfaces in contact, ideally -1; 0 at corners
+# The edges beside a contact point may point into the other surface at an angle of up to this sine, or by this depth
+# [cells], whichever is more: compressed boundary points are so close that their heights do not define a slope.
+MAX_EDGE_SINE, MAX_EDGE_DEPTH = 0.5, 0.1
+CORNER_DISC_DEPTH = 0.05  # [cells] from a convex corner to the centre of the disc that rounds it in corner contact
+# A rigid boundary that turns by more than this within a spacing s of the other boundary is treated as an edge: beside
+# edges boundaries stretch to twice their length, and a chord of 2 s would lie deeper in it than s SHARP_TURN / 2,
+# which is 0.13 cells for points 0.74 cells apart.
 SHARP_TURN = np.deg2rad(20.0)
-END_TOLERANCE = 1e-6  # of a segment: how far beside the end of a side a point is still in front of it
+END_TOLERANCE = 1e-6  # [segments] a point beyond the end of a side by less is still in front of the side
 
 
 @dataclass(frozen=True)
 class Roles:
-    """What the bodies of a pair give, the points or the curve."""
+    """Which body of a pair contributes boundary points and which the curve."""
 
-    rank: Ints  # (bodies,) the lower one of a pair gives the points
+    rank: Ints  # (bodies,) the body of lower rank contributes the points
     spacing: Array  # (bodies,) mean distance of boundary points [m]
     bend: Array  # (m,) curvature of the boundaries of rigid bodies [1/m], zero elsewhere
 
     def give(self, point: Ints, first: Ints, second: Ints) -> Bools:
-        """Whether points (k,) of bodies (k,) touch the curves of other bodies (k,)."""
+        """Whether points (k,) of the first bodies (k,) are projected on the curves of the second bodies (k,)."""
         edge = self.bend[point] * self.spacing[second] > SHARP_TURN
         return np.asarray((self.rank[first] < self.rank[second]) | edge)
 
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Candidate points and segments, complete as long as no boundary point moves by more than half the margin."""
+    """Candidate points and segments: complete if no boundary point moves by more than half the margin."""
 
     start: Cubics  # the outlines at the start of the step
-    cell: float
-    reach: float
-    margin: float
+    cell: float  # [m]
+    reach: float  # detection distance [m]
+    margin: float  # [m]
     point: Ints  # (n,) sorted by point, then by side
     segment: Ints  # (n,)
-    begins: Ints  # where those of another point or side begin
-    corner_pairs: Ints  # (2, k) pairs of corners
+    begins: Ints  # (groups,) first candidate of each combination of point and side
+    corner_pairs: Ints  # (2, k) pairs of convex corners of two bodies
 
     @property
     def none(self) -> bool:
-        """Whether no body comes near another."""
+        """Whether there are no candidates."""
         return self.point.size + self.corner_pairs.size == 0
 
     @property
     def curve(self) -> Curve:
-        """The outlines' curve."""
+        """Topology and tangents of the outlines' curve."""
         return self.start.curve
 
 
 def neighbours(
     scene: Scene, curve: Curve, roles: Roles, x: Array, cell: float, reach: float, margin: float
 ) -> Neighbours:
-    """Which points may touch which segments: all of the body that gives the points, of the other one its corners."""
+    """Candidates for contact: all points of the body that contributes them, the corners of the other body."""
     boundary = curve.outlines
     point, segment = outline.candidates(boundary, x, reach + margin)
     first, second = boundary.body[point], boundary.body[segment]
-    gives, free = roles.rank[first] < roles.rank[second], scene.deformable[first] | scene.deformable[second]
+    contributes, free = roles.rank[first] < roles.rank[second], scene.deformable[first] | scene.deformable[second]
     ends = np.concatenate([np.stack([point, end]) for end in (segment, boundary.next[segment])], axis=1)
-    corner_pairs = np.unique(ends[:, np.tile(gives & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
+    corner_pairs = np.unique(ends[:, np.tile(contributes & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
     kept = (roles.give(point, first, second) | curve.sharp[point]) & free
     point, segment = point[kept], segment[kept]
     order = np.lexsort((curve.side[segment], point))
@@ -98,20 +99,20 @@ def neighbours(
 
 @dataclass(frozen=True)
 class FootPoints:
-    """Contact points and their feet on sides, or on corners, of other bodies."""
+    """Projected boundary points and their feet on sides or corners of other bodies."""
 
-    point: Ints  # (k,) boundary vertex
-    segment: Ints  # (k,)
-    s: Array  # (k,)
-    corner_pair: Bools  # (k,) whether two corners meet there, that of the segment at its start
-    normal: Array  # (2, k) from the foot to the point
+    point: Ints  # (k,) boundary point
+    segment: Ints  # (k,) segment of the foot
+    s: Array  # (k,) parameter of the foot on its segment
+    corner_pair: Bools  # (k,) whether two corners are in contact; the segment begins at the second one
+    normal: Array  # (2, k) outward unit normal of the surface at the foot
     gap: Array  # (k,) [m]
-    beside: Bools  # (k,) whether the point is off the end of the side, or sees no tip
-    key: Ints  # (k,) identity
+    beside: Bools  # (k,) whether the point lies beyond the end of the side, or outside the wedge of the corner
+    key: Ints  # (k,) identity of the contact
 
 
 def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, FootPoints]:
-    """All contacts within reach of outlines as they are now; where their feet were at the start of the step."""
+    """Contacts within reach in the configuration `now`, and their projections at the start of the step."""
     point, segment, s = _nearest(near, now.x)
     found = project(near, now, point, segment, s, np.zeros(point.size, dtype=bool))
     close = (found.gap > -MAX_DEPTH * near.cell) & (found.gap < near.reach)
@@ -128,7 +129,7 @@ def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, FootPoints]:
 
 
 def _nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
-    """Of every point and every side near it the nearest segment, and where on it."""
+    """For each point and each side near it, the nearest segment and the parameter of the nearest point on it."""
     c, i = near.point, near.segment
     s, distance = outline.closest(x[:, c], x[:, i], x[:, near.curve.outlines.next[i]])
     if c.size == 0:
@@ -142,21 +143,21 @@ def _nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
 
 
 def project(near: Neighbours, shape: Cubics, c: Ints, segment: Ints, s: Array, corner_pair: Bools) -> FootPoints:
-    """Project points c (k,) on the sides of segments (k,), from a start nearby; tips on their corners."""
+    """Project points c (k,) on the sides of segments (k,), from initial guesses s, or on corners for corner pairs."""
     curve, x = near.curve, shape.x
-    there, at = shape.project(x[:, c], segment, s)
-    segment, s = np.where(corner_pair, segment, there), np.where(corner_pair, 0.0, at)
+    foot_segment, foot_s = shape.project(x[:, c], segment, s)
+    segment, s = np.where(corner_pair, segment, foot_segment), np.where(corner_pair, 0.0, foot_s)
     slope = shape.at(segment, s, 1)
     speed = np.maximum(np.hypot(*slope), 1e-300)
     apart, normal = x[:, c] - shape.at(segment, s), np.stack([slope[1], -slope[0]]) / speed
     gap = dot(apart, normal)
     along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
     key = c * curve.sides + curve.side[segment]
-    # What is right on a corner is touched by it; two corners at the same place may be flush sides.
+    # A foot exactly on a convex corner is left to that corner; two coincident corners may belong to flush sides.
     on_corner = _on_corner(curve, segment, s) & ~curve.sharp[c]
     off_end = curve.at_corner(segment, s) & (along > END_TOLERANCE * speed)
     beside = ~corner_pair & (off_end | on_corner)
-    corner_pairs = wedge(curve, x, c[corner_pair], segment[corner_pair], CORNER_RADIUS * near.cell)
+    corner_pairs = wedge(curve, x, c[corner_pair], segment[corner_pair], CORNER_DISC_DEPTH * near.cell)
     normal[:, corner_pair], gap[corner_pair], beside[corner_pair], key[corner_pair] = (
         corner_pairs.normal,
         corner_pairs.gap,
@@ -167,13 +168,13 @@ def project(near: Neighbours, shape: Cubics, c: Ints, segment: Ints, s: Array, c
 
 
 def _on_corner(curve: Curve, segment: Ints, s: Array) -> Bools:
-    """Whether places are corners that stick out, (k,)."""
+    """Whether feet are at convex corners, (k,)."""
     start, end = curve.convex[segment], curve.convex[curve.outlines.next[segment]]
     return np.asarray((start & (s <= END_TOLERANCE)) | (end & (s >= 1.0 - END_TOLERANCE)))
 
 
 def tangent_shares(shape: Cubics, at: FootPoints) -> tuple[Array, Array]:
-    """Shares (4, k) of the stencils in the unit tangents of the surfaces under the feet; their curvatures [1/m]."""
+    """Weights (4, k) [1/m] of the stencils in the surfaces' unit tangents at the feet, and curvatures (k,) [1/m]."""
     curve, i = shape.curve, at.segment
     speed = np.hypot(*shape.at(i, at.s, 1))
     smooth = ~curve.at_corner(i, at.s)
@@ -183,22 +184,21 @@ def tangent_shares(shape: Cubics, at: FootPoints) -> tuple[Array, Array]:
 
 
 def _faces(near: Neighbours, before: FootPoints) -> Bools:
-    """Whether points face the surfaces of their feet and their edges do not dip into these.
+    """Whether points face the surfaces of their feet, with edges that do not point into these, (k,).
 
-    At the start of the step: who touches whom does not hang on how edges turn from iterate to iterate.
+    Decided at the start of the step, so that the contacts do not depend on the rotation of edges between iterates.
     """
     curve, x, c, n = near.curve, near.start.x, before.point, before.normal
     facing = dot(outline.normals(curve.outlines, x)[:, c], n)
     keeps_off = np.ones(c.size, dtype=bool)
     for neighbour in (curve.outlines.next, curve.outlines.previous):
         edge = x[:, neighbour[c]] - x[:, c]
-        # Squeezed together, boundary points are at heights that say little about the slope between them.
         keeps_off &= dot(edge, n) > -np.maximum(MAX_EDGE_SINE * np.hypot(*edge), MAX_EDGE_DEPTH * near.cell)
-    return np.asarray((facing < np.where(curve.sharp[c], 0.0, FACING)) & keeps_off)
+    return np.asarray((facing < np.where(curve.sharp[c], 0.0, MAX_NORMALS_COSINE)) & keeps_off)
 
 
 def _outermost(curve: Curve, found: FootPoints) -> Bools:
-    """Where two sides meet in a corner that sticks out: only the one that the point is more in front of."""
+    """Whether contacts are kept, (k,): of two sides at a convex corner, only the one with the larger gap."""
     boundary, sides = curve.outlines, curve.sides
     corner = np.flatnonzero(curve.convex)
     before, after = curve.side[boundary.previous[corner]], curve.side[corner]
@@ -207,22 +207,23 @@ def _outermost(curve: Curve, found: FootPoints) -> Bools:
     for own, other in ((before, after), (after, before)):
         across = np.full(sides, -1)
         across[own] = other
-        there = across[curve.side[found.segment]]
-        place = np.minimum(np.searchsorted(key, found.point * sides + there), max(key.size - 1, 0))
-        rival = (there >= 0) & (key[place] == found.point * sides + there)
-        kept &= ~(rival & (found.gap[place] > found.gap))
+        other_side = across[curve.side[found.segment]]
+        other_key = found.point * sides + other_side
+        index = np.minimum(np.searchsorted(key, other_key), max(key.size - 1, 0))
+        rival = (other_side >= 0) & (key[index] == other_key)
+        kept &= ~(rival & (found.gap[index] > found.gap))
     return kept
 
 
 def _corner_pairs(near: Neighbours, now: Cubics) -> FootPoints:
-    """Corners that see each other tip to tip."""
+    """Contacts of two convex corners within reach."""
     c, j = near.corner_pairs
     found = project(near, now, c, j, np.zeros(c.size), np.ones(c.size, dtype=bool))
     return among(found, ~found.beside & (np.abs(found.gap) < near.reach))
 
 
 def _superseded(curve: Curve, found: FootPoints, corner_pairs: FootPoints) -> Bools:
-    """Whether feet are of one of two tips on a side beside the other, (k,)."""
+    """Whether contacts (k,) of a corner with a side are replaced by one of two corners, at an end of that side."""
     boundary, sides = curve.outlines, curve.sides
     c, j = corner_pairs.point, corner_pairs.segment
     pairs = [(a, curve.side[b]) for p, q in ((c, j), (j, c)) for a, b in ((p, q), (p, boundary.previous[q]))]

@@ -1,4 +1,4 @@
-"""Tables: frozen dataclasses whose fields are all arrays with one column, the last axis, for each item."""
+"""Tables: frozen dataclasses whose fields are arrays with one entry per item along the last axis."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 def joined(parts: Sequence[Table]) -> Table:
-    """All items of several tables of one kind, one table after the other."""
+    """Concatenate the items of several tables of the same type."""
     names = [f.name for f in fields(parts[0])]
     columns = {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in names}
     return type(parts[0])(**columns)
 
 
 def among(table: Table, chosen: NDArray[Any]) -> Table:
-    """The chosen items of a table."""
+    """Select items of a table by indices or a mask."""
     return type(table)(**{f.name: getattr(table, f.name)[..., chosen] for f in fields(table)})

@@ -1,4 +1,4 @@
-"""The contact law: cones, their projection, and the residual that certifies any solver."""
+"""The contact law: friction cones, the projection on them, and the natural-map residual."""
 
 from typing import TypeAlias
 
@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 
-# W_tt / W_nn of tangential rows that do not respond. Rounding of u_t, 1e-16 of W_nn r, is 1e-16 sqrt(W_nn / W_tt)
-# in the row's own scale: below this ratio it hides residuals of 1e-10, the smallest tolerance in use.
-NEGLIGIBLE = 1e-12
+# Ratio W_tt / W_nn below which a tangential row has no response. The round-off of u_t, 1e-16 W_nn r, is
+# 1e-16 sqrt(W_nn / W_tt) in the scale of its row: below this ratio it exceeds 1e-10, the smallest tolerance in use.
+MIN_TANGENTIAL_RESPONSE = 1e-12
 
 
 def project(r: ArrayLike, mu: ArrayLike) -> Array:
@@ -24,17 +24,17 @@ def project(r: ArrayLike, mu: ArrayLike) -> Array:
 
 
 def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, reference: float = 1.0) -> float:
-    """Return ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables: zero iff (r, u) is Coulomb.
+    """Return ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables, zero iff (r, u) obeys the law.
 
-    The term mu |u_t| n makes this natural map exact friction and not its convex relaxation (De Saxce & Feng,
-    Math. Comput. Modelling 28 (1998) 225-245). It certifies any solver. r [N s], u [m/s] and
-    scale = diag(W) [1/kg] are (2k,) or, normals only, (k,); rows are scaled as `row_scales` says.
+    With the term mu |u_t| n the natural map describes Coulomb friction exactly and not its convex relaxation (De
+    Saxce & Feng, Math. Comput. Modelling 28 (1998) 225-245). The residual certifies the solution of any solver.
+    r [N s], u [m/s] and scale = diag(W) [1/kg] are (2k,) or, without friction, (k,); rows are scaled by `row_scales`.
     """
     return float(np.linalg.norm(residuals(r, u, mu, scale))) / reference
 
 
 def residuals(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike) -> Array:
-    """Return every contact's part of `residual`, (k,), in scaled variables."""
+    """Return the contribution of each contact to `residual`, (k,), in scaled variables."""
     r, u, mu = np.asarray(r, dtype=float), np.asarray(u, dtype=float), np.asarray(mu, dtype=float)
     s = root(row_scales(scale, mu.size))
     parts = natural(r * s, u / s, scaled_friction(mu, s))
@@ -42,7 +42,7 @@ def residuals(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike) -> Ar
 
 
 def natural(r: Array, u: Array, mu: Array) -> Array:
-    """The natural map in scaled variables, De Saxce's term included, like r."""
+    """The natural map r - P(r - u) in scaled variables, with De Saxce's term in u, of the shape of r."""
     if not r.size:
         return np.zeros(0)
     u_n, u_t, slope = split(u, mu)
@@ -51,33 +51,33 @@ def natural(r: Array, u: Array, mu: Array) -> Array:
 
 
 def clip_to_cone(r: Array, mu: Array) -> Array:
-    """Pull r into the cones, normal first: r_n = max(r_n, 0), then |r_t| <= mu r_n."""
+    """Clip r to the friction cones: r_n = max(r_n, 0), then |r_t| <= mu r_n; not the orthogonal projection."""
     r_n, r_t, mu = split(r, mu)
     r_n = np.maximum(r_n, 0.0)
     return np.hstack([r_n, np.clip(r_t, -mu * r_n, mu * r_n)]).ravel()
 
 
 def split(r: Array, mu: Array) -> tuple[Array, Array, Array]:
-    """Return the normal rows (k, 1), the tangential rows (k, 1), if there are none (k, 0), and mu (k, 1)."""
+    """Return the normal rows (k, 1), the tangential rows (k, 1), or (k, 0) without friction, and mu (k, 1)."""
     rows = r.reshape(mu.size, -1)
     return rows[:, :1], rows[:, 1:], mu[:, None]
 
 
 def row_scales(diagonal: ArrayLike, contacts: int) -> Array:
-    """Return what rows are scaled by: diag(W), (2k,) or (k,) [1/kg], where a tangential row does not respond W_nn.
+    """Return the scales of the rows, diag(W) with W_nn in tangential rows without response, (2k,) or (k,) [1/kg].
 
-    A support may prescribe how a point moves along the contact: W_tt is zero, or what rounding leaves of zero, and
-    friction acts all the same, ``r_t = -mu r_n sign(u_t)``.
+    Where a support prescribes the tangential motion of a contact point, W_tt is zero up to round-off and friction is
+    ``r_t = -mu r_n sign(u_t)``.
     """
     diagonal = np.array(diagonal, dtype=float)
     if diagonal.size > contacts:
         normal, tangential = diagonal[0::2], diagonal[1::2]
-        diagonal[1::2] = np.where(tangential > NEGLIGIBLE * normal, tangential, normal)
+        diagonal[1::2] = np.where(tangential > MIN_TANGENTIAL_RESPONSE * normal, tangential, normal)
     return diagonal
 
 
 def root(scale: Array) -> Array:
-    """sqrt(diag W); a row of zeros cannot be scaled and is left alone."""
+    """Square roots of the scales of the rows, one for rows of zeros, which cannot be scaled."""
     return np.sqrt(np.where(scale > 0.0, scale, 1.0))
 
 

@@ -1,12 +1,12 @@
-"""The path of solutions as all contacts close: Lemke's method.
+"""Lemke's method: follow the path of solutions from open contacts to the contact problem.
 
-(Cottle, Pang & Stone, The Linear Complementarity Problem, 1992; with friction Stewart & Trinkle, Int. J. Numer.
-Methods Eng. 39 (1996) 2673-2691.) Velocities are u + g e with e > 0 on the normal rows: all contacts opened by a gap.
-Where g is large no contact acts, and there is no other solution. The law is piecewise linear in the plane, and so is
-the path of solutions that begins there: along a piece all contacts keep their states, at its end one changes. The gap
-may grow again on the way. If some motion opens every contact by more than mu |u_t|, solutions are bounded for all
-g >= 0, so the path leads to g = 0 (for the criterion see Klarbring & Pang, SIAM J. Optim. 8 (1998)). How many pieces
-it has depends on e.
+See Cottle, Pang & Stone, The Linear Complementarity Problem, 1992; with friction Stewart & Trinkle, Int. J. Numer.
+Methods Eng. 39 (1996) 2673-2691. Velocities are u + g e with e > 0 on the normal rows, so g > 0 opens all contacts.
+For large g no contact is active, and this solution is unique. In the plane the contact law is piecewise linear, and
+so is the path of solutions that begins there: along a piece all contacts keep their states, at its end one state
+changes. The parameter g need not decrease monotonically. If some motion opens every contact by more than mu |u_t|,
+solutions are bounded for all g >= 0, and the path leads to g = 0 (for the criterion see Klarbring & Pang, SIAM J.
+Optim. 8 (1998)). The number of pieces depends on e.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from numpy.typing import NDArray
 from skmpm.coulomb.law import Array
 from skmpm.coulomb.problem import Problem, is_sparse
 
-OPEN, STICK, PLUS, MINUS = range(4)  # the last two slip, r_t = +-mu r_n
-SIGN = np.array([0.0, 0.0, 1.0, -1.0])
-REGULAR = 1e-9  # added to diag(W~): pieces are unique where contacts are redundant, and impulses finite
-ZERO_RATE = 1e-12  # rates of inequalities, relative to the largest, that are round-off
+OPEN, STICK, SLIP_PLUS, SLIP_MINUS = range(4)  # states of a contact; r_t = +-mu r_n where it slips
+SLIP_SIGN = np.array([0.0, 0.0, 1.0, -1.0])  # sign of r_t for each state
+REGULARISATION = 1e-9  # added to diag(W~): makes pieces unique and impulses finite for redundant contacts
+ZERO_RATE = 1e-12  # rates of inequalities below this fraction of the largest are round-off
 
 Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Vertex:
-    """Where a piece begins, and the inequality that its first contact leaves: it grows along the piece."""
+    """Start of a piece: the states, and the inequality that is active there and increases along the piece."""
 
     state: Ints  # (k,)
-    gap: float
-    contact: int
-    leaving: int  # row of `_margins`
+    gap: float  # g
+    contact: int  # the contact whose state changes
+    leaving: int  # its inequality, a row of `_margins`
 
 
 def follow(p: Problem, seed: int, limit: int, work: float) -> tuple[Array | None, int, float]:
-    """Follow a path to g = 0: the impulses, or None, the number of pieces, and the work left.
+    """Follow a path to g = 0; return the impulses, or None, the number of pieces, and the remaining work.
 
-    The directions e are one to one and a half, drawn with Nezamabadi et al. (2017). A piece costs m^3 + 8 n m of
-    work, of n rows and m unknowns; a path ends without impulses after `limit` pieces, or where the work is used up.
+    The components of e are random numbers between 1 and 1.5, generated from `seed`. A piece with m unknowns out of n
+    rows costs m^3 + 8 n m of work; the path is abandoned after `limit` pieces or when the work is used up.
     """
-    W = np.ascontiguousarray((p.W.toarray() if is_sparse(p.W) else p.W).T) + REGULAR * np.eye(p.q.size)
+    W = np.ascontiguousarray((p.W.toarray() if is_sparse(p.W) else p.W).T) + REGULARISATION * np.eye(p.q.size)
     e = np.zeros(p.q.size)
     e[:: p.q.size // p.mu.size] = 1.0 + 0.5 * np.random.default_rng(seed).random(p.mu.size)
     x, load = _first(p, e), np.stack([p.q, e], axis=1)
@@ -65,7 +65,7 @@ def follow(p: Problem, seed: int, limit: int, work: float) -> tuple[Array | None
 
 
 def _first(p: Problem, e: Array) -> Vertex:
-    """The largest gap at which a contact acts."""
+    """Start of the path: the largest g for which a contact is active."""
     stride = p.q.size // p.mu.size
     gaps = -p.q[::stride] / e[::stride]
     contact = int(np.argmax(gaps))
@@ -75,18 +75,18 @@ def _first(p: Problem, e: Array) -> Vertex:
 
 
 def _slip(velocity: float) -> int:
-    """The state of a contact that closes while it slides."""
-    return MINUS if velocity > 0.0 else PLUS
+    """State of a contact that closes while it slides with this tangential velocity."""
+    return SLIP_MINUS if velocity > 0.0 else SLIP_PLUS
 
 
 def _piece(columns: Array, load: Array, mu: Array, state: Ints) -> tuple[Array, Array, int]:
-    """Impulses and velocities (k, rows, 2), as value at g = 0 and rate in g, and the number of unknowns.
+    """Impulses and velocities (k, rows, 2), as value at g = 0 and derivative by g, and the number of unknowns.
 
-    Columns of W are given as rows, which are next to each other in memory.
+    `columns` is the transpose of W, whose rows are contiguous in memory.
     """
     stride = load.shape[0] // mu.size
     closed, stick = np.flatnonzero(state != OPEN), np.flatnonzero(state == STICK)
-    slope = SIGN[state[closed]] * mu[closed]
+    slope = SLIP_SIGN[state[closed]] * mu[closed]
     free = np.concatenate([stride * closed, stride * stick + 1])
     acting = columns[free]
     if stride > 1:
@@ -102,23 +102,23 @@ def _piece(columns: Array, load: Array, mu: Array, state: Ints) -> tuple[Array, 
 
 
 def _margins(state: Ints, r: Array, u: Array, mu: Array) -> Array:
-    """What is not negative as long as states stay, (2, k, 2): value at g = 0 and rate in g.
+    """Two quantities per contact that stay non-negative while states persist, (2, k, 2): value at g = 0, rate in g.
 
-    Open: u_n. Slipping: r_n and, with friction, the velocity against the impulse. Sticking: mu r_n -+ r_t. Else zero.
+    Open: u_n. Slipping: r_n and, with friction, the velocity opposite to r_t. Sticking: mu r_n -+ r_t. Else zero.
     """
     out = np.zeros((2, *state.shape, 2))
-    slips, sticks = state >= PLUS, state == STICK
+    slips, sticks = state >= SLIP_PLUS, state == STICK
     out[0] = np.where((state == OPEN)[:, None], u[:, 0], r[:, 0])
     if r.shape[1] > 1:
         edge = mu[:, None] * r[:, 0]
         out[0, sticks] = (edge - r[:, 1])[sticks]
         out[1, sticks] = (edge + r[:, 1])[sticks]
-        out[1, slips] = (-SIGN[state] * (mu > 0.0))[slips, None] * u[slips, 1]
+        out[1, slips] = (-SLIP_SIGN[state] * (mu > 0.0))[slips, None] * u[slips, 1]
     return out
 
 
 def _next(x: Vertex, r: Array, u: Array, mu: Array) -> Vertex | None:
-    """The end of the piece that begins at x, with gap 0 if it gets there; None if it has no end."""
+    """The end of the piece that begins at x, with gap 0 if it reaches g = 0; None if the piece is unbounded."""
     value, rate = np.moveaxis(_margins(x.state, r, u, mu), -1, 0)
     down = -1.0 if rate[x.leaving, x.contact] < 0.0 else 1.0
     rate = down * rate
@@ -134,7 +134,7 @@ def _next(x: Vertex, r: Array, u: Array, mu: Array) -> Vertex | None:
         velocity = u[contact, 1] @ [1.0, gap] if u.shape[1] > 1 else 0.0
         state[contact], row = _slip(velocity), 0
     elif now == STICK:
-        state[contact], row = (PLUS, MINUS)[row], 1
+        state[contact], row = (SLIP_PLUS, SLIP_MINUS)[row], 1
     else:
-        state[contact], row = (OPEN, 0) if row == 0 else (STICK, now - PLUS)
+        state[contact], row = (OPEN, 0) if row == 0 else (STICK, now - SLIP_PLUS)
     return Vertex(state, gap, contact, row)

@@ -1,4 +1,4 @@
-"""The problem in variables scaled by diag(W)."""
+"""The contact problem in variables scaled by diag(W)."""
 
 from __future__ import annotations
 
@@ -8,25 +8,34 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.coulomb.law import NEGLIGIBLE, Array, clip_to_cone, natural, root, row_scales, scaled_friction, split
+from skmpm.coulomb.law import (
+    MIN_TANGENTIAL_RESPONSE,
+    Array,
+    clip_to_cone,
+    natural,
+    root,
+    row_scales,
+    scaled_friction,
+    split,
+)
 
 Matrix: TypeAlias = Any  # dense or CSR, with @
 
-FLOOR = 1e-300  # a problem with |q~| below it is at rest
-DENSE = 200  # rows up to which dense algebra beats sparse bookkeeping
-REGULARISATION = 1e-6
-ZERO_ENTRY = 1e-14  # of entries of W~
-HUGE = 1e200  # impulse that no cone contains
+TINY = 1e-300  # keeps norms in denominators positive; residuals of problems with |q~| below it are relative to it
+MAX_DENSE_ROWS = 200  # problems with more rows use sparse matrices; for smaller ones dense algebra is faster
+REGULARISATION = 1e-6  # added to the unit diagonal of W~ in Newton steps: bounds the impulses of redundant contacts
+ZERO_ENTRY = 1e-14  # entries of W~, whose diagonal is one, below this are round-off
+LARGE_IMPULSE = 1e200  # exceeds mu r_n of every contact, so the contact slips
 
 
 @dataclass(frozen=True)
 class Bilateral:
-    """Unknowns s (m,) without a cone: coupling r + compliance s + q = 0, and u = W r + back s + q_contact."""
+    """Bilateral unknowns s (m,), without a cone: coupling r + compliance s + q = 0, u = W r + back s + q_contact."""
 
     coupling: Matrix  # (m, 2k) or (m, k)
     compliance: Matrix  # (m, m) not necessarily definite
     q: Array  # (m,)
-    back: Matrix | None = None  # (2k, m) or (k, m); coupling' if not given
+    back: Matrix | None = None  # (2k, m) or (k, m); the transpose of `coupling` by default
 
     def join(self, W: Matrix, q: Array) -> tuple[Matrix, Array]:
         """The matrix and the right-hand side of all unknowns, contacts first."""
@@ -37,7 +46,7 @@ class Bilateral:
 
 @dataclass(frozen=True)
 class Iterate:
-    """Impulses, their velocities and the natural map's residual relative to the problem's reference."""
+    """Impulses, the velocities they cause, and the natural-map residual relative to the problem's reference."""
 
     r: Array  # (m,)
     u: Array  # (m,)
@@ -46,31 +55,31 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Problem:
-    """The scaled problem; what its methods return is in scaled variables too."""
+    """The scaled problem; arguments and results of its methods are in scaled variables, too."""
 
     W: Matrix  # (m, m), unit diagonal
     q: Array  # (m,)
     mu: Array  # (k,)
-    reference: float
-    contacts: int  # rows; those that follow are linear
-    largest: float  # bound of the largest eigenvalue of the contacts' W
-    slide: Array | float = 0.0  # (m,) against the velocity of rows that do not respond: larger than any impulse
-    shift: float = REGULARISATION  # of the diagonal of a Newton step's matrix: keeps redundant contacts in hand
+    reference: float  # residuals are relative to this
+    contacts: int  # number of rows of contacts; the rows that follow are bilateral
+    largest: float  # bound of the largest eigenvalue of W~ of the contacts
+    slide: Array | float = 0.0  # (m,) trial impulse opposite to the velocity of tangential rows without response
+    shift: float = REGULARISATION  # added to the diagonal of the matrix of a Newton step
 
     @property
     def uncoupled(self) -> bool:
-        """Whether W is diagonal: then r is `independent`."""
+        """Whether W is diagonal; the solution is then `independent`."""
         entries = self.W.data if is_sparse(self.W) else self.W
         responding = np.count_nonzero(np.abs(self.W.diagonal()) > ZERO_ENTRY)
         return bool(np.count_nonzero(np.abs(entries) > ZERO_ENTRY) == responding)
 
     @property
     def independent(self) -> Array:
-        """The impulses of contacts that do not act on each other: -q pulled into the cones."""
+        """The impulses of contacts that do not affect each other: -q clipped to the cones."""
         return self.clip_to_cone(self.slide - self.q)
 
     def at(self, r: Array, u: Array | None = None) -> Iterate:
-        """Return r with its velocities and its error."""
+        """Return r with its velocities, computed if not given, and its residual."""
         u = self.W @ r + self.q if u is None else u
         k = self.contacts
         parts = np.concatenate([natural(r[:k], u[:k], self.mu), u[k:]])
@@ -78,21 +87,21 @@ class Problem:
         return Iterate(r, u, error if np.isfinite(error) else np.inf)
 
     def clip_to_cone(self, r: Array) -> Array:
-        """Pull the contacts' impulses into their cones."""
+        """Clip the impulses of the contacts to their friction cones."""
         return np.concatenate([clip_to_cone(r[: self.contacts], self.mu), r[self.contacts :]])
 
-    def pressed(self, push: float) -> Iterate:
-        """The iterate with normal impulses of push |q~| on every contact."""
+    def pressed(self, impulse: float) -> Iterate:
+        """The iterate with a normal impulse of impulse |q~| at every contact."""
         normal = np.arange(self.q.size) % (self.contacts // self.mu.size) == 0
         normal[self.contacts :] = False
-        return self.at(push * float(np.linalg.norm(self.q)) * normal)
+        return self.at(impulse * float(np.linalg.norm(self.q)) * normal)
 
     def natural_residual(self, r: Array, u: Array, gain: float) -> float:
-        """Alart & Curnier's natural map, whose zero Newton seeks; any gain > 0 has the same zeros."""
+        """Residual of Alart & Curnier's natural map, which Newton's method reduces; gain > 0 is arbitrary."""
         return float(np.linalg.norm(r - self.clip_to_cone(r - gain * u))) / self.reference
 
     def near(self, r: Array, weight: float) -> Problem:
-        """The proximal problem at r: the same with velocities u + weight (r_new - r) of the contacts."""
+        """The proximal problem at r, with velocities u + weight (r_new - r) at the contacts."""
         diagonal = np.where(np.arange(self.q.size) < self.contacts, weight, 0.0)
         added = sp.diags_array(diagonal, format="csr") if is_sparse(self.W) else np.diag(diagonal)
         q, shift = self.q - diagonal * r, min(self.shift, 1e-3 * weight)
@@ -106,7 +115,7 @@ def is_sparse(W: Matrix) -> bool:
 
 def scaled(W: Matrix, q: Array, mu: Array, contacts: int, reference: float | None = None) -> tuple[Problem, Array]:
     """Return the problem with unit diag(W), and s = sqrt(diag W); residuals are relative to `reference` or |q~|."""
-    if is_sparse(W) and q.size > DENSE:
+    if is_sparse(W) and q.size > MAX_DENSE_ROWS:
         W = sp.csr_array(W, dtype=float).sorted_indices()  # a copy: scaled in place
         s = _roots(W, mu, contacts)
         W.data /= np.repeat(s, np.diff(W.indptr)) * s[W.indices]
@@ -116,9 +125,9 @@ def scaled(W: Matrix, q: Array, mu: Array, contacts: int, reference: float | Non
         W = W / (s[:, None] * s)
     q = q / s
     if contacts > mu.size:
-        q[1:contacts:2][mu == 0.0] = 0.0  # rows without an unknown
+        q[1:contacts:2][mu == 0.0] = 0.0  # frictionless contacts have no tangential unknown
     slope = scaled_friction(mu, s[:contacts])
-    reference = max(float(np.linalg.norm(q)) if reference is None else reference, FLOOR)
+    reference = max(float(np.linalg.norm(q)) if reference is None else reference, TINY)
     largest, slide = _largest_eigenvalue(W[:contacts, :contacts]), _slide(W, q, contacts, mu.size)
     return Problem(W, q, slope, reference, contacts, largest, slide), s
 
@@ -130,29 +139,29 @@ def _roots(W: Matrix, mu: Array, contacts: int) -> Array:
 
 
 def _slide(W: Matrix, q: Array, contacts: int, k: int) -> Array | float:
-    """What `Problem.slide` is: HUGE against q where all entries of a tangential row are round-off, else zero."""
-    suspects = np.flatnonzero(W.diagonal()[1:contacts:2] < NEGLIGIBLE) if contacts > k else np.zeros(0)
+    """`Problem.slide`: LARGE_IMPULSE opposite to q in tangential rows whose entries are all round-off, else zero."""
+    suspects = np.flatnonzero(W.diagonal()[1:contacts:2] < MIN_TANGENTIAL_RESPONSE) if contacts > k else np.zeros(0)
     if not suspects.size:
         return 0.0
     rows = 2 * suspects + 1
     largest = abs(W[rows]).max(axis=1)
     largest = largest.toarray().ravel() if is_sparse(W) else largest
     slide = np.zeros_like(q)
-    slide[rows] = np.where(largest < ZERO_ENTRY, -HUGE * np.sign(q[rows]), 0.0)
+    slide[rows] = np.where(largest < ZERO_ENTRY, -LARGE_IMPULSE * np.sign(q[rows]), 0.0)
     return slide
 
 
 def _largest_eigenvalue(W: Matrix) -> float:
-    """Bound the largest eigenvalue of W~: power iterations with a margin, at most the largest row sum."""
-    x = 1.0 + np.sin(np.arange(W.shape[0]))  # any vector without symmetry will do
+    """Bound the largest eigenvalue of W~: power iterations with a margin of 20 %, at most the largest row sum."""
+    x = 1.0 + np.sin(np.arange(W.shape[0]))  # without the symmetries of W, so not orthogonal to the eigenvector
     for _ in range(8):
-        x = W @ (x / max(float(np.linalg.norm(x)), FLOOR))
+        x = W @ (x / max(float(np.linalg.norm(x)), TINY))
     bound = min(1.2 * float(np.linalg.norm(x)), float(abs(W).sum(axis=1).max()))
     return bound if bound > 0.0 else 1.0
 
 
 def unscaled(x: Array, u: Array, slope: Array, s: Array, mu: Array) -> Array:
-    """Return r = x / s with slipping contacts on the cone mu r_n to the last bit; u are the scaled velocities."""
+    """Return r = x / s with r_t = +-mu r_n in floating point at slipping contacts; u are the scaled velocities."""
     x_n, a_t, slope = split(x, slope)[0], split(x - u, slope)[1], slope[:, None]
     r_n, r_t, mu = split(x / s, mu)
     edge = mu * r_n

@@ -1,4 +1,4 @@
-"""The search for the impulses: accelerated projected sweeps, Newton's method, proximal problems, Lemke's method."""
+"""Solution of the contact problem: accelerated projected gradient, Newton, proximal point and Lemke's methods."""
 
 from __future__ import annotations
 
@@ -11,41 +11,42 @@ from numpy.typing import ArrayLike
 from skmpm.coulomb.law import Array, clip_to_cone
 from skmpm.coulomb.newton import newton
 from skmpm.coulomb.path import follow
-from skmpm.coulomb.problem import DENSE, Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
+from skmpm.coulomb.problem import MAX_DENSE_ROWS, Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
 
-_GOOD_START = 0.05  # a start with a smaller residual goes to Newton after a few sweeps, which find most states ...
-_FIRST_SWEEPS = 15
-_FIRST_SHORTEST = 0.2  # ... and back to sweeps if that needs a smaller part of a step than this
-_SHORTEST = 0.05  # smallest part of a Newton step
-_GAINS = 1 / 3, 1 / 6, 1.0, 3.0  # of the natural map, relative to the largest eigenvalue of W~
-_ROUNDS = 2  # of sweeps and Newton steps
+# A start with a smaller residual goes to Newton after a few sweeps, which find most contact states: 2 to 3 sparse LUs
+# for the first problem of a step instead of 6 to 12. If Newton then needs smaller steps than the third constant, more
+# sweeps follow.
+_GOOD_START_RESIDUAL, _GOOD_START_SWEEPS, _GOOD_START_MIN_STEP = 0.05, 15, 0.2
+_MIN_STEP = 0.05  # smallest fraction of a Newton step in the backtracking
+_NEWTON_GAINS = 1 / 3, 1 / 6, 1.0, 3.0  # of the natural map, in units of the largest eigenvalue of W~, tried in turn
+_MAX_ROUNDS = 2  # of sweeps followed by Newton steps; the second round doubles the sweeps
 
-# Proximal problems: the large gain weighs velocities as much as impulses where light and heavy bodies meet.
+# Proximal problems. The large gain weighs velocities as much as impulses where light and heavy bodies are in contact.
 _PROXIMAL_GAINS = 1 / 3, 3e4
-_FIRST, _LEAST, _MOST = 1e-2, 1e-12, 1.0  # weights
-_DOWN, _UP = 0.1, 30.0  # the weight's factors where Newton solved the problem, and where it did not
-_SOLVED = 0.5  # share of the residual that must be gone
-_INNER = 30  # Newton steps for each, and gain
-_STALL_LIMIT = 150  # Newton steps that must halve the residual
-_PUSHES = 1.0, 10.0  # |q~| on every contact: where small problems start once more
+_FIRST_WEIGHT, _MIN_WEIGHT, _MAX_WEIGHT = 1e-2, 1e-12, 1.0  # of the proximal term; diag(W~) is one
+_WEIGHT_DECREASE, _WEIGHT_INCREASE = 0.1, 30.0  # factors of the weight after success and failure of Newton's method
+_PROXIMAL_REDUCTION = 0.5  # factor by which each proximal problem must reduce the residual
+_MAX_PROXIMAL_STEPS = 30  # Newton steps per proximal problem and gain
+_STALL_LIMIT = 150  # stop when this many Newton steps have not halved the residual
+_RESTART_IMPULSES = 1.0, 10.0  # in units of |q~|: normal impulses from which dense problems are started again
 
-# Paths, the last resort. 300 random contacts of 20 bodies, friction 1 to 2: 200 to more than 10,000 pieces, six in
-# ten below 3,000; so short paths are tried first.
-_PIECES = 10, 10, 20, 40, 80, 160  # at most, of one path after another, per contact
-_WORK = 2e10  # of all paths: about ten seconds
-_PATH_ROWS = 1500  # beyond, half of them acting on average, the work is not enough for a piece per contact
+# Lemke's method, the last resort. Paths of 300 random contacts of 20 bodies with friction 1 to 2 have 200 to more
+# than 10,000 pieces, six in ten of them fewer than 3,000; therefore short paths with different directions come first.
+_MAX_PIECES = 10, 10, 20, 40, 80, 160  # per contact, of one path after another
+_MAX_PATH_WORK = 2e10  # of all paths together, see `path.follow`: about ten seconds
+_MAX_PATH_ROWS = 1500  # of larger problems, with half of the rows active, the work does not cover a piece per contact
 
 
 @dataclass(frozen=True)
 class Info:
-    """How a solve went; ``residual`` is the natural map relative to |q~|, or to the reference given."""
+    """Statistics of a solve; ``residual`` is the natural-map residual relative to |q~| or to `reference`."""
 
     iterations: int  # Newton steps
     sweeps: int
     residual: float
     converged: bool
-    bilateral: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (m,) the further unknowns
-    pieces: int = 0  # of paths, the last resort
+    bilateral: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (m,) the bilateral unknowns
+    pieces: int = 0  # of the paths of Lemke's method, the last resort
 
 
 def solve(
@@ -60,29 +61,32 @@ def solve(
     bilateral: Bilateral | None = None,
     reference: float | None = None,
 ) -> tuple[Array, Info]:
-    """Find r with u = W r + q such that every contact obeys Signorini and Coulomb; return (r, info).
+    """Find r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws; return (r, info).
 
-    Accelerated projected sweeps find most contact states, a semismooth Newton method (Alart & Curnier,
-    Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375) the rest; where Newton stalls, because W is singular or
-    nearly so, it goes on with proximal problems. The last resort, for up to 1,500 rows, is Lemke's method: a path of
-    solutions from contacts that are all opened, which ends at a solution wherever some motion opens every contact by
-    more than mu |u_t|, but may be too long (`info.pieces`; it gives up after about ten seconds). It stops on
-    `residual` below tol |q~|, never on an increment; rows without an unknown do not count in q~. Where W is diagonal
-    the solution is a formula. ``info.converged`` is False, and r the best found, after ``iterations`` Newton steps or
-    when 150 of them do not halve the residual, and the last resort fails: the usual reason is that no solution exists
-    (a rigid jam). Where W is singular r is one of many; round-off, about 1e-16 |W~| |r~|, bounds the residual from
-    below.
+    Accelerated projected gradient steps ("sweeps") find most contact states, a semismooth Newton method (Alart &
+    Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375) the others. If Newton stalls because W is singular or
+    nearly singular, proximal problems are solved. The last resort, for up to 1,500 rows, is Lemke's method: a path of
+    solutions that begins with all contacts open. It ends at a solution if some motion opens every contact by more
+    than mu |u_t|, but may be too long (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the
+    solution is explicit.
+
+    The solver stops when `residual` is below tol |q~|, never on the size of an increment; tangential rows of
+    frictionless contacts do not count in q~. ``info.converged`` is False, and r the best iterate, if ``iterations``
+    Newton steps do not suffice or 150 of them do not halve the residual, and Lemke's method fails. The usual reason
+    is that no solution exists (a rigid jam). If W is singular, r is one of many solutions. Round-off, about
+    1e-16 |W~| |r~|, bounds the residual from below.
 
     Parameters
     ----------
     W : (2k, 2k) or (k, k) sparse or dense, symmetric positive semi-definite [1/kg]
-    q : (2k,) or (k,) relative velocities without impulses, with gap / dt on the normal rows [m/s]
+    q : (2k,) or (k,) relative velocities in the absence of impulses, plus gap / dt on the normal rows [m/s]
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
-    r0 : like q, impulses to start from [N s]
-    sweeps : in the first round, from a poor start; the second round doubles them
-    iterations : at most; with fewer than 150, or `linear`, there is no last resort
-    linear : further unknowns, without a cone, that the impulses act on and that act on them
-    reference : what residuals are relative to, instead of |q~|, like `residual`
+    r0 : like q, initial impulses [N s]
+    tol : largest residual relative to |q~|, or to `reference`
+    sweeps : of the first round, from a poor start; the second round doubles them
+    iterations : largest number of Newton steps; Lemke's method is not used if it is below 150, or with `bilateral`
+    bilateral : further unknowns without a cone that are coupled with the impulses
+    reference : value that residuals are relative to, instead of |q~|, as in `residual`
 
     Raises
     ------
@@ -98,7 +102,7 @@ def solve(
     if bilateral is not None:
         W, q = bilateral.join(W, q)
         r0 = np.concatenate([r0, np.zeros(q.size - contacts)])
-    with np.errstate(all="ignore"):  # without a solution r may overflow; the residual says so
+    with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
         problem, s = scaled(W, q, mu, contacts, reference)
         start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
         best, info = _search(problem, start, tol, sweeps, iterations)
@@ -107,37 +111,37 @@ def solve(
 
 
 def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> tuple[Iterate, Info]:
-    """Newton steps from a good start, else after sweeps, and proximal problems where they stall."""
+    """Newton steps from a good start, otherwise after sweeps; proximal problems and Lemke's method if they stall."""
     best, steps, swept = start, 0, 0
-    if start.error < _GOOD_START or p.q.size <= DENSE or p.contacts < p.q.size:
-        swept = _FIRST_SWEEPS if p.q.size > DENSE and start.error > tol else 0
-        x, steps = _steps(p, _sweep(p, start, swept), tol, limit, _GAINS[:1], _FIRST_SHORTEST)
+    if start.error < _GOOD_START_RESIDUAL or p.q.size <= MAX_DENSE_ROWS or p.contacts < p.q.size:
+        swept = _GOOD_START_SWEEPS if p.q.size > MAX_DENSE_ROWS and start.error > tol else 0
+        x, steps = _steps(p, _sweep(p, start, swept), tol, limit, _NEWTON_GAINS[:1], _GOOD_START_MIN_STEP)
         best = _better(start, x)
     x = best
-    for round_ in range(_ROUNDS):
+    for round_ in range(_MAX_ROUNDS):
         if best.error > tol and steps < limit:
             x, swept = _sweep(p, x, sweeps << round_), swept + (sweeps << round_)
-            x, count = _steps(p, x, tol, limit - steps, _GAINS, _SHORTEST)
+            x, count = _steps(p, x, tol, limit - steps, _NEWTON_GAINS, _MIN_STEP)
             best, steps = _better(best, x), steps + count
-    for push in (None, *_PUSHES) if p.q.size <= DENSE else (None,):
+    for impulse in (None, *_RESTART_IMPULSES) if p.q.size <= MAX_DENSE_ROWS else (None,):
         if best.error > tol and steps < limit:
-            x, count = _proximal(p, best if push is None else p.pressed(push), tol, limit - steps)
+            x, count = _proximal(p, best if impulse is None else p.pressed(impulse), tol, limit - steps)
             best, steps = _better(best, x), steps + count
     pieces = 0
-    if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _PATH_ROWS:
+    if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _MAX_PATH_ROWS:
         x, count, pieces = _paths(p, tol)
         best, steps = _better(best, x), steps + count
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
 
 
 def _paths(p: Problem, tol: float) -> tuple[Iterate, int, int]:
-    """Follow paths of solutions until one ends, and take Newton steps from there; return those and all pieces too."""
-    pieces, work = 0, _WORK
-    for seed, most in enumerate(_PIECES):
-        r, count, work = follow(p, seed, most * p.mu.size, work)
+    """Follow paths until one reaches a solution, then take Newton steps; return iterate, steps and pieces."""
+    pieces, work = 0, _MAX_PATH_WORK
+    for seed, pieces_per_contact in enumerate(_MAX_PIECES):
+        r, count, work = follow(p, seed, pieces_per_contact * p.mu.size, work)
         pieces += count
         if r is not None:
-            return *_steps(p, p.at(r), tol, _STALL_LIMIT, _GAINS, _SHORTEST), pieces
+            return *_steps(p, p.at(r), tol, _STALL_LIMIT, _NEWTON_GAINS, _MIN_STEP), pieces
         if work < 0.0:
             break
     return p.at(np.zeros_like(p.q)), 0, pieces
@@ -150,7 +154,7 @@ def _better(x: Iterate, y: Iterate) -> Iterate:
 def _steps(
     p: Problem, x: Iterate, tol: float, limit: int, gains: tuple[float, ...], shortest: float
 ) -> tuple[Iterate, int]:
-    """Newton with one gain after another, until the error is below tol; return the best and the number of steps."""
+    """Newton's method with each gain in turn until the residual is below tol; return best iterate and steps."""
     steps = 0
     for gain in gains:
         if x.error <= tol or steps >= limit:
@@ -161,30 +165,32 @@ def _steps(
 
 
 def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
-    """Solve proximal problems from one solution to the next (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).
+    """Proximal point method (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898); return iterate and Newton steps.
 
-    Their W + weight I is definite where W is singular, and their fixed points are solutions. The smaller the weight,
-    the fewer problems it takes and the harder each is for Newton.
+    The matrices W + weight I are definite even if W is singular, and fixed points of the iteration are solutions. The
+    smaller the weight, the fewer problems are needed and the harder each is for Newton's method.
     """
-    best, weight, steps = x, _FIRST, 0
+    best, weight, steps = x, _FIRST_WEIGHT, 0
     mark, marked = x.error, 0
     while tol < best.error < np.inf and steps < limit and steps - marked < _STALL_LIMIT:
-        near, wanted = p.near(x.r, weight), max(_SOLVED * x.error, 0.3 * tol)
-        new, count = _steps(near, near.at(x.r), wanted, min(_INNER, limit - steps), _PROXIMAL_GAINS, _SHORTEST)
+        near, wanted = p.near(x.r, weight), max(_PROXIMAL_REDUCTION * x.error, 0.3 * tol)
+        new, count = _steps(
+            near, near.at(x.r), wanted, min(_MAX_PROXIMAL_STEPS, limit - steps), _PROXIMAL_GAINS, _MIN_STEP
+        )
         solved, steps = new.error <= wanted, steps + max(count, 1)  # 0 at the limit of round-off
-        there = p.at(new.r)
-        x = there if solved else _better(x, there)
+        candidate = p.at(new.r)
+        x = candidate if solved else _better(x, candidate)
         best = _better(best, x)
-        weight = min(max(weight * (_DOWN if solved else _UP), _LEAST), _MOST)
+        weight = min(max(weight * (_WEIGHT_DECREASE if solved else _WEIGHT_INCREASE), _MIN_WEIGHT), _MAX_WEIGHT)
         if best.error < 0.5 * mark:
             mark, marked = best.error, steps
     return best, steps
 
 
 def _sweep(p: Problem, x: Iterate, sweeps: int) -> Iterate:
-    """Sweep: projected gradient steps with Nesterov's momentum, restarted when it points uphill.
+    """Projected gradient steps with Nesterov's momentum, restarted where it opposes the gradient step.
 
-    O'Donoghue & Candes, Found. Comput. Math. 15 (2015) 715-732, gradient scheme; one product with W a sweep.
+    Gradient scheme of O'Donoghue & Candes, Found. Comput. Math. 15 (2015) 715-732; one product with W per sweep.
     """
     r, u = y, u_y = x.r, x.u
     theta = 1.0

@@ -1,4 +1,4 @@
-"""The occupied cells and nodes of all bodies, as one disconnected scikit-fem mesh whose quadrature is the points."""
+"""The occupied cells and nodes of all bodies, a disconnected mesh with the material points as quadrature."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ CORNERS = np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
 
 @dataclass(frozen=True)
 class BodyGrids:
-    """The occupied cells and nodes of all bodies, and the points' place in them.
+    """The occupied cells and nodes of all bodies, and the positions of the material points in the cells.
 
-    Nodes are sorted by body, and within a body row by row along its shorter side: the smallest band.
+    Nodes are sorted by body, and within a body in rows along its shorter side, which minimises the bandwidth.
     """
 
     cell: float  # h [m]
@@ -36,17 +36,17 @@ class BodyGrids:
     cell_body: Ints  # (cells,)
     node_index: Ints  # (2, nodes) integer coordinates of the nodes
     node_body: Ints  # (nodes,)
-    along: Ints  # (bodies,) the component that runs along the rows of nodes
-    bodies: int
+    along: Ints  # (bodies,) axis of the rows of nodes, 0 for x or 1 for y
+    bodies: int  # number of bodies
 
     @property
     def nodes(self) -> int:
-        """How many (body, node) pairs are occupied."""
+        """Number of occupied (body, node) pairs."""
         return int(self.node_index.shape[1])
 
     @cached_property
     def pieces(self) -> Ints:
-        """Into how many pieces, that share no node, the cells of every body fall, (bodies,)."""
+        """Number of connected components, which share no node, of the cells of each body, (bodies,)."""
         cell, corner = np.tile(np.arange(self.cells), 4), self.nodes_of_cell.ravel()
         size = self.cells + self.nodes
         shares = sp.coo_array((np.ones(cell.size), (cell, self.cells + corner)), shape=(size, size))
@@ -57,7 +57,7 @@ class BodyGrids:
 
     @property
     def cells(self) -> int:
-        """How many (body, cell) pairs are occupied."""
+        """Number of occupied (body, cell) pairs."""
         return int(self.cell_index.shape[1])
 
     @property
@@ -67,12 +67,12 @@ class BodyGrids:
 
     @cached_property
     def blocks(self) -> Ints:
-        """Offsets of the bodies' unknowns, (bodies + 1,): body b owns dofs blocks[b]:blocks[b + 1]."""
+        """Offsets (bodies + 1,) of the unknowns of bodies: those of body b are blocks[b]:blocks[b + 1]."""
         return 2 * np.searchsorted(self.node_body, np.arange(self.bodies + 1))
 
     @property
     def shape(self) -> Array:
-        """Q1 shape functions of each point's four nodes, (4, n): scikit-fem's, at the local coordinates."""
+        """Q1 shape functions of the four nodes of each point's cell, (4, n), evaluated by scikit-fem."""
         return np.stack([ElementQuad1().lbasis(self.local, i)[0] for i in range(4)])
 
     @property
@@ -82,7 +82,7 @@ class BodyGrids:
 
     @cached_property
     def _pattern(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Columns (4 n,) and row offsets (n + 1,) of every `_point_matrix`: shared, so nobody may sort them."""
+        """Columns (4 n,) and row offsets (n + 1,) of every `_point_matrix`; shared, therefore read-only."""
         columns = self.nodes_of_cell.T.astype(np.int32)[self.cell_of_point].ravel()
         offsets = np.arange(0, columns.size + 1, 4, dtype=np.int32)
         for shared in (columns, offsets):
@@ -90,45 +90,45 @@ class BodyGrids:
         return columns, offsets
 
     def _point_matrix(self, values: Array) -> sp.csr_array:
-        """A sparse matrix (n, nodes) from four values per point, (4, n)."""
+        """Sparse matrix (n, nodes) from four values per point, (4, n)."""
         return sp.csr_array((values.T.ravel(), *self._pattern), shape=(values.shape[1], self.nodes))
 
     @cached_property
     def interpolation(self) -> sp.csr_array:
-        """N (n, nodes): nodal values to point values."""
+        """Interpolation matrix N (n, nodes) from nodes to points."""
         return self._point_matrix(self.shape)
 
     @cached_property
     def derivatives(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """(n, nodes) matrices of d/dx and d/dy at the points [1/m]."""
+        """Matrices (n, nodes) of d/dx and d/dy at the points [1/m]."""
         along_x, along_y = self.gradient
         return self._point_matrix(along_x), self._point_matrix(along_y)
 
     @cached_property
     def levers(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """N_ip (X_i - X_p), one matrix (n, nodes) [m] per component: the arms of the affine momentum."""
+        """N_ip (X_i - X_p), one matrix (n, nodes) [m] per component, the lever arms of the affine momentum."""
         arms = self.cell * (CORNERS[:, :, None] - self.local[:, None, :])
         N = self.shape
         return self._point_matrix(N * arms[0]), self._point_matrix(N * arms[1])
 
     def at_points(self, field: Array) -> Array:
-        """Values at the points (2, n) of a nodal field (2 nodes,)."""
+        """Values (2, n) of a nodal field (2 nodes,) at the points."""
         return np.ascontiguousarray((self.interpolation @ field.reshape(-1, 2)).T)
 
     def gradient_at_points(self, field: Array) -> Array:
-        """Gradients H[i, j] = d field_i / d x_j at the points, (2, 2, n), of a nodal field (2 nodes,)."""
+        """Gradients H[i, j] = d field_i / d x_j (2, 2, n) of a nodal field (2 nodes,) at the points."""
         columns = [D @ field.reshape(-1, 2) for D in self.derivatives]
         return np.ascontiguousarray(np.stack(columns, axis=-1).transpose(1, 2, 0))
 
     @cached_property
     def mesh(self) -> MeshQuad:
-        """The disconnected mesh; its vertices are the nodes."""
+        """The disconnected mesh, whose vertices are the nodes."""
         return MeshQuad(self.position, self.nodes_of_cell)
 
     def basis(self, volume: Array, intorder: int | None = None) -> CellBasis:
         """Scikit-fem basis whose quadrature points are the material points, weighted by `volume` (n,) [m2].
 
-        With `intorder` it is the ordinary basis on the full cells instead (for comparison with plain FEM).
+        With `intorder` it is the standard basis on full cells instead, for comparison with the finite element method.
         """
         mapping = CartesianMapping(self.cell * self.cell_index.astype(np.float64), self.cell)
         options: dict[str, Any] = {"mapping": mapping, "disable_doflocs": True}
@@ -144,17 +144,17 @@ class BodyGrids:
         )
 
     def sums(self, values: Array) -> Array:
-        """Sums over the nodes of every body, (k, bodies), of nodal values (k, nodes)."""
+        """Sums (k, bodies) of nodal values (k, nodes) over the nodes of each body."""
         return np.stack([np.bincount(self.node_body, row, self.bodies) for row in values])
 
     def means(self, values: Array, weight: Array | None = None) -> Array:
-        """Means over the nodes of every body, (k, bodies), of nodal values (k, nodes) weighed (nodes,)."""
+        """Means (k, bodies) of nodal values (k, nodes) over the nodes of each body, weighted by (nodes,)."""
         weight = np.ones(self.nodes) if weight is None else weight
         (total,) = self.sums(weight[None])
         return np.asarray(self.sums(weight * values) / np.maximum(total, 1e-300))
 
     def rigid_motions(self) -> Array:
-        """Two translations and the rotation about each body's own centre, (2 nodes, 3)."""
+        """Two translations and the rotation of each body about the mean position of its nodes, (2 nodes, 3)."""
         position = self.position
         arm = (position - self.means(position)[:, self.node_body]) / self.cell
         motions = np.zeros((2 * self.nodes, 3))
@@ -163,10 +163,11 @@ class BodyGrids:
         return motions
 
     def pins(self, stiffness: Array) -> Array:
-        """Springs that stop the rigid motions of each body and no other, on the diagonal, (nodes, 2, 2).
+        """Statically determinate springs that suppress the rigid motions of bodies, diagonal blocks (nodes, 2, 2).
 
-        Two hold the node in the middle of a body, one the node farthest from it, across the line to it: under
-        forces that balance each other they carry nothing. `stiffness` (bodies,).
+        Two springs hold the node closest to the centre of a body; the third one holds the farthest node from it, in
+        the direction normal to the line between both. Under balanced loads they carry no force. `stiffness` (bodies,)
+        [Pa]; bodies with zero stiffness have no springs.
         """
         x, body = self.position, self.node_body
         centre = self.means(x)
@@ -177,9 +178,9 @@ class BodyGrids:
             return np.asarray(np.lexsort((distance, body))[first[held]])
 
         middle = nearest(np.hypot(*(x - centre[:, body])))
-        place = np.zeros((2, self.bodies))
-        place[:, held] = x[:, middle]
-        outer = nearest(-np.hypot(*(x - place[:, body])))
+        pinned = np.zeros((2, self.bodies))
+        pinned[:, held] = x[:, middle]
+        outer = nearest(-np.hypot(*(x - pinned[:, body])))
         arm = x[:, outer] - x[:, middle]
         across = np.stack([-arm[1], arm[0]]) / np.hypot(*arm)
         springs = np.zeros((self.nodes, 2, 2))

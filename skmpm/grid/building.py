@@ -1,4 +1,4 @@
-"""Body grids through the points of the bodies."""
+"""Construction of the body grids from the positions of material points."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from skmpm.grid.body_grids import CORNERS, BodyGrids
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-TABLE_RATIO = 30  # possible keys for each one given, beyond which sorting beats a table of all possible
+TABLE_RATIO = 30  # possible keys per given key above which sorting is faster than a table of all possible keys
 
 
 def numbered(key: Ints, size: int) -> tuple[Ints, Ints]:
-    """The number (k,) of each key (k,) among the distinct ones, ascending, and where one of each is; 0 <= key < size.
+    """Rank (k,) of each key (k,) among the distinct keys, and an index of each distinct key; 0 <= key < size.
 
-    By a table of all possible keys, which is several times faster than sorting unless they are few among many.
+    A table of all possible keys is used, several times faster than sorting unless only few of them occur.
     """
     if size > TABLE_RATIO * key.size:
         _, where, number = np.unique(key, return_index=True, return_inverse=True)
         return number, where
-    place = np.full(size, -1)
-    place[key] = np.arange(key.size)
-    there = np.flatnonzero(place >= 0)
-    where = place[there]
-    place[there] = np.arange(there.size)
-    return place[key], where
+    table = np.full(size, -1)
+    table[key] = np.arange(key.size)
+    present = np.flatnonzero(table >= 0)
+    where = table[present]
+    table[present] = np.arange(present.size)
+    return table[key], where
 
 
 def build_grids(x: Array, body: Ints, cell: float, bodies: int, inward: Array | None = None) -> BodyGrids:
-    """Lay the body grids through points `x` (2, n) [m] of bodies `body` (n,).
+    """Build the body grids of points `x` (2, n) [m] of bodies `body` (n,).
 
-    `inward` (2, n), where given, decides for a point exactly on a grid line: it belongs to the cell on the
-    side `inward` points to, so that a boundary that lies on a line does not open cells outside its body.
+    A point exactly on a grid line belongs to the cell on the side that `inward` (2, n) points to, if given, so that a
+    boundary on a grid line does not occupy cells outside its body.
     """
     probe = x / cell if inward is None else x / cell + 1e-9 * inward
     index = np.floor(probe).astype(np.int64)
@@ -44,7 +44,7 @@ def build_grids(x: Array, body: Ints, cell: float, bodies: int, inward: Array | 
         np.maximum.at(high[axis], body, index[axis])
     present = high[0] >= low[0]
     extent = np.where(present, high - low + 2, 0)
-    along = np.where(extent[0] <= extent[1], 0, 1)  # rows run along the shorter side
+    along = np.where(extent[0] <= extent[1], 0, 1)  # rows are parallel to the shorter side
     start = np.concatenate([[0], np.cumsum(extent[0] * extent[1])])
 
     def number(ij: Ints, b: Ints) -> Ints:

@@ -1,4 +1,4 @@
-"""The map of the reference square onto the cells of a Cartesian grid."""
+"""The mapping from the reference square to the cells of a Cartesian grid."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Ints = NDArray[np.int64]
 
 
 class CartesianMapping(Mapping):
-    """Affine map of the reference square onto equal square cells: constant, and nothing is cached."""
+    """Affine mapping from the reference square to square cells of equal size; evaluated without caching."""
 
     def __init__(self, origin: Array, cell: float) -> None:
         self.origin, self.cell = origin, cell
@@ -24,12 +24,12 @@ class CartesianMapping(Mapping):
         return np.broadcast_to(value * np.eye(2)[:, :, None, None], (2, 2, self._select(tind).shape[1], points))
 
     def F(self, X: Array, tind: Ints | None = None) -> Array:
-        """Global positions (2, cells, points) [m] of local ones."""
+        """Global positions (2, cells, points) [m] of local coordinates."""
         local = X if X.ndim == 3 else X[:, None, :]
         return self._select(tind)[:, :, None] + self.cell * local
 
     def invF(self, x: Array, tind: Ints | None = None) -> Array:
-        """Local coordinates of global positions (2, cells, points) [m]; not clipped."""
+        """Local coordinates of global positions (2, cells, points) [m], not clipped."""
         return (x - self._select(tind)[:, :, None]) / self.cell
 
     def DF(self, X: Array, tind: Ints | None = None) -> Array:

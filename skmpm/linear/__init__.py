@@ -1,8 +1,8 @@
-"""Solvers of A v = b, A symmetric positive definite and block diagonal, one block per body.
+"""Linear solvers for A v = b, where A is symmetric positive definite with one diagonal block per body.
 
-Each solver is a function (A, blocks, rigid_motions) -> solve; `solve(b)` returns A^-1 b, and
-`solve.compliance(H)` returns H A^-1 H', which contact needs. `blocks` (bodies + 1,) are the bodies' first unknowns,
-`rigid_motions` (n, 3) the motions that store no energy. `default` picks between `banded` and `amg` by size.
+A solver is a function (A, blocks, rigid_motions) -> solve. `solve(b)` returns A^-1 b, and `solve.delassus(H)` returns
+H A^-1 H', the Delassus operator of constraints H. `blocks` (bodies + 1,) are the first unknowns of the bodies and
+`rigid_motions` (n, 3) the motions that store no energy. `default` selects `banded` or `amg` by the size of bodies.
 """
 
 from skmpm.linear.band import Banded, banded

@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Banded:
-    """Cholesky factor of all bodies as one band: bodies do not couple, so neither do their bands."""
+    """Cholesky factor of all bodies in one band matrix; bodies are not coupled, so their factors do not overlap."""
 
     factor: Array  # (bandwidth + 1, n), lower form, columns contiguous
     blocks: Ints
@@ -34,9 +34,9 @@ class Banded:
         return by_body(self.blocks, H, self._squares)
 
     def _squares(self, start: int, stop: int, right: Array, first: Ints) -> Array:
-        """Z'Z of one body by forward substitution, block row after block row, each as high as the band is wide.
+        """Z'Z of one body by forward substitution in block rows whose height is the half bandwidth.
 
-        What L has in a block row is a lower and an upper triangle; columns are left alone until they begin.
+        In each block row L consists of a lower and an upper triangle. Columns are skipped up to their first non-zero.
         """
         width, out = self.factor.shape[0] - 1, np.zeros((first.size, first.size))
         carried = np.zeros((width, 0), order="F")
@@ -52,9 +52,10 @@ class Banded:
         return out
 
     def _square(self, column: int, below: int, size: int) -> Array:
-        """L from this column and `below` its diagonal on: entry (i, j) of L is i + j bandwidths into the factor.
+        """View of the square block of L that begins at this column, `below` rows below the diagonal.
 
-        One triangle of it; what is stored in the place of the other belongs to other columns.
+        Entry (i, j) of L is stored at i + j bandwidths. One triangle of the view belongs to the block, the other one
+        to other columns of L.
         """
         width, entries = self.factor.shape[0] - 1, self.factor.ravel(order="K")
         begin = column * (width + 1) + below
@@ -62,13 +63,13 @@ class Banded:
 
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """Banded Cholesky of all bodies at once (LAPACK pbtrf); best for bodies up to about 170 cells across."""
+    """Banded Cholesky of all bodies at once (LAPACK pbtrf); for bodies of up to about 170 cells across."""
     band = _band(A, half_bandwidth(A))
     return Banded(cholesky_banded(band, overwrite_ab=True, lower=True, check_finite=False), blocks)
 
 
 def _band(A: sp.bsr_array, width: int) -> Array:
-    """The lower triangle of A by columns, (width + 1, n): entry (i, j) in row i - j of column j."""
+    """The lower triangle of A in band storage, (width + 1, n): entry (i, j) in row i - j of column j."""
     n = A.shape[0]
     rows = np.repeat(np.arange(n // 2), np.diff(A.indptr))
     lower = np.flatnonzero(A.indices <= rows)
@@ -77,6 +78,6 @@ def _band(A: sp.bsr_array, width: int) -> Array:
     band = np.zeros((width + 1) * n)
     for a, b in ((0, 0), (1, 0), (1, 1)):
         band[at + a + b * width] = data[:, a, b]
-    beside = row > column
-    band[at[beside] + width] = data[beside, 0, 1]
+    off_diagonal = row > column
+    band[at[off_diagonal] + width] = data[off_diagonal, 0, 1]
     return band.reshape((width + 1, n), order="F")

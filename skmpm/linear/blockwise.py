@@ -1,4 +1,4 @@
-"""H A^-1 H', what contact sees of the bodies."""
+"""The Delassus operator H A^-1 H', body by body or by solves with columns of all bodies."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ Squares = Callable[[int, int, Array, Ints], Array]
 
 @dataclass(frozen=True)
 class _Rows:
-    """The rows of H that touch a body, body after body, those of a body by their first unknown."""
+    """The non-zero rows of H, sorted by body and, within a body, by first unknown."""
 
-    size: int  # of all rows of H
-    row: Ints  # (k,) their numbers in H
-    ends: Ints  # (bodies + 1,) the first row of each body
-    first: Ints  # (k,) first unknown
-    dof: Ints  # (entries,) row after row
-    entry: Ints  # (entries,) the row, of the k, of each
-    value: Array
+    size: int  # number of rows of H
+    row: Ints  # (k,) index in H
+    ends: Ints  # (bodies + 1,) first of the k rows of each body
+    first: Ints  # (k,) first unknown of each row
+    dof: Ints  # (entries,) unknown of each entry, row after row
+    entry: Ints  # (entries,) which of the k rows each entry belongs to
+    value: Array  # (entries,)
 
     @cached_property
     def local(self) -> Ints:
-        """Number of each row (k,) within its body."""
+        """Index of each row within its body, (k,)."""
         return np.arange(self.row.size) - np.repeat(self.ends[:-1], np.diff(self.ends))
 
 
@@ -42,7 +42,7 @@ def _rows(blocks: Ints, H: sp.csr_array) -> _Rows:
     first, last = H.indices[H.indptr[filled]].astype(np.int64), H.indices[H.indptr[filled + 1] - 1]
     body = np.searchsorted(blocks, first, side="right") - 1
     if np.any(last >= blocks[body + 1]):
-        raise ValueError("a row of H touches two bodies; give one row for each")
+        raise ValueError("a row of H touches two bodies; split it into one row per body")
     order = np.lexsort((first, body))
     ends = np.searchsorted(body[order], np.arange(blocks.size))
     chosen = sp.csr_array(H[filled[order]])
@@ -52,9 +52,9 @@ def _rows(blocks: Ints, H: sp.csr_array) -> _Rows:
 
 
 def by_body(blocks: Ints, H: sp.csr_array, squares: Squares) -> sp.csr_array:
-    """H A^-1 H', dense within a body, by `squares(start, stop, H_b', first)`; rows of H touch one body each.
+    """H A^-1 H', dense within a body, from the blocks `squares(start, stop, H_b', first)` of the bodies.
 
-    Columns of H_b' are sorted by the first row `first` where they are not zero.
+    Each row of H touches one body. The columns of H_b' are sorted by the index `first` of their first non-zero.
     """
     rows = _rows(blocks, H)
     entries, sizes = np.searchsorted(rows.entry, rows.ends), np.diff(rows.ends)
@@ -70,13 +70,13 @@ def by_body(blocks: Ints, H: sp.csr_array, squares: Squares) -> sp.csr_array:
         block = squares(start, stop, right, rows.first[own] - start)
         ascending = np.argsort(rows.row[own])
         here = rows.row[own][ascending]
-        place = begins[here][:, None] + np.arange(size)
-        data[place], column[place] = block[ascending][:, ascending], here
+        position = begins[here][:, None] + np.arange(size)
+        data[position], column[position] = block[ascending][:, ascending], here
     return sp.csr_array((data, column, begins.astype(np.int32)), shape=(rows.size, rows.size))
 
 
 def by_columns(solve: Solver, blocks: Ints, H: sp.csr_array) -> sp.csr_array:
-    """The same by solving for one row of every body at a time: rows of different bodies share a right side."""
+    """H A^-1 H' by solves for one row of every body at a time: rows of different bodies share a right-hand side."""
     rows = _rows(blocks, H)
     count = np.diff(rows.ends)
     of_entry = rows.local[rows.entry]

@@ -1,4 +1,4 @@
-"""Which solver for which bodies."""
+"""Selection of the linear solver."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from skmpm.linear.solver import Solver, half_bandwidth
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-CROSSOVER = 700  # half bandwidth
+CROSSOVER = 700  # half bandwidth up to which `default` takes `banded`; measurements in its docstring
 
 
 def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """`banded` up to a half bandwidth of 700, a body about 170 cells across, `amg` beyond.
+    """`banded` up to a half bandwidth of 700, a body of about 170 cells across, and `amg` beyond.
 
-    One solve alone is faster by amg from 400 on, 95 cells across, and 2.5 times as fast at 700
-    (`examples/studies/benchmark/crossover.py`). But contact needs as many solves as a body has contact rows, with one
-    factor: a body 120 cells across with 20 rows takes four times as long by amg, one with 100 rows twelve times.
+    For a single solve amg is faster from a half bandwidth of 400, 95 cells across, and 2.5 times as fast at 700
+    (`examples/studies/benchmark/crossover.py`). Contact, however, needs as many solves with one matrix as a body has
+    contact rows: a body of 120 cells across takes four times as long with amg for 20 rows, and twelve times as long
+    for 100 rows.
     """
     return (banded if half_bandwidth(A) <= CROSSOVER else amg)(A, blocks, rigid_motions)

@@ -1,4 +1,4 @@
-"""How the places of contacts respond to impulses on them."""
+"""The Delassus operator of boundary points: their velocities under impulses on them."""
 
 from __future__ import annotations
 
@@ -16,41 +16,42 @@ Ints = NDArray[np.integer]
 
 @dataclass(frozen=True)
 class Delassus:
-    """S = R A^-1 R' of the places that contacts combine, R = base x I, for one factorised A.
+    """S = R A^-1 R' of the contact points (boundary points or grid nodes), R = base x I, for a factorised A.
 
-    Contacts move over the places from iterate to iterate, the places and A stay. S is dense within a body and found
-    for the places of a body that contacts use, once more with all of them when they use others; with `whole` at once
-    for all places of a body, so that S does not depend, not even by rounding, on where contacts have been before.
+    From iterate to iterate constraints combine different contact points, while these points and A stay the same. S is
+    dense within a body. It is computed for the contact points of a body in use, and computed again when constraints
+    use others. With `whole` it is computed for all contact points of a body at once, so that S does not depend, not
+    even by round-off, on earlier contacts.
     """
 
     solver: Solver
     base: sp.csr_array  # (m, nodes)
-    owner: Ints  # (m,) body of each place
+    owner: Ints  # (m,) body of each contact point
     whole: bool
-    S: sp.csr_array  # (2 m, 2 m) of the places found so far
-    known: NDArray[np.bool_]  # (m,) which these are
+    S: sp.csr_array  # (2 m, 2 m) of the contact points in `known`
+    known: NDArray[np.bool_]  # (m,) whether S contains the contact point
 
     @staticmethod
     def of(solver: Solver, base: sp.csr_array, owner: Ints, *, whole: bool = False) -> Delassus:
-        """The response by a solver, with S of no place yet."""
+        """The Delassus operator for a solver, with S of no contact point yet."""
         points = base.shape[0]
         S = sp.csr_array((2 * points, 2 * points))
         return Delassus(solver, base, owner, whole, S, np.zeros(points, dtype=bool))
 
     def between(self, left: sp.csr_array, right: sp.csr_array) -> tuple[sp.csr_array, Delassus]:
-        """Left S right', how what `left` combines moves under impulses on what `right` does; both (k, 2 m).
+        """The product left S right' for constraints `left` and `right` on the contact points, both (k, 2 m).
 
-        Also returns the response with S of all places that these rows combine.
+        Also returns the operator with S of all contact points in these constraints.
         """
         found = self._extended(left)._extended(right)
         product = sp.csr_array(left @ found.S) @ right.T
         return sp.csr_array(product.tocsc().tocsr()), found  # sorts
 
     def _extended(self, rows: sp.csr_array) -> Delassus:
-        """The response with S of all places of these rows."""
+        """The operator with S of all contact points in these rows."""
         wanted = np.zeros_like(self.known)
         wanted[rows.indices // 2] = True
-        wanted &= np.diff(self.base.indptr) > 0  # rigid ones do not respond
+        wanted &= np.diff(self.base.indptr) > 0  # points of rigid bodies do not respond
         new = np.flatnonzero(wanted & ~self.known)
         if new.size == 0:
             return self
@@ -64,21 +65,21 @@ class Delassus:
         return replace(self, S=S, known=known)
 
     def _of(self, points: Ints) -> sp.csr_array:
-        """S of some places, in the numbering of all."""
+        """S of some contact points, with rows and columns of all of them."""
         own = self.solver.delassus(sp.csr_array(sp.kron(self.base[points], np.eye(2), format="csr")))
         chosen = np.stack([2 * points, 2 * points + 1], axis=1).ravel()
         return _spread(own.data, chosen[own.indices], chosen, np.diff(own.indptr), self.S.shape[0])
 
 
 def _without(S: sp.csr_array, rows: NDArray[np.bool_]) -> sp.csr_array:
-    """S with some rows emptied."""
+    """S without the entries of the rows where `rows` is true."""
     count = np.where(rows, 0, np.diff(S.indptr))
     kept = np.repeat(~rows, np.diff(S.indptr))
     return _spread(S.data[kept], S.indices[kept], np.arange(rows.size), count, rows.size)
 
 
 def _spread(data: Array, column: Ints, rows: Ints, count: Ints, size: int) -> sp.csr_array:
-    """A square matrix with `count` entries in each of some rows, ascending."""
+    """A square matrix with `count` entries in each of the ascending `rows`, and none elsewhere."""
     counts = np.zeros(size, dtype=np.int64)
     counts[rows] = count
     return sp.csr_array((data, column, np.append(0, np.cumsum(counts))), shape=(size, size))

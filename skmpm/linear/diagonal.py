@@ -1,4 +1,4 @@
-"""Matrices without couplings: the lumped mass of an explicit step."""
+"""Solver for diagonal matrices, such as the lumped mass of an explicit step."""
 
 from __future__ import annotations
 
@@ -31,5 +31,5 @@ class Diagonal:
 
 
 def diagonal(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """One division per unknown; what A has beside its diagonal is not looked at."""
+    """Division by the diagonal of A; off-diagonal entries are ignored."""
     return Diagonal(1.0 / A.diagonal())

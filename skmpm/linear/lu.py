@@ -1,4 +1,4 @@
-"""Sparse LU, the oracle of the tests."""
+"""Sparse LU factorisation, the reference solver of the tests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Direct:
-    """Sparse LU of the whole matrix: slow, plain, the oracle of the tests."""
+    """Sparse LU of the whole matrix: slow and simple, the reference solver of the tests."""
 
     factor: spla.SuperLU
     blocks: Ints
@@ -34,6 +34,6 @@ class Direct:
 
 
 def direct(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """SuperLU of the whole matrix."""
+    """Factorise the whole matrix with SuperLU."""
     lu = spla.splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     return Direct(lu, blocks)

@@ -1,4 +1,4 @@
-"""Conjugate gradients with smoothed aggregation."""
+"""Conjugate gradients preconditioned with smoothed aggregation multigrid."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from skmpm.linear.threads import one_thread
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-THRESHOLD = 0.08  # of strong connections
-COARSEST = 300  # unknowns, solved at once
-DEEPEST = 10  # levels
-POWER = 8  # iterations for the largest eigenvalue
+CONNECTION_THRESHOLD = 0.08  # strength of connection on the finest level, that of Vanek, Mandel & Brezina (1996)
+COARSEST_SIZE = 300  # unknowns of a level that a dense pseudoinverse solves directly
+MAX_LEVELS = 10  # safeguard against coarsening that stalls
+POWER_ITERATIONS = 8  # estimate the largest eigenvalue up to a tenth too small, which changes no number of iterations
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,9 @@ def amg(
 ) -> Solver:
     """Conjugate gradients with pyamg's smoothed aggregation, the three rigid motions as near-null space.
 
-    Bodies do not couple, so aggregates do not cross them. W cycles, whose coarse levels cost little, keep
-    the iterations of a large body few: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24 and 26).
+    Bodies are not coupled, so no aggregate extends over two bodies. W cycles, whose coarse levels are cheap, limit
+    the number of iterations for large bodies: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24
+    and 26).
     `callback` takes the number of iterations of every solve.
     """
     with one_thread():
@@ -93,13 +94,14 @@ def amg(
 def _hierarchy(A: sp.bsr_matrix, modes: Array) -> Any:
     """Smoothed aggregation of A and its near-null space `modes` (n, 3), by pyamg's kernels.
 
-    Nodes are strongly connected where the block between them exceeds `THRESHOLD`, halved from level to level, of
-    those on the diagonal (Vanek, Mandel & Brezina, Computing 56, 1996). Without it coarse levels are too coarse, and
-    iterations grow with the body. Levels are made of blocks, but stored row by row, where a sweep costs a quarter.
+    Nodes are strongly connected if the block between them exceeds `CONNECTION_THRESHOLD`, halved from level to level,
+    relative to their diagonal blocks (Vanek, Mandel & Brezina, Computing 56, 1996). Without a threshold levels
+    coarsen too fast, and the number of iterations grows with the size of the body. Levels are built from block
+    matrices but stored as CSR, which takes a quarter of the time in a sweep.
     """
     levels = [_level(A)]
-    while A.shape[0] > COARSEST and len(levels) < DEEPEST:
-        P, modes = _prolongation(A, levels[-1].A, modes, THRESHOLD * 0.5 ** (len(levels) - 1))
+    while A.shape[0] > COARSEST_SIZE and len(levels) < MAX_LEVELS:
+        P, modes = _prolongation(A, levels[-1].A, modes, CONNECTION_THRESHOLD * 0.5 ** (len(levels) - 1))
         levels[-1].P = P.tocsr()
         levels[-1].R = levels[-1].P.T
         A = sp.bsr_matrix(P.T @ (A @ P))
@@ -119,17 +121,17 @@ def _level(A: sp.bsr_matrix) -> Any:
 def _prolongation(
     A: sp.bsr_matrix, rows: sp.csr_matrix, modes: Array, threshold: float
 ) -> tuple[sp.bsr_matrix, Array]:
-    """(I - 4/3 / rho D^-1 A) T, and the near-null space of the next level; `rows` is A once more.
+    """Prolongation (I - 4/3 / rho D^-1 A) T, and the near-null space of the next level; `rows` is A as CSR.
 
-    T are the modes on each aggregate, D the diagonal blocks of A, rho the largest eigenvalue of D^-1 A: by the power
-    method up to a tenth too small, which changes no count of iterations.
+    T are the modes on each aggregate, D the diagonal blocks of A, and rho the largest eigenvalue of D^-1 A by the
+    power method, up to a tenth too small, which changes no number of iterations.
     """
     aggregates, _ = standard_aggregation(symmetric_strength_of_connection(A, threshold))
     on_aggregates, modes = fit_candidates(aggregates, modes)
     each = np.arange(A.indptr.size)
     inverse = sp.bsr_matrix((get_block_diag(A, A.blocksize[0], inv_flag=True), each[:-1], each), shape=A.shape)
     x = np.random.default_rng(0).normal(size=A.shape[0])
-    for _ in range(POWER):
+    for _ in range(POWER_ITERATIONS):
         x = inverse @ (rows @ (x / np.linalg.norm(x)))
     smoothed = on_aggregates - (4.0 / 3.0 / np.linalg.norm(x)) * (inverse @ (A @ on_aggregates))
     return sp.bsr_matrix(smoothed), modes

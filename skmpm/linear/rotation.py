@@ -1,4 +1,4 @@
-"""More inertia for the rotation and deformation of bodies, none for their translation."""
+"""Additional inertia for the rotation and deformation of bodies, not for their translation."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class HeldRotation:
-    """The inverse of A + c (M - M T (T'M T)^-1 T'M) for every body, T its translations, by a solver for A + c M.
+    """Inverse of A + c (M - M T (T'M T)^-1 T'M) for every body, T its translations, from a solver for A + c M.
 
-    Translations store no energy, A T = M T, so (A + c M) T = (1 + c) M T and by Woodbury's formula the inverse is
+    Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the inverse is
     (A + c M)^-1 + c / (1 + c) T (T'M T)^-1 T'.
     """
 
@@ -30,17 +30,17 @@ class HeldRotation:
 
     @property
     def name(self) -> str:
-        """Which solver works on A + c M."""
+        """Name of the solver for A + c M."""
         return self.solver.name
 
     @property
     def _mobility(self) -> Array:
-        """What A + c M takes from the response of the bodies to a force, (bodies,) [m/kg]."""
+        """Mobility of the translations of bodies to be added to that of A + c M, (bodies,) [m/kg]."""
         return self.c / ((1.0 + self.c) * np.maximum(self.mass, 1e-300))
 
     @cached_property
     def _members(self) -> sp.csr_array:
-        """Sums over the nodes of every body, (bodies, nodes)."""
+        """Matrix (bodies, nodes) that sums over the nodes of every body."""
         nodes = self.body.size
         return sp.csr_array((np.ones(nodes), (self.body, np.arange(nodes))), shape=(self.c.size, nodes))
 
@@ -50,7 +50,7 @@ class HeldRotation:
         return np.asarray(self.solver(b) + moved[self.body].reshape(b.shape))
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
-        """H A^-1 H' for rows H that touch one body each; dense within a body."""
+        """The Delassus operator of rows H that touch one body each; dense within a body."""
         own = sp.csr_array(self.solver.delassus(H))
         translated = np.stack([H[:, k::2].sum(axis=1) for k in (0, 1)], axis=1)
         owner = np.zeros(H.shape[0], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""What a solver is."""
+"""The interface of linear solvers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Solver(Protocol):
 
     @property
     def name(self) -> str:
-        """Which solver this is."""
+        """Name of the solver."""
 
     def __call__(self, b: Array, /) -> Array:
         """A^-1 b, for b (n,) or (n, m)."""
@@ -31,7 +31,7 @@ Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
 
 
 def half_bandwidth(A: sp.bsr_array) -> int:
-    """Largest distance of an entry from the diagonal."""
+    """Largest distance of an entry of A from the diagonal, in unknowns."""
     filled = np.flatnonzero(np.diff(A.indptr))
     if filled.size == 0:
         return 1

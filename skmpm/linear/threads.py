@@ -1,4 +1,4 @@
-"""One thread for BLAS: bodies are small, and more threads slow their matrices down ten times and more."""
+"""Restrict BLAS to one thread: for the small matrices of bodies two threads are ten times slower and more."""
 
 from contextlib import AbstractContextManager
 from functools import cache
@@ -13,6 +13,6 @@ def _libraries() -> Any:
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """Context in which BLAS uses one thread."""
+    """Context manager within which BLAS uses one thread."""
     limited: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
     return limited

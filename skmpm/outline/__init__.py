@@ -1,4 +1,4 @@
-"""Outlines: the polygons through the boundary points of all bodies; their measures, neighbours and overlaps.
+"""Outlines, the polygons and curves through the boundary points of bodies: measures, neighbours and overlaps.
 
 In every function `x` (2, m) [m] holds the current positions of the boundary points, in the order of `Outlines`.
 """

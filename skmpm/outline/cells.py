@@ -1,4 +1,4 @@
-"""How much of each grid cell lies inside an outline: exact moments of polygon and cell."""
+"""Exact moments of the intersections of grid cells and outlines."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from skmpm.outline.topology import Outlines, ranges
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)  # exact to degree 3 on [0, 1]
+GAUSS_POINTS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)  # two, on [0, 1]: exact for polynomials of degree 3
 
 
 def cell_moments(outlines: Outlines, x: Floats, cell: float, index: Integers, owner: Integers) -> Floats:
-    """Moments of 1, xi, eta, xi eta, xi^2, eta^2 over the parts of cells inside their bodies, (6, cells), in cells.
+    """Moments of 1, xi, eta, xi eta, xi^2, eta^2 over the parts of cells in their bodies, (6, cells) [cell areas].
 
-    By Green's theorem a moment is the integral of its primitive in x around the outline, dy; left of the cell the
-    primitive is zero, right of it constant: every piece of boundary counts in its own cell and in all to its left.
+    By Green's theorem a moment is the integral over dy, along the outline, of the primitive in x of its integrand.
+    The primitive vanishes to the left of the cell and is constant to its right, so each piece of the boundary
+    contributes to its own cell and to all cells to its left.
 
     Parameters
     ----------
-    outlines, x : boundary points (2, m) [m]
+    outlines, x : outlines and positions of their boundary points (2, m) [m]
     cell : side of the cells [m]
     index : (2, cells) integer coordinates of the cells
-    owner : (cells,) their bodies
+    owner : (cells,) body of each cell
     """
     start, end, piece_cell, body = _pieces(outlines, x / cell)
-    local = start - piece_cell + GAUSS[:, None, None] * (end - start)
+    local = start - piece_cell + GAUSS_POINTS[:, None, None] * (end - start)
     weight = 0.5 * (end[1] - start[1])
     inside = np.einsum("p,gkp->kp", weight, _primitives(local[:, 0], local[:, 1]))
     beyond = np.einsum("p,gkp->kp", weight, _primitives(np.ones_like(local[:, 0]), local[:, 1]))
@@ -37,20 +38,21 @@ def cell_moments(outlines: Outlines, x: Floats, cell: float, index: Integers, ow
     of_piece, of_cell = (
         (b * rows + ij[1] - low[1]) * columns + ij[0] - low[0] for b, ij in ((body, piece_cell), (owner, index))
     )
-    order, place = np.argsort(of_piece, kind="stable"), np.argsort(of_cell)
-    # In each row of each body what all pieces count beyond them adds up to zero: one running sum serves all.
+    order, sorted_cells = np.argsort(of_piece, kind="stable"), np.argsort(of_cell)
+    # In each row of each body the contributions of all pieces to the cells to their left add up to zero, because
+    # outlines are closed; so one cumulative sum serves all rows.
     passed = np.concatenate([np.zeros((6, 1)), np.cumsum(beyond[:, order], axis=1)], axis=1)
     moments = -passed[:, np.searchsorted(of_piece[order], of_cell, side="right")]
-    known = of_cell[place]
+    known = of_cell[sorted_cells]
     at = np.minimum(np.searchsorted(known, of_piece), known.size - 1)
     own = known[at] == of_piece
     for k in range(6):
-        moments[k] += np.bincount(place[at[own]], inside[k, own], known.size)
+        moments[k] += np.bincount(sorted_cells[at[own]], inside[k, own], known.size)
     return moments
 
 
 def _primitives(xi: Floats, eta: Floats) -> Floats:
-    """Primitives in xi of the six monomials, (gauss, 6, pieces)."""
+    """Primitives in xi of the six monomials, (Gauss points, 6, pieces)."""
     return np.stack([xi, xi**2 / 2, eta * xi, eta * xi**2 / 2, xi**3 / 3, eta**2 * xi], axis=1)
 
 

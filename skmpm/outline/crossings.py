@@ -1,4 +1,4 @@
-"""Outlines that cross themselves: bodies that a deformation has folded, or driven through themselves."""
+"""Detection of outlines that intersect themselves, of bodies that are folded or pass through themselves."""
 
 from __future__ import annotations
 
@@ -8,25 +8,27 @@ from scipy.spatial import cKDTree
 
 from skmpm.outline.topology import Floats, Integers, Outlines
 
-# Where a simple loop first touches itself its tangents are opposite, and the arc between the two places that bounds
-# the cavity turns back by pi. Half of that leaves room for the turns of a polygon and for one step beyond. A loop
-# that folds at a point goes round once more than a simple one.
-ROUNDING = 1e-12  # of the extent of all bodies
-BACKWARD, FORWARD = 0.5 * np.pi, 3.0 * np.pi  # [rad]
+# Total turns up to which a loop is taken to be free of self-intersections [rad]. Where a simple loop first touches
+# itself its tangents are opposite, and the arc between the two points, which bounds the cavity, turns backward by pi;
+# half of that allows for the discrete turns of a polygon and for one step beyond contact. A loop that folds at a
+# point turns forward by 2 pi more than a simple loop.
+MAX_BACKWARD_TURN, MAX_FORWARD_TURN = 0.5 * np.pi, 3.0 * np.pi
+ROUND_OFF = 1e-12  # of coordinates, relative to the extent of all bodies
 
 
 def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
-    """Find segments (2, k) of one body that cross, among some bodies `chosen`; the first < the second.
+    """Find pairs (2, k) of segments of one body that intersect, for the bodies `chosen`; the first < the second.
 
-    Only bodies that turn back by more than `BACKWARD` in all, or forward by more than `FORWARD`, are searched, which
-    leaves out convex ones.
+    Only bodies whose outlines turn backward by more than `MAX_BACKWARD_TURN` in total, or forward by more than
+    `MAX_FORWARD_TURN`, are searched, which excludes convex bodies.
 
     Parameters
     ----------
     x : (2, m) positions of the boundary points [m]
+    chosen : indices of bodies
     """
     forward, backward = turns(outlines, x)
-    folded = np.flatnonzero((backward > BACKWARD) | (forward > FORWARD))
+    folded = np.flatnonzero((backward > MAX_BACKWARD_TURN) | (forward > MAX_FORWARD_TURN))
     segment = np.flatnonzero(np.isin(outlines.body, np.intersect1d(folded, chosen)))
     if segment.size == 0:
         return np.zeros((2, 0), dtype=np.int64)
@@ -41,29 +43,29 @@ def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
 
 
 def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
-    """Sums of the turns to the left and to the right along the outline of each body, (bodies,) [rad]."""
+    """Total left and right turns along the outline of each body, (bodies,) [rad]."""
     ahead = x[:, outlines.next] - x
     back = ahead[:, outlines.previous]
     turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))
-    left, right = (np.bincount(outlines.body, np.maximum(way * turn, 0.0)) for way in (1.0, -1.0))
+    left, right = (np.bincount(outlines.body, np.maximum(sign * turn, 0.0)) for sign in (1.0, -1.0))
     return np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
 
 
 def apart(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> Floats:
-    """Length of the outline between segments of one body, the shorter way (k,) [m]; inf between two loops."""
+    """Arc length between segments i and j of one outline, the shorter of both (k,) [m]; inf between two loops."""
     length = np.hypot(*(x[:, outlines.next] - x))
     begins = outlines.previous >= np.arange(outlines.size)
     loop, before = np.cumsum(begins) - 1, np.cumsum(length) - length
-    way = np.abs(before[i] - before[j])
-    around = np.bincount(loop, length)[loop[i]] if length.size else way
-    return np.asarray(np.where(loop[i] == loop[j], np.minimum(way, around - way), np.inf))
+    arc = np.abs(before[i] - before[j])
+    perimeter = np.bincount(loop, length)[loop[i]] if length.size else arc
+    return np.asarray(np.where(loop[i] == loop[j], np.minimum(arc, perimeter - arc), np.inf))
 
 
 def _separates(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> NDArray[np.bool_]:
-    """Whether the line through segment i has the ends of segment j on its two sides, by more than rounding, (k,)."""
+    """Whether the ends of segment j lie on opposite sides of the line through segment i, beyond round-off, (k,)."""
     origin, along = x[:, i], x[:, outlines.next[i]] - x[:, i]
     first, second = (
         along[0] * (x[1, k] - origin[1]) - along[1] * (x[0, k] - origin[0]) for k in (j, outlines.next[j])
     )
-    least = ROUNDING * np.hypot(*along) * float(np.ptp(x, axis=1).max())
+    least = ROUND_OFF * np.hypot(*along) * float(np.ptp(x, axis=1).max())
     return np.asarray((np.minimum(first, second) < -least) & (np.maximum(first, second) > least))

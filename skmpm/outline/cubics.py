@@ -1,4 +1,4 @@
-"""The curve through given boundary points: one cubic per segment, ready to be evaluated in many places."""
+"""The curve through the boundary points in one configuration: one cubic per segment."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skmpm.outline.topology import Floats, Integers
 if TYPE_CHECKING:
     from skmpm.outline.curve import Curve
 
-STEPS, LONGEST, CLOSE = 8, 0.75, 1e-12  # of Newton's method, in the parameter
+MAX_NEWTON_STEPS, MAX_PARAMETER_STEP, PARAMETER_TOLERANCE = 8, 0.75, 1e-12  # of the projection, in units of s
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Cubics:
     c: Floats  # (m, 4, 2) [m]
 
     def at(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
-        """Points of the curve (2, k) [m] or their derivatives by s."""
+        """Points of the curve (2, k) [m] or their derivatives with respect to s."""
         return _value(self.c[segment].T, s, derivative)
 
     def normals(self, segment: Integers, s: Floats) -> Floats:
@@ -33,7 +33,7 @@ class Cubics:
         return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
 
     def area(self, bodies: int) -> Floats:
-        """Area inside the curves of each body (bodies,) [m2], less that of its holes; 0 without outline.
+        """Area enclosed by the curves of each body, without its holes, (bodies,) [m2]; 0 without outline.
 
         Half the integral of X x X' along the cubics, exactly: sum over i < j of (j - i) / (i + j) c_i x c_j / 2.
         """
@@ -41,29 +41,29 @@ class Cubics:
         count = np.maximum(np.bincount(body, minlength=bodies), 1)
         origin = np.stack([np.bincount(body, component, bodies) / count for component in self.x])
         c = self.c.copy()
-        c[:, 0] -= origin[:, body].T  # against cancellation far from the origin
+        c[:, 0] -= origin[:, body].T  # avoids cancellation far from the origin
         i, j = np.triu_indices(4, 1)
         cross = c[:, i, 0] * c[:, j, 1] - c[:, i, 1] * c[:, j, 0]
         return np.asarray(np.bincount(body, cross @ ((j - i) / (i + j)) / 2.0, bodies), dtype=np.float64)
 
     def project(self, y: Floats, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
-        """Segments (k,) and parameters (k,) of the curve's points nearest to y (2, k), from a start nearby.
+        """Closest-point projection of y (2, k): segments (k,) and parameters (k,), from initial guesses.
 
-        Newton on (y - X(s)) . X'(s) = 0; it walks from segment to segment and stops at corners.
+        Newton's method for (y - X(s)) . X'(s) = 0; iterates move on to adjacent segments and stop at corners.
         """
         segment, s = segment.copy(), s.copy()
         moving = np.arange(s.size)
-        for _ in range(STEPS):
+        for _ in range(MAX_NEWTON_STEPS):
             i, t = segment[moving], s[moving]
             step = self._step(y[:, moving], i, t)
-            segment[moving], s[moving] = self._walk(i, t + np.clip(step, -LONGEST, LONGEST))
-            moving = moving[np.abs(step) >= CLOSE]
+            segment[moving], s[moving] = self._walk(i, t + np.clip(step, -MAX_PARAMETER_STEP, MAX_PARAMETER_STEP))
+            moving = moving[np.abs(step) >= PARAMETER_TOLERANCE]
             if moving.size == 0:
                 break
         return segment, self.curve.kept(segment, s)
 
     def _step(self, y: Floats, segment: Integers, s: Floats) -> Floats:
-        """Newton's step, (k,), with the curvature of the distance bounded from below."""
+        """Newton step in s, (k,), with the second derivative of the squared distance bounded from below."""
         c = self.c[segment].T
         (ax, ay), slope, bend = y - _value(c, s, 0), _value(c, s, 1), _value(c, s, 2)
         square = slope[0] ** 2 + slope[1] ** 2
@@ -71,7 +71,7 @@ class Cubics:
         return np.asarray((ax * slope[0] + ay * slope[1]) / np.maximum(curvature, 0.25 * square + 1e-300))
 
     def _walk(self, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
-        """To the next or previous segment where s is off the end of one that is no corner."""
+        """Move to the adjacent segment where s is beyond an end that is not a corner."""
         boundary, corner = self.curve.outlines, self.curve.corner
         onward, backward = (s > 1.0) & ~corner[boundary.next[segment]], (s < 0.0) & ~corner[segment]
         s = np.where(onward, s - 1.0, np.where(backward, s + 1.0, self.curve.kept(segment, s)))

@@ -1,11 +1,11 @@
-"""The smooth curve through the boundary points: what other bodies touch.
+"""The smooth curve through the boundary points, the surface for contact with other bodies.
 
 On each segment the curve is a cubic whose end tangents are those of the parabolas through three neighbouring boundary
-points (Catmull & Rom 1974, with the reference lengths of the segments as knots). It is linear in the boundary points,
-its normal is continuous, and it leaves the circle through the points by a fourth power of their spacing where the
-polygon leaves it by a square. Corners, where the boundary turns by more than 50 degrees, stay corners, and cut the
-outline into sides. A side that ends in a corner that goes in, a notch, goes on behind it for a little: so it still
-bounds what is in front of it there.
+points (Catmull & Rom 1974, with the reference lengths of the segments as knots). The curve is a linear function of
+the boundary points, its normal is continuous, and its deviation from the circle through the points is of fourth order
+in their spacing, that of the polygon of second order. Corners, where the boundary turns by more than 50 degrees,
+remain corners and divide the outline into sides. At a re-entrant corner (notch) a side is extended a little beyond
+its end, so that it still bounds the points in front of it there.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.topology import Floats, Integers, Outlines
 
-CORNER = np.cos(np.deg2rad(50.0))
-BEHIND = 0.5  # of a segment: how far sides go on behind a notch
+CORNER_COSINE = np.cos(np.deg2rad(50.0))  # of the turn: a regular octagon (45 degrees) is smooth, a hexagon is not
+NOTCH_EXTENSION = 0.5  # [segments] extension of a side beyond a notch
 
 
 @dataclass(frozen=True)
@@ -27,25 +27,25 @@ class Curve:
     """Tangents of the cubics as combinations of boundary points; topology and knots are those of the reference."""
 
     outlines: Outlines
-    corner: NDArray[np.bool_]  # (m,) whether the boundary has a corner there
-    convex: NDArray[np.bool_]  # (m,) whether that is one that sticks out now
-    sharp: NDArray[np.bool_]  # (m,) these, and what deformation has made as sharp
+    corner: NDArray[np.bool_]  # (m,) whether the boundary point is a corner of the reference outline
+    convex: NDArray[np.bool_]  # (m,) whether it is a corner that is convex in the current configuration
+    sharp: NDArray[np.bool_]  # (m,) convex corners and boundary points that deformation has made as sharp
     side: Integers  # (m,) the side that each segment belongs to
-    first: Floats  # (3, m) tangent at the start of segment i -> next[i]: shares of previous[i], i, next[i]
-    last: Floats  # (3, m) tangent at its end: shares of i, next[i], next[next[i]]
+    first: Floats  # (3, m) tangent at the start of segment i -> next[i]: weights of previous[i], i, next[i]
+    last: Floats  # (3, m) tangent at its end: weights of i, next[i], next[next[i]]
 
     @property
     def sides(self) -> int:
-        """Sides have numbers below this."""
+        """Upper bound of the numbers of sides, exclusive."""
         return int(self.side.max(initial=-1)) + 1
 
     def stencil(self, segment: Integers) -> Integers:
-        """The four boundary points (4, k) that carry the segments (k,)."""
+        """The four boundary points (4, k) that define the curve on segments (k,)."""
         boundary, j = self.outlines, self.outlines.next[segment]
         return np.stack([boundary.previous[segment], segment, j, boundary.next[j]])
 
     def weights(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
-        """Shares (4, k) of the stencil in the curve at parameter s (k,) in [0, 1], or in its derivatives by s."""
+        """Weights (4, k) of the stencil in the curve at parameters s (k,) in [0, 1], or in its derivatives by s."""
         start, first, end, last = _hermite(s, derivative)
         out = np.zeros((4, segment.size))
         out[1] += start
@@ -65,38 +65,42 @@ class Curve:
         return Cubics(self, x, np.ascontiguousarray(c.T.transpose(0, 2, 1)))
 
     def kept(self, segment: Integers, s: Floats) -> Floats:
-        """Parameters on their segments, or a little behind where these end in a notch."""
+        """Parameters clipped to their segments, which extend by `NOTCH_EXTENSION` beyond notches."""
         notch = self.corner & ~self.convex
         low, high = notch[segment], notch[self.outlines.next[segment]]
-        return np.asarray(np.clip(s, np.where(low, -BEHIND, 0.0), np.where(high, 1.0 + BEHIND, 1.0)))
+        return np.asarray(
+            np.clip(s, np.where(low, -NOTCH_EXTENSION, 0.0), np.where(high, 1.0 + NOTCH_EXTENSION, 1.0))
+        )
 
     def at_corner(self, segment: Integers, s: Floats) -> NDArray[np.bool_]:
-        """Whether places on the curve are corners, or behind notches, (k,)."""
+        """Whether points of the curve are corners or lie on the extension beyond a notch, (k,)."""
         start, end = self.corner[segment], self.corner[self.outlines.next[segment]]
         return np.asarray((start & (s <= 0.0)) | (end & (s >= 1.0)))
 
 
 def curve(outlines: Outlines, x: Floats, now: Floats | None = None) -> Curve:
-    """The curve whose corners and knots are those of the reference positions x (2, m) [m].
+    """The curve with corners and knots of the reference positions x (2, m) [m].
 
-    `now` (2, m) are the positions that say which corners stick out: a corner may be folded in. By default x.
+    The positions `now` (2, m) [m], by default x, decide which corners are convex, because a corner may fold inwards.
     """
     after, before = outlines.next, outlines.previous
     length, straight, _ = _turns(outlines, x)
     _, bent, left = _turns(outlines, x if now is None else now)
-    corner = straight < CORNER
+    corner = straight < CORNER_COSINE
     convex = corner & left
     here, back, front = length, length[before], length[after]
-    # The derivative at the middle one of three points by the parabola through them, times this segment's length.
+    # Derivative at the middle of three points of the parabola through them, times the length of this segment.
     far, near = here**2 / (back * (back + here)), back / (back + here)
     first = np.where(corner, [[0.0], [-1.0], [1.0]], np.stack([-far, far - near, near]))
     far, near = here**2 / (front * (front + here)), front / (front + here)
     last = np.where(corner[after], [[-1.0], [1.0], [0.0]], np.stack([-near, near - far, far]))
-    return Curve(outlines, corner, convex, convex | (left & (bent < CORNER)), _sides(outlines, corner), first, last)
+    return Curve(
+        outlines, corner, convex, convex | (left & (bent < CORNER_COSINE)), _sides(outlines, corner), first, last
+    )
 
 
 def _turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Lengths of segments (m,), cosines of the turns at their starts, and whether these are to the left."""
+    """Lengths of segments (m,), cosines of the turns at their start points, and whether these are left turns."""
     ahead = x[:, outlines.next] - x
     length, back = np.maximum(np.hypot(*ahead), 1e-300), ahead[:, outlines.previous]
     cosine = np.einsum("im,im->m", ahead, back) / (length * length[outlines.previous])
@@ -104,8 +108,8 @@ def _turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats, NDArray[np.bo
 
 
 def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
-    """Number the runs of segments (m,) from corner to corner; a loop without corners is one."""
-    begins = outlines.previous >= np.arange(outlines.size)  # a loop
+    """Side of each segment (m,), numbered from corner to corner; a loop without corners is one side."""
+    begins = outlines.previous >= np.arange(outlines.size)  # first point of each loop
     run = np.cumsum(corner | begins) - 1
     number = np.arange(int(run.max(initial=-1)) + 1)
     number[run[begins & ~corner]] = run[outlines.previous[begins & ~corner]]
@@ -113,7 +117,7 @@ def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
 
 
 def _hermite(s: Floats, derivative: int) -> tuple[Floats, Floats, Floats, Floats]:
-    """Cubic Hermite functions of (start, its tangent, end, its tangent), or their derivatives."""
+    """Cubic Hermite functions of start, tangent at the start, end, tangent at the end, or their derivatives."""
     if derivative == 0:
         end = s * s * (3.0 - 2.0 * s)
         return 1.0 - end, s * (1.0 - s) ** 2, end, s * s * (s - 1.0)

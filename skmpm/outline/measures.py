@@ -1,4 +1,4 @@
-"""Area, perimeter, moments, normals and dimensions of the outlines: exact for polygons with holes."""
+"""Area, perimeter, moments, normals and dimensions of outlines, exact for polygons with holes."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ def second_moments(outlines: Outlines, x: Floats, bodies: int) -> Floats:
 
 
 def perimeter(outlines: Outlines, x: Floats, bodies: int) -> Floats:
-    """Return the length of the outline of each body, holes included (bodies,) [m]; 0 without outline."""
+    """Return the length of the outline of each body, holes included, (bodies,) [m]; 0 without outline."""
     length = np.linalg.norm(x[:, outlines.next] - x, axis=0)
     return np.asarray(np.bincount(outlines.body, length, bodies), dtype=np.float64)
 
 
 def normals(outlines: Outlines, x: Floats) -> Floats:
-    """Return the unit outward normals (2, m) at the boundary points: of the chord from neighbour to neighbour.
+    """Return the unit outward normals (2, m) at the boundary points, those of the chords between their neighbours.
 
-    Zero where the two neighbours are at the same place.
+    A normal is zero if the two neighbours coincide.
     """
     t = x[:, outlines.next] - x[:, outlines.previous]
     length = np.linalg.norm(t, axis=0)
@@ -39,7 +39,7 @@ def normals(outlines: Outlines, x: Floats) -> Floats:
 
 
 def bend(outlines: Outlines, x: Floats) -> Floats:
-    """Return the curvature (m,) [1/m] of the boundary: left turns over the shorter of both segments, else zero."""
+    """Return the convex curvature (m,) [1/m] of the boundary: left turn over the shorter segment, else zero."""
     ahead = x[:, outlines.next] - x
     back = ahead[:, outlines.previous]
     turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))
@@ -55,8 +55,8 @@ def dimensions(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floa
     long, short : (bodies,) extent along the axis of the largest and of the smallest second moment [m]
     angle : (bodies,) of the long axis, in (-pi/2, pi/2] [rad]
 
-    All are nan for a body without area. The long extent can be the smaller one, as in a wide body whose area
-    sits in a tall core.
+    All are nan for a body without area. `long` can be smaller than `short`, for example in a wide body whose area is
+    concentrated in a tall core.
     """
     M = second_moments(outlines, x, bodies)
     angle = np.arctan2(2 * M[0, 1], M[0, 0] - M[1, 1]) / 2
@@ -67,7 +67,7 @@ def dimensions(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floa
 
 
 def _extent(outlines: Outlines, x: Floats, axis: Floats) -> Floats:
-    """Extent of each body along its axis (2, bodies)."""
+    """Extent (bodies,) [m] of each body along its unit axis (2, bodies)."""
     extent = np.full(axis.shape[1], np.nan)
     if outlines.size:
         body, start = np.unique(outlines.body, return_index=True)

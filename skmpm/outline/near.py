@@ -1,4 +1,4 @@
-"""Which boundary point is near which segment, and which place is inside which body."""
+"""Spatial search: boundary points near segments of other bodies, and points inside bodies."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from scipy.spatial import cKDTree
 
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
-CHUNK = 1_000_000  # pairs held at a time: about 100 MB
-RATIO = 4.0  # segments of one search differ in length by less than this
+CHUNK = 1_000_000  # pairs processed at a time, which take about 100 MB
+LENGTH_RATIO = 4.0  # of the longest to the shortest segment in a search, whose radius depends on the longest
 
 
 def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floats, Floats]:
-    """Return the closest point of one segment to each place.
+    """Return the closest point of one segment to each point.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floa
 def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, Integers]:
     """Find the boundary points closer than `reach` to a segment of another body.
 
-    Exact whatever the lengths of the segments: the tree search takes midpoints of segments of similar length
-    within reach plus half the longest; then the distance to the segment decides.
+    Exact for segments of any length: for each group of segments of similar length a tree search finds the midpoints
+    within `reach` plus half the longest segment; the candidates are then selected by their distance to the segment.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
         return outlines.point, outlines.point
     end = x[:, outlines.next]
     length = np.maximum(np.linalg.norm(end - x, axis=0), np.finfo(np.float64).tiny)
-    family = np.floor(np.log(length.max() / np.maximum(length, 1e-9 * length.max())) / np.log(RATIO))
+    family = np.floor(np.log(length.max() / np.maximum(length, 1e-9 * length.max())) / np.log(LENGTH_RATIO))
     tree = _tree(x)
     found = []
     for k in np.unique(family):
-        its = np.flatnonzero(family == k)
-        middles = _tree((x[:, its] + end[:, its]) / 2)
-        c, j = _pairs(tree, middles, reach + length[its].max() / 2)
-        found.append((c, its[j]))
+        members = np.flatnonzero(family == k)
+        middles = _tree((x[:, members] + end[:, members]) / 2)
+        c, j = _pairs(tree, middles, reach + length[members].max() / 2)
+        found.append((c, members[j]))
     c, j = (np.concatenate(parts) for parts in zip(*found, strict=True))
     other = outlines.body[c] != outlines.body[j]
     c, j = c[other], j[other]
@@ -70,7 +70,7 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
 
 
 def _tree(x: Floats) -> Any:
-    return cKDTree(x.T, balanced_tree=False, compact_nodes=False)  # searched once: cheaper to build
+    return cKDTree(x.T, balanced_tree=False, compact_nodes=False)  # cheaper to build, and searched only once
 
 
 def _pairs(tree: Any, other: Any, radius: float) -> tuple[Integers, Integers]:
@@ -79,28 +79,28 @@ def _pairs(tree: Any, other: Any, radius: float) -> tuple[Integers, Integers]:
 
 
 def inside(outlines: Outlines, x: Floats, body: Integers | int, y: Floats) -> NDArray[np.bool_]:
-    """Say whether places are inside a body: its outlines wind around them (Sunday's crossing rule).
+    """Return whether points lie inside a body, that is, whether its outlines wind around them (Sunday's algorithm).
 
     Parameters
     ----------
     x : (2, m) [m]
-    body : () or (k,) the body asked for each place
+    body : () or (k,) the body tested for each point
     y : (2, k) [m]
 
     Returns
     -------
-    (k,), false for a body without outline; a place on the outline may be either
+    (k,) false for a body without outline; undetermined for a point on the outline
     """
-    asked = np.broadcast_to(np.asarray(body, dtype=np.int64), y.shape[1:])
-    first = np.searchsorted(outlines.body, asked)
-    count = np.searchsorted(outlines.body, asked, side="right") - first
-    winding: Floats = np.zeros(asked.size)
+    tested = np.broadcast_to(np.asarray(body, dtype=np.int64), y.shape[1:])
+    first = np.searchsorted(outlines.body, tested)
+    count = np.searchsorted(outlines.body, tested, side="right") - first
+    winding: Floats = np.zeros(tested.size)
     for part in chunks(count, CHUNK):
-        k = np.repeat(np.arange(asked.size)[part], count[part])
+        k = np.repeat(np.arange(tested.size)[part], count[part])
         j = ranges(first[part], count[part])
         a, b = x[:, j] - y[:, k], x[:, outlines.next[j]] - y[:, k]
         up, down = (a[1] <= 0) & (b[1] > 0), (a[1] > 0) & (b[1] <= 0)
         left = a[0] * b[1] - a[1] * b[0]
-        winding += np.bincount(k, (up & (left > 0)) * 1.0 - (down & (left < 0)), asked.size)
+        winding += np.bincount(k, (up & (left > 0)) * 1.0 - (down & (left < 0)), tested.size)
     result: NDArray[np.bool_] = winding != 0
     return result

@@ -1,4 +1,4 @@
-"""The area that two bodies share, by integration: nothing here depends on how contacts are found."""
+"""The area shared by two bodies, by integration and independently of contact detection."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from scipy.spatial import cKDTree
 
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
-CHUNK = 500_000  # pairs of edges held at a time: about 100 MB
+CHUNK = 500_000  # pairs of edges processed at a time, which take about 100 MB
 
 
 def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Floats]:
     """Return the area shared by each pair of bodies whose bounding boxes overlap.
 
-    The indicator of a polygon is the signed sum of the trapezoids under its edges. So the shared area is the
-    sum, over pairs of edges e, f of the two outlines, of sign_e sign_f times the integral of min(y_e, y_f)
-    over their common abscissae, in closed form. Exact for any simple polygons, convex or not, with holes.
+    The indicator function of a polygon is the signed sum of those of the trapezoids under its edges. The shared area
+    is therefore the sum, over pairs of edges e, f of the two outlines, of sign_e sign_f times the integral of
+    min(y_e, y_f) over their common abscissae, which is known in closed form. Exact for simple polygons, convex or
+    not, with or without holes.
 
     Returns
     -------
@@ -52,7 +53,7 @@ def lens_depth(shared: Floats, size: Floats) -> Floats:
 
 
 def _boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
-    """Corners (2, bodies) of the bounding boxes; low = inf, high = -inf without outline."""
+    """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline."""
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
     if outlines.size:
         body, start = np.unique(outlines.body, return_index=True)
@@ -77,7 +78,7 @@ def _box_pairs(low: Floats, high: Floats) -> Integers:
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Edges left < u < right of one body of each pair, in a frame at the pair's window, pair after pair."""
+    """Edges left < u < right of one body of each pair, in coordinates of the common window, sorted by pair."""
 
     pair: Integers  # (k,)
     left: Floats  # (k,)
@@ -88,7 +89,7 @@ class _Edges:
 
 
 def _edges_in(outlines: Outlines, x: Floats, body: Integers, corner: Floats, size: Floats) -> _Edges:
-    """Edges of the body (p,) of each pair that meet its window; u runs along the shorter side of that."""
+    """Edges of the body (p,) of each pair that intersect its window; u runs along the shorter side of the window."""
     first = np.searchsorted(outlines.body, body)
     count = np.searchsorted(outlines.body, body, side="right") - first
     pair, j = np.repeat(np.arange(body.size), count), ranges(first, count)

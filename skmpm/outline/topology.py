@@ -1,4 +1,4 @@
-"""Which boundary point follows which: constant in time."""
+"""Topology of the outlines, constant in time: which boundary point follows which."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Closed loops through the boundary points of all bodies, sorted by body.
+    """Closed loops of the boundary points of all bodies, sorted by body.
 
-    Boundary point c is the start of segment c, which ends at boundary point `next[c]`; the material is on its left.
+    Segment c begins at boundary point c and ends at boundary point `next[c]`; the material is on its left.
     """
 
     point: Integers  # (m,) the material point of each boundary point
     body: Integers  # (m,) ascending
     next: Integers  # (m,) the boundary point that follows
-    previous: Integers  # (m,) the boundary point before
+    previous: Integers  # (m,) the boundary point that precedes
 
     @property
     def size(self) -> int:
@@ -36,14 +36,14 @@ def outlines(loops: Sequence[Sequence[NDArray[np.int64]]], offsets: ArrayLike) -
 
     Parameters
     ----------
-    loops : for each body its closed loops of point indices, counted within the body; () without outline
-    offsets : (bodies,) number of the first point of each body among all points
+    loops : for each body its closed loops of point indices, numbered within the body; () without outline
+    offsets : (bodies,) index of the first point of each body among all points
     """
     first = np.asarray(offsets, dtype=np.int64)
     none = np.zeros(0, dtype=np.int64)
-    point = [none, *(first[b] + loop for b, its in enumerate(loops) for loop in its)]
-    size = np.array([len(loop) for its in loops for loop in its], dtype=np.int64)
-    owner = np.array([b for b, its in enumerate(loops) for _ in its], dtype=np.int64)
+    point = [none, *(first[b] + loop for b, own in enumerate(loops) for loop in own)]
+    size = np.array([len(loop) for own in loops for loop in own], dtype=np.int64)
+    owner = np.array([b for b, own in enumerate(loops) for _ in own], dtype=np.int64)
     start = np.cumsum(size) - size
     following = np.arange(1, size.sum() + 1)
     following[start + size - 1] = start
@@ -59,7 +59,7 @@ def ranges(start: Integers, count: Integers) -> Integers:
 
 
 def chunks(count: Integers, size: int) -> list[slice]:
-    """Cut items that take `count` places each into consecutive slices of about `size` places."""
+    """Divide items with `count` entries each into consecutive slices of about `size` entries."""
     cuts = np.flatnonzero(np.diff(np.cumsum(count) // size)) + 1
     edges = [0, *cuts.tolist(), count.size]
     return [slice(i, j) for i, j in pairwise(edges)]

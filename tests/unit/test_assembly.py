@@ -1,4 +1,4 @@
-"""The fast assembly against the scikit-fem forms that define it, and what the ghost penalty touches."""
+"""Vectorised assembly against the scikit-fem forms that define it, and the facets of the ghost penalty."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Unknowns fixed by supports: against dense linear algebra, and against the null space of the rows."""
+"""Constraint elimination against dense linear algebra and the null space of the constraints."""
 
 import numpy as np
 import pytest

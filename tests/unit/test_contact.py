@@ -1,4 +1,4 @@
-"""Contacts against geometry: gaps, normals and rows by outlines and at shared nodes; none where none are needed."""
+"""Contact constraints against geometry: gaps, normals and contact Jacobian, point-to-curve and shared-grid."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from skmpm import contact, coulomb
 from skmpm.contact.constraints import lookup
-from skmpm.contact.projection import CORNER_RADIUS
+from skmpm.contact.projection import CORNER_DISC_DEPTH
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.scene import Body, Scene, SceneError, Wall
@@ -307,7 +307,7 @@ def test_tips_that_meet_head_on_push_each_other_straight_apart(gap):
     found, normal, count = tips_at(np.array([0.0, gap * CELL]))
     assert count == 1
     assert np.allclose(normal, [0, 1], rtol=0, atol=1e-9)
-    assert found / CELL == pytest.approx(gap + CORNER_RADIUS * (1 - np.sqrt(0.5)), abs=1e-9)
+    assert found / CELL == pytest.approx(gap + CORNER_DISC_DEPTH * (1 - np.sqrt(0.5)), abs=1e-9)
 
 
 @pytest.mark.parametrize("height", [0.05, -0.02, -0.05])

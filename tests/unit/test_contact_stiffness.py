@@ -1,4 +1,4 @@
-"""How loaded contacts turn: the second derivative of gaps by differences, and linear unknowns beside contacts."""
+"""Geometric stiffness of contact: second derivative of gaps by differences, bilateral unknowns beside contacts."""
 
 from dataclasses import replace
 from importlib import import_module

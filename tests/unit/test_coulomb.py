@@ -1,4 +1,4 @@
-"""Signorini-Coulomb: projection, residual, closed forms, lattices; more in verification/test_contact_solver.py."""
+"""The contact solver: projection, residual, closed forms, lattices; see also verification/test_contact_solver.py."""
 
 import numpy as np
 import pytest

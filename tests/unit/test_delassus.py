@@ -1,4 +1,4 @@
-"""How places of contacts respond to impulses: against solves with the whole matrix, however S has grown."""
+"""The Delassus operator of contact points against solves with the whole matrix, in any order of extension."""
 
 import numpy as np
 import pytest

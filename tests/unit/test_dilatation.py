@@ -1,4 +1,4 @@
-"""Mean dilatation: one energy with its derivatives, in any frame, and an answer only to the cells' mean.
+"""Mean dilatation: derivatives of the energy, frame indifference, and dependence on the mean of cells only.
 
 Derivatives by the complex step where the code allows it, else by central differences.
 """

@@ -1,4 +1,4 @@
-"""The weak forms against closed forms, each other, and scikit-fem's ready-made elasticity."""
+"""The weak forms against closed forms, each other, and the elasticity forms of scikit-fem."""
 
 import numpy as np
 import pytest

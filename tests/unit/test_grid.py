@@ -1,4 +1,4 @@
-"""Body grids: numbering, mapping and interpolation against plain arithmetic and plain scikit-fem."""
+"""Body grids: numbering, mapping and interpolation against direct computation and standard scikit-fem."""
 
 import tracemalloc
 

@@ -1,4 +1,4 @@
-"""Large bodies: multigrid's iterations do not grow with them, wherever the grid lies, nor does memory with time."""
+"""Large bodies: multigrid iterations do not grow with size, for any grid offset, nor memory with time."""
 
 import gc
 import tracemalloc

@@ -1,4 +1,4 @@
-"""Solvers of A v = b: the same answers from all of them, on systems assembled from several bodies."""
+"""Linear solvers: equal solutions from all of them, for systems assembled from several bodies."""
 
 from functools import cache
 

@@ -1,4 +1,4 @@
-"""Fitted weights: they have the moments asked for where the points allow it, and stay positive where not."""
+"""Moment fitting: weights reproduce the given moments if the points resolve them, and stay positive otherwise."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from skmpm import Body, LinearElastic, Points, Scene, Scheme, contact, disc, initial
 from skmpm.grid import build_grids
-from skmpm.moment_fitting import MIN_WEIGHT, MOST, fitted_weights
+from skmpm.moment_fitting import MAX_WEIGHT, MIN_WEIGHT, fitted_weights
 from skmpm.outline import cell_moments, outlines
 
 
@@ -45,7 +45,7 @@ def test_weights_stay_positive_and_near_the_volumes(seed, spacing):
     assert factor.min() >= MIN_WEIGHT - 1e-12
     mean = np.bincount(grid.cell_of_point, factor * p.volume, grid.cells)
     mean /= np.bincount(grid.cell_of_point, p.volume, grid.cells)
-    assert mean.max() <= MOST + 1e-12
+    assert mean.max() <= MAX_WEIGHT + 1e-12
 
 
 def test_a_good_rule_stays_as_it_is():

@@ -1,4 +1,4 @@
-"""Outlines against closed forms, and against other algorithms written here."""
+"""Outlines against closed forms and against independent algorithms implemented here."""
 
 import numpy as np
 import pytest

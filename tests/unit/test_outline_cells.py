@@ -1,4 +1,4 @@
-"""Moments of polygon and cell: against closed forms, sums over cells, and a fine raster."""
+"""Moments of polygons over grid cells against closed forms, sums over cells, and a fine raster."""
 
 import numpy as np
 import pytest

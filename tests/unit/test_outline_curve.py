@@ -1,4 +1,4 @@
-"""The smooth curve through the boundary points."""
+"""The smooth curve through the boundary points: order, normals, corners and projection."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The thinnest part of bodies: shapes whose thickness is known, turned, sampled finely and coarsely, with holes."""
+"""Thickness of bodies: shapes of known thickness, rotated, at fine and coarse resolution, with holes."""
 
 import numpy as np
 import pytest
@@ -153,5 +153,5 @@ def test_many_pairs_in_chunks_give_the_same(monkeypatch):
     whole = measured(loops)
     monkeypatch.setattr("skmpm.outline.widths.CHUNK", 1000)
     assert measured(loops) == whole
-    monkeypatch.setattr("skmpm.outline.widths.MOST", 100)  # of about 500: every fifth or sixth
+    monkeypatch.setattr("skmpm.outline.widths.MAX_POINTS", 100)  # of about 500: every fifth or sixth
     assert measured(loops) == pytest.approx(whole, rel=0.1)

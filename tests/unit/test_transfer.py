@@ -1,4 +1,4 @@
-"""Points to body grid and back: rigid motions, momentum, angular momentum, and the form that defines it."""
+"""Velocity transfer: rigid motions, linear and angular momentum, and the form that defines it."""
 
 import numpy as np
 import pytest
