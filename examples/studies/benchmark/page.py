@@ -12,28 +12,28 @@ from .scenes import RATE, SPACING
 
 HEAD = """# Performance
 
-`python -m examples.studies.benchmark` measures all of this page anew and writes it (here{kept} in {minutes:.0f}
-minutes). One process, one BLAS thread; medians of {steps} steps after two, of processor time (the clock on the wall
-said {busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1 tells of a busy machine). Milliseconds are those of
-one machine; what counts is the ratio to one sparse LU of the same matrix in the same run: `scipy.sparse.linalg.splu`,
-`SymmetricMode`, pivots on the diagonal, which is all that a positive definite matrix needs, the faster of
-`MMD_AT_PLUS_A` and `NATURAL`, the bodies' own order.
-`linear.direct` lets SuperLU look for pivots, which takes longer; ratios to that are in brackets.
+The cost of a step and how it grows with the number of points. All of this page is measured and written by
+`python -m examples.studies.benchmark` (here{kept} in {minutes:.0f} minutes). One process, one BLAS thread; medians of
+{steps} steps after two, of processor time (wall time was {busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1 indicates a
+busy machine). Milliseconds are those of one machine. The portable measure is the ratio to one sparse LU of the same
+matrix in the same run: `scipy.sparse.linalg.splu`, `SymmetricMode`, pivots on the diagonal, which is sufficient for
+a positive definite matrix, the faster of `MMD_AT_PLUS_A` and `NATURAL`, the bodies' own order. `linear.direct` lets
+SuperLU search for pivots, which takes longer; ratios to that are in brackets.
 
-Discs are those of the main job: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
+Discs are those of the main example: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
 *Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s
-over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} and its mirror images (why that is a
-motion again is prescribed in `examples/studies/benchmark/scenes.py`): every size does the same work per disc, so
-growth is that of the machinery alone. *Free* discs touch nothing and swing by 1 %.
+over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} and its mirror images
+(`examples/studies/benchmark/scenes.py` explains why that is a valid motion): every size does the same work per disc, so
+growth is that of the implementation alone. *Free* discs touch nothing and oscillate by 1 %.
 
-The contact phases are detection, compliance, contact solve and linear solves; the last count in full, although a step
-without contact has some, too.
+The contact phases are detection, Delassus operator (compliance), contact solve and linear solves; the last are
+counted in full, although a step without contact has some, too.
 """
-GROWTH = """The matrix is block diagonal, a block for every disc, so one LU does the same work per point in any size;
-what its time per point grows by is memory. So is the time in the system: it hands out fresh pages for large arrays,
-which glibc gives back as soon as they are freed (`--keep-pages` measures without that).
+GROWTH = """The matrix is block diagonal with one block per disc, so one LU does the same work per point for any
+size; its time per point grows because of memory access. The same holds for the system time: fresh pages are
+provided for large arrays, which glibc returns as soon as they are freed (`--keep-pages` measures without that).
 """
-LARGE = """A NeoHookean disc whose centre lies anywhere in a cell, by pyamg: held and pulled by 1 %, and swinging
+LARGE = """A NeoHookean disc whose centre lies anywhere in a cell, by pyamg: held and pulled by 1 %, and oscillating
 freely with steps in which a pressure wave passes ten cells.
 """
 
