@@ -16,9 +16,9 @@ The cost of a step and how it grows with the number of points. All of this page 
 `python -m examples.studies.benchmark` (here{kept} in {minutes:.0f} minutes). One process, one BLAS thread; medians of
 {steps} steps after two, of processor time (wall time was {busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1
 indicates a busy machine). Milliseconds are those of one machine. The portable measure is the ratio to one sparse LU
-of the same matrix in the same run: `scipy.sparse.linalg.splu`, `SymmetricMode`, pivots on the diagonal, which is sufficient
-for a positive definite matrix, the faster of `MMD_AT_PLUS_A` and `NATURAL`, the bodies' own order. `linear.direct` lets
-SuperLU search for pivots, which takes longer; ratios to that are in brackets.
+of the same matrix in the same run: `scipy.sparse.linalg.splu`, `SymmetricMode`, pivots on the diagonal, which is
+sufficient for a positive definite matrix, the faster of `MMD_AT_PLUS_A` and `NATURAL`, the bodies' own order.
+`linear.direct` lets SuperLU search for pivots, which takes longer; ratios to that are in brackets.
 
 Discs are those of the main example: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
 *Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s

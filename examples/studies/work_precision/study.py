@@ -7,7 +7,7 @@
 
 Every run leaves a json file in --out: its setting, what it measured, what it cost. What is there is not run again, so
 an interrupted study goes on where it was, and a larger --runs adds to the sample. A run that fails or takes too long
-says so in its file. Scenes are told in `scenes.py`, parameters in `parameters.py`.
+says so in its file. Scenes are defined in `tradeoff_scenes.py`, parameters in `parameters.py`.
 """
 
 from __future__ import annotations
