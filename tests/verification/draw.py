@@ -42,11 +42,13 @@ MODULES = (
 )
 HEAD = """# Verification
 
-Every line below is measured by the function that its test calls, with larger sizes where the test takes a short
-version; `python tests/verification/draw.py` measures them anew and writes this page and its figures. Only the
-packings of 100 and 300 discs are read from the tables that `tests/verification/packings.py` leaves in
-docs/verification/packings, made in two hours with the version of their commit. A goal that is missed says so, with
-its true figure and the reason.
+Every claim about bulk and contact is compared with a closed form, a rate or another code. Each row below is measured
+by the function that its test calls, with larger sizes where the test uses a short version. A missed goal is marked as
+such, with its measured figure and the reason.
+
+`python tests/verification/draw.py` repeats the measurements and writes this page and its figures. Only the packings
+of 100 and 300 discs are read from tables in docs/verification/packings, which `tests/verification/packings.py` made
+in two hours with the version of their commit.
 """
 
 

@@ -123,7 +123,7 @@ def rows():
             numbers([coordination_slope(run) for run in ours], 3), "-", "shown", test),
         Row(f"{lid}: pressure at Phi - Phi_4 = {numbers(ABOVE)} over that of mean field",
             "1, an upper estimate", f"R/h = {grids}", "; ".join(numbers(o) for o in over), "-", "shown", test),
-        Row("100 discs the way of Nezamabadi et al. (2017) (shared nodes): apparent jamming",
+        Row("100 discs with shared-grid contact: apparent jamming",
             f"0.842 / (1 + g/2R)^2: {numbers(one, 3)} with g = h, {numbers(two, 3)} with {ONSET_GAP} h (see onset)",
             f"R/h = {numbers(by_nodes)}",
             f"{line}: {numbers(apparent, 3)}; with a window of {numbers(HIGHER)} E*, chosen in hindsight,"

@@ -341,7 +341,10 @@ def rows():
             test="test_uniform_stress_is_exact_for_points_that_are_a_rule_in_every_cell",
         )
     )
-    ends = {"pulled": "tractions on its boundary points", "held": "its boundary points told a linear displacement"}
+    ends = {
+        "pulled": "tractions on its boundary points",
+        "held": "a linear displacement prescribed at its boundary points",
+    }
     for name in CLOUDS:
         for how, prescribed in ends.items():
             fit, plain = (irregular(name, how, fitted) for fitted in (True, False))
@@ -386,6 +389,6 @@ def figures(folder):
     figure.savefig(folder / "patch.png", dpi=100)
     plt.close(figure)
     return {
-        "patch.png": "Uniform stress on clouds that know nothing of the grid: error against points per cell,"
+        "patch.png": "Uniform stress on clouds independent of the grid: error against points per cell,"
         " with weights fitted to the cells' moments and with volumes as weights."
     }
