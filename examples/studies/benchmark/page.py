@@ -23,7 +23,7 @@ sufficient for a positive definite matrix, the faster of `MMD_AT_PLUS_A` and `NA
 Discs are those of the main example: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
 *Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s
 over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} and its mirror images
-(`examples/studies/benchmark/scenes.py` explains why that is a valid motion): every size does the same work per disc, so
+(`examples/studies/benchmark/scenes.py` says why that is a motion): every size does the same work per disc, so
 growth is that of the implementation alone. *Free* discs touch nothing and oscillate by 1 %.
 
 The contact phases are detection, Delassus operator (compliance), contact solve and linear solves; the last are

@@ -103,7 +103,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "contact iterations": lambda c: c.reported("contact"),
     "factorisations": lambda c: c.reported("factorisations"),
     "solves": lambda c: c.named("Banded.__call__", "Amg.__call__"),
-    "line searches": lambda c: c.named("newton._backtracked"),
+    "line searches": lambda c: c.named("line_search._search"),
     "gravity evaluated": lambda c: c.named("forces._gravity"),
     "loads evaluated": lambda c: c.named("Scene.forces"),
     "body grids laid": lambda c: c.named("building.build_grids"),
