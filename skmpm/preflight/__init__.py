@@ -1,4 +1,4 @@
-"""Preflight: what a scene asks for before time is spent on it, and what resolution an error needs."""
+"""Before a run: a summary of the scene with warnings, and the resolution for a wanted error."""
 
 from skmpm.preflight.suggest import Suggestion, suggest
 from skmpm.preflight.summary import preflight

@@ -1,4 +1,4 @@
-"""What was verified, and the warnings where a scene leaves it."""
+"""The verified range, and warnings for scenes outside it."""
 
 from __future__ import annotations
 
@@ -19,67 +19,67 @@ from skmpm.simulate.rigid_edges import ROUND, facing_edges
 
 
 class Limit(NamedTuple):
-    """How far something was verified, and where."""
+    """The end of a verified range, and the reason for it."""
 
     value: float
     where: str
 
 
-# In the order of the checks; beside each limit, what showed it (pages are those of docs/).
-RESOLUTION = Limit(3.2, "piles and packings have R/h of 3.2 and more, Hertz's force is met from 5 on")  # test_pile
-SMALLEST = Limit(1.0, "bodies had R/h of 2 and more")  # test_corners, unlike discs
-THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells bend by up to 50, 25.4, 9.5, 3.2 % too little")  # test_thin_parts
-FEWEST = Limit(1.8, "1.8 and more were verified, with 1 a uniform stress is off by 10 %")  # large.py, test_patch
-COURANT = Limit(15.0, "where waves matter steps of up to 15 were taken")  # test_dynamics, stability
-EXPLICIT = Limit(0.7, "explicit steps are stable to 0.7 wherever a disc lies on the grid")  # test_explicit
-LID = Limit(0.14, "lids of packings move by 0.08 to 0.14")  # test_interpenetration, R/h = 5 and 8
-APPROACH = Limit(0.2, "collisions run at up to 0.2, beyond 1 a step fails")  # test_collision, the largest dt
+# In the order of the checks; beside each limit, its test or page of docs/.
+RESOLUTION = Limit(3.2, "piles and packings were verified from 3.2 on, Hertz's force from 5 on")  # test_pile
+SMALLEST = Limit(1.0, "bodies were verified from R/h = 2 on")  # test_corners, unlike discs
+THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells deflect up to 50, 25.4, 9.5, 3.2 % too little")  # test_thin_parts
+FEWEST = Limit(1.8, "verified from 1.8 on; with 1 the error of a uniform stress is 10 %")  # large.py, test_patch
+COURANT = Limit(15.0, "verified up to 15 where waves matter")  # test_dynamics, stability
+EXPLICIT = Limit(0.7, "explicit steps are stable up to 0.7 for any position on the grid")  # test_explicit
+LID = Limit(0.14, "verified for lids of packings that move by 0.08 to 0.14")  # test_interpenetration, R/h = 5 and 8
+APPROACH = Limit(0.2, "collisions were verified up to 0.2, beyond 1 a step fails")  # test_collision, the largest dt
 LOCKING = Limit(
     NEARLY_INCOMPRESSIBLE,
-    "at 0.4, 0.45, 0.49 a disc of R/h = 5 is 8, 10, 22 % too stiff, the peak pressure 1.4, 1.9, 4.2 times its own",
+    "at 0.4, 0.45, 0.49 a disc of R/h = 5 is 8, 10, 22 % too stiff, the peak pressure 1.4, 1.9, 4.2 times too high",
 )  # test_mean_dilatation
 POISSON = Limit(0.49999, "mean dilatation was verified up to 0.49999")  # test_locking
 MULTIGRID = Limit(0.499, "amg takes 130 iterations at 0.499, 430 at 0.49999")  # test_locking
-FRICTION = Limit(2.0, "the contact solver was tried up to 2")  # test_contact_solver
-STIFFNESS = Limit(100.0, "discs collide and are squeezed right with 100")  # tests/extremes/test_dials
-DENSITY = Limit(1e4, "a disc rests on one 1e4 times lighter")  # test_pile
+FRICTION = Limit(2.0, "the contact solver was verified up to 2")  # test_contact_solver
+STIFFNESS = Limit(100.0, "collisions and squeezed discs were verified up to 100")  # tests/extremes/test_parameters
+DENSITY = Limit(1e4, "verified for a disc at rest on one 1e4 times lighter")  # test_pile
 ROTATION = Limit(
-    0.05, "a turn by it is a strain of 0.00125 that is not there, and grows as its square"
+    0.05, "a rotation by 0.05 rad causes a spurious strain of 0.00125, which grows with its square"
 )  # test_dynamics
-STEPS = 1000  # within which a body that spins freely is looked at
-NU_TOLERANCE = 1e-9  # by which a limit may be passed
+STEPS = 1000  # over which the rotation of a spinning body is extrapolated
+LIMIT_TOLERANCE = 1e-9  # relative excess over a limit that is round-off
 
 Lines = Iterator[str]
 
 
 def warnings_of(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> list[str]:
-    """A line for everything that leaves what was verified: object, value, what was verified, remedy."""
+    """A line for everything outside the verified range: object, value, what was verified, remedy."""
     return [line for check in CHECKS for line in check(scene, metrics, scheme)]
 
 
 def _above(value: float, limit: Limit) -> bool:
-    return value > limit.value * (1.0 + NU_TOLERANCE)
+    return value > limit.value * (1.0 + LIMIT_TOLERANCE)
 
 
 def _below(value: float, limit: Limit) -> bool:
-    return value < limit.value * (1.0 - NU_TOLERANCE)
+    return value < limit.value * (1.0 - LIMIT_TOLERANCE)
 
 
-def _told(value: float, limit: Limit) -> str:
+def _text(value: float, limit: Limit) -> str:
     """A value that leaves a limit, with three digits or as many as tell the two apart."""
     texts = (f"{value:.{digits}g}" for digits in range(3, 18))
     return next(text for text in texts if float(text) != limit.value)
 
 
 def _down(value: float) -> str:
-    """Two digits, rounded down, so that what takes the advice is not warned again."""
+    """Two digits, rounded down, so that a value that follows the advice causes no warning."""
     unit = 10.0 ** (floor(log10(value)) - 1)
     return f"{floor(value / unit) * unit:.2g}"
 
 
-def _worst(metrics: SceneMetrics, values: NDArray[np.float64], wrong: NDArray[np.bool_]) -> str:
-    """The deformable body with the smallest value, and how many others are wrong."""
-    others = int(wrong.sum()) - 1
+def _worst(metrics: SceneMetrics, values: NDArray[np.float64], beyond: NDArray[np.bool_]) -> str:
+    """The deformable body with the smallest value, and the number of others beyond the limit."""
+    others = int(beyond.sum()) - 1
     return f"body {metrics.own[np.argmin(values)]}" + (f" and {others} more" if others > 0 else "")
 
 
@@ -88,7 +88,7 @@ def _resolution(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     R, smallest = metrics.resolution, metrics.resolution.min()
     if _below(smallest, limit):
         remedy = f"use cell = {_down(metrics.cell * smallest / limit.value)} m or less"
-        yield f"{_worst(metrics, R, limit.value > R)}: R/h = {_told(smallest, limit)}; {limit.where}; {remedy}"
+        yield f"{_worst(metrics, R, limit.value > R)}: R/h = {_text(smallest, limit)}; {limit.where}; {remedy}"
 
 
 def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -96,7 +96,7 @@ def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if _below(least := float(across.min()), THIN):
         who, width = _worst(metrics, across, THIN.value > across), least * metrics.cell
         remedy = f"use cell = {_down(width / THIN.value)} m or less"
-        yield f"{who}: {_told(least, THIN)} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
+        yield f"{who}: {_text(least, THIN)} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
 
 
 def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -104,24 +104,24 @@ def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if _below(fewest, FEWEST):
         who = _worst(metrics, each, FEWEST.value > each)
         remedy = f"use a spacing of {_down(0.74 * metrics.cell)} m or less"
-        yield f"{who}: {_told(fewest, FEWEST)} points per cell of material; {FEWEST.where}; {remedy}"
+        yield f"{who}: {_text(fewest, FEWEST)} points per cell of material; {FEWEST.where}; {remedy}"
 
 
 def _courant(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     limit = EXPLICIT if scheme.explicit else COURANT
     if (scheme.explicit or metrics.waves) and _above(metrics.courant, limit):
         remedy = f"use dt = {_down(limit.value * metrics.cell / metrics.wave)} s or less"
-        yield f"step: dt c/h = {_told(metrics.courant, limit)}; {limit.where}; {remedy}"
+        yield f"step: dt c/h = {_text(metrics.courant, limit)}; {limit.where}; {remedy}"
 
 
 def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if metrics.touches and _above(metrics.lid, LID):
         remedy = f"use dt {_down(LID.value / metrics.lid)} times as long"
-        yield f"{metrics.lid_name}: moves {_told(metrics.lid, LID)} h a step; {LID.where}; {remedy}"
+        yield f"{metrics.lid_name}: moves {_text(metrics.lid, LID)} h a step; {LID.where}; {remedy}"
     if scheme.inertia and _above(metrics.approach, APPROACH):
         remedy = f"use dt {_down(APPROACH.value / metrics.approach)} times as long"
         fallen = f" after falling by {metrics.fall:.3g} m" if metrics.fall else ""
-        approach = _told(metrics.approach, APPROACH)
+        approach = _text(metrics.approach, APPROACH)
         yield f"bodies: up to {approach} h a step past each other{fallen}; {APPROACH.where}; {remedy}"
 
 
@@ -145,15 +145,15 @@ def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     ):
         (low, a), (high, b) = min(values), max(values)
         if _above(high / low, limit):
-            who, remedy = f"bodies {a} and {b}", f"use {limit.value:g} unless it matters"
-            yield f"{who}: ratio of {name} {_told(high / low, limit)}; {limit.where}; {remedy}"
+            who, remedy = f"bodies {a} and {b}", f"use a ratio of at most {limit.value:g}"
+            yield f"{who}: ratio of {name} {_text(high / low, limit)}; {limit.where}; {remedy}"
 
 
 def _friction(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     named = [(wall.friction, f"wall {i}") for i, wall in enumerate(scene.walls)]
     value, name = max([(scene.friction, "scene"), *named])
     if metrics.touches and _above(value, FRICTION):
-        yield f"{name}: friction = {value:g}; {FRICTION.where}; use 2, where hardly anything slips"
+        yield f"{name}: friction = {value:g}; {FRICTION.where}; use 2 or less, at 2 there is little slip"
 
 
 def _small_strain(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -163,11 +163,11 @@ def _small_strain(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     rotation = np.where(linear, metrics.rotation, 0.0)
     fastest, b = float(rotation.max()), int(metrics.own[np.argmax(rotation)])
     if _above(STEPS * fastest, ROTATION):
-        turned = f"turns by {ROTATION.value:g} in {ROTATION.value / fastest:.3g} steps"
+        turned = f"rotates by {ROTATION.value:g} rad in {ROTATION.value / fastest:.3g} steps"
         yield f"body {b}: {_name(scene, b)} {turned}; {ROTATION.where}; use NeoHookean"
     elif any(linear) and (metrics.friction > 0.0 or metrics.points.size > 2):
         b, cause = int(metrics.own[np.argmax(linear)]), "friction" if metrics.friction else "its neighbours"
-        may = f"{cause} may turn it by more than {ROTATION.value:g}"
+        may = f"{cause} may rotate it by more than {ROTATION.value:g} rad"
         yield f"body {b}: {_name(scene, b)}, and {may}; {ROTATION.where}; use NeoHookean"
 
 
@@ -184,16 +184,18 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if not metrics.touches:
         return
     if scheme.theta < 1.0 and metrics.points.size + len(scene.walls) > 2:
-        verified = "collisions of two were verified, lasting contact was with theta = 1"
+        verified = "only collisions of two were verified, lasting contact with theta = 1"
         yield f"scheme: theta = {scheme.theta:g} with contact; {verified}; use theta = 1"
     if scheme.contact is shared_grid:
-        verified = "bodies feel each other one to two and a half cells too early"
+        verified = "contact begins one to two and a half cells too early"
         yield f"scheme: contact = shared_grid; {verified}; use contact.point_to_curve"
     if not scheme.inertia and initial_motion(scene)[0][:, scene.deformable[scene.owner]].any():
-        yield "scheme: inertia = False, where initial velocities of bodies mean nothing; use none or inertia"
+        yield "scheme: inertia = False ignores the initial velocities of bodies; remove them or use inertia"
     slides = not all(_is_linear(scene, b) for b in metrics.own) and metrics.friction == 0.0
     if slides and not scheme.inertia:
-        verified = "a frictionless body at finite strain may slide and turn for nothing, where Newton crawls"
+        verified = (
+            "a frictionless body at finite strain may have neutral motions, and Newton converges slowly"
+        )
         yield f"scheme: inertia = False; {verified}; use friction, a Support or inertia"
 
 
@@ -205,9 +207,7 @@ def _edges(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     for rigid, soft in np.unique(found[[0, 2]], axis=1).T.tolist():
         point = found[1, (found[0] == rigid) & (found[2] == soft)][0]
         x, y = scene.initial_positions[:, point]
-        verified = (
-            "a flat punch with rounder edges went 40 % of the height down, with sharper ones at times only 25 %"
-        )
+        verified = "a flat punch with rounder edges reached 40 % of the height, with sharper ones in cases only 25 %"
         where = f"body {rigid}: an edge at ({x:.4g}, {y:.4g}) m sharper than {ROUND:g} h meets body {soft}"
         yield f"{where} without inertia; {verified}; use inertia, or a radius of {radius:.4g} m"  # test_punch
 

@@ -1,10 +1,10 @@
-"""What sets the pace of a scene, how fast things get, whether steps must resolve waves: for the report and `suggest`.
+"""What drives a scene, how fast, and whether steps must resolve waves: for `preflight` and `suggest`.
 
-Steps must resolve waves where nothing but them takes time: bodies that fly at each other at t = 0, and what vibrates
-because nothing but loads moves it. Where a wall, a support or gravity sets the pace, bodies follow it from one
-equilibrium to the next, and the way per step is what counts. Where the pace is fast that limits `dt c / h`, too: to
-14 at 0.01 c. At a thousandth of c and below forces are the same to 1.4e-3 whether `dt c / h` is 10 or 10,000
-(`tests/verification/test_long_steps.py`).
+Steps must resolve waves where these alone set the time scale: for bodies that collide with initial velocities, and
+for bodies that vibrate because nothing but loads moves them. Where a wall, a support or gravity sets the time scale,
+bodies follow from one equilibrium to the next, and the displacement per step is limited. For fast driving that also
+limits `dt c / h`: to 14 at 0.01 c. At a thousandth of c and below forces are the same to 1.4e-3 whether `dt c / h` is
+10 or 10,000 (`tests/verification/test_long_steps.py`).
 """
 
 from __future__ import annotations
@@ -19,37 +19,37 @@ from skmpm.simulate.initial_state import can_touch, driven, fastest_wave, initia
 
 Array = NDArray[np.float64]
 
-SEVERAL = 6  # deformable bodies from which on errors at contacts even out, as in a packing
-SLOPE = 0.1  # of a wall's normal against gravity, from which on it is a floor
+SEVERAL = 6  # deformable bodies from which on errors at contacts average out, as in a packing
+SLOPE = 0.1  # component of a wall's normal against gravity from which on the wall is a floor
 
 
 @dataclass(frozen=True)
 class Loading:
-    """How a scene goes on from t = 0."""
+    """What drives a scene, and how fast."""
 
     kind: str  # "bending", "pressing", "impact", "packing" or "pour"
-    why: str  # what shows it, as the end of a sentence
+    why: str  # the reason, as a clause
     waves: bool  # whether steps must resolve waves, if bodies have inertia
-    step_control: float  # what sets it: speed of waves, of what is driven, or of what falls [m/s]
+    speed: float  # that limits the time step: of waves, of the driven object, or of falling bodies [m/s]
     driven: float  # fastest wall, support or rigid body [m/s]
-    approach: float  # no two things pass each other faster, at t = 0 or after falling [m/s]
+    approach: float  # bound on relative velocities, at t = 0 or after falling [m/s]
     fall: float  # free height [m]
 
 
 def loading_of(scene: Scene) -> Loading:
-    """What kind of scene it is, by what can touch, what moves at t = 0, and gravity."""
+    """The kind of a scene, from possible contacts, motion at t = 0, and gravity."""
     v, _ = initial_motion(scene)
     name, prescribed = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.deformable[scene.owner]], axis=0).max())
     height = free_height(scene) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * height))
-    kind, why, step_control = _kind(scene, own, prescribed, fall, name)
+    kind, why, speed = _kind(scene, own, prescribed, fall, name)
     passing = np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1))
     return Loading(
         kind,
         why,
-        step_control == 0.0,
-        step_control or fastest_wave(scene),
+        speed == 0.0,
+        speed or fastest_wave(scene),
         prescribed,
         float(np.hypot(passing, fall)),
         height,
@@ -57,7 +57,7 @@ def loading_of(scene: Scene) -> Loading:
 
 
 def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -> tuple[str, str, float]:
-    """Kind, what shows it, and the pace that something sets [m/s]; zero where waves do."""
+    """Kind, reason, and the speed that limits the time step [m/s]; zero where waves do."""
     several, moved = int(scene.deformable.sum()) >= SEVERAL, f"{name} moves at {prescribed:.3g} m/s"
     if not can_touch(scene):
         if prescribed > own:
@@ -73,7 +73,7 @@ def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -
 
 
 def gravity_of(scene: Scene) -> Array:
-    """Gravity at t = 0, where it is a field its mean over deformable bodies, (2,) [m/s2]."""
+    """Gravity at t = 0, (2,) [m/s2]; of a field, its mean over deformable bodies."""
     if not callable(scene.gravity):
         return np.asarray(scene.gravity, dtype=float)
     X = scene.initial_positions[:, scene.deformable[scene.owner]]
@@ -81,7 +81,7 @@ def gravity_of(scene: Scene) -> Array:
 
 
 def free_height(scene: Scene) -> float:
-    """How far a deformable body can fall at most: to the floor, or without one to the lowest body [m]."""
+    """Largest height that a deformable body can fall: to the floor, or without one to the lowest body [m]."""
     g = gravity_of(scene)
     if not g.any():
         return 0.0

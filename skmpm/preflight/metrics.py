@@ -24,12 +24,12 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class SceneMetrics:
-    """What a scene asks for; per deformable body where there are several, motions at t = 0 or after falling."""
+    """The numbers of the preflight check; arrays are per deformable body, motions at t = 0 or after falling."""
 
-    points: Ints  # (bodies,) rigid ones too
+    points: Ints  # (bodies,) including rigid ones
     rigid: int
-    around: dict[str, int]  # how many walls, supports, loads
-    own: Ints  # (deformable,) their numbers among the bodies
+    around: dict[str, int]  # numbers of walls, supports, loads
+    own: Ints  # (deformable,) indices among the bodies
     points_per_cell: Array  # (deformable,) points over area in cells
     resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
     across: Array  # (deformable,) cells across the thinnest part; nan without outline
@@ -39,26 +39,26 @@ class SceneMetrics:
     wave: float  # fastest pressure wave c [m/s]
     courant: float  # dt c/h
     waves: bool  # whether steps must resolve waves
-    lid: float  # way of the fastest wall, rigid body or support in a step [cells]
-    lid_name: str  # which
-    approach: float  # way of the fastest past each other in a step, at most [cells]
+    lid: float  # displacement of the fastest wall, rigid body or support in a step [cells]
+    lid_name: str  # its name
+    approach: float  # bound on the relative displacement in a step [cells]
     fall: float  # free height, 0 without gravity [m]
-    rotation: Array  # (deformable,) largest angle that points turn by in a step [rad]
-    touches: bool  # whether anything can touch anything
+    rotation: Array  # (deformable,) largest rotation of points in a step [rad]
+    touches: bool  # whether contact is possible
     contact: str  # law
     friction: float  # largest coefficient
-    linear: bool  # whether a step is one linear solve, but for contact
+    linear: bool  # whether a step without contact is one linear solve
     inertia: bool
     theta: float
     half_bandwidth: int
     solver: str
-    memory: float  # [bytes] besides the program
+    memory: float  # [bytes] in addition to the program
 
 
 def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
-    """The numbers of a scene: its Body grids are built, nothing is assembled or solved."""
-    check_time("report: dt", dt, SHORTEST, "a time step greater than zero")
-    check_explicit("report", scene, scheme)
+    """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
+    check_time("preflight: dt", dt, SHORTEST, "a time step greater than zero")
+    check_explicit("preflight", scene, scheme)
     own, count = np.flatnonzero(scene.deformable), np.diff(scene.offsets)
     body = np.repeat(np.arange(count.size), count)
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
@@ -102,7 +102,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
 
 
 def _grid(scene: Scene, body: Ints) -> tuple[BodyGrids, int]:
-    """The first body grids, and the half bandwidth of their matrix without supports: of cells and ghost facets."""
+    """The first body grids, and the half bandwidth of their matrix, with ghost facets and without supports."""
     soft, x, volume = scene.deformable[body], scene.initial_positions, scene.initial_volumes
     grid = build_grids(x[:, soft], body[soft], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, soft])
     facets, _ = ghost_facets(grid, volume[soft])
@@ -111,14 +111,14 @@ def _grid(scene: Scene, body: Ints) -> tuple[BodyGrids, int]:
 
 
 def _solver(scheme: Scheme, width: int) -> str:
-    """The solver to be expected: what `linear.default` would pick, else the scheme's own."""
+    """Name of the solver: that which `linear.default` selects, otherwise the scheme's own."""
     if scheme.linear is linear.default:
         return "banded" if width <= linear.CROSSOVER else "amg"
     return str(getattr(scheme.linear, "__name__", type(scheme.linear).__name__))
 
 
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:
-    """Peak memory of a run besides the program [bytes], for points, unknowns, boundary points that may touch.
+    """Peak memory of a run in addition to the program [bytes]; `boundaries` is the number of boundary points.
 
     8 MB + 1.2 kB a point + 5 kB a boundary point, and for the matrix two bands of half bandwidth `width`, or 2 kB an
     unknown by any other solver. Fitted to peak resident sizes above those after import. Estimate over measured: the

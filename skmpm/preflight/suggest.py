@@ -1,4 +1,4 @@
-"""Cell, spacing and time step for a wanted error, by laws fitted to the runs of `docs/work_precision.md`."""
+"""Cell, spacing and time step for a wanted error, from laws fitted to the runs of `docs/work_precision.md`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skmpm.simulate.initial_state import can_touch, fastest_wave
 
 Array = NDArray[np.float64]
 
-LARGEST = 0.25  # error; what is coarser was not measured
+LARGEST = 0.25  # error; coarser resolutions were not measured
 RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
 WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
 
@@ -24,7 +24,8 @@ WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
 class Law:
     """error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step.
 
-    s is dt c / R in impacts and free motion, c the speed of pressure waves; else the way of what is driven over R.
+    s is dt c / R in impacts and free motion, c the speed of pressure waves; otherwise the displacement of the driven
+    object over R.
     For `Scheme.balanced()`, whose backward Euler is of first order.
     """
 
@@ -48,16 +49,16 @@ LAWS = {
 
 @dataclass(frozen=True)
 class Suggestion:
-    """Cell, spacing of points and time step for a wanted error, and what the scene was taken for."""
+    """Cell, spacing of points and time step for a wanted error, and the kind of the scene."""
 
     cell: float  # [m]
     spacing: float  # of material points [m]
     dt: float  # [s]
     kind: str  # "bending", "pressing", "impact", "packing" or "pour"
-    why: str  # what the kind and the time step follow from, in words
+    why: str  # the reason for the kind and the time step
 
     def __str__(self) -> str:
-        """All in a sentence."""
+        """The suggestion as a sentence."""
         return (
             f"{self.kind}: {self.why}; use cell = {self.cell:.3g} m, spacing = {self.spacing:.3g} m,"
             f" dt = {self.dt:.3g} s"
@@ -67,20 +68,19 @@ class Suggestion:
 def suggest(scene: Scene, *, error: float) -> Suggestion:
     """The cheapest cell, spacing of points and time step for an error, with `Scheme.balanced()`.
 
-    The error is relative: the largest of what `docs/work_precision.md` measures on its scene of that kind. *Bending*,
-    where nothing touches: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts.
-    *Impact*, where they move by themselves at t = 0: velocities after. *Packing*, six or more that something drives:
-    pressure, work and aspect ratio. *Pour*, where gravity lets them fall: as packing, or pressing where they are few.
-    Only materials, sizes, gravity and what moves at t = 0 are read, not the scene's own cell and points. In impacts,
-    and without anything driven, dt resolves waves; else it follows from how far things move in a step. What the
-    preflight check would warn of is not suggested: there the cell or the step is smaller than the error asks for.
-    Four scenes that are not in the study err by less than twice what was asked
-    (`examples/studies/work_precision/promises.py`).
+    The error is relative: the largest of those that `docs/work_precision.md` measures on its scene of that kind.
+    *Bending*, without contact: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts.
+    *Impact*, bodies with initial velocities: velocities afterwards. *Packing*, six or more bodies that are driven:
+    pressure, work and aspect ratio. *Pour*, bodies that fall: as packing, or pressing if few. Only materials,
+    sizes, gravity and motion at t = 0 are used, not the scene's own cell and points. In impacts, and if nothing is
+    driven, dt resolves waves; otherwise it follows from the displacement per step. Where `preflight` would warn, the
+    cell or the step is smaller than needed for the error. For four scenes that are not in the study the error is less
+    than twice the wanted one (`examples/studies/work_precision/promises.py`).
 
     Raises
     ------
     ValueError
-        when the error is larger than what was measured, or so small that a body would be 200 cells across
+        if the error is larger than those measured, or so small that a body would be 200 cells across
     """
     loading, size = loading_of(scene), _smallest(scene)
     laws = LAWS[_measured_as(scene, loading.kind)]
@@ -88,22 +88,22 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
     if not found:
         least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
         raise ValueError(f"suggest: error = {error!r}; use one between {1.01 * least:.2g} and {LARGEST}")
-    _, n, spacing, way = min(found)
+    _, n, spacing, stride = min(found)
     cell = min(size / n, _coarsest(scene))
-    dt = min(way * size / loading.step_control, _longest(scene, loading, cell))
-    paced = "dt resolves waves" if loading.waves else "dt follows from the way per step"
+    dt = min(stride * size / loading.speed, _longest(scene, loading, cell))
+    paced = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
     return Suggestion(cell, spacing * cell, dt, loading.kind, f"{loading.why}, so {paced}")
 
 
 def _measured_as(scene: Scene, kind: str) -> str:
-    """Which of `LAWS` a kind obeys."""
+    """The key of `LAWS` for a kind."""
     if kind == "pour":
         return "packing" if scene.deformable.sum() >= SEVERAL else "pressing"
     return kind
 
 
 def _coarsest(scene: Scene) -> float:
-    """The largest cell that the preflight check does not warn of [m]."""
+    """The largest cell without warnings of `preflight` [m]."""
     boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
     radius = np.sqrt(np.bincount(scene.owner, scene.initial_volumes, count) / np.pi)[own].min()
     across = thickness(boundary, scene.initial_positions[:, boundary.point], count)[own]
@@ -112,7 +112,7 @@ def _coarsest(scene: Scene) -> float:
 
 
 def _longest(scene: Scene, loading: Loading, cell: float) -> float:
-    """The longest step that the preflight check does not warn of [s]."""
+    """The longest step without warnings of `preflight` [s]."""
     limits = [(COURANT.value, fastest_wave(scene) if loading.waves else 0.0)]
     if can_touch(scene):
         limits += [(LID.value, loading.driven), (APPROACH.value, loading.approach)]
@@ -136,7 +136,7 @@ def _smallest(scene: Scene) -> float:
 
 
 def _cheapest(law: Law, error: float) -> tuple[float, float, float, float] | None:
-    """Cost, R/h, spacing [cells] and length of a step that reach an error for least; None if none does."""
+    """Cost, R/h, spacing [cells] and length of a step that reach an error at least cost; None if none does."""
     room = error - law(RESOLUTIONS, 0.0)
     enough = room > 0.0
     if not (enough.any() and error <= LARGEST):

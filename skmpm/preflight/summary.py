@@ -1,4 +1,4 @@
-"""The preflight check before time is spent: what a scene asks for, and where it leaves what was verified."""
+"""The preflight check: a summary of a run before it starts, and warnings outside the verified range."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from skmpm.scheme import Scheme
 
 
 def preflight(scene: Scene, dt: float, *, scheme: Scheme = Scheme()) -> str:  # noqa: B008
-    """What `simulate` would be asked for, as text: sizes, resolution, motion per step, solver, memory, warnings.
+    """Summary of a run as text: sizes, resolution, motion per step, solver, memory, warnings.
 
-    Body grids are built, nothing is solved. Motions are those at t = 0 and what bodies gain by falling. A line that
-    begins with `!` names an object, its value, what was verified and the remedy.
+    Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling. A line
+    that begins with `!` is a warning: the object, its value, what was verified and the remedy.
 
     Raises
     ------
     ValueError
-        when dt [s] is not a time step; SceneError when a velocity is not finite
+        if dt [s] is not positive
+    SceneError
+        if a velocity is not finite
     """
     metrics = examine(scene, dt, scheme)
     lines = [f"{name:8s}  {text}" for name, text in _lines(metrics).items()]
@@ -28,7 +30,7 @@ def preflight(scene: Scene, dt: float, *, scheme: Scheme = Scheme()) -> str:  # 
 
 
 def _lines(metrics: SceneMetrics) -> dict[str, str]:
-    """What the report says, by subject."""
+    """The lines of the summary, by subject."""
     least, most, fewest = metrics.points.min(), metrics.points.max(), metrics.points_per_cell.min()
     each = f"{least}" if least == most else f"{least} to {most}"
     around = ", ".join(f"{name} {number}" for name, number in metrics.around.items())

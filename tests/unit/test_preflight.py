@@ -164,7 +164,7 @@ def test_a_bad_time_step_is_refused_as_by_simulate(dt):
         preflight(pair(), dt)
     with pytest.raises(ValueError) as expected:
         next(skmpm.simulate(pair(), dt=dt, until=1.0))
-    assert str(found.value) == str(expected.value).replace("simulate", "report")
+    assert str(found.value) == str(expected.value).replace("simulate", "preflight")
 
 
 # Warnings.
@@ -218,7 +218,7 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
                   lambda v: pair(first=gel(E=1e6 * v), second=gel(E=1e6)), None, {}),
     "density": (limits.DENSITY, r"bodies 0 and 1: ratio of density 10001;",
                 lambda v: pair(second=gel(density=990.0 * v)), None, {}),
-    "turning": (limits.ROTATION, r"body 0: LinearElastic turns by 0.05 in 1e\+03 steps;", lambda v: Scene(
+    "turning": (limits.ROTATION, r"body 0: LinearElastic rotates by 0.05 rad in 1e\+03 steps;", lambda v: Scene(
         [round_body(material=LinearElastic(1e7, 0.45, 990.0), spin=-v / limits.STEPS / DT)], cell=H),
         lambda s, v: DT, {}),
 }  # fmt: skip
@@ -273,12 +273,12 @@ def stamped(velocity):
 
 CHOICES = {  # what the warning says first, the scene and scheme that bring it, neighbours that do not
     "small strain with friction": (
-        r"body 1: LinearElastic, and friction may turn it",
+        r"body 1: LinearElastic, and friction may rotate it",
         (pair(second=STIFF, friction=0.1), {}),
         [(pair(second=STIFF), {}), (pair(friction=0.1), {}), (pair(second=STIFF, friction=0.1), {"anchor": 0.05})],
     ),
     "small strain in a packing": (
-        r"body 0: LinearElastic, and its neighbours may turn it",
+        r"body 0: LinearElastic, and its neighbours may rotate it",
         (replace(THREE, bodies=[round_body(material=STIFF), *THREE.bodies[1:]]), {}),
         [(THREE, {})],
     ),
@@ -368,14 +368,14 @@ def test_nothing_is_solved_or_factorised(name, monkeypatch):
     """300 discs: not even an assembly. Body grids are built once."""
 
     def forbidden(*args, **kwargs):
-        raise AssertionError("the report must not do that")
+        raise AssertionError("the preflight check must not do that")
 
     names = (
         "cholesky_banded",
         "Amg",
         "spla.splu",
         "prepare",
-        "moment_fitting",
+        "fitted_weights",
         "eliminate",
         "advance",
         "outline.cell_moments",

@@ -130,14 +130,14 @@ def test_it_says_what_it_took_the_scene_for():
     slow = Wall((0, 2), (0, -1), velocity=(0, -1e-3))
     found = suggest(discs(7, walls=[FLOOR, slow]), error=0.05)
     assert isinstance(found, Suggestion) and found.kind == "packing"
-    says = r"packing: wall 1 moves at 0\.001 m/s, so dt follows from the way per step; "
+    says = r"packing: wall 1 moves at 0\.001 m/s, so dt follows from the displacement per step; "
     assert re.match(says + r"use cell = .* m, spacing = .* m, dt = .* s$", str(found))
     for scene, words in (
         (discs(1), "bending: nothing can touch it and nothing is driven: it vibrates, so dt resolves waves"),
         (discs(2), "pressing: bodies can touch and nothing moves at t = 0, so dt resolves waves"),
         (discs(2, velocity=(1.0, 0.0)), "impact: bodies move at 1 m/s at t = 0, so dt resolves waves"),
         (replace(discs(2, walls=[Wall((0, -5), (0, 1))]), gravity=(0.0, -10.0)),
-         "pour: gravity lets bodies fall, at up to 10 m/s, so dt follows from the way per step"),
+         "pour: gravity lets bodies fall, at up to 10 m/s, so dt follows from the displacement per step"),
     ):  # fmt: skip
         assert str(suggest(scene, error=0.05)).startswith(words)
 
