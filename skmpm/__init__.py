@@ -1,7 +1,7 @@
 """skmpm: implicit material point method on scikit-fem with Contact Dynamics, for packings of soft bodies.
 
-Build a `Scene` of `Body`s and `Wall`s, read its `preflight` check, then loop over `simulate(scene, dt=...,
-until=...)`; `observe` measures the states it yields, `record` writes them for ParaView.
+Build a `Scene` of `Body`s and `Wall`s, print its `preflight` check, then loop over `simulate(scene, dt=...,
+until=...)`; `observe` evaluates the states it yields, `record` writes them for ParaView.
 """
 
 from skmpm import contact, coulomb, linear, outline, transfer

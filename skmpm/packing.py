@@ -12,23 +12,23 @@ from skmpm import coulomb
 
 Array: TypeAlias = NDArray[np.float64]
 
-_START = 0.3  # size of the discs at the start, relative to the end
-_GROWTH = 0.04  # largest and smallest growth per step; needing less than the smallest means a jam
+_START = 0.3  # initial over final size of the discs
+_GROWTH = 0.04  # largest and smallest growth per step; where the smallest is too large the discs are jammed
 _LEAST_GROWTH = 2e-4
-_EASE, _DENSE = 1.12, 0.78  # growth of the solid fraction beyond the one asked, up to a dense one
-_SHAKES = 4  # random moves out of a jam ...
+_EASE, _DENSE = 1.12, 0.78  # growth of the solid fraction beyond the requested one, up to a dense packing
+_SHAKES = 4  # random displacements to leave a jammed state ...
 _SHAKE = 0.05  # ... and their size [mean radius]
 _MARGIN = 0.5  # pairs with a smaller gap are constraints [mean radius]
-_OVERLAP = 1e-6, 1e-3  # allowed at the end and on the way [smallest radius]
+_OVERLAP = 1e-6, 1e-3  # allowed at the end and during growth [smallest radius]
 _TOLERANCE = 1e-9  # of the contact solver
-_ACCEPTED = 1e-5  # if it gets no further; the next linearisation repairs it
+_ACCEPTED = 1e-5  # if the solver stalls; the next linearisation corrects the error
 _NEWTON = 20
 _ROUNDS = 12  # linearisations per step
 _HEXAGONAL = np.pi / np.sqrt(12.0)
 
 
 class PackingError(ValueError):
-    """The discs cannot be packed as asked."""
+    """The discs cannot be packed with the requested solid fraction or box."""
 
 
 @dataclass(frozen=True)
@@ -48,20 +48,21 @@ def packing(
 
     Centres are drawn at random and the radii grow from small to full (Lubachevsky & Stillinger, J. Stat.
     Phys. 60 (1990) 561-583), but without inertia: in every step the discs make the smallest mass-weighted
-    motion that opens all gaps to first order, which is a Signorini-Coulomb problem. A pair moved so does not
-    overlap: to first order its distance is never too large. A jam is shaken before it is believed.
+    motion that opens all gaps to first order, which is a Signorini-Coulomb problem. Pairs do not overlap after
+    that motion, because the linearised distance is a lower bound of the distance. A jammed state is perturbed at
+    random before it is accepted as such.
 
     Parameters
     ----------
     radii : (N,) [m]
     width : of the box [m]; its height is sum(pi R^2) / (width solid_fraction)
-    friction : between discs while they are packed, none at the walls; it lowers the fraction of the jam
-    seed : the same seed gives the same packing, whatever the unit of length
+    friction : coefficient between discs during packing, zero at the walls; it lowers the solid fraction at jamming
+    seed : of the random numbers; the same seed gives the same packing in any unit of length
 
     Raises
     ------
     PackingError
-        If an argument makes no sense or the discs jam at a lower solid fraction, which the message says.
+        If an argument is invalid, or if the discs jam at a lower solid fraction, which the message contains.
     """
     R = np.array(radii, dtype=float)
     _check(R, width, solid_fraction, friction)
@@ -80,7 +81,7 @@ def packing(
     if size < 1.0:
         raise PackingError(
             f"the discs jam at a solid fraction of {solid_fraction * size**2:.3f}, "
-            f"below the {solid_fraction:g} asked; lower solid_fraction or friction, or try another seed"
+            f"below the requested {solid_fraction:g}; lower solid_fraction or friction, or try another seed"
         )
     return Packing(x * unit, R, float(width), height)
 
@@ -98,9 +99,9 @@ def _scatter(R: Array, box: Array, rng: np.random.Generator) -> Array:
 def _grow(
     x: Array, R: Array, box: Array, friction: float, limit: float, rng: np.random.Generator
 ) -> tuple[Array, float]:
-    """Grow the discs to ``limit`` times their full size, in smaller steps where it is tight.
+    """Grow the discs to `limit` times their full size, in smaller steps near jamming.
 
-    Growing beyond full size spreads them evenly; a jam there does no harm. Return them and the size reached.
+    Growth beyond full size spreads them evenly; jamming there does no harm. Return the centres and the size reached.
     """
     size, growth, shakes, best = 0.0, _START, 0, 0.0
     while size < limit:
@@ -120,7 +121,7 @@ def _grow(
 
 
 def _separate(x: Array, R: Array, box: Array, friction: float, tolerance: float) -> Array | None:
-    """Move the discs as little as possible until none overlap; None if they do not make it."""
+    """Move the discs as little as possible until none overlap; None if that does not converge."""
     for _ in range(_ROUNDS):
         contacts = _contacts(x, R, box)
         if contacts.gap.min(initial=0.0) >= -tolerance * R.min():
@@ -175,7 +176,7 @@ def _motion(contacts: _Contacts, R: Array, friction: float) -> Array | None:
 
 
 def _rows(contacts: _Contacts, R: Array) -> sp.csr_array:
-    """Relative motion (2k, 3N), normal and tangential in turn, by the x, then y, then angles of all discs."""
+    """Contact Jacobian (2k, 3N): normal and tangential rows in turn; columns x, then y, then angles of all discs."""
     N, pairs = R.size, contacts.second.size
     n = contacts.normal
     t = np.array([-n[1], n[0]])
@@ -198,8 +199,8 @@ def _rows(contacts: _Contacts, R: Array) -> sp.csr_array:
 def _check(R: Array, width: float, solid_fraction: float, friction: float) -> None:
     if R.ndim != 1 or not R.size or not np.isfinite(R).all() or R.min() <= 0.0:
         bad = R[~(R > 0.0) | np.isinf(R)]
-        given = f"radius {bad[0]:g} m" if bad.size else f"an array of shape {R.shape}"
-        raise PackingError(f"radii: {given}; give a row (N,) of finite numbers above zero")
+        found = f"radius {bad[0]:g} m" if bad.size else f"an array of shape {R.shape}"
+        raise PackingError(f"radii: {found}; give an array (N,) of finite numbers above zero")
     if not 0.0 < solid_fraction < _HEXAGONAL:
         raise PackingError(
             f"solid_fraction {solid_fraction:g} must lie between 0 and {_HEXAGONAL:.4f}; random discs jam near 0.84"

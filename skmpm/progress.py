@@ -1,4 +1,4 @@
-"""A progress line on a terminal; silence elsewhere."""
+"""A progress line on a terminal; no output elsewhere."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from skmpm.scene import State
 
 
 class Progress:
-    """Shows step, time, ETA, residual and retries while a simulation runs, when `shown` and on a terminal."""
+    """Shows step, time, ETA, residual and retries of a running simulation, if `shown` and on a terminal."""
 
     def __init__(self, begin: float, until: float, *, shown: bool) -> None:
         self._begin, self._until = begin, until

@@ -17,7 +17,7 @@ from skmpm.transfer import Transfer
 # stiff and the peak pressure in it 1.4 times too high at 0.4 (6.1 % and 1.2 at 0.3), 10 % and 1.9 at 0.45, 22 % and
 # 4.2 at 0.49; with it 5 to 6 % and 1.02 to 1.06 (`tests/verification/test_mean_dilatation.py`).
 NEARLY_INCOMPRESSIBLE = 0.4
-NU_TOLERANCE = 1e-9  # of a Poisson's ratio that is computed from Lame constants
+NU_TOLERANCE = 1e-9  # round-off of a Poisson's ratio computed from Lame constants
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,22 +27,23 @@ class Scheme:
     Parameters
     ----------
     theta : Moreau-Jean parameter in [1/2, 1]: 1 is backward Euler, 1/2 the midpoint rule
-    anchor : regrid when the strain or rotation since they were laid, max |F - I|, passes this; inf: never
-        (total Lagrangian), 0: at every step (updated Lagrangian, Nezamabadi et al.'s (2017))
+    anchor : regrid when the strain or rotation since the last regridding, max |F - I|, exceeds this; inf: never
+        (total Lagrangian), 0: at every step (updated Lagrangian, as in Nezamabadi et al. 2017)
     contact : `contact.point_to_curve` or `contact.shared_grid`
     transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
-    ghost : gamma, the ghost penalty on cells filled less than 0.6, as a share of the elastic modulus
+    ghost : gamma, the coefficient of the ghost penalty on cells filled less than 0.6, relative to the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
-    fitted : weigh the points of a cell by the exact moments of its material inside the outline, not by their volumes
+    moment_fitting : fit the weights of points to the exact moments of their cell's material inside the outline;
+        without it the weights are the volumes of the points
     mean_dilatation : average the change of volume over cells, so that nearly incompressible bodies do not lock:
         True for all, False for none, None for those with a Poisson's ratio of 0.4 or more (`NEARLY_INCOMPRESSIBLE`)
-    newton_tol : largest force imbalance, as a share of the largest term of the momentum balance
+    newton_tol : largest imbalance of momentum, relative to the largest term of the balance
     contact_tol : largest natural-map residual of a contact solve
-    gap_tol : largest natural-map residual of the contact law at the end of the step, gaps measured anew
-    explicit : forces of the start of the step instead of its end, A the lumped mass and a ghost penalty on
+    gap_tol : largest natural-map residual of the contact law at the end of the step, with the final gaps
+    explicit : use the forces at the start of the step; A is the lumped mass with a ghost penalty on
         accelerations; dt must stay below about 0.7 h/c
-    linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which picks by size
-    max_newton : Newton iterations after which a step fails; where things touch and have inertia it does after eight
+    linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by size
+    max_newton : Newton iterations after which a step fails; with contact and inertia it fails after eight
     """
 
     theta: float = 1.0
@@ -85,8 +86,8 @@ class Scheme:
             )
         if self.gap_tol < self.contact_tol:
             raise ValueError(
-                f"Scheme: gap_tol = {self.gap_tol} is below contact_tol = {self.contact_tol}, the residual that a"
-                " solve leaves; raise the one or lower the other"
+                f"Scheme: gap_tol = {self.gap_tol} is below contact_tol = {self.contact_tol}, the residual of a"
+                " contact solve; raise gap_tol or lower contact_tol"
             )
         for name in ("contact", "transfer", "linear"):
             if not callable(getattr(self, name)):
@@ -107,12 +108,12 @@ class Scheme:
 
     @staticmethod
     def fast(**choices: Any) -> Scheme:
-        """Iterations stop early: to see where a scene goes.
+        """Loose tolerance for a coarse grid: a quick look at a scene.
 
-        Meant for R/h = 3.2, points 0.74 h apart and four times the time step of `balanced`. Errs by 20 % (stress of a
-        cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision) and 11 % (work to compress a
-        packing), for 1/1.4, 1/1.5, 1/4.4, 1/3.4 of the cost of `balanced` (`docs/work_precision.md`). `choices` are
-        fields that differ, as in `Scheme.fast(inertia=False)`.
+        Meant for R/h = 3.2, points 0.74 h apart and four times the time step of `balanced`. Its error is 20 % (stress
+        of a cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision) and 11 % (work to
+        compress a packing), for 1/1.4, 1/1.5, 1/4.4, 1/3.4 of the cost of `balanced` (`docs/work_precision.md`).
+        `choices` are fields that differ, as in `Scheme.fast(inertia=False)`.
         """
         return replace(Scheme(newton_tol=1e-2), **choices)
 
@@ -120,29 +121,30 @@ class Scheme:
     def balanced(**choices: Any) -> Scheme:
         """The defaults: no other setting of the study is 1.3 times cheaper at its error on more than one scene.
 
-        Meant for R/h = 5, points 0.74 h apart, steps in which a lid moves by 0.02 R or waves run 0.1 R. Errs by 15,
-        23, 7.4 and 2.9 % on the scenes of `fast`, the packing, whose nu is 0.45, by 1.2 % with mean dilatation, which
-        the study ran without. `choices` as there.
+        Meant for R/h = 5, points 0.74 h apart, steps in which a lid moves by 0.02 R or waves travel 0.1 R. Its error
+        is 15, 23, 7.4 and 2.9 % on the scenes of `fast`; that of the packing (nu = 0.45) is 1.2 % with mean
+        dilatation, which the study did not use. `choices` as in `fast`.
         """
         return Scheme(**choices)
 
     @staticmethod
     def accurate(**choices: Any) -> Scheme:
-        """Iterations leave nothing that shows beside a fine grid.
+        """Tight tolerance for a fine grid: the error of the iteration is negligible.
 
-        Meant for R/h = 10, points 0.5 h apart and a quarter of the time step of `balanced`. Errs by 4.4, 7.7, 1.9 and
-        1.5 % on the scenes of `fast`, for 7, 8, 6 and 21 times the cost of `balanced`. `choices` as there.
+        Meant for R/h = 10, points 0.5 h apart and a quarter of the time step of `balanced`. Its error is 4.4, 7.7,
+        1.9 and 1.5 % on the scenes of `fast`, for 7, 8, 6 and 21 times the cost of `balanced`. `choices` as in
+        `fast`.
         """
         return replace(Scheme(newton_tol=1e-6), **choices)
 
     @staticmethod
     def nezamabadi2017() -> Scheme:
-        """The method of Nezamabadi et al. (2017): regridding at every step, contact at shared nodes."""
+        """The method of Nezamabadi et al. (2017): regridding at every step, shared-grid contact."""
         return Scheme(anchor=0.0, contact=shared_grid, moment_fitting=False, mean_dilatation=False)
 
 
 def averages_dilatation(scheme: Scheme, material: Material) -> bool:
-    """Whether a material takes the mean dilatation of its points' cell: as the scheme says, or by Poisson's ratio."""
+    """Whether the dilatation of a material is averaged over cells: by the scheme, or by Poisson's ratio."""
     if scheme.mean_dilatation is not None:
         return scheme.mean_dilatation
     return poisson_ratio(material) > NEARLY_INCOMPRESSIBLE - NU_TOLERANCE

@@ -1,9 +1,9 @@
 """Checkpoints: a State in one file, bit for bit; loading never executes code.
 
-The file is an uncompressed .npz archive. Each array is a member named by its place ("state.x",
+The file is an uncompressed .npz archive. Each array is a member named by its field ("state.x",
 "state.contacts.gap"). The member "header" is JSON text: the format's tag and schema, the library's version
-and the tree of the state's fields, in which an array stands as its member's name and its order in memory,
-everything else as itself. The member "sha256" is the digest of the header and of all arrays: names, types,
+and the tree of the state's fields, in which an array is given by its member's name and its order in memory,
+any other value by itself. The member "sha256" is the digest of the header and of all arrays: names, types,
 shapes and bytes.
 """
 
@@ -30,29 +30,29 @@ from skmpm.scene import State
 AnyArray = NDArray[Any]
 
 FORMAT = "skmpm checkpoint"
-SCHEMA = 4  # raised when a file can no longer be read as before
-LEFT_OUT = frozenset({"derived"})  # fields that follow from the others
+SCHEMA = 4  # increased when earlier files can no longer be read
+LEFT_OUT = frozenset({"derived"})  # fields that follow from others
 ARRAY = "@array"  # marks an array in the tree; no field is named so
 
 
 class CheckpointError(ValueError):
-    """A file that cannot be restarted from: names the path, what is wrong and the remedy."""
+    """A file that is not a valid checkpoint: names the path, the problem and the remedy."""
 
     def __init__(self, path: Path, problem: str, remedy: str) -> None:
         super().__init__(f"checkpoint {path}: {problem}; {remedy}")
 
 
 def save(path: str | Path, state: State) -> None:
-    """Write a checkpoint to exactly `path`; what stood there before is replaced at once or not at all.
+    """Write a checkpoint to exactly `path`; an existing file is replaced atomically.
 
-    All fields but `derived` are kept, bit for bit, nested dataclasses and dicts included.
+    All fields except `derived` are kept, bit for bit, including nested dataclasses and dicts.
 
     Raises
     ------
     OSError
-        when the file cannot be written; what stood there before is untouched
+        if the file cannot be written; an existing file is then unchanged
     TypeError
-        when the state holds anything but numbers, texts, None, arrays, tuples, dicts and dataclasses
+        if the state holds anything but numbers, texts, None, arrays, tuples, dicts and dataclasses
     """
     arrays: dict[str, AnyArray] = {}
     tree = _tree(state, "state", arrays)
@@ -65,14 +65,14 @@ def save(path: str | Path, state: State) -> None:
 
 
 def load(path: str | Path) -> State:
-    """Read a checkpoint written by `save`; `step` rebuilds what it leaves out.
+    """Read a checkpoint written by `save`; `step` rebuilds the fields that are not saved.
 
     Raises
     ------
     OSError
-        when the file cannot be opened
+        if the file cannot be opened
     CheckpointError
-        when it is no checkpoint, is cut short or damaged, or comes from a newer version
+        if the file is not a checkpoint, is truncated or damaged, or was written by a newer version
     """
     path = Path(path)
     with path.open("rb") as file:
@@ -89,7 +89,7 @@ def load(path: str | Path) -> State:
 
 
 def _tree(value: Any, name: str, arrays: dict[str, AnyArray]) -> Any:
-    """Turn the value into what JSON can hold; its arrays are put into `arrays`."""
+    """Convert a value to JSON types; its arrays are added to `arrays`."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {f.name: getattr(value, f.name) for f in fields(value) if f.name not in LEFT_OUT}
     if isinstance(value, Mapping):
@@ -112,12 +112,12 @@ def _tree(value: Any, name: str, arrays: dict[str, AnyArray]) -> Any:
 
 
 def _axes(array: AnyArray) -> list[int]:
-    """Order the axes from slow to fast in memory: sums round by it, so that a restart keeps it."""
+    """The axes from slow to fast in memory, kept because the round-off of sums depends on it."""
     return [int(axis) for axis in np.argsort(-np.abs(array.strides), kind="stable")]
 
 
 def _built(kind: Any, tree: Any, members: dict[str, AnyArray]) -> Any:
-    """Invert `_tree` by the declared type of the value; a field that the file lacks takes its default."""
+    """Inverse of `_tree`, by the declared type of the value; fields missing in the file take their default."""
     if isinstance(tree, list):
         return tuple(_built(Any, item, members) for item in tree)
     if not isinstance(tree, dict):
@@ -147,7 +147,7 @@ def _digest(header: bytes, arrays: Mapping[str, AnyArray]) -> bytes:
 
 
 def _members(path: Path, file: IO[bytes]) -> dict[str, AnyArray]:
-    """Read all arrays of the archive; CRCs are checked first, so that no damaged size is believed."""
+    """Read all arrays of the archive; CRCs are checked first, so that no damaged size is used."""
     start = file.read(4)
     if start != b"PK\x03\x04":
         raise CheckpointError(path, "it is empty" if not start else "it is not a checkpoint", _GIVE)
@@ -160,12 +160,12 @@ def _members(path: Path, file: IO[bytes]) -> dict[str, AnyArray]:
         file.seek(0)
         with np.load(file, allow_pickle=False) as archive:
             return dict(archive)
-    except Exception as error:  # a damaged archive fails in more ways than can be listed
+    except Exception as error:  # damaged archives raise many types of exceptions
         raise CheckpointError(path, f"it is cut short or damaged ({error})", _GO_BACK) from error
 
 
 def _header(path: Path, members: dict[str, AnyArray]) -> dict[str, Any]:
-    """Take out the header of a whole and undamaged checkpoint that this version reads."""
+    """Remove and return the header of an intact checkpoint that this version can read."""
     header, digest = members.pop("header", None), members.pop("sha256", None)
     if header is None or digest is None:
         raise CheckpointError(path, "it is an archive of other arrays, not a checkpoint", _GIVE)
@@ -193,18 +193,18 @@ _GO_BACK = "go back to an earlier checkpoint or start the run again"
 
 
 def writable(path: str | Path) -> Path:
-    """The place to write, a link followed; FileNotFoundError, IsADirectoryError where no file can be."""
+    """The resolved path; FileNotFoundError or IsADirectoryError if no file can be written there."""
     path = Path(path).resolve()
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a directory; give a file in it")
     if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no directory {path.parent}; make it first")
+        raise FileNotFoundError(f"{path}: there is no directory {path.parent}; create it first")
     return path
 
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[IO[bytes]]:
-    """Yield a file that takes the place of `path` once it is safely on the disk; removed on any failure."""
+    """Yield a file that replaces `path` once it is written to disk; it is removed on failure."""
     path = writable(path)
     temporary = path.parent / f".skmpm-{uuid4().hex}.tmp"
     try:
@@ -220,7 +220,7 @@ def _replacing(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _sync_directory(directory: Path) -> None:
-    """Make the new name last through a loss of power, where the system can (Windows cannot)."""
+    """Make the new name survive a loss of power, where the system supports it (Windows does not)."""
     with suppress(OSError):
         handle = os.open(directory, os.O_RDONLY)
         try:

@@ -1,7 +1,7 @@
 """Time series for ParaView (5.12 or later): one temporal VTKHDF file that grows with the run.
 
 Format: VTKHDF 2.0, type PolyData (docs.vtk.org, "VTKHDF file format"). Points and fields of every step are
-appended to extendible datasets; cells never change: they are written once and all steps refer to them.
+appended to extendible datasets; cells do not change, are written once and referred to by all steps.
 """
 
 from __future__ import annotations
@@ -29,33 +29,32 @@ FIELDS = {"velocity": (3,), "stress": (9,), "pressure": (), "volume": (), "det_F
 def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[Recorder]:
     """Record states for ParaView; `with record("run.vtkhdf", scene) as film: film.write(state)`.
 
-    The file is readable after every `write`, also while the run goes on (who reads in the middle of a write reads
-    again) and after it is killed. It holds one
-    vertex per material point, a polygon through the boundary of every body (lines, if the body has holes), and at
-    the points
+    The file can be read after every `write`, also while the run continues (a reader that meets an unfinished write
+    must read again) and after it is killed. It holds one vertex per material point, a polygon through the boundary of
+    every body (lines, if the body has holes), and at the points
 
     - velocity (3) [m/s], z = 0
     - stress (9) [Pa], Cauchy, row by row, tension positive; zz is that of plane strain, xz = yz = 0
     - pressure [Pa], -(xx + yy)/2, compression positive
     - volume [m2], det_F, and body (integer)
 
-    Positions are doubles, the fields singles. Polygons take their colours from the boundary points alone.
+    Positions have double precision, fields single. Polygons are coloured by their boundary points only.
 
     Parameters
     ----------
-    path : the file; ParaView knows it by the suffix .vtkhdf
+    path : the file; ParaView recognises the suffix .vtkhdf
     scene : the scene whose states are written
-    append : continue the file after its last whole step, if it is there; steps from the time of the first
-        state written on, as a restart from an earlier checkpoint computes them again, are replaced
+    append : continue an existing file after its last complete step; steps from the time of the first state written
+        on, which a restart from an earlier checkpoint computes again, are replaced
 
     Raises
     ------
     ImportError
-        without h5py
+        if h5py is not installed
     FileNotFoundError, IsADirectoryError
-        when there is no directory for the file, or it is one
+        if the directory of the file does not exist, or the path is a directory
     ValueError
-        when the file to be continued is no recording of this scene
+        if the file to be continued is not a recording of this scene
     """
     path = writable(path)
     again = append and path.exists()
@@ -74,7 +73,7 @@ class Recorder:
         self._path, self._scene, self._file = path, scene, file
         self._vtk = file["VTKHDF"]
         self._steps = int(self._vtk["Steps"].attrs["NSteps"])
-        self._earlier = self._vtk["Steps/Values"][: self._steps]  # of the run that is continued
+        self._earlier = self._vtk["Steps/Values"][: self._steps]  # times of the run that is continued
         self._t = -np.inf
 
     def write(self, state: State) -> None:
@@ -83,7 +82,7 @@ class Recorder:
         Raises
         ------
         ValueError
-            when the state is not of this scene, or not later than the last one written
+            if the state does not belong to this scene, or is not later than the last one written
         """
         n = int(self._scene.offsets[-1])
         if state.x.shape != (2, n):
@@ -99,13 +98,13 @@ class Recorder:
         for name, value in _offsets(k, state.t, n).items():
             steps[name].resize(k + 1, axis=0)
             steps[name][k] = value
-        # The step counts only when all of it is in the file: a run may be killed at any line.
+        # The step counts only when it is complete in the file: a run may be killed at any line.
         self._file.flush()
         self._steps = steps.attrs["NSteps"] = k + 1
         self._file.flush()
 
     def _go_to(self, t: float) -> None:
-        """Check that time rises; forget the steps of an earlier run that are computed again."""
+        """Check that time increases; drop the steps of an earlier run that are computed again."""
         if not t > self._t:
             raise ValueError(f"{self._path}: t = {t} s is not later than {self._t} s; write states in order")
         kept = int(np.count_nonzero(self._earlier < t))
@@ -121,7 +120,7 @@ def _open(path: Path, mode: str) -> Any:
     except ImportError as error:
         raise ImportError('record needs h5py; install it with: pip install "skmpm[io]"') from error
     try:
-        # No lock: ParaView may look at the file while it grows, without stopping the run.
+        # No lock: ParaView can read the file while it grows.
         return h5py.File(path, mode, locking=False)
     except OSError as error:
         if mode == "w":
@@ -155,13 +154,13 @@ def _create(file: Any, scene: Scene) -> None:
 
 
 def _growing(group: Any, name: str, shape: tuple[int, ...], dtype: type, n: int) -> None:
-    """Make a dataset that grows step by step; a step is a chunk, written once and never touched again."""
+    """Create a dataset that grows by one chunk per step."""
     sizes = {"shape": (0, *shape), "maxshape": (None, *shape), "chunks": (n, *shape), "dtype": dtype}
     group.create_dataset(name, **sizes, compression="gzip", compression_opts=1, shuffle=True)
 
 
 def _offsets(k: int, t: float, n: int) -> dict[str, NDArray[Any]]:
-    """Entries of step k: its time, and where its data begin; the one part, its cells and `body` stay."""
+    """Entries of step k: its time, and the offsets of its data; the part, its cells and `body` do not change."""
     entries: dict[str, Any] = {
         "Values": float(t),
         "NumberOfParts": 1,
@@ -174,7 +173,7 @@ def _offsets(k: int, t: float, n: int) -> dict[str, NDArray[Any]]:
 
 
 def _cells(scene: Scene) -> dict[str, list[Ints]]:
-    """List the points of the cells of each kind."""
+    """The points of the cells of each type."""
     cells: dict[str, list[Ints]] = {name: [] for name in CELLS}
     cells["Vertices"] = list(np.arange(scene.offsets[-1])[:, None])
     for first, body in zip(scene.offsets, scene.bodies, strict=False):
@@ -187,7 +186,7 @@ def _cells(scene: Scene) -> dict[str, list[Ints]]:
 
 
 def _has_hole(x: Array, loops: tuple[Ints, ...]) -> bool:
-    """Whether a loop turns clockwise: its signed area (shoelace formula) is negative."""
+    """Whether a loop is clockwise, with negative signed area (shoelace formula)."""
     for loop in loops:
         a, b = x[:, loop], x[:, np.roll(loop, -1)]
         if float(np.sum(a[0] * b[1] - a[1] * b[0])) < 0.0:
@@ -206,13 +205,13 @@ def _check(path: Path, file: Any, scene: Scene) -> None:
         same = np.array_equal(vtk["PointData/body"], _bodies(scene))
         whole = set(FIELDS) <= set(vtk["PointData"]) and "NSteps" in vtk["Steps"].attrs
     except KeyError as error:
-        raise ValueError(f"{path}: is no recording ({error}); record to a new file with append=False") from error
+        raise ValueError(f"{path}: not a recording ({error}); record to a new file with append=False") from error
     if not (same and whole):
-        raise ValueError(f"{path}: is a recording of another scene; record to a new file with append=False")
+        raise ValueError(f"{path}: a recording of another scene; record to a new file with append=False")
 
 
 def _point_data(scene: Scene, state: State) -> dict[str, Array]:
-    """Compute what is written of a state, points first."""
+    """The fields of a state that are written, points first."""
     sigma, zero = state.stress, np.zeros(state.x.shape[1])
     sigma_zz = _stress_zz(scene, state)
     rows = [[sigma[0, 0], sigma[0, 1], zero], [sigma[1, 0], sigma[1, 1], zero], [zero, zero, sigma_zz]]

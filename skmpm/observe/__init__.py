@@ -1,4 +1,4 @@
-"""What a packing looks like: solid fraction, contact surface, shapes, coordination and stress of a state."""
+"""Observables of a state: solid fraction, contact surface, shapes, coordination and stress."""
 
 from skmpm.observe.bodies import PerBody
 from skmpm.observe.observables import Observables, observe

@@ -1,4 +1,4 @@
-"""The measures of each body."""
+"""Observables of each body."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ MARGIN = 2.0  # mean diameters between the walls and the interior
 
 @dataclass(frozen=True, eq=False)
 class PerBody:
-    """The measures of each body, whether or not it enters the means."""
+    """Observables of each body, whether or not it enters the means."""
 
-    counted: Bools  # (bodies,) enters the means: deformable and, if so asked, in the interior
+    counted: Bools  # (bodies,) enters the means: deformable and, with `interior`, in the interior
     centre: Array  # (2, bodies) of mass [m]
     diameter: Array  # (bodies,) of the disc of the initial area [m]
-    area: Array  # (bodies,) inside the curve that others touch [m2]; nan without an outline
+    area: Array  # (bodies,) inside the smooth outline [m2]; nan without an outline
     volume_ratio: Array  # (bodies,) J = sum V0 det F / sum V0
     coordination: Array  # (bodies,) bodies and walls that touch it
     contact_surface: Array  # (bodies,) length in contact over pi diameter
@@ -39,7 +39,7 @@ class PerBody:
 
 
 def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) -> PerBody:
-    """Measure each body."""
+    """Compute the observables of each body."""
     n, start = len(scene.bodies), scene.offsets[:-1]
     x = state.x[:, boundary.point]
     initial = np.array([body.points.volume.sum() for body in scene.bodies])
@@ -87,7 +87,7 @@ def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interio
 
 
 def _isotropic(boundary: Outlines, x: Array, bodies: int) -> Bools:
-    """Say which bodies have no long axis, (bodies,)."""
+    """Whether bodies have no long axis, (bodies,)."""
     M = outline.second_moments(boundary, x, bodies)
     result: Bools = np.hypot(M[0, 0] - M[1, 1], 2.0 * M[0, 1]) <= ROUND * np.trace(M)
     return result

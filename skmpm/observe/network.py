@@ -1,4 +1,4 @@
-"""The contact network: who touches whom, over what length, and the stress that the forces make."""
+"""The contact network: coordination, contact length, and the stress of the contact forces."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-CLOSED = 0.02  # gaps below this many cells are contact
-FORCED = 1e-9  # forces below this share of the largest are none
-SHARP = 0.5  # sine of the angle by which a boundary may turn away from a contact and still belong to it
+CLOSED = 0.02  # largest gap that counts as contact [cells]
+FORCED = 1e-9  # share of the largest force below which a force counts as zero
+SHARP = 0.5  # sine of the largest angle between boundary and contact plane within a contact
 
 
 def forced(contacts: Contacts) -> Bools:
-    """Say which contacts carry a force, (k,)."""
+    """Whether contacts carry a force, (k,)."""
     size = np.hypot(*contacts.force)
     result: Bools = size > FORCED * size.max(initial=0.0)
     return result
@@ -29,8 +29,8 @@ def forced(contacts: Contacts) -> Bools:
 def coordination(contacts: Contacts, bodies: int, cell: float) -> Array:
     """Count the distinct bodies and walls that touch each body, (bodies,).
 
-    Touching means a force. If no contact at all carries one, as before the first step, it means a gap below
-    0.02 cells; at shared grid nodes, which know no gap, nothing touches then.
+    Bodies touch if a contact carries a force. If no contact does, as before the first step, they touch if a gap is
+    below 0.02 cells; contacts at shared grid nodes have no gap and do not count then.
     """
     contact = forced(contacts)
     if not contact.any():
@@ -47,7 +47,7 @@ def coordination(contacts: Contacts, bodies: int, cell: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class HalfBranches:
-    """Each contact seen from each of its deformable bodies."""
+    """Each contact from the side of each of its deformable bodies."""
 
     body: Ints  # (k,)
     force: Array  # (2, k) on the body [N/m]
@@ -58,7 +58,7 @@ class HalfBranches:
 def half_branches(contacts: Contacts, centre: Array, deformable: Bools) -> HalfBranches:
     """Split the branches between the centres (2, bodies) [m] at the contact points.
 
-    Walls and rigid bodies move as prescribed: like walls, rigid bodies have no branch of their own.
+    Rigid bodies have no branch of their own, like walls, because their motion is prescribed.
     """
     n = contacts.normal
     f = contacts.force[0] * n + contacts.force[1] * np.stack([-n[1], n[0]])
@@ -85,9 +85,9 @@ def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int
     """Measure the boundary in contact of each body, (bodies,) [m]; nan for bodies that touch at grid nodes.
 
     A boundary point of the first body of a pair is in contact if its gap is below 0.02 cells or if it lies between
-    two forced contacts of the pair, on a stretch of boundary that stays within the reach of the contact law. It
-    stands for the halves of its two segments, except for one that turns away by more than 30 degrees (a
-    corner). What two pairs claim is shared. The length counts for both bodies, that with a wall for one.
+    two forced contacts of the pair, on a stretch of boundary that stays within the reach of the contact law. Its
+    length is half of its two segments, without one that turns away by more than 30 degrees (a corner).
+    A segment in contact with several bodies is shared. The length counts for both bodies, at a wall for one.
 
     Parameters
     ----------
@@ -96,11 +96,11 @@ def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int
     at_node = contacts.point < 0
     touched = contacts.bodies[:, at_node]
     contact = np.flatnonzero(~at_node)
-    place = np.zeros(int(outlines.point.max(initial=-1)) + 1, dtype=np.int64)
-    place[outlines.point] = np.arange(outlines.size)
+    index = np.zeros(int(outlines.point.max(initial=-1)) + 1, dtype=np.int64)
+    index[outlines.point] = np.arange(outlines.size)
     share = _share(*contacts.bodies[:, contact])
     contact, share = contact[share > 0.0], share[share > 0.0]
-    c, (first, second) = place[contacts.point[contact]], contacts.bodies[:, contact]
+    c, (first, second) = index[contacts.point[contact]], contacts.bodies[:, contact]
     held = _between(c, second - second.min(initial=0), forced(contacts)[contact], outlines)
     closed = np.flatnonzero((contacts.gap[contact] < CLOSED * cell) | held)
     c, first, second, share = c[closed], first[closed], second[closed], share[closed]
@@ -109,25 +109,25 @@ def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int
         length += _halves(c, contacts.normal[:, contact[closed]], x[:, neighbour[c]] - x[:, c], outlines.size)
     length, both = share * length, second >= 0
     ends, twice = np.append(first, second[both]), np.append(length, length[both])
-    total = np.bincount(ends, twice, bodies).astype(np.float64)  # integer if there are none
+    total = np.bincount(ends, twice, bodies).astype(np.float64)  # bincount of nothing is integer
     total[touched[touched >= 0]] = np.nan
     return total
 
 
 def _share(first: Ints, second: Ints) -> Array:
-    """1 where contacts are points of the body that gives most of its pair's points, of the other, its corners, 0."""
+    """1 for contacts at points of the body that gives most points of its pair, 0 for those of the other, (k,)."""
     width = int(max(first.max(initial=0), second.max(initial=0))) + 1
     wall = second < 0
     pair, reverse = (np.where(wall, -1, a * width + b) for a, b in ((first, second), (second, first)))
     there, count = np.unique(pair, return_counts=True)
-    place = np.minimum(np.searchsorted(there, reverse), max(there.size - 1, 0))
+    at = np.minimum(np.searchsorted(there, reverse), max(there.size - 1, 0))
     own = count[np.searchsorted(there, pair)]
-    other = np.where(there[place] == reverse, count[place], 0)
+    other = np.where(there[at] == reverse, count[at], 0)
     return np.where(wall, 1.0, 0.5 + 0.5 * np.sign(own - other))
 
 
 def _halves(c: Ints, normal: Array, edge: Array, m: int) -> Array:
-    """Half the length of the edge at each boundary point c, unless it turns away; shared among its contacts."""
+    """Half the edge length at each boundary point c, zero if it turns away; shared among contacts, (k,) [m]."""
     length = np.hypot(*edge)
     counts = np.einsum("ik,ik->k", normal, edge) <= SHARP * length
     several = np.maximum(np.bincount(c[counts], minlength=m), 1)
@@ -135,7 +135,7 @@ def _halves(c: Ints, normal: Array, edge: Array, m: int) -> Array:
 
 
 def _between(c: Ints, other: Ints, forced: Bools, outlines: Outlines) -> Bools:
-    """Which contacts of boundary points c with `other` lie between loaded ones along an unbroken boundary."""
+    """Whether contacts of boundary points c with `other` lie between forced ones on a stretch of contacts, (k,)."""
     k = c.size
     width = int(other.max(initial=0)) + 1
     key = c * width + other
@@ -146,7 +146,7 @@ def _between(c: Ints, other: Ints, forced: Bools, outlines: Outlines) -> Bools:
         at = np.minimum(np.searchsorted(key[order], wanted), max(k - 1, 0))
         jump = np.append(np.where(key[order[at]] == wanted, order[at], k), k)
         reached = np.append(forced, False)
-        for _ in range(k.bit_length()):  # each turn looks twice as far along the boundary
+        for _ in range(k.bit_length()):  # each pass reaches twice as far along the boundary
             reached |= reached[jump]
             jump = jump[jump]
         found.append(reached[:k])

@@ -1,4 +1,4 @@
-"""`observe`: the measures of a packing, as one frozen dataclass."""
+"""`observe`: the observables of a packing, as one frozen dataclass."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Observables:
-    """The measures of a packing; see `observe` for their definitions. Stress: tension positive."""
+    """The observables of a packing; `observe` defines them. Stress: tension positive."""
 
-    solid_fraction: float  # areas inside the outlines' curves / box
+    solid_fraction: float  # areas inside the smooth outlines / box
     solid_fraction_nominal: float  # initial volumes / box
     coordination: float  # Z
     contact_surface: float  # S
@@ -39,29 +39,29 @@ class Observables:
 
 
 def observe(scene: Scene, state: State, *, interior: bool = False) -> Observables:
-    """Measure a packing; pure.
+    """Compute the observables of a packing.
 
     The box is the intersection of the walls. If it is not closed, the solid fractions, the stress and the
-    pressures (but those of each body) are nan. Measures of outlines are nan where a deformable body has none.
+    pressures (except those of each body) are nan. Observables of outlines are nan if a deformable body has none.
 
-    - solid fractions: area inside the curves that bodies touch (`outline.curve`; nominal: initial volumes) over the
-      area of the box; of rigid bodies only the part in the box counts.
+    - solid fractions: area inside the smooth outlines (`outline.curve`; nominal: initial volumes) over the
+      area of the box; only the part of rigid bodies in the box counts.
     - coordination Z: mean number of bodies and walls that touch a deformable body; if no contact carries a
       force, of those with a gap below 0.02 cells.
     - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the boundary length with a gap
       below 0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for
       contacts at shared grid nodes, which have no length.
     - anisotropy: A_m = 2 (G1 - G2), G the mean of (cos, sin) (x) (cos, sin) of the long axes of the
-      deformable bodies, a round one counting as I/2. aspect_ratio: mean of their long over short extents.
+      deformable bodies, I/2 for a round one. aspect_ratio: mean of their long over short extents.
     - stress: -sum f (x) branch / V over the contacts (Love-Weber), branches from centre to centre, for walls
       and rigid bodies from the contact point; without inertia. pressure (= pressure_contacts) is its -tr/2.
     - pressure_points: -tr/2 of [sum V sigma - sum m v' (x) v'] / V over the points of deformable bodies, v'
       the velocity relative to their mean.
 
-    With `interior` the means go over bodies whose centre lies at least two mean diameters from every wall
-    (nan if there are none) and sums per volume over the box shrunk by as much: outlines clipped to it
+    With `interior` means are taken over bodies whose centre lies at least two mean diameters from every wall
+    (nan if there are none) and sums per volume over the box reduced by the same distance: outlines clipped to it
     exactly, the points in it, branches (through the contact point) by the share of their length in it. The
-    pressure on walls is nan then.
+    pressure on walls is then nan.
     Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147.
     """
     check_fits(scene, state, "observe")
@@ -103,7 +103,7 @@ def _fractions(
     if not np.isfinite(box.area):
         return np.nan, np.nan
     initial = np.pi / 4.0 * bodies.diameter**2
-    # A rigid body's outline adds nothing to its volume, so it can do without.
+    # The area of a rigid body is its volume, so it needs no outline.
     area = np.where(scene.deformable | np.isfinite(bodies.area), bodies.area, initial)
     share = np.ones(area.size)
     some = ~scene.deformable | interior
@@ -153,7 +153,7 @@ def _wall_pressure(scene: Scene, state: State, box: Region) -> Array:
 
 def _overlap(scene: Scene, bodies: PerBody, interior: bool) -> float:
     chosen = bodies.counted if interior else scene.deformable | np.isfinite(bodies.area)
-    # Each of two bodies answers for half of what they share.
+    # Half of a shared area belongs to each of the two bodies.
     return _mean(bodies.overlap[chosen], bodies.area[chosen]) / 2.0
 
 
@@ -166,5 +166,5 @@ def _anisotropy(angle: Array, aspect_ratio: Array) -> float:
 
 
 def _mean(values: Array, weights: Array | None = None) -> float:
-    """Mean, nan of nothing."""
+    """Mean; nan if there are no values."""
     return float(np.average(values, weights=weights)) if values.size else np.nan

@@ -1,4 +1,4 @@
-"""Convex regions between walls: their sides and area, and what of segments and outlines lies inside."""
+"""Convex regions between walls: sides, area, and the parts of segments and outlines inside."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skmpm.outline import Outlines
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-PARALLEL = 1e-12  # sine of the angle below which two walls never meet
+PARALLEL = 1e-12  # sine of the angle below which two walls are parallel
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Region:
 
 
 def region(normal: Array, point: Array) -> Region:
-    """Build the region of half-planes through `point` (2, w) [m] with inward unit `normal` (2, w)."""
+    """The region of half-planes through `point` (2, w) [m] with inward unit `normal` (2, w)."""
     length = _lengths(normal, point)
     if length.size == 0 or not np.isfinite(length).all() or not length.any():
         return Region(normal, point, length, float("nan"))
@@ -39,7 +39,7 @@ def region(normal: Array, point: Array) -> Region:
 def _lengths(normal: Array, point: Array) -> Array:
     """Length of each line between the other half-planes, (w,)."""
     tangent = np.stack([-normal[1], normal[0]])
-    slope = normal.T @ tangent  # [j, i]: how fast one enters half-plane j along line i
+    slope = normal.T @ tangent  # [j, i]: rate at which line i enters half-plane j
     height = np.einsum("aj,aji->ji", normal, point[:, None, :] - point[:, :, None])
     cuts = np.abs(slope) > PARALLEL
     t = -height / np.where(cuts, slope, 1.0)
@@ -54,7 +54,7 @@ def _lengths(normal: Array, point: Array) -> Array:
 
 
 def contains(region: Region, x: Array) -> NDArray[np.bool_]:
-    """Say which places x (2, n) [m] lie in the region, (n,)."""
+    """Whether points x (2, n) [m] lie in the region, (n,)."""
     inside = np.ones(x.shape[1], dtype=bool)
     for n, p in zip(region.normal.T, region.point.T, strict=True):
         inside &= n @ x >= n @ p
@@ -62,7 +62,7 @@ def contains(region: Region, x: Array) -> NDArray[np.bool_]:
 
 
 def share_inside(region: Region, start: Array, end: Array) -> Array:
-    """Return the share of each segment, start to end (2, k) [m], that lies in the region, (k,)."""
+    """Share of each segment, start to end (2, k) [m], that lies in the region, (k,)."""
     low, high = np.zeros(start.shape[1]), np.ones(start.shape[1])
     for n, p in zip(region.normal.T, region.point.T, strict=True):
         a, b = n @ start - n @ p, n @ end - n @ p
@@ -75,11 +75,11 @@ def share_inside(region: Region, start: Array, end: Array) -> Array:
 
 
 def area_inside(region: Region, outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the area of each body's outline in the region, (bodies,) [m2]; exact for any simple polygons.
+    """Area of each body's outline in the region, (bodies,) [m2]; exact for any simple polygons.
 
-    Half-plane by half-plane, edges are split where they cross its line and what is outside is pushed
-    perpendicularly onto it. That changes no winding number inside the half-plane and leaves none outside, so
-    the signed area of the result is that of the intersection, convex or not.
+    For each half-plane, edges are split where they cross its line, and the parts outside are projected onto the line.
+    Winding numbers inside the half-plane do not change and those outside become zero, so the signed area of the
+    result is that of the intersection, convex or not.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ def area_inside(region: Region, outlines: Outlines, x: Array, bodies: int) -> Ar
     origin = region.point.mean(axis=1)[:, None] if region.point.size else np.zeros((2, 1))
     a, b, body = x - origin, x[:, outlines.next] - origin, outlines.body
     for n, p in zip(region.normal.T, (region.point - origin).T, strict=True):
-        a, b, body = _pushed(a, b, body, n, float(n @ p))
+        a, b, body = _projected(a, b, body, n, float(n @ p))
     return np.asarray(np.bincount(body, (a[0] * b[1] - a[1] * b[0]) / 2.0, bodies), dtype=np.float64)
 
 
-def _pushed(a: Array, b: Array, body: Ints, n: Array, level: float) -> tuple[Array, Array, Ints]:
-    """Edges a to b (2, k) after pushing them into n . x >= level."""
+def _projected(a: Array, b: Array, body: Ints, n: Array, level: float) -> tuple[Array, Array, Ints]:
+    """Edges a to b (2, k) projected into n . x >= level."""
     s, t = n @ a - level, n @ b - level
     k = np.flatnonzero(s * t < 0.0)
     crossing = a[:, k] + s[k] / (s[k] - t[k]) * (b - a)[:, k]

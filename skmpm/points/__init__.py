@@ -1,4 +1,4 @@
-"""Material points: a quadrature rule with positive weights whose outermost points lie on the boundary."""
+"""Material points: quadrature rules with positive weights and points on the boundary."""
 
 from skmpm.points.cloud import Points, check
 from skmpm.points.mesh import from_mesh

@@ -1,4 +1,4 @@
-"""Points: a cloud of material points with its outline, and what can be wrong with it."""
+"""A cloud of material points with its outline, and checks of both."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Points:
     """Material points of one body and, if it has one, its outline.
 
     `outline` holds closed loops of indices of the points on the boundary, in order: outer loops counter-clockwise,
-    holes clockwise; the last point of a loop is joined to its first. Bodies touch on curves through the boundary
-    points; where the boundary turns by more than 50 degrees it has a corner, where it turns by less it is taken for
-    round. Arrays are copied and their types converted; they are not checked: see `check`.
+    holes clockwise; the last point of a loop is joined to its first. Bodies touch at smooth curves through
+    the boundary points, with corners where the boundary turns by more than 50 degrees. Arrays are copied and their
+    types converted; they are not checked: see `check`.
     """
 
     x: Floats  # (2, n) [m]
@@ -40,12 +40,12 @@ class Points:
 
 
 def check(points: Points) -> str | None:
-    """Say what is wrong with `points`, with the value and the remedy; None if nothing is."""
+    """An error message with the value and the remedy; None if `points` are valid."""
     x, volume = points.x, points.volume
     if x.ndim != 2 or x.shape[0] != 2 or x.shape[1] == 0:
-        return f"x has the shape {x.shape}; give (2, n) with n > 0, components first"
+        return f"x has shape {x.shape}; give (2, n) with n > 0, components first"
     if volume.shape != x.shape[1:]:
-        return f"volume has the shape {volume.shape}, x {x.shape}; give one volume per point"
+        return f"volume has shape {volume.shape}, x {x.shape}; give one volume per point"
     if not np.isfinite(x).all():
         return f"the position of point {np.argmin(np.isfinite(x).all(axis=0))} is not finite"
     if not (np.isfinite(volume) & (volume > 0)).all():
@@ -59,19 +59,19 @@ def check(points: Points) -> str | None:
 
 def _check_loop(x: Floats, loop: Integers) -> str | None:
     if loop.ndim != 1 or loop.size < 3:
-        return f"has the shape {loop.shape}; a loop is a list of at least 3 indices of points"
+        return f"has shape {loop.shape}; a loop is a list of at least 3 indices of points"
     if loop.min() < 0 or loop.max() >= x.shape[1]:
         return f"has indices from {loop.min()} to {loop.max()}; there are {x.shape[1]} points, numbered from 0"
     if np.unique(loop).size < loop.size:
         return "visits a point twice; it is closed implicitly, do not repeat its first point"
     same = (x[:, np.roll(loop, -1)] == x[:, loop]).all(axis=0)
     if same.any():
-        return f"has two consecutive points at the same place (point {loop[same.argmax()]}); merge them"
+        return f"has two consecutive points at the same position (point {loop[same.argmax()]}); merge them"
     return None
 
 
 def _check_crossings(x: Floats, outline: Sequence[Integers]) -> str | None:
-    """Two edges cross if the ends of each are on opposite sides of the other."""
+    """Edges that cross: the ends of each are on opposite sides of the other."""
     if not outline:
         return None
     start, end = np.concatenate(outline), np.concatenate([np.roll(loop, -1) for loop in outline])
@@ -89,7 +89,7 @@ def _check_crossings(x: Floats, outline: Sequence[Integers]) -> str | None:
 
 
 def _side(a: Floats, b: Floats, p: Floats) -> Floats:
-    """Return +1, 0, -1 where p is to the left of, on (but for round-off), to the right of the line from a to b."""
+    """+1, 0, -1 where p is to the left of, on (to round-off), to the right of the line from a to b."""
     left, right = (b[0] - a[0]) * (p[1] - a[1]), (b[1] - a[1]) * (p[0] - a[0])
     # Positions of size |x| are known to eps |x|, so the products of their differences to eps |x| |b - a|.
     length = np.abs(b - a).max(axis=0) * np.abs(p).max()
@@ -98,25 +98,25 @@ def _side(a: Floats, b: Floats, p: Floats) -> Floats:
 
 
 def _check_orientation(x: Floats, outline: Sequence[Integers]) -> str | None:
-    """Loops inside an even number of others bound material from outside and must turn counter-clockwise."""
+    """Loops inside an even number of others are outer loops and must be counter-clockwise, the others clockwise."""
     for k, loop in enumerate(outline):
         depth = sum(_encloses(x[:, other], x[:, loop[0]]) for other in (*outline[:k], *outline[k + 1 :]))
         area, kind = signed_area(x[:, loop]), ("an outer loop", "a hole")[depth % 2]
         if area * (-1) ** depth <= 0:
-            way = ("counter-clockwise", "clockwise")[depth % 2]
-            return f"outline loop {k} is {kind} with signed area {area:g}; list its points {way}"
+            order = ("counter-clockwise", "clockwise")[depth % 2]
+            return f"outline loop {k} is {kind} with signed area {area:g}; list its points {order}"
     return None
 
 
 def signed_area(x: Floats) -> float:
-    """Return the area inside the closed loop x (2, m), positive if it turns counter-clockwise [m2]."""
+    """Area inside the closed loop x (2, m), positive if counter-clockwise [m2]."""
     y = x - x[:, :1]
     z = np.roll(y, -1, axis=1)
     return float(np.sum(y[0] * z[1] - y[1] * z[0]) / 2)
 
 
 def _encloses(x: Floats, p: Floats) -> bool:
-    """Whether the loop x (2, m) goes around p (2,): parity of the edges crossed by the ray to the right."""
+    """Whether the loop x (2, m) encloses p (2,): parity of the edges crossed by the ray to the right."""
     (a, b), (c, d) = x - p[:, None], np.roll(x, -1, axis=1) - p[:, None]
     crosses = (b > 0) != (d > 0)
     side = (a * d - b * c) * np.sign(d - b)

@@ -1,4 +1,4 @@
-"""Points of a finite element mesh: scikit-fem's rule inside, in the outer cells one that includes the boundary."""
+"""Points of a finite element mesh: scikit-fem's rule in inner cells, in outer cells one with boundary points."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
     rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of boundary
     corners and midpoints are the outline, the largest first. The volumes add up to the area of the mesh. A mesh of
-    several parts is not cut: for a Body of each give one part at a time. Polygons of eight and more sides are taken
-    for round: see `Points`.
+    several parts is not split: call this once per part. Polygons of eight and more sides have a smooth outline: see
+    `Points`.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     ------
     ValueError
         If the order is out of range; if the mesh has no or other cells, nodes out of the plane or at the same
-        place, degenerate or overlapping cells, or parts joined by one node only.
+        position, degenerate or overlapping cells, or parts joined by one node only.
     """
     if not 0 <= order <= HIGHEST:
         raise ValueError(f"order is {order}; give a degree from 0 to {HIGHEST}")
     nodes, blocks = _read(mesh)
-    ends, edges, edge, on_rim = _edges(blocks)
+    ends, edges, edge, outer = _edges(blocks)
     centres = [nodes[:, b].mean(axis=1) for b in blocks]
     sites = np.concatenate((nodes, nodes[:, edges].mean(axis=1), *centres), axis=1)
     middle = nodes.shape[1] + edge
@@ -52,8 +52,8 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     weight = np.zeros(sites.shape[1])
     cell = nodes.shape[1] + edges.shape[1]
     inner = []
-    for b, its_middle, its_rim in zip(blocks, _split(middle, blocks), _split(on_rim, blocks), strict=True):
-        boundary = its_rim.any(axis=0)
+    for b, its_middle, its_outer in zip(blocks, _split(middle, blocks), _split(outer, blocks), strict=True):
+        boundary = its_outer.any(axis=0)
         site = np.concatenate((b, its_middle, [np.arange(cell, cell + boundary.size)]))[:, boundary]
         weight += np.bincount(site.ravel(), _boundary_weights(nodes[:, b[:, boundary]]).ravel(), weight.size)
         inner.append(_inner_rule(nodes[:, b[:, ~boundary]], order))
@@ -61,7 +61,7 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
 
     used = weight > 0
     number = np.cumsum(used) - 1
-    loops = _loops(ends[:, on_rim], middle[on_rim], nodes)
+    loops = _loops(ends[:, outer], middle[outer], nodes)
     loops.sort(key=lambda loop: -abs(signed_area(sites[:, loop])))
     x = np.concatenate((sites[:, used], *(x for x, _ in inner)), axis=1)
     volume = np.concatenate((weight[used], *(v for _, v in inner)))
@@ -95,19 +95,19 @@ def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
 
 
 def _split(flat: NDArray[Any], blocks: list[Integers]) -> list[NDArray[Any]]:
-    """Cut values given one block after the other into arrays of the shapes of the blocks."""
+    """Split values in the order of the blocks into arrays of the blocks' shapes."""
     parts = np.split(flat, np.cumsum([b.size for b in blocks])[:-1])
     return [part.reshape(b.shape) for part, b in zip(parts, blocks, strict=True)]
 
 
 def _planar(nodes: Floats) -> Floats:
-    """Coordinates (2, n) of nodes that lie in a plane of constant z, each at a place of its own."""
+    """Coordinates (2, n) of nodes that lie in a plane of constant z, each at its own position."""
     tiny = 1e-9 * np.ptp(nodes[:2], axis=1).max()
     if not np.isfinite(nodes).all() or np.abs(nodes[2:] - nodes[2:, :1]).max(initial=0.0) > tiny:
         raise ValueError("the nodes of the mesh are not in a plane z = constant; give a finite, plane mesh")
     if pairs := cKDTree(nodes[:2].T).query_pairs(tiny):
         where = nodes[:2, min(pairs)[0]]
-        raise ValueError(f"the mesh has {len(pairs)} pairs of nodes at the same place, one at {where}; merge them")
+        raise ValueError(f"the mesh has {len(pairs)} pairs of nodes at the same position, one at {where}; merge them")
     return nodes[:2]
 
 
@@ -119,7 +119,7 @@ def _corner_jacobians(corners: Floats) -> Floats:
 
 
 def _edges(blocks: list[Integers]) -> tuple[Integers, Integers, Integers, NDArray[np.bool_]]:
-    """Return ends of all sides (2, s), the edges (2, e), the edge of each side, and if it is on the boundary."""
+    """Ends of all sides (2, s), edges (2, e), the edge of each side, and whether that is on the boundary."""
     ends = np.concatenate([[b.ravel(), np.roll(b, -1, axis=0).ravel()] for b in blocks], axis=1)
     edges, edge, count = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True, return_counts=True)
     if np.unique(ends, axis=1).shape[1] < ends.shape[1]:
@@ -146,7 +146,7 @@ def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
 
     triangles = corners.shape[1] == 3
     (xi, eta), W = get_quadrature(RefTri if triangles else RefQuad, order)
-    if W.min() <= 0:  # as in some rules of the triangle: no material point has a negative mass
+    if W.min() <= 0:  # as in some rules of the triangle; masses of material points must be positive
         return _inner_rule(corners, order + 1)
     one = 1 - xi
     N = np.array((one - eta, xi, eta) if triangles else (one * (1 - eta), xi * (1 - eta), xi * eta, one * eta))

@@ -1,4 +1,4 @@
-"""Discs and boxes: rules with exact moments and points on the boundary."""
+"""Discs and boxes: quadrature rules with exact moments and points on the boundary."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from skmpm.points.cloud import Floats, Points
 def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     """Return the points of a disc: rings of equal thickness, the outermost points on the boundary.
 
-    Each ring has its exact area, shared equally, at its root mean square radius; the outermost one carries a
-    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the boundary;
-    area, centroid and second moments are exact. The outline is the boundary points, equally spaced, at least 8.
+    The points of a ring lie at its root mean square radius and share its exact area equally. The outermost ring has a
+    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the boundary.
+    Area, centroid and second moments are exact. The outline is the boundary points, equally spaced, at least 8.
 
     Parameters
     ----------
     centre : (2,) [m]
     radius : [m]
-    spacing : distance between neighbouring points, roughly [m]
+    spacing : approximate distance between neighbouring points [m]
 
     Raises
     ------
@@ -37,11 +37,11 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     counts = np.maximum(np.rint(2 * np.pi * radii / h).astype(np.int64), 4)
     counts[-1] = max(8, counts[-1])
 
-    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    shift = np.arange(counts.size)[::-1] % 2 / 2  # neighbouring rings staggered, a boundary point at angle 0
-    angle = 2 * np.pi * (place + np.repeat(shift, counts)) / np.repeat(counts, counts)
+    position = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    shift = np.arange(counts.size)[::-1] % 2 / 2  # neighbouring rings are staggered, one boundary point is at angle 0
+    angle = 2 * np.pi * (position + np.repeat(shift, counts)) / np.repeat(counts, counts)
     x = c[:, None] + np.repeat(radii, counts) * np.array((np.cos(angle), np.sin(angle)))
-    return Points(x, np.repeat(area / counts, counts), (np.arange(place.size - counts[-1], place.size),))
+    return Points(x, np.repeat(area / counts, counts), (np.arange(position.size - counts[-1], position.size),))
 
 
 def _radau_ring(r0: float, R: float) -> tuple[float, float, float]:
@@ -62,7 +62,7 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     ----------
     corner : (2,) lower left corner [m]
     size : (2,) width and height [m]
-    spacing : length of the intervals, roughly [m]
+    spacing : approximate length of the intervals [m]
 
     Raises
     ------
@@ -78,7 +78,7 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
 
 
 def _radau_interval(L: float, h: float) -> tuple[Floats, Floats]:
-    """Points and weights on [0, L]: Radau at both ends (1/4 there, 3/4 at two thirds), else midpoints."""
+    """Points and weights on [0, L]: Radau at both ends (1/4 there, 3/4 at two thirds), otherwise midpoints."""
     n = max(2, round(L / h))
     middle = np.arange(1, n - 1) + 0.5
     x = np.concatenate(((0, 2 / 3), middle, (n - 2 / 3, n))) / n

@@ -1,4 +1,4 @@
-"""What is simulated (Scene) and where it stands (State), with the checks that speak to the user."""
+"""The scene (`Scene`), its state (`State`), and the checks of both."""
 
 from skmpm.scene.check import check_fits
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion

@@ -1,4 +1,4 @@
-"""The checks that speak to the user before a scene is simulated."""
+"""Checks of a scene before it is simulated."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MAX_AREA_RATIO = 1.5  # of the volume of points and the area in their outline, which may leave out half a spacing
+MAX_AREA_RATIO = 1.5  # of the points' volume and the area in their outline, which may exclude half a spacing
 
 
 def check(scene: Scene) -> None:
-    """Raise SceneError on the first thing in the scene that cannot be simulated."""
+    """Raise SceneError for the first error in the scene."""
     if not scene.bodies:
         raise SceneError("the scene has no bodies; give at least one Body")
     _positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
@@ -41,7 +41,7 @@ def check(scene: Scene) -> None:
     if callable(scene.gravity):
         X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
         try:
-            with suppress(ValueError):  # of what is not written in Python
+            with suppress(ValueError):  # callables that are not written in Python have no signature
                 signature(scene.gravity).bind(X, 0.0)
         except TypeError as error:
             raise SceneError(f"gravity(X, t): {error}; give a function of positions and time") from error
@@ -88,7 +88,7 @@ def _check_material(name: str, material: object) -> None:
 
 
 def _check_outline(name: str, points: Points) -> None:
-    """What a deformable body fills is one piece, as large as its points say."""
+    """The outline of a deformable body bounds one piece, whose area is that of its points."""
     areas = np.array([signed_area(points.x[:, loop]) for loop in points.outline])
     if (areas > 0.0).sum() > 1:
         raise SceneError(
@@ -134,24 +134,24 @@ def _check_supports(scene: Scene) -> None:
         if not isinstance(support, Support):
             raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
     holder = np.full((2, scene.offsets[-1]), -1)
-    for i, (prescribed, place) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
-        _check_place(f"support {i}: where", scene, place)
+    for i, (prescribed, held) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
+        _check_not_empty(f"support {i}: where", scene, held)
         if np.isnan(prescribed).all():
             raise SceneError(
                 f"support {i}: velocity = (None, None) prescribes nothing; give a component or leave it out"
             )
         for axis in np.flatnonzero(~np.isnan(prescribed)):
-            taken = place.points[holder[axis, place.points] >= 0]
+            taken = held.points[holder[axis, held.points] >= 0]
             if taken.size:
                 raise SceneError(
                     f"supports {holder[axis, taken[0]]} and {i} both hold the {'xy'[axis]} component of the point at"
                     f" {scene.initial_positions[:, taken[0]]}; let `where` of one leave it out"
                 )
-            holder[axis, place.points] = i
+            holder[axis, held.points] = i
 
 
-def _check_place(name: str, scene: Scene, place: PointSet) -> None:
-    if place.points.size == 0:
+def _check_not_empty(name: str, scene: Scene, chosen: PointSet) -> None:
+    if chosen.points.size == 0:
         x = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
         raise SceneError(
             f"{name} is true at no point of a deformable body; they lie between {x.min(axis=1)} and {x.max(axis=1)},"
@@ -164,12 +164,12 @@ def _check_loads(scene: Scene) -> None:
         if not isinstance(load, Load):
             raise SceneError(f"load {i} is a {type(load).__name__}; use skmpm.Load(where, force)")
     scene.forces(0.0)
-    for i, place in enumerate(scene.loaded):
-        _check_place(f"load {i}: where", scene, place)
+    for i, loaded in enumerate(scene.loaded):
+        _check_not_empty(f"load {i}: where", scene, loaded)
 
 
 def _check_start(scene: Scene, tolerance: float = 1e-3) -> None:
-    """Bodies may touch at the start, but neither overlap nor be cut by a wall by more than `tolerance` cells."""
+    """Bodies may touch at the start, but not overlap or cross a wall by more than `tolerance` cells."""
     slack = tolerance * scene.cell
     for i, wall in enumerate(scene.walls):
         normal, point = np.asarray(wall.normal, dtype=float), np.asarray(wall.point, dtype=float)
@@ -205,9 +205,9 @@ def _first_overlap(scene: Scene, boundary: Outlines, x: Array, slack: float) -> 
 
 
 def check_fits(scene: Scene, state: State, name: str) -> None:
-    """Raise SceneError unless a state, called `name` to the user, can be one of this scene."""
+    """Raise SceneError if the state, `name` in the message, does not belong to this scene."""
     if not isinstance(state, State):
-        raise SceneError(f"{name}: {state!r} is no State; give one, as skmpm.load(path)")
+        raise SceneError(f"{name}: expected a State, got {state!r}; use one, as returned by skmpm.load(path)")
     for what, found, wanted in (
         ("points", state.x.shape[1], scene.initial_positions.shape[1]),
         ("walls", len(state.walls), len(scene.walls)),
@@ -224,7 +224,7 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
             f"{name}: wall {i} of the state has the normal {state.wall_normals[i]}, that of the scene"
             f" {scene.normals[:, i]}; keep the walls and their order"
         )
-    _check_places(scene, state, name)
+    _check_order(scene, state, name)
     density = np.array([body.material.density for body in scene.bodies])
     wrong = np.flatnonzero(np.abs(state.mass - density[state.body] * scene.initial_volumes) > 1e-9 * state.mass)
     if wrong.size:
@@ -234,16 +234,16 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
         )
 
 
-def _check_places(scene: Scene, state: State, name: str) -> None:
-    """Raise SceneError where walls with the same normal, or bodies of as many points, have changed places."""
+def _check_order(scene: Scene, state: State, name: str) -> None:
+    """Raise SceneError if walls with the same normal, or bodies with as many points, are in another order."""
     offset = [np.einsum("iw,wi->w", scene.normals, p) for p in (state.walls, _wall_points(scene))]
     same = np.abs(scene.normals[:, :, None] - scene.normals[:, None]).max(axis=0) < 1e-9
     now, then = (np.sign(o[:, None] - o[None]) for o in offset)
     swapped = np.argwhere(same & (now * then < 0.0))
     if swapped.size:
         raise SceneError(
-            f"{name}: walls {swapped[0, 0]} and {swapped[0, 1]} have passed each other since t = 0, or another order"
-            " than in the state; keep the walls and their order"
+            f"{name}: walls {swapped[0, 0]} and {swapped[0, 1]} have passed each other since t = 0, or their order"
+            " differs from that of the state; keep the walls and their order"
         )
     if np.array_equal(state.x_anchor, scene.initial_positions):
         return

@@ -1,4 +1,4 @@
-"""What a scene is made of: bodies, walls, supports and loads, and their prescribed motions."""
+"""The components of a scene: bodies, walls, supports and loads, and their prescribed motions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Where = Callable[[Array], ArrayLike]  # positions (2, n) [m] at t = 0 -> (n,) bo
 
 
 class SceneError(ValueError):
-    """A scene that cannot be simulated: names the object, the value and the remedy."""
+    """An error in a scene: names the object, the value and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Wall:
-    """A rigid half-plane through `point`; the unit `normal` points into the free side.
+    """A rigid half-plane through `point`; the unit `normal` points to the free side.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Support:
-    """Material that moves as prescribed: the points of deformable bodies where `where(x)` is true at t = 0.
+    """A prescribed velocity of the points of deformable bodies where `where(x)` is true at t = 0.
 
     Parameters
     ----------
@@ -91,7 +91,13 @@ class Load:
 
 
 def prescribed_components(support: Support, t: float, name: str) -> Array:
-    """What a support tells at time t, (2,) [m/s], nan where it leaves a component free; SceneError where unclear."""
+    """Prescribed velocity of a support at time t, (2,) [m/s], nan for free components.
+
+    Raises
+    ------
+    SceneError
+        if it is not two components, each a finite number or None
+    """
     value = support.velocity(t) if callable(support.velocity) else support.velocity
     remedy = "give two components (x, y), each a finite number or None"
     if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
@@ -108,7 +114,7 @@ def motion(velocity: ArrayLike | Callable[..., ArrayLike], t: float, name: str =
     Raises
     ------
     SceneError
-        when it is not two finite numbers; `name` says whose velocity it is
+        if it is not two finite numbers; `name` is that of the velocity in the message
     """
     if callable(velocity):
         return vector(f"{name} at t = {t:.6g} s", velocity(t))
@@ -116,7 +122,7 @@ def motion(velocity: ArrayLike | Callable[..., ArrayLike], t: float, name: str =
 
 
 def vector(name: str, value: ArrayLike) -> Array:
-    """The value as (2,); SceneError unless it is two finite numbers."""
+    """The value as an array (2,); SceneError if it is not two finite numbers."""
     remedy = "give two finite numbers (x, y)"
     array = numbers(name, value, remedy)
     if array.shape != (2,) or not np.isfinite(array).all():
@@ -125,7 +131,7 @@ def vector(name: str, value: ArrayLike) -> Array:
 
 
 def field_values(name: str, value: ArrayLike, x: Array) -> Array:
-    """The values of a field at positions x (2, n), (2, n); SceneError where they are not as many finite numbers."""
+    """The values (2, n) of a field at positions x (2, n); SceneError if shape or values are wrong."""
     remedy = f"return finite numbers of the shape {x.shape} of the positions"
     array = numbers(name, value, remedy)
     if array.shape != x.shape:
@@ -137,7 +143,7 @@ def field_values(name: str, value: ArrayLike, x: Array) -> Array:
 
 
 def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
-    """The value as an array of floats; SceneError where it is no numbers at all."""
+    """The value as an array of floats; SceneError if it cannot be converted."""
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""The material points that supports and loads name."""
+"""The material points that supports and loads act on."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class PointSet:
-    """Points of deformable bodies, and how they share what is done to them."""
+    """Points of deformable bodies, and their shares of a force."""
 
     points: Ints  # (m,) into the arrays of a state
     share: Array  # (m,) their sum is 1
 
 
 def held(scene: Scene, i: int, support: Support) -> PointSet:
-    """The points that support i holds, all alike."""
+    """The points that support i holds, with equal shares."""
     points = _matching(scene, f"support {i}: where", support.where)
     return PointSet(points, np.full(points.size, 1.0 / max(points.size, 1)))
 
 
 def spread(scene: Scene, i: int, load: Load) -> PointSet:
-    """The points that share load i: by boundary length if only boundary points match, else by volume."""
+    """The points that share load i: by boundary length if only boundary points match, otherwise by volume."""
     points = _matching(scene, f"load {i}: where", load.where)
     boundary = scene.outlines
     if np.isin(points, boundary.point).all():
@@ -47,18 +47,18 @@ def spread(scene: Scene, i: int, load: Load) -> PointSet:
 def _matching(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> Ints:
     x = scene.initial_positions
     if not callable(where):
-        raise SceneError(f"{name} = {where!r}; give a function of positions (2, n) that returns (n,) booleans")
+        raise SceneError(f"{name}: expected a function of positions (2, n) that returns (n,) booleans, got {where!r}")
     inside = np.asarray(where(x))
     if inside.shape != x.shape[1:] or inside.dtype != np.bool_:
         raise SceneError(
-            f"{name} returned {inside.dtype} of the shape {inside.shape}; return {x.shape[1:]} booleans,"
+            f"{name} returned {inside.dtype} of shape {inside.shape}; return {x.shape[1:]} booleans,"
             " one for each position"
         )
     return np.flatnonzero(inside & np.repeat(scene.deformable, np.diff(scene.offsets)))
 
 
 def _lengths(boundary: Outlines, x: Array, points: Ints) -> Array:
-    """Half of the boundary from each point to those of its neighbours that match, to both where neither does."""
+    """Half the boundary from each point to its matching neighbours, or to both if neither matches, (points,) [m]."""
     start, end = boundary.point, boundary.point[boundary.next]
     half = 0.5 * np.hypot(*(x[:, end] - x[:, start]))
     chosen = np.isin(start, points) & np.isin(end, points)

@@ -1,4 +1,4 @@
-"""The scene: all that does not change while it is simulated."""
+"""The scene: everything that does not change during a simulation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Scene:
     bodies : the bodies
     cell : side h of the cells [m]
     walls : rigid half-planes
-    supports : material that moves as prescribed
+    supports : prescribed velocities
     loads : dead loads
     friction : Coulomb coefficient between bodies
     gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n), taken at t + theta dt of
@@ -37,7 +37,7 @@ class Scene:
     Raises
     ------
     SceneError
-        on bad input, naming the object, its value and the remedy
+        if an input is invalid; the message names the object, its value and the remedy
     """
 
     bodies: Sequence[Body]
@@ -52,13 +52,13 @@ class Scene:
         for name in ("bodies", "walls", "supports", "loads"):
             several = getattr(self, name)
             if not isinstance(several, Iterable):
-                raise SceneError(f"{name} is a {type(several).__name__}; give a list")
+                raise SceneError(f"{name}: expected a list, got a {type(several).__name__}")
             object.__setattr__(self, name, tuple(several))
         check(self)
 
     @cached_property
     def offsets(self) -> Ints:
-        """Where each body's points begin in the arrays of a state, (bodies + 1,)."""
+        """Index of each body's first point in the arrays of a state, (bodies + 1,)."""
         return np.concatenate([[0], np.cumsum([body.points.x.shape[1] for body in self.bodies])]).astype(int)
 
     @cached_property
@@ -97,7 +97,7 @@ class Scene:
         return np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T
 
     def wall_velocities(self, t: float) -> Array:
-        """Velocities of the walls at time t, (walls, 2) [m/s]; SceneError where one is not finite."""
+        """Velocities of the walls at time t, (walls, 2) [m/s]; SceneError if one is not finite."""
         each = [motion(wall.velocity, t, f"wall {i}: velocity") for i, wall in enumerate(self.walls)]
         return np.array(each).reshape(-1, 2)
 
@@ -126,13 +126,13 @@ class Scene:
         return tuple(spread(self, i, load) for i, load in enumerate(self.loads))
 
     def support_velocities(self, t: float) -> Array:
-        """Prescribed velocities at time t, (supports, 2) [m/s], nan where free; SceneError where one is unclear."""
+        """Prescribed velocities at time t, (supports, 2) [m/s], nan where free; SceneError if one is invalid."""
         each = [
             prescribed_components(support, t, f"support {i}: velocity") for i, support in enumerate(self.supports)
         ]
         return np.array(each).reshape(-1, 2)
 
     def forces(self, t: float) -> Array:
-        """The loads at time t, (loads, 2) [N/m]; SceneError where one is not finite."""
+        """The loads at time t, (loads, 2) [N/m]; SceneError if one is not finite."""
         each = [motion(load.force, t, f"load {i}: force") for i, load in enumerate(self.loads)]
         return np.array(each).reshape(-1, 2)

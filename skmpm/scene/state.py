@@ -1,4 +1,4 @@
-"""Where a scene stands: the state, and what the last step reports."""
+"""The state of a scene, with the report of its last step."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class StepFailed(RuntimeError):  # noqa: N818  (the public name says what happened)
-    """A step that did not converge; `state` is the last good one, `retryable` whether a smaller dt may help."""
+class StepFailed(RuntimeError):  # noqa: N818  (public name)
+    """A step that failed; `state` is the last good one, `retryable` whether a smaller dt may help."""
 
     def __init__(self, message: str, state: State, *, retryable: bool = True) -> None:
         super().__init__(message)
@@ -34,48 +34,48 @@ class Contacts:
     normal: Array  # (2, k) unit, from the second to the first body
     force: Array  # (2, k) [N/m] on the first body, in (n, t), t = (-n_y, n_x)
     gap: Array  # (k,) [m]
-    key: Ints  # (k,) identity of a contact from step to step: the warm start
-    point: Ints  # (k,) material point of the first body on whose boundary the contact lies; -1 at a grid node
+    key: Ints  # (k,) identity of a contact from step to step, for the warm start
+    point: Ints  # (k,) boundary point of the first body in contact; -1 at a grid node
 
     @staticmethod
     def none() -> Contacts:
-        """No contact at all."""
+        """No contacts."""
         ints, floats = np.zeros((2, 0), dtype=np.int64), np.zeros((2, 0))
         return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0])
 
 
 @dataclass(frozen=True)
 class Energy:
-    """The energy budget [J/m]; what is not kinetic or elastic is a sum since t = 0."""
+    """The energy budget [J/m]; terms other than kinetic and elastic are sums since t = 0."""
 
     kinetic: float = 0.0
-    elastic: float = 0.0  # with the ghost penalty's share
+    elastic: float = 0.0  # including the ghost penalty
     external: float = 0.0  # work of gravity, loads, walls and supports
-    push_out: float = 0.0  # work of contacts that remove an overlap left by an earlier step
-    regridded: float = 0.0  # what regridding made of the points' energy, more or less
+    push_out: float = 0.0  # work of contacts that remove an overlap of an earlier step
+    regridding: float = 0.0  # change of the points' energy by regridding
     viscous: float = 0.0  # dissipated by the viscosity of materials
-    dissipated: float = 0.0  # what is missing: friction, impacts, the time scheme, the transfer
+    dissipated: float = 0.0  # the remainder: friction, impacts, the time scheme, the transfer
 
 
 @dataclass(frozen=True)
 class StepControl:
-    """How far `simulate` has halved its steps after a failure: the next one is dt / 2^halvings."""
+    """Step control of `simulate`: after failures the next step is dt / 2^halvings."""
 
-    dt: float = 0.0  # [s] the full step that was asked for
+    dt: float = 0.0  # [s] the requested step
     halvings: int = 0
-    successes: int = 0  # good steps in a row since the last failure or growth
-    part: int = 0  # of the full step that is being made, in 1/1024 of it
+    successes: int = 0  # successful steps since the last failure or doubling
+    part: int = 0  # completed part of the requested step [1/1024]
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a step cost and how good it is."""
+    """Cost and residuals of a step."""
 
     dt: float = 0.0  # length of the step [s]
     retries: int = 0  # failures of longer steps before this one
     newton: int = 0  # Newton iterations
     factorisations: int = 0  # factorisations of A
-    contact: int = 0  # iterations of the contact solver, all Newton iterations together
+    contact: int = 0  # iterations of the contact solver, over all Newton iterations
     residual: float = 0.0  # natural-map residual of the contact law at the end of the step
     imbalance: float = 0.0  # residual of the momentum balance over the largest of its terms
     frozen_normals: bool = False  # whether contact normals are those of an earlier Newton iteration
@@ -86,7 +86,7 @@ class Report:
 
 @dataclass(frozen=True)
 class State:
-    """All that a restart needs; arrays are read-only by convention."""
+    """Everything needed for a restart; arrays are read-only by convention."""
 
     t: float  # [s]
     x: Array  # (2, n) positions [m]
@@ -96,14 +96,14 @@ class State:
     stress: Array  # (2, 2, n) elastic Cauchy stress [Pa], tension positive; without what viscosity adds
     mass: Array  # (n,) [kg/m]
     volume: Array  # (n,) current [m2]
-    weight: Array  # (n,) current volumes that the points stand for in integrals over their cells [m2]
+    weight: Array  # (n,) current quadrature weights of the points [m2]
     body: Ints  # (n,)
     x_anchor: Array  # (2, n) positions when the body grids were built [m]
     F_anchor: Array  # (2, 2, n)
     stress_anchor: Array  # (2, 2, n) [Pa]
-    displacement: Array  # (2 nodes,) of the nodes since then [m]
+    displacement: Array  # (2 nodes,) of the nodes since the body grids were built [m]
     walls: Array  # (walls, 2) a point of each wall [m]
-    wall_normals: Array  # (walls, 2) unit, into the free side
+    wall_normals: Array  # (walls, 2) unit, towards the free side
     wall_force: Array  # (walls, 2) exerted by the bodies in the last step [N/m]
     support_force: Array  # (supports, 2) the same on each support
     contacts: Contacts
@@ -114,13 +114,13 @@ class State:
 
 @dataclass(frozen=True)
 class Derived:
-    """Kept for speed; follows from the rest of the state, is not saved and is rebuilt on demand."""
+    """Cached data that follow from the rest of the state; not saved, rebuilt on demand."""
 
     assembly: Assembly
     ghost: Array  # (bodies,) moduli of the ghost penalty in `assembly` [Pa]
-    moment_fitting: bool  # whether the weights in `assembly` are
-    supports: Elimination | None  # of the unknowns that supports fix
-    supporting: Ints  # (2, n) the support that fixes each component of the points' velocities, -1 where none does
-    key: tuple[object, ...] = ()  # what the kept solver was made for
+    moment_fitting: bool  # whether the weights in `assembly` are fitted
+    supports: Elimination | None  # of the unknowns that supports determine
+    supporting: Ints  # (2, n) the support that prescribes each component of the points' velocities, -1 where none
+    key: tuple[object, ...] = ()  # of the matrix that `solver` was made for
     solver: Solver | None = None
-    delassus: Delassus | None = None  # of the places of contacts, by this solver
+    delassus: Delassus | None = None  # of the contact points, by this solver

@@ -129,7 +129,7 @@ def report_of(
             elastic=budget.elastic,
             external=old.external + budget.external,
             push_out=old.push_out + budget.push_out,
-            regridded=old.regridded + anew,
+            regridding=old.regridding + anew,
             viscous=old.viscous + budget.viscous,
             dissipated=old.dissipated + budget.external + budget.push_out + anew - gained - budget.viscous,
         ),

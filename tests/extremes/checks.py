@@ -176,7 +176,7 @@ class Watch:
             energy.elastic,
             energy.external,
             energy.push_out,
-            energy.regridded,
+            energy.regridding,
             energy.dissipated,
         )
         if all(np.isfinite(a).all() for a in arrays) and np.isfinite(numbers).all():
@@ -250,7 +250,7 @@ class Watch:
             )
         sizes = (self.largest, abs(self.external), energy.kinetic, energy.elastic, energy.push_out)
         self.largest = max(sizes)
-        allowed = self.start + self.external + self.rounded + energy.push_out + energy.regridded + rounding
+        allowed = self.start + self.external + self.rounded + energy.push_out + energy.regridding + rounding
         scale = max(self.largest, 1e-300)
         if self.case.scheme.theta == 1.0 and self.case.scheme.inertia:  # other rules may gain
             self._limit("energy gained", (kinetic + elastic - allowed) / scale, ENERGY, new, "energy gained")

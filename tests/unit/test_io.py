@@ -526,7 +526,7 @@ with record({str(path)!r}, discs()) as film:
 
 def test_misuse_of_a_recording_is_explained(tmp_path, states):
     path, scene = tmp_path / "s", discs()
-    with pytest.raises(FileNotFoundError, match=r"there is no directory .*none; make it first"):
+    with pytest.raises(FileNotFoundError, match=r"there is no directory .*none; create it first"):
         write(tmp_path / "none" / "s", scene, [])
     with record(path, scene) as film:
         film.write(states[1])
@@ -542,7 +542,7 @@ def test_misuse_of_a_recording_is_explained(tmp_path, states):
         write(path, other, [], append=True)
     with h5py.File(path, "w") as file:
         file["x"] = 1
-    with pytest.raises(ValueError, match="is no recording"):
+    with pytest.raises(ValueError, match="not a recording"):
         write(path, scene, [], append=True)
     path.write_text("hello")
     with pytest.raises(ValueError, match="cannot be continued"):

@@ -285,7 +285,7 @@ SHIFTED = np.concatenate((SQUARE * 3, SQUARE + 2.5), axis=1)
         (Points(*GOOD, [[0, 1]]), "at least 3"),
         (Points(*GOOD, [0, 1, 2, 3]), r"shape \(\)"),
         (Points(*GOOD, [[0, 1, 2, 3, 0]]), "twice"),
-        (Points(SQUARE[:, [0, 0, 1, 2]], np.ones(4), [[0, 1, 2, 3]]), "same place"),
+        (Points(SQUARE[:, [0, 0, 1, 2]], np.ones(4), [[0, 1, 2, 3]]), "same position"),
         (Points(*GOOD, [[3, 2, 1, 0]]), "outer loop.*counter-clockwise"),
         (Points(*GOOD, [[0, 2, 1, 3]]), "crosses itself"),
         (Points(RING, np.ones(8), [[0, 1, 2, 3], [4, 5, 6, 7]]), "loop 1 is a hole.* clockwise"),

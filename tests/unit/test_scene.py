@@ -111,13 +111,13 @@ BAD = {
     "wall velocity f(t)": (lambda: wall(velocity=lambda t: 1.0), "wall 1: velocity at t = 0 s = 1.0.*two finite"),
     "wall cuts": (lambda: wall(point=(0.0, -0.9 * R)), "wall 1 cuts body 0.*0.1 m behind.*move"),
     "no wall": (lambda: scene(walls=[(0.0, -1.0)]), "wall 0 is a tuple.*skmpm.Wall"),
-    "walls alone": (lambda: scene(walls=Wall((0, -1), (0, 1))), "walls is a Wall.*list"),
+    "walls alone": (lambda: scene(walls=Wall((0, -1), (0, 1))), "walls: expected a list, got a Wall"),
     "overlap": (lambda: scene(others=[Body(at(1.9 * R), GEL)]), "bodies 0 and 1 overlap.*move them apart"),
     "the same place": (lambda: scene(others=[Body(ROUND, GEL)]), "bodies 0 and 1 overlap"),
     "one inside another": (lambda: scene(others=[Body(at(0.0, 0.0, 0.5), GEL)]), "bodies 0 and 1 overlap"),
     "no bodies": (lambda: Scene([], cell=CELL), "no bodies.*at least one"),
     "points as body": (lambda: Scene([ROUND], cell=CELL), "body 0 is a Points.*skmpm.Body"),
-    "body alone": (lambda: Scene(Body(ROUND, GEL), cell=CELL), "bodies is a Body.*list"),
+    "body alone": (lambda: Scene(Body(ROUND, GEL), cell=CELL), "bodies: expected a list, got a Body"),
     "all Rigid": (lambda: scene(material=Rigid(1.0)), "all 1 bodies are Rigid.*at least one"),
 }
 

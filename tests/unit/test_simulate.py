@@ -97,7 +97,7 @@ def test_an_end_that_is_none_is_refused(until):
     ("options", "message"),
     [
         ({"scheme": "fast"}, r"scheme = 'fast'; give a Scheme, as skmpm.Scheme.fast\(\)"),
-        ({"start": "run.chk"}, r"start: 'run.chk' is no State; give one, as skmpm.load\(path\)"),
+        ({"start": "run.chk"}, r"start: expected a State, got 'run.chk'; use one, as returned by skmpm.load\(path\)"),
     ],
 )
 def test_what_is_no_scheme_and_no_state_is_refused(options, message):
@@ -116,7 +116,7 @@ def test_a_step_and_the_initial_state_refuse_the_same():
 
 
 def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_run(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"there is no directory .*none; make it first"):
+    with pytest.raises(FileNotFoundError, match=r"there is no directory .*none; create it first"):
         simulate(free(), dt=1e-5, until=1e-4, checkpoint=tmp_path / "none" / "run.chk")
     with pytest.raises(IsADirectoryError, match=r"is a directory; give a file in it"):
         simulate(free(), dt=1e-5, until=1e-4, checkpoint=tmp_path)
