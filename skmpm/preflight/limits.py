@@ -28,7 +28,7 @@ class Limit(NamedTuple):
 # In the order of the checks; beside each limit, its test or page of docs/.
 RESOLUTION = Limit(3.2, "piles and packings were verified from 3.2 on, Hertz's force from 5 on")  # test_pile
 SMALLEST = Limit(1.0, "bodies were verified from R/h = 2 on")  # test_corners, unlike discs
-THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells deflect up to 50, 25.4, 9.5, 3.2 % too little")  # test_thin_parts
+THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells bend by up to 50, 25.4, 9.5, 3.2 % too little")  # test_thin_parts
 FEWEST = Limit(1.8, "verified from 1.8 on; with 1 the error of a uniform stress is 10 %")  # large.py, test_patch
 COURANT = Limit(15.0, "verified up to 15 where waves matter")  # test_dynamics, stability
 EXPLICIT = Limit(0.7, "explicit steps are stable up to 0.7 for any position on the grid")  # test_explicit
