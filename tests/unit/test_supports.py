@@ -214,7 +214,7 @@ def test_re_anchoring_keeps_the_supports():
 
 BAD = {
     "nowhere": ({"supports": [Support(lambda x: x[0] < -1)]}, "support 0: where is true at no point"),
-    "no function": ({"supports": [Support((0, 0))]}, "support 0: where = .*give a function"),
+    "no function": ({"supports": [Support((0, 0))]}, r"support 0: where: expected a function .* got \(0, 0\)"),
     "numbers": ({"loads": [Load(lambda x: x[0], (1, 0))]}, "load 0: where returned float64"),
     "no velocity": ({"supports": [Support(left, velocity=None)]}, r"support 0: velocity = None; give two components"),
     "three": ({"supports": [Support(left, velocity=(0, None, 0))]}, "give two components"),
@@ -223,7 +223,7 @@ BAD = {
     "twice": ({"supports": [Support(left), Support(everywhere)]}, "supports 0 and 1 both hold the x component"),
     "no support": ({"supports": [left]}, "support 0 is a function; use skmpm.Support"),
     "no load": ({"loads": [left]}, "load 0 is a function; use skmpm.Load"),
-    "no list": ({"supports": Support(left)}, "supports is a Support; give a list"),
+    "no list": ({"supports": Support(left)}, "supports: expected a list, got a Support"),
 }
 
 
