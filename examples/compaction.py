@@ -25,8 +25,8 @@ LID = 1  # its place among the walls
 SCHEMES = {
     "balanced": skmpm.Scheme(),
     "standard": skmpm.Scheme(mean_dilatation=False),  # elements that lock where nu is near 1/2
-    "seed": skmpm.Scheme.nezamabadi2017(),
-    "forgetful": skmpm.Scheme(anchor=0.0),  # new body grids at every step, contact as in "balanced"
+    "nezamabadi2017": skmpm.Scheme.nezamabadi2017(),
+    "regridded": skmpm.Scheme(anchor=0.0),  # at every step
 }
 
 
@@ -36,7 +36,7 @@ def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
     solid = np.pi * (radii**2).sum()
     width = float(np.sqrt(solid / 0.72))
     discs = skmpm.packing(radii, width, solid_fraction=options.start, seed=options.seed)
-    law = skmpm.LinearElastic if options.scheme == "seed" else skmpm.NeoHookean
+    law = skmpm.LinearElastic if options.scheme == "nezamabadi2017" else skmpm.NeoHookean
     material = law(E=10e6, nu=0.45, density=990.0)
     bodies = [
         skmpm.Body(skmpm.disc(centre, radius, spacing=options.spacing), material)

@@ -96,18 +96,33 @@ def solve(
     q, mu = np.asarray(q, dtype=float), np.asarray(mu, dtype=float)
     r0 = np.zeros_like(q) if r0 is None else np.asarray(r0, dtype=float)
     _check(W, q, mu, r0)
-    contacts = q.size
     if not q.size:
         return np.zeros_like(q), Info(0, 0, 0.0, True)
+    with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
+        return _solve(W, q, mu, r0, tol, sweeps, iterations, bilateral, reference)
+
+
+def _solve(
+    W: Any,
+    q: Array,
+    mu: Array,
+    r0: Array,
+    tol: float,
+    sweeps: int,
+    iterations: int,
+    bilateral: Bilateral | None,
+    reference: float | None,
+) -> tuple[Array, Info]:
+    """`solve` for valid arguments: in scaled variables, with the bilateral unknowns after those of the contacts."""
+    k = q.size
     if bilateral is not None:
         W, q = bilateral.join(W, q)
-        r0 = np.concatenate([r0, np.zeros(q.size - contacts)])
-    with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
-        problem, s = scaled(W, q, mu, contacts, reference)
-        start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
-        best, info = _search(problem, start, tol, sweeps, iterations)
-        r = unscaled(best.r[:contacts], best.u[:contacts], problem.mu, s[:contacts], mu)
-        return r, replace(info, bilateral=best.r[contacts:] / s[contacts:])
+        r0 = np.concatenate([r0, np.zeros(q.size - k)])
+    problem, s = scaled(W, q, mu, k, reference)
+    start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
+    best, info = _search(problem, start, tol, sweeps, iterations)
+    r = unscaled(best.r[:k], best.u[:k], problem.mu, s[:k], mu)
+    return r, replace(info, bilateral=best.r[k:] / s[k:])
 
 
 def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> tuple[Iterate, Info]:

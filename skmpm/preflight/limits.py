@@ -193,9 +193,7 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
         yield "scheme: inertia = False ignores the initial velocities of bodies; remove them or use inertia"
     slides = not all(_is_linear(scene, b) for b in metrics.own) and metrics.friction == 0.0
     if slides and not scheme.inertia:
-        verified = (
-            "a frictionless body at finite strain may have neutral motions, and Newton converges slowly"
-        )
+        verified = "a frictionless body at finite strain may have neutral motions, and Newton converges slowly"
         yield f"scheme: inertia = False; {verified}; use friction, a Support or inertia"
 
 

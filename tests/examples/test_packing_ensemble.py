@@ -23,7 +23,7 @@ def test_members_are_what_the_study_needs():
     assert sum(name.startswith(("mu0_", "mu0.5_")) for name in found) == 4
     assert {about["friction"] for about in found.values()} == {0.0, 0.5}
     assert found["fine_mu0"]["cell"] == pytest.approx(0.95e-3 / 8)
-    assert found["seed_mu0_r6"]["scheme"] == "seed"
+    assert found["seed_mu0_r6"]["scheme"] == "nezamabadi2017"
     assert found["seed_mu0_r6"]["dt"] == 0.5e-6
     assert found["slow_mu0.5"]["speed"] == 0.5
     for about in found.values():

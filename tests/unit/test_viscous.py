@@ -93,7 +93,9 @@ def test_energies_add_up_and_viscosity_never_gives_any(law, scheme):
     """The sum kinetic + elastic + viscous + dissipated - external - push-out - relaid is constant; viscous rises."""
     material = law(1e6, 0.45, 1000.0, viscosity=5.0)
     energy = [s.report.energy for s in simulate(squeezed(material), dt=5e-6, until=1e-4, scheme=scheme)]
-    total = [e.kinetic + e.elastic + e.viscous + e.dissipated - e.external - e.push_out - e.regridding for e in energy]
+    total = [
+        e.kinetic + e.elastic + e.viscous + e.dissipated - e.external - e.push_out - e.regridding for e in energy
+    ]
     assert np.ptp(total) <= 1e-12 * energy[-1].external
     assert (np.diff([0.0] + [e.viscous for e in energy]) > 0.0).all()
     assert energy[-1].viscous > 0.05 * energy[-1].external

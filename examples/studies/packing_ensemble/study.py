@@ -65,7 +65,7 @@ def members(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
         found[f"seed_mu{friction:g}_r{cells}"] = {
             **resolved(cells),
             "friction": friction,
-            "scheme": "seed",
+            "scheme": "nezamabadi2017",
             "dt": 0.5e-6,
             "start": 0.55,
             "until": 0.85,
