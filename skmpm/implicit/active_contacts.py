@@ -1,4 +1,4 @@
-"""Which contacts enter the contact problem: those that may close, and can move."""
+"""Selection of the contacts that enter the contact problem: those that may close and whose gap can change."""
 
 from __future__ import annotations
 
@@ -13,53 +13,49 @@ from skmpm.implicit.errors import NotConverged, pair
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-DETECTION_GAP = (
-    0.08  # contacts with gaps up to this many cells are known to the solver: more than an iteration moves them
-)
-PRESSED_DEPTH = (
-    0.01  # [cells] that a supported point lies in what it touches, a fifth of what `simulate.acceptance` lets pass
-)
-ZERO_COMPONENT = 1e-9  # component of a normal that counts as none
-LEAST_RESPONSE = 1e-12  # of the median response: what rounding leaves of a point that does not respond
+# [cells] Largest gap of a contact in the contact problem: more than an iteration moves a boundary point.
+MAX_ACTIVE_GAP = 0.08
+# [cells] Largest penetration of a supported point, a fifth of what `simulate.acceptance` accepts at walls.
+MAX_SUPPORTED_PENETRATION = 0.01
+ZERO_COMPONENT = 1e-9  # component of a unit normal that counts as zero
+MIN_RESPONSE = 1e-12  # over the median diagonal entry of W: round-off of a contact that cannot respond
 BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
 
 
-def relevant(constraints: Constraints, grid: BodyGrids, supports: Elimination | None, held: Bools) -> Constraints:
-    """The contacts that may close in an iteration and can move.
+def active(constraints: Constraints, grid: BodyGrids, supports: Elimination | None, supported: Bools) -> Constraints:
+    """The contacts that may close in an iteration and whose gap can change.
 
-    Supports decide where points go that they hold: `held` (2, n) are the components of the points' motion that they
-    prescribe.
+    `supported` (2, n) are the velocity components of the points that supports prescribe.
 
     Raises
     ------
     NotConverged
-        where a point that cannot move lies in what it touches
+        if a point that cannot move penetrates what it touches
     """
-    constraints = constraints.among(constraints.gap < DETECTION_GAP * grid.cell)
+    constraints = constraints.among(constraints.gap < MAX_ACTIVE_GAP * grid.cell)
     if supports is None or constraints.size == 0:
         return constraints
-    moves = _moves(constraints, grid, supports, held)
-    pressed = np.flatnonzero(~moves & (constraints.gap < -PRESSED_DEPTH * grid.cell))
-    if pressed.size:
-        raise NotConverged(pair(constraints.bodies[:, pressed[0]]), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
-    return constraints.among(moves)
+    movable = _movable(constraints, grid, supports, supported)
+    penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
+    if penetrating.size:
+        bodies = constraints.bodies[:, penetrating[0]]
+        raise NotConverged(pair(bodies), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
+    return constraints.among(movable)
 
 
-def _moves(constraints: Constraints, grid: BodyGrids, supports: Elimination, held: Bools) -> Bools:
-    """Whether contacts can move along their normals, (k,): both sides may be prescribed, by supports or as rigid."""
+def _movable(constraints: Constraints, grid: BodyGrids, supports: Elimination, supported: Bools) -> Bools:
+    """Whether normal velocities of contacts are unknown, (k,): supports or rigid bodies may prescribe both sides."""
     normal = constraints.H[:: 2 if constraints.tangential else 1]
     free = abs(normal @ supports.T).sum(axis=1) > 1e-12
     rigid = (constraints.bodies[1] < 0) | (np.diff(grid.blocks)[np.maximum(constraints.bodies[1], 0)] == 0)
-    prescribed = (held[:, constraints.point] | (np.abs(constraints.normal) < ZERO_COMPONENT)).all(axis=0) & (
-        constraints.point >= 0
-    )
-    return np.asarray(free & ~(rigid & prescribed))
+    prescribed = (supported[:, constraints.point] | (np.abs(constraints.normal) < ZERO_COMPONENT)).all(axis=0)
+    return np.asarray(free & ~(rigid & prescribed & (constraints.point >= 0)))
 
 
 def check_response(constraints: Constraints, normal: Array, supports: Elimination | None) -> None:
-    """Raise NotConverged where a contact does not respond along its normal; `normal` (k,) of diag(W) [1/kg]."""
+    """Raise NotConverged if a contact cannot respond along its normal; `normal` (k,) are entries of diag W [1/kg]."""
     if supports is None:
         return
     stiffest = int(np.argmin(normal))
-    if not normal[stiffest] > LEAST_RESPONSE * float(np.median(normal)):
+    if not normal[stiffest] > MIN_RESPONSE * float(np.median(normal)):
         raise NotConverged(pair(constraints.bodies[:, stiffest]), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)

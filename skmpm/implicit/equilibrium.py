@@ -1,14 +1,14 @@
-"""Whether contacts can carry the loads of rigid bodies, and the motion that begins where they cannot.
+"""Limit analysis of rigid bodies in frictional contact: equilibrium, or a collapse mechanism.
 
-Bodies that nothing but contact holds are in equilibrium only if contact forces r within their Coulomb cones, r_n >= 0
-and |r_t| <= mu r_n, balance the loads f of their rigid motions: f + J' r = 0, J the rows n and t of relative
-velocities. By Farkas' lemma there are none if and only if there is a motion q with
+Bodies constrained by contact alone are in equilibrium only if contact forces r within their Coulomb cones, r_n >= 0
+and |r_t| <= mu r_n, balance the resultants f of the loads: f + J' r = 0, with the contact Jacobian J of rows n and t.
+By Farkas' lemma there are no such forces if and only if there is a mechanism, a rigid-body motion q with
 
     f . q > 0    and    n . Jq >= mu |t . Jq|   at every contact,
 
-along which the loads do work and no contact resists: in the plane, where the cones are polyhedra, a linear programme
-(Livesley, Int. J. Numer. Methods Eng. 12 (1978) 1853-1871). Without such forces there is no equilibrium whatever the
-flow rule of friction, which the programme takes for an associated one, and however bodies deform at these contacts.
+along which the loads do positive work and the contacts none. In the plane, where the cones are polyhedra, it follows
+from a linear programme (Livesley, Int. J. Numer. Methods Eng. 12 (1978) 1853-1871). The programme takes friction as
+associated; a mechanism excludes equilibrium for any flow rule, and however the bodies deform at these contacts.
 """
 
 from __future__ import annotations
@@ -23,75 +23,76 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SHARE = 1e-3  # of a body's load: what is less is within the default tolerance of the balance
-LIGHTEST = 1e-2  # of the largest load: lighter bodies count as that heavy, or the others would hardly move
-STILL = 1e-3  # of the fastest motion: what moves less counts as at rest where motions get names
+LOAD_TOLERANCE = 1e-3  # over a body's load: what is unbalanced, as in the default tolerance of Newton's method
+MIN_LOAD = 1e-2  # over the largest load: lighter bodies are scaled as if this heavy, or the others would hardly move
+REST_SPEED = 1e-3  # over the fastest motion: what is slower counts as at rest in messages
 
 
 @dataclass(frozen=True)
-class Joints:
-    """The contacts of n rigid bodies, each with the unknowns vx, vy and spin times its radius, body after body."""
+class RigidContacts:
+    """The contacts of n rigid bodies, each with the unknowns vx, vy and spin times radius, body after body."""
 
-    bodies: Ints  # (2, k); fixed ones are negative
-    normal: sp.csr_array  # (k, 3 n) to relative velocities, first less second body, along the contacts' normals
-    tangent: sp.csr_array  # (k, 3 n) along their tangents
+    bodies: Ints  # (2, k); negative for bodies that do not move
+    normal: sp.csr_array  # (k, 3 n) contact Jacobian, first minus second body, normal
+    tangent: sp.csr_array  # (k, 3 n) the same, tangential
     friction: Array  # (k,) Coulomb coefficients
-    held: sp.csr_array  # (m, 3 n) combinations of velocities that supports stop
+    supports: sp.csr_array  # (m, 3 n) combinations of velocities that supports set to zero
 
     @property
     def resisting(self) -> sp.csr_array:
-        """Rows that are not negative in any motion: n - mu t and n + mu t, one of them where there is no friction."""
+        """Rows that must not be negative in a mechanism: n - mu t and n + mu t, or n without friction."""
         rough = np.flatnonzero(self.friction > 0.0)
         slope = sp.diags_array(self.friction[rough]) @ self.tangent[rough]
         smooth = self.normal[np.flatnonzero(self.friction == 0.0)]
         return sp.csr_array(sp.vstack([smooth, self.normal[rough] - slope, self.normal[rough] + slope]))
 
 
-def mechanism(load: Array, joints: Joints, *, few: bool = False) -> Array | None:
-    """A motion (3 n,) that the loads (3 n,) drive and nothing resists; None if contacts can carry all but `SHARE`.
+def mechanism(load: Array, contacts: RigidContacts, *, few: bool = False) -> Array | None:
+    """A mechanism (3 n,) under the loads (3 n,), its largest unknown one; None if contacts can carry the loads.
 
-    In units in which every body's load is one: of all motions whose unknowns are at most one, or with `few` are at
-    most one together, so that few bodies move, that along which the loads do most work. The largest unknown is one.
+    It maximises the work of the loads, in units in which every body's load is one, over all motions with a bounded
+    maximum norm, or with `few` a bounded 1-norm, so that few bodies move. The loads count as carried to
+    `LOAD_TOLERANCE`.
     """
     size = np.abs(load.reshape(-1, 3)).max(axis=1)
     if not size.any():
         return None
-    unit = np.repeat(1.0 / np.maximum(size, LIGHTEST * size.max()), 3)
-    rows = [_scaled(sp.csr_array(r @ sp.diags_array(unit))) for r in (joints.resisting, joints.held)]
+    unit = np.repeat(1.0 / np.maximum(size, MIN_LOAD * size.max()), 3)
+    rows = [_scaled(sp.csr_array(r @ sp.diags_array(unit))) for r in (contacts.resisting, contacts.supports)]
     q = (_fewest if few else _fastest)(load * unit, *rows)
-    if q is None or float(load * unit @ q) <= SHARE:  # a programme that fails decides nothing
+    if q is None or float(load * unit @ q) <= LOAD_TOLERANCE:  # no conclusion if the programme fails
         return None
     return np.asarray(q * unit / np.abs(q * unit).max())
 
 
-def _fastest(work: Array, resisting: sp.csr_array, held: sp.csr_array) -> Array | None:
-    """Maximise work.q where resisting q >= 0, held q = 0, |q| <= 1."""
-    return _maximised(work, -resisting, np.zeros(resisting.shape[0]), held, (-1.0, 1.0))
+def _fastest(work: Array, resisting: sp.csr_array, supports: sp.csr_array) -> Array | None:
+    """Maximise work.q subject to resisting q >= 0, supports q = 0, |q| <= 1."""
+    return _maximised(work, -resisting, np.zeros(resisting.shape[0]), supports, (-1.0, 1.0))
 
 
-def _fewest(work: Array, resisting: sp.csr_array, held: sp.csr_array) -> Array | None:
-    """Maximise work.q where resisting q >= 0, held q = 0, sum |q| <= 1; q is a difference of positive vectors."""
-    signed = [sp.csr_array(sp.hstack([rows, -rows])) for rows in (resisting, held)]
-    limits = sp.csr_array(sp.vstack([-signed[0], sp.csr_array(np.ones((1, 2 * work.size)))]))
+def _fewest(work: Array, resisting: sp.csr_array, supports: sp.csr_array) -> Array | None:
+    """Maximise work.q subject to resisting q >= 0, supports q = 0, sum |q| <= 1, with q = q+ - q-."""
+    signed = [sp.csr_array(sp.hstack([rows, -rows])) for rows in (resisting, supports)]
+    upper = sp.csr_array(sp.vstack([-signed[0], sp.csr_array(np.ones((1, 2 * work.size)))]))
     found = _maximised(
-        np.r_[work, -work], limits, np.append(np.zeros(resisting.shape[0]), 1.0), signed[1], (0.0, None)
+        np.r_[work, -work], upper, np.append(np.zeros(resisting.shape[0]), 1.0), signed[1], (0.0, None)
     )
     return None if found is None else np.asarray(found[: work.size] - found[work.size :])
 
 
 def _maximised(
-    work: Array, limits: sp.csr_array, most: Array, held: sp.csr_array, bounds: tuple[float, float | None]
+    work: Array, upper: sp.csr_array, b: Array, equal: sp.csr_array, bounds: tuple[float, float | None]
 ) -> Array | None:
-    """Maximise work.x where limits x <= most, held x = 0; None where HiGHS does not."""
-    from scipy.optimize import linprog  # only here: most runs never need it
+    """Maximise work.x subject to upper x <= b, equal x = 0; None if HiGHS finds no solution."""
+    from scipy.optimize import linprog  # imported here, since most runs do not need it
 
-    given: Any = {"A_ub": limits, "b_ub": most, "A_eq": held, "b_eq": np.zeros(held.shape[0]), "bounds": bounds}
-    x = linprog(-work, method="highs", **given).x
+    programme: Any = {"A_ub": upper, "b_ub": b, "A_eq": equal, "b_eq": np.zeros(equal.shape[0]), "bounds": bounds}
+    x = linprog(-work, method="highs", **programme).x
     return None if x is None else np.asarray(x, dtype=float)
 
 
 def _scaled(rows: sp.csr_array) -> sp.csr_array:
-    """Rows over their largest entries, without those of zeros."""
+    """Rows divided by their largest entries, without zero rows."""
     largest = abs(rows).max(axis=1).toarray().ravel() if rows.shape[0] else np.zeros(0)
     kept = np.flatnonzero(largest > 0.0)
     return sp.csr_array(sp.diags_array(1.0 / largest[kept]) @ rows[kept])
@@ -99,30 +100,30 @@ def _scaled(rows: sp.csr_array) -> sp.csr_array:
 
 @dataclass(frozen=True)
 class Motion:
-    """What one of several bodies does where they move."""
+    """The motion of one body in a mechanism, in words."""
 
     body: int
     verb: str
-    contact: int  # of the joints where it does so, -1 where there is none
+    contact: int  # index of the contact at which it moves, -1 if there is none
 
 
-def motion(q: Array, joints: Joints) -> Motion:
-    """What the motion q (3 n,) is, told by a body that moves against something that does not."""
+def motion(q: Array, contacts: RigidContacts) -> Motion:
+    """The mechanism q (3 n,) in words, by a body that moves in contact with one at rest."""
     speed = np.abs(q.reshape(-1, 3)).max(axis=1)
-    moves = speed > STILL * speed.max()
-    apart, along = joints.normal @ q, joints.tangent @ q
-    stays = ~np.append(moves, False)[joints.bodies]  # (2, k); fixed bodies are the last
-    fastest = np.append(speed, 0.0)[joints.bodies].max(axis=0)
-    closed = apart <= joints.friction * np.abs(along) + STILL * fastest
-    closed = np.flatnonzero(closed & (stays.sum(axis=0) == 1))
+    moves = speed > REST_SPEED * speed.max()
+    opening, sliding = contacts.normal @ q, contacts.tangent @ q
+    at_rest = ~np.append(moves, False)[contacts.bodies]  # (2, k); the last entry stands for fixed bodies
+    fastest = np.append(speed, 0.0)[contacts.bodies].max(axis=0)
+    closed = opening <= contacts.friction * np.abs(sliding) + REST_SPEED * fastest
+    closed = np.flatnonzero(closed & (at_rest.sum(axis=0) == 1))
     if closed.size == 0:
         b = int(np.argmax(speed))
-        touches = (joints.bodies == b).any()
-        return Motion(b, "leaves all that it touches" if touches else "falls with nothing near it", -1)
-    slides = np.abs(along[closed]) > STILL * fastest[closed]
+        touches = (contacts.bodies == b).any()
+        return Motion(b, "separates from all that it touches" if touches else "falls with no contact nearby", -1)
+    slides = np.abs(sliding[closed]) > REST_SPEED * fastest[closed]
     i = int(closed[np.argmax(slides)])
-    b = int(joints.bodies[:, i][~stays[:, i]][0])
-    turns = abs(q[3 * b + 2]) > STILL * speed[b]
+    b = int(contacts.bodies[:, i][~at_rest[:, i]][0])
+    rotates = abs(q[3 * b + 2]) > REST_SPEED * speed[b]
     if slides.any():
-        return Motion(b, "slides and turns" if turns else "slides", i)
-    return Motion(b, "turns" if turns else "moves", i)
+        return Motion(b, "slides and rotates" if rotates else "slides", i)
+    return Motion(b, "rotates" if rotates else "moves", i)

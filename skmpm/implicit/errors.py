@@ -1,4 +1,4 @@
-"""Why a step's equations were not solved, in the user's words."""
+"""The error of a step whose equations were not solved, and the words that name bodies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SMALLER = "use a smaller dt"
 
 
 class NotConverged(RuntimeError):  # noqa: N818
-    """The step's equations were not solved: where, what is wrong, and the remedy."""
+    """The equations of a step were not solved, or its result was rejected: where, why, and the remedy."""
 
     def __init__(self, where: str, problem: str, remedy: str = SMALLER, *, retryable: bool = True) -> None:
         super().__init__(f"{where}: {problem}; {remedy}")
@@ -21,20 +21,20 @@ class NotConverged(RuntimeError):  # noqa: N818
 
 
 def worst_body(grid: BodyGrids, imbalance: NDArray[np.float64]) -> str:
-    """The body with the largest share of an imbalance (2 nodes,), as text."""
+    """The body with the largest share of an out-of-balance impulse (2 nodes,), as text."""
     square = np.nan_to_num(imbalance, nan=np.inf) ** 2
     return f"body {int(np.argmax(grid.sums(square.reshape(-1, 2).T).sum(axis=0)))}"
 
 
 def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> NotConverged:
-    """The failure of a factorisation; LAPACK names the unknown at which it stops, and so the body."""
+    """The error of a failed Cholesky factorisation; LAPACK names the unknown of the first negative pivot."""
     found = re.match(r"(\d+)-th leading minor", str(error))
     if found is None:
         return NotConverged("all bodies", str(error))
     b = int(np.searchsorted(grid.blocks, int(found[1]) - 1, side="right")) - 1
     return NotConverged(
         f"body {b}",
-        "its matrix is not positive definite, not even with the negative curvature of its material removed",
+        "its matrix is not positive definite, even with the material tangent projected on positive semi-definite",
         "use a smaller dt, a smaller spacing of its points or a larger Scheme.ghost",
     )
 

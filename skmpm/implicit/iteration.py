@@ -1,4 +1,4 @@
-"""What the Newton iterations of all steps share: where they begin, when matrices are renewed, how they end."""
+"""Newton iterations of dynamic and quasi-static steps: initial velocity, refactorisation, convergence."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.errors import NotConverged, indefinite, worst_body
 from skmpm.implicit.matrix import solver_of
-from skmpm.implicit.residual import DRIFT, Increment
+from skmpm.implicit.residual import MAX_DRIFT, Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
 
 Array = NDArray[np.float64]
 
-RELAXATION = 0.5  # share of a direction that is gone once the iteration converges slowly
-STALLED_RATE = 0.8  # share of the imbalance left by an iteration that tells of a contact about to snap
-SLOW_RATE = 0.3  # share of the imbalance that an iteration leaves; above it acceleration and new matrices set in
-LEAST_RATE = 0.05  # the best rate to count on where nothing holds bodies
-REFACTORISE_ABOVE, REFACTORISE_AT_ONCE = (
-    20.0,
-    500.0,
-)  # imbalances over `newton_tol`: a new matrix is worth its price; it ends the iteration
+RELAXATION = 0.5  # factor on accelerated steps once the iteration has stalled
+SLOW_RATE = 0.3  # ratio of successive out-of-balance norms above which acceleration and a new matrix set in
+STALLED_RATE = 0.8  # the same, for an iteration near a limit point of the contacts
+MIN_RATE = 0.05  # the same, the best that is expected of an old matrix where bodies rotate freely
+REFACTORISE_ABOVE = 20.0  # out-of-balance norm over `newton_tol`: below it, iterations with the old matrix cost less
+# The same after the first iteration: below it, one iteration with a new matrix usually converges; above it, the rate
+# of that iteration decides, in which contacts are found and which says little of the next.
+REFACTORISE_AT_ONCE = 500.0
 
 
 @dataclass(frozen=True)
@@ -33,64 +33,64 @@ class Solution:
 
     w: Array  # (2 nodes,) [m/s]
     contact: ContactProblem | None
-    newton: int
-    factorised: int
+    newton: int  # iterations
+    factorisations: int
     residual: float  # of the contact law at the end of the step
-    imbalance: float  # of momentum
-    reaction: Array  # (2 supports,) impulses that the bodies give their supports
+    imbalance: float  # relative out-of-balance norm
+    reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
     solver: Solver | None  # of the last iteration
 
 
 def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
-    """The velocity to start from, if it turns no point inside out; else what a linear solid would do from rest."""
-    w = increment.first()
+    """The initial guess, or the linear solution from rest if that guess inverts a point (det F <= 0)."""
+    w = increment.initial_guess()
     at = increment.at(w)
     if increment.material_response.linear or np.isfinite(increment.energy(w, at)):
         return w, at
-    still = np.zeros_like(w)
-    at = increment.at(still)
-    gradient, _ = increment.gradient(still, at)
-    prescribed = increment.prescribed_alone()
+    rest = np.zeros_like(w)
+    at = increment.at(rest)
+    gradient, _ = increment.gradient(rest, at)
+    prescribed = increment.prescribed_only()
     linear = prescribed - solver_of(increment, at, projected=True)(
         gradient + increment.matrix(at, projected=True) @ prescribed
     )
-    there = increment.at(linear)
-    if np.isfinite(increment.energy(linear, there)):
-        return np.asarray(linear), there
+    trial = increment.at(linear)
+    if np.isfinite(increment.energy(linear, trial)):
+        return np.asarray(linear), trial
     if increment.supports is None:
-        return still, at
-    worst = int(np.argmin(determinant(there.F)))
+        return rest, at
+    worst = int(np.argmin(determinant(trial.F)))
     b = int(increment.grid.cell_body[increment.grid.cell_of_point[worst]])
-    raise NotConverged(f"body {b}", "the supports move so far in one step that points turn inside out")
+    raise NotConverged(f"body {b}", "the supports move so far in one step that points are inverted (det F <= 0)")
 
 
 def matrix_is_due(
     increment: Increment, contact: ContactProblem | None, iteration: int, imbalance: float, before: float
 ) -> bool:
-    """Whether a new matrix is due: the last one would take more than one iteration more, by what it did in this one.
+    """Whether to refactorise: at the current convergence rate the old matrix needs more than one more iteration.
 
-    Contacts without friction let bodies turn, and without inertia they move more: matrices age faster. Otherwise
-    the first iteration, which finds the contacts, says little of the next.
+    Without friction or without inertia bodies rotate and move more, so that matrices become outdated sooner.
+    Otherwise the rate of the first iteration, in which contacts are found, is no measure of the next.
     """
     tol = increment.scheme.newton_tol
     if iteration == 0:
         return True
     if imbalance <= REFACTORISE_ABOVE * tol:
         return False
-    slides = contact is not None and contact.constraints.size > 0 and not contact.constraints.tangential
-    held = increment.scheme.inertia and not slides
-    if iteration == 1 and held and imbalance > REFACTORISE_AT_ONCE * tol:
+    frictionless = contact is not None and contact.constraints.size > 0 and not contact.constraints.tangential
+    steady = increment.scheme.inertia and not frictionless
+    if iteration == 1 and steady and imbalance > REFACTORISE_AT_ONCE * tol:
         return imbalance > SLOW_RATE * before
-    rate = max(imbalance / max(before, 1e-300), 0.0 if held else LEAST_RATE)
+    rate = max(imbalance / max(before, 1e-300), 0.0 if steady else MIN_RATE)
     return rate > SLOW_RATE or imbalance * rate > tol
 
 
 def factorised(
     increment: Increment, contact: ContactProblem | None, at: Configuration, *, projected: bool, touches: bool = False
 ) -> tuple[Solver, bool]:
-    """A solver for the exact A if that is positive definite, else for the projected one, and which it was.
+    """A solver for the exact A if it is positive definite, else for the projected one, and whether it is projected.
 
-    What contacts know by the solver before is given up first: two factors need not be in memory at once.
+    The Delassus operator of the previous solver is released first, so that only one factor is in memory.
     """
     if contact is not None:
         contact.delassus = None
@@ -108,26 +108,26 @@ def factorised(
 def unmet_criteria(
     increment: Increment,
     contact: ContactProblem | None,
-    momentum: Array,
+    out_of_balance: Array,
     imbalance: float,
     residual: float,
     drift: Array,
 ) -> list[tuple[str, str]]:
-    """The criteria of convergence that are not met, where and by how much; `momentum` (2 nodes,) is missing."""
+    """The convergence criteria that are not met, where and by how much; `out_of_balance` (2 nodes,)."""
     scheme, unmet = increment.scheme, list[tuple[str, str]]()
     if not imbalance <= scheme.newton_tol:
-        size = f"momentum imbalance {imbalance:.2g} (wanted {scheme.newton_tol:g})"
-        unmet.append((worst_body(increment.grid, increment.unsupported(momentum)), size))
+        size = f"out-of-balance force {imbalance:.2g} (tolerance {scheme.newton_tol:g})"
+        unmet.append((worst_body(increment.grid, increment.on_free_dofs(out_of_balance)), size))
     if contact is not None and not residual <= scheme.gap_tol:
-        unmet.append((contact.worst_pair(), f"contact residual {residual:.2g} (wanted {scheme.gap_tol:g})"))
-    if not drift.max() <= DRIFT:
+        unmet.append((contact.worst_pair(), f"contact residual {residual:.2g} (tolerance {scheme.gap_tol:g})"))
+    if not drift.max() <= MAX_DRIFT:
         b = int(np.argmax(drift))
-        size = f"momentum that would move it by {drift[b]:.2g} cells (wanted {DRIFT:g}) missing"
+        size = f"out-of-balance momentum that moves it by {drift[b]:.2g} cells (tolerance {MAX_DRIFT:g})"
         unmet.append((f"body {b}", size))
     return unmet
 
 
 def not_converged(limit: int, unmet: list[tuple[str, str]]) -> NotConverged:
-    """The failure after so many iterations, with the criteria that are not met."""
-    what = ", ".join(f"{problem} at {place}" for place, problem in unmet)
-    return NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {what}")
+    """The error after `limit` iterations, with the criteria that are not met."""
+    criteria = ", ".join(f"{problem} at {where}" for where, problem in unmet)
+    return NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {criteria}")

@@ -1,4 +1,4 @@
-"""How far to go along a Newton direction."""
+"""Line search along a Newton direction."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from skmpm.implicit.residual import Increment
 
 Array = NDArray[np.float64]
 
+MIN_STEP_LENGTH = 1e-6  # over the Newton direction
+SUFFICIENT_DECREASE = 1e-4  # Armijo's constant (Nocedal & Wright, Numerical Optimization, section 3.1)
+
 
 def move(
     increment: Increment,
@@ -21,27 +24,27 @@ def move(
     slope: Array,
     contact_impulse: Array,
 ) -> tuple[Array, Configuration]:
-    """To the next w: the accelerated step where it is admissible, else a line search along the Newton direction.
+    """The next w: the accelerated step if admissible, else a line search along the Newton direction.
 
-    `mixed` is the step that acceleration takes, and whether it is another than the direction.
+    `mixed` is the step of the acceleration, and whether it differs from the direction.
     """
-    way, accelerated = mixed
+    step, accelerated = mixed
     if increment.material_response.linear:
-        return w + way, increment.at(w + way)
+        return w + step, increment.at(w + step)
     if accelerated:
-        there = increment.at(w + way)
-        # Without contact the potential must go down; with it, it is another one in every iteration.
+        trial = increment.at(w + step)
+        # Without contact the potential must decrease; with contact it changes from iteration to iteration.
         limit = float(np.finfo(float).max)
         if not contact_impulse.any():
             energy = increment.energy(w, at)
-            limit = energy + _noise(increment, w, at, direction, abs(energy))
-        if increment.energy(w + way, there) <= limit:
-            return w + way, there
+            limit = energy + _round_off(increment, w, at, direction, abs(energy))
+        if increment.energy(w + step, trial) <= limit:
+            return w + step, trial
     return _search(increment, w, at, direction, slope, contact_impulse)
 
 
-def _noise(increment: Increment, w: Array, at: Configuration, direction: Array, size: float) -> float:
-    """How far the potential, of terms of this size, is known [J/m]."""
+def _round_off(increment: Increment, w: Array, at: Configuration, direction: Array, size: float) -> float:
+    """Round-off of the potential, whose terms have this size [J/m]."""
     materials = 20.0 * float(np.finfo(float).eps) * increment.modulus * float(increment.bulk.assembly.volume.sum())
     return 1e-13 * size + materials + increment.round_off(w, at) * float(np.linalg.norm(direction))
 
@@ -49,19 +52,19 @@ def _noise(increment: Increment, w: Array, at: Configuration, direction: Array, 
 def _search(
     increment: Increment, w: Array, at: Configuration, direction: Array, slope: Array, contact_impulse: Array
 ) -> tuple[Array, Configuration]:
-    """Backtrack from the full Newton step until the potential less the work of `push` goes down."""
+    """Armijo backtracking on the potential minus the work of the contact impulse."""
     decrease = float(slope @ direction)
     start = increment.energy(w, at) - float(contact_impulse @ w)
-    noise = _noise(increment, w, at, direction, abs(start) + abs(float(contact_impulse @ w)))
+    round_off = _round_off(increment, w, at, direction, abs(start) + abs(float(contact_impulse @ w)))
     length = 1.0
-    while length > 1e-6:
+    while length > MIN_STEP_LENGTH:
         trial = w + length * direction
-        there = increment.at(trial)
-        merit = increment.energy(trial, there) - float(contact_impulse @ trial)
-        if merit <= start + 1e-4 * length * decrease + noise:
-            return trial, there
+        configuration = increment.at(trial)
+        merit = increment.energy(trial, configuration) - float(contact_impulse @ trial)
+        if merit <= start + SUFFICIENT_DECREASE * length * decrease + round_off:
+            return trial, configuration
         length *= 0.5
     raise NotConverged(
         worst_body(increment.grid, slope),
-        "the line search found no step that keeps the points the right way out",
+        "the line search found no step length that lowers the energy and keeps det F > 0 at all points",
     )

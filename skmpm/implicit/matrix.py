@@ -1,4 +1,4 @@
-"""Solvers for the matrix of an increment, steadied where it is not positive definite."""
+"""Factorisation of the Newton matrix A, modified where it is not positive definite."""
 
 from __future__ import annotations
 
@@ -12,33 +12,37 @@ from skmpm.linear import HeldRotation, Solver, diagonal
 
 Array = NDArray[np.float64]
 
-LEAST_INERTIA = 0.25  # of a body's inertia must be left of what resists its turning
-SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the projected matrix that are tried; beside corners 1/16 to 1/4 often do
+MIN_ROTATIONAL_STIFFNESS = 0.25  # of A for the rotation of a body, over its moment of inertia
+# Shares of the projected matrix that are tried in turn; beside corners 1/16 to 1/4 often suffice.
+PROJECTED_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
 
 
 def solver_of(increment: Increment, at: Configuration, *, projected: bool, touches: bool = False) -> Solver:
-    """The scheme's solver for A, steadied where it needs that; LinAlgError where it is not positive definite."""
+    """The scheme's solver for A, modified if A is indefinite; LinAlgError if it is indefinite all the same.
+
+    `projected` takes the positive semi-definite part of the material tangent; `touches` says that bodies touch.
+    """
     A = increment.matrix(at, projected=projected)
     try:
         return _solver(increment, A)
     except np.linalg.LinAlgError:
         if projected:
             raise
-        if touches and not increment.scheme.inertia and not increment.floats.any():
+        if touches and not increment.scheme.inertia and not increment.floating.any():
             return _convexified(increment, A, at)
-        if not increment.scheme.inertia:  # nothing else than the whole projection stops bodies that turn or buckle
+        if not increment.scheme.inertia:  # only the full projection stabilises bodies that rotate or buckle
             raise
-        return _steadied(increment, A, at)
+        return _with_rotational_inertia(increment, A, at)
 
 
 def _convexified(increment: Increment, A: sp.bsr_array, at: Configuration) -> Solver:
-    """A solver for the mixture of the exact A and the projected one that is nearest to A and positive definite.
+    """A solver for the positive definite mixture of exact and projected A that is nearest to the exact one.
 
-    Contacts hold what A alone does not, such as the surface beside a corner that is pressed in, so the little
-    that is missing is enough: what is added delays convergence in all directions.
+    Contacts stabilise what A alone does not, such as the surface beside an indenting corner, so a small share of the
+    projection suffices; any share slows convergence in all directions.
     """
     projected = increment.matrix(at, projected=True)
-    for share in SHARES:
+    for share in PROJECTED_SHARES:
         data = (1.0 - share) * A.data + share * projected.data
         try:
             return _solver(increment, sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
@@ -47,22 +51,23 @@ def _convexified(increment: Increment, A: sp.bsr_array, at: Configuration) -> So
     return _solver(increment, projected)
 
 
-def _steadied(increment: Increment, A: sp.bsr_array, at: Configuration) -> Solver:
-    """A solver with more inertia for bodies that pressure would drive round if contacts did not hold them.
+def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, at: Configuration) -> Solver:
+    """A solver with additional inertia for bodies under pressure whose rotation is unstable without contacts.
 
-    A pressed body has less energy as it turns with its loads left behind, by 2 p V theta^2 / 2; in long steps
-    that exceeds its inertia. Translations keep theirs, so that an iteration balances the momentum of the body.
+    A body under pressure p that rotates by theta while its loads keep their directions loses the energy p V theta^2,
+    which exceeds its rotational energy in long steps. Translations keep their inertia, so that an iteration balances
+    the momentum of the body.
     """
     grid, mass = increment.grid, increment.bulk.assembly.mass
     weight = mass[::2]
     x = grid.position + at.displacement.reshape(-1, 2).T
     arm = x - grid.means(x, weight)[:, grid.node_body]
-    turn = np.stack([-arm[1], arm[0]], axis=1).ravel()
-    resisting = np.stack([mass * turn**2, turn * (A @ turn)]).reshape(2, -1, 2).sum(axis=-1)
-    inertia, held = grid.sums(resisting)
-    missing = np.maximum(LEAST_INERTIA - held / np.maximum(inertia, 1e-300), 0.0)
-    data, constraints = A.data.copy(), np.repeat(np.arange(grid.nodes), np.diff(A.indptr))
-    data[constraints == A.indices] += (missing[grid.node_body] * weight)[:, None, None] * np.eye(2)
+    rotation = np.stack([-arm[1], arm[0]], axis=1).ravel()
+    quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)]).reshape(2, -1, 2).sum(axis=-1)
+    inertia, stiffness = grid.sums(quadratic)
+    missing = np.maximum(MIN_ROTATIONAL_STIFFNESS - stiffness / np.maximum(inertia, 1e-300), 0.0)
+    data, row = A.data.copy(), np.repeat(np.arange(grid.nodes), np.diff(A.indptr))
+    data[row == A.indices] += (missing[grid.node_body] * weight)[:, None, None] * np.eye(2)
     solver = _solver(increment, sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
     if increment.supports is not None:
         return solver

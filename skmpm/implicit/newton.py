@@ -1,4 +1,4 @@
-"""Newton on the incremental potential, with the contacts solved in every iteration."""
+"""Newton's method on the incremental potential, with the contact problem solved in every iteration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.implicit.contact_problem import ContactProblem, Timer
+from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.errors import NotConverged
 from skmpm.implicit.floating import null_space
 from skmpm.implicit.iteration import (
@@ -23,23 +23,23 @@ from skmpm.implicit.iteration import (
 from skmpm.implicit.line_search import move
 from skmpm.implicit.mixing import Mixing
 from skmpm.implicit.residual import Increment
+from skmpm.implicit.timer import Timer
 from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
 
-MAX_ITERATIONS_WITH_CONTACT = (
-    8  # iterations with contacts; it takes three where all is well, and two shorter steps take less than many
-)
+# Iterations of a dynamic step with contacts: three are usual, and two shorter steps cost less than more than eight.
+MAX_ITERATIONS_WITH_CONTACT = 8
 
 
 def advance(increment: Increment, contact: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
     """Solve one step from w = v0.
 
-    Every iteration measures the gaps where the current w ends and solves the contacts against the linearised bulk.
-    How the forces of loaded contacts turn is part of the contact problem, so convergence is fast with the matrix of
-    the velocity to start from; a new one is made where it is not. Where a contact is about to snap there may be
-    nothing to converge to: then normals stay as they are, and gaps, Signorini's and Coulomb's laws are solved along
-    them. With inertia, contacts that have not converged after `HASTE` iterations are left to a shorter step.
+    Every iteration measures the gaps at the current w and solves the contact problem on the linearised bulk. Since
+    that includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity; it
+    is refactorised where convergence is slow. Near a limit point of the contacts there may be no solution: then the
+    contact geometry is frozen, and gaps, Signorini's and Coulomb's laws are solved with it. In a dynamic step,
+    contacts that have not converged after `MAX_ITERATIONS_WITH_CONTACT` iterations need a shorter step.
 
     Raises
     ------
@@ -47,47 +47,45 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
         after these, or `max_newton`, iterations, or when the contact solver or the line search fails
     """
     if contact is None:
-        _check_balance(increment)
+        _check_resultants(increment)
     scheme, solver, (w, at) = increment.scheme, kept, first_velocity(increment)
     projected, before, matrices = False, np.inf, 0
-    mixing, share, solved = Mixing(increment.bulk.assembly.mass), 1.0, np.zeros_like(w)
+    mixing, relaxation, solved = Mixing(increment.bulk.assembly.mass), 1.0, np.zeros_like(w)
     limit = min(MAX_ITERATIONS_WITH_CONTACT, scheme.max_newton) if contact and scheme.inertia else scheme.max_newton
     for iteration in range(limit + 2):
         gradient, size = increment.gradient(w, at)
         contact_impulse, residual = contact.measure(w) if contact else (np.zeros_like(w), 0.0)
         if contact:
-            size = max(size, float(np.linalg.norm(contact_impulse)), contact.round_off / scheme.newton_tol)
+            size = max(size, float(np.linalg.norm(contact_impulse)), contact.impulse_round_off / scheme.newton_tol)
         imbalance = (
-            float(np.linalg.norm(increment.unsupported(gradient - contact_impulse))) / size if size > 0.0 else 0.0
+            float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse))) / size if size > 0.0 else 0.0
         )
-        exact = iteration == 1 and increment.exact and contact is None
-        close = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
-        balanced = increment.balanced(w, contact_impulse, solved) if exact or close else None
-        if balanced is not None:
+        solved_at_once = iteration == 1 and increment.one_solve and contact is None
+        converged = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
+        final = increment.momentum_corrected(w, contact_impulse, solved) if solved_at_once or converged else None
+        if final is not None:
             reaction = increment.reaction(gradient - contact_impulse)
-            return Solution(balanced, contact, iteration, matrices, residual, imbalance, reaction, solver)
-        if iteration >= limit + close:  # one full step more balances what is close
+            return Solution(final, contact, iteration, matrices, residual, imbalance, reaction, solver)
+        if iteration >= limit + converged:  # a full step more balances the momentum of a converged iterate
             break
-        slow, stuck = imbalance > SLOW_RATE * before, iteration > 2 and imbalance > STALLED_RATE * before
-        late = matrix_is_due(increment, contact, iteration, imbalance, before)
-        if solver is None or (late and not increment.material_response.linear):
-            solver = None  # the factors of two matrices need not be in memory at once
+        slow, stalled = imbalance > SLOW_RATE * before, iteration > 2 and imbalance > STALLED_RATE * before
+        due = matrix_is_due(increment, contact, iteration, imbalance, before)
+        if solver is None or (due and not increment.material_response.linear):
+            solver = None  # so that only one factor is in memory
             touches, projected = contact is not None and contact.constraints.size > 0, projected and imbalance > 0.01
             solver, projected = factorised(increment, contact, at, projected=projected, touches=touches)
             matrices += 1
             timer.lap("factorisation")
-        share = RELAXATION if contact and stuck else share
-        if contact and contact.frozen is None and (contact.rejected > 0 or stuck):
-            contact.frozen, mixing, share = contact.constraints, Mixing(increment.bulk.assembly.mass), 1.0
+        relaxation = RELAXATION if contact and stalled else relaxation
+        if contact and contact.frozen is None and (contact.stiffness_failures > 0 or stalled):
+            contact.frozen, mixing, relaxation = contact.constraints, Mixing(increment.bulk.assembly.mass), 1.0
         before = imbalance
         if contact:
             direction, contact_impulse = contact.solve(solver, gradient)
         else:
             direction = -solver(gradient)
-        mixed, solved = (
-            mixing.mixed(w, direction, 1.0 if close else share, wanted=slow and not close),
-            contact_impulse,
-        )
+        mixed = mixing.mixed(w, direction, 1.0 if converged else relaxation, wanted=slow and not converged)
+        solved = contact_impulse
         w, at = move(increment, w, at, direction, mixed, gradient - contact_impulse, contact_impulse)
         timer.lap("bulk")
     drift = increment.drift(w, contact_impulse, solved)
@@ -95,20 +93,22 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     raise not_converged(limit, unmet)
 
 
-def _check_balance(increment: Increment) -> None:
-    """Raise NotConverged where loads would send a body away for ever that neither inertia nor anything else holds."""
-    if not increment.floats.any():
+def _check_resultants(increment: Increment) -> None:
+    """Raise NotConverged where the loads have a resultant on a rigid-body mode of a floating body."""
+    if not increment.floating.any():
         return
     grid, motions = increment.grid, increment.grid.rigid_motions()
-    stopped, owner = increment.stopped(sp.csr_array(motions)).toarray(), grid.node_body[increment.fixed // 2]
-    for b in np.flatnonzero(increment.floats).tolist():
+    violation = increment.support_violation(sp.csr_array(motions)).toarray()
+    owner = grid.node_body[increment.constrained_dofs // 2]
+    for b in np.flatnonzero(increment.floating).tolist():
         own = slice(grid.blocks[b], grid.blocks[b + 1])
-        free = null_space(stopped[owner == b].T @ stopped[owner == b])
-        size, net = np.abs(increment.force[own]).sum(), increment.force[own] @ motions[own]
-        if np.abs(free.T @ net).max(initial=0.0) > 1e-6 * size * np.sqrt(own.stop - own.start):
+        free = null_space(violation[owner == b].T @ violation[owner == b])
+        size, resultant = np.abs(increment.force[own]).sum(), increment.force[own] @ motions[own]
+        if np.abs(free.T @ resultant).max(initial=0.0) > 1e-6 * size * np.sqrt(own.stop - own.start):
             raise NotConverged(
                 f"body {b}",
-                f"it is held by nothing along its loads, which do not balance: net {net[0]:.3g}, {net[1]:.3g} N/m",
+                "its loads have a resultant that no support or contact balances:"
+                f" ({resultant[0]:.3g}, {resultant[1]:.3g}) N/m",
                 "add a Support or a wall, or use inertia",
                 retryable=False,
             )

@@ -92,9 +92,8 @@ def _contact_problem(
     scheme, contacts = increment.scheme, state.contacts
     linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions)
     timer.lap("detection")
-    components = scene.supporting >= 0
     return ContactProblem(
-        linearise, increment, contacts.key, contacts.force, timer, prescribed_components=components, delassus=delassus
+        linearise, increment, contacts.key, contacts.force, timer, supported=scene.supporting >= 0, delassus=delassus
     )
 
 

@@ -69,7 +69,7 @@ def budget_of(
         constraints, r, u = solution.contact.constraints, solution.contact.r, solution.contact.u
         external -= float(r @ constraints.prescribed_components)  # the work of walls and rigid bodies
         push_out = float(constraints.forces(r, increment.dt)[0] @ constraints.pushed_out)
-        rounding = float(bulk.assembly.mass.sum()) * solution.contact.noise**2
+        rounding = float(bulk.assembly.mass.sum()) * solution.contact.speed_round_off**2
         tolerated = (
             float(np.maximum((r * u).reshape(constraints.size, -1).sum(axis=1), 0.0).sum())
             if constraints.size
@@ -118,7 +118,7 @@ def report_of(
     return Report(
         dt=increment.dt,
         newton=solution.newton,
-        factorisations=solution.factorised,
+        factorisations=solution.factorisations,
         contact=0 if solution.contact is None else solution.contact.iterations,
         residual=solution.residual,
         imbalance=solution.imbalance,

@@ -51,7 +51,7 @@ def test_settled_normals_give_nearly_the_same_step(monkeypatch, friction):
     solve = ContactProblem.solve
 
     def lost(contacts, solver, gradient):
-        contacts.rejected = 1
+        contacts.stiffness_failures = 1
         return solve(contacts, solver, gradient)
 
     monkeypatch.setattr(ContactProblem, "solve", lost)
@@ -146,9 +146,9 @@ def test_a_failure_names_the_criteria_that_are_not_met_and_no_other(iterations, 
     scene, scheme = squeezed(), Scheme.accurate(max_newton=iterations)
     with pytest.raises(StepFailed, match=r"no convergence in \d Newton iterations: ") as failure:
         step(scene, last(scene, 4), dt, scheme=scheme)
-    found = re.findall(r"(?:imbalance|residual) (\S+) \(wanted (\S+?)\) at (?:body|bodies) \d", str(failure.value))
+    found = re.findall(r"(?:force|residual) (\S+) \(tolerance (\S+?)\) at (?:body|bodies) \d", str(failure.value))
     assert found
-    assert all(float(value) > float(wanted) for value, wanted in found)
+    assert all(float(value) > float(tolerance) for value, tolerance in found)
 
 
 def test_a_body_is_balanced_against_the_last_contact_solve_or_not_at_all():
@@ -163,10 +163,10 @@ def test_a_body_is_balanced_against_the_last_contact_solve_or_not_at_all():
     moving = np.repeat(grid.node_body == 1, 2) * 1.0
     kick = assembly.lumped * moving  # what would balance it
     assert step.drift(moving, push, push) == pytest.approx([0.0, np.sqrt(2.0) * 8e-6 / scene.cell])
-    assert step.balanced(moving, push, push) is None, "too far for a correction"
+    assert step.momentum_corrected(moving, push, push) is None, "too far for a correction"
     assert step.drift(moving, push, kick).max() < 1e-12
-    assert step.balanced(moving, push, kick) == pytest.approx(moving, rel=1e-12)
-    assert step.balanced(moving, push, 0.9999 * kick) == pytest.approx(0.9999 * moving, rel=1e-12)
+    assert step.momentum_corrected(moving, push, kick) == pytest.approx(moving, rel=1e-12)
+    assert step.momentum_corrected(moving, push, 0.9999 * kick) == pytest.approx(0.9999 * moving, rel=1e-12)
 
 
 def test_what_a_step_may_gain_is_a_share_of_what_it_exchanges_whatever_went_before():
@@ -225,6 +225,6 @@ def test_a_start_that_turns_points_inside_out_is_shortened():
 def test_failure_says_what_is_left_and_keeps_the_state():
     scene = squeezed()
     start = initial(scene)
-    with pytest.raises(StepFailed, match=r"body \d: .*momentum imbalance .*smaller dt") as failure:
+    with pytest.raises(StepFailed, match=r"body \d: .*out-of-balance force .*smaller dt") as failure:
         step(replace(scene, friction=0.5), start, 8e-6, scheme=Scheme(max_newton=1))
     assert failure.value.state.t == start.t

@@ -1,0 +1,47 @@
+"""Reference magnitudes of contact residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import coulomb
+from skmpm.contact import Constraints
+from skmpm.contact.constraints import lookup
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ContactScale:
+    """What makes contact residuals dimensionless, from the last contact solve."""
+
+    key: Ints  # (k,) contacts of that solve
+    diagonal: Array  # (2, k) of W, positive [1/kg]
+    reference: float  # norm of the scaled right-hand side of closing contacts
+
+    def diagonal_of(self, constraints: Constraints) -> Array:
+        """The diagonal of W for other contacts, with the median for those that the last solve did not contain."""
+        typical = np.median(self.diagonal, axis=1)
+        diagonal = np.stack([lookup(self.key, self.diagonal[i], constraints.key, float(typical[i])) for i in (0, 1)])
+        return diagonal.T.ravel() if constraints.tangential else diagonal[0]
+
+
+def contact_scale(constraints: Constraints, diagonal: Array, q: Array, round_off: float) -> ContactScale:
+    """The scale of a contact problem with diag W and right-hand side q; `round_off` is the smallest speed [m/s].
+
+    Open contacts do not count, since their gaps are not related to the size of the forces. Sliding speeds count as
+    far as friction can change them: not at all where a support prescribes the tangential velocity.
+    """
+    responds = diagonal.reshape(constraints.size, -1).T > 0.0
+    scaled = coulomb.row_scales(diagonal, constraints.size)
+    responds[1:] &= (scaled == diagonal).reshape(constraints.size, -1).T[1:]
+    scale = scaled.reshape(constraints.size, -1).T[[0, -1]]
+    speed = np.abs(q).reshape(constraints.size, -1).T  # (1 or 2, k)
+    closing = np.where(q[:: len(speed)] < 0.0, speed, 0.0)
+    closing[1:] = np.minimum(closing[1:], constraints.friction * closing[0] * (scale[1] / scale[0]))
+    size = np.maximum(closing, round_off) / np.sqrt(scale[: len(speed)])
+    return ContactScale(constraints.key, scale, max(float(np.linalg.norm(np.where(responds, size, 0.0))), 1e-300))

@@ -1,0 +1,137 @@
+"""Quasi-static steps without equilibrium: motion along collapse mechanisms, and the error that describes them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.contact import Constraints
+from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.equilibrium import LOAD_TOLERANCE, RigidContacts, mechanism, motion
+from skmpm.implicit.errors import NotConverged
+from skmpm.implicit.floating import FloatingBodies, rigid_contacts
+from skmpm.implicit.residual import Increment
+from skmpm.outline.curve import CORNER
+
+Array = NDArray[np.float64]
+
+DETECTION_INTERVAL = 0.2  # [cells] of motion between contact detections, which find contacts within 0.25 cells
+MAX_FALL = 1.0  # [cells] of motion along mechanisms before a body is said to have no equilibrium
+MAX_DETECTIONS = 50  # along mechanisms
+GAP_MARGIN = 0.08  # [cells] over the smallest gap of two bodies: contacts that the error message considers
+NO_SLIP_FRICTION = 100.0  # Coulomb coefficient with which no contact slides
+
+
+def rigid_predictor(
+    increment: Increment, contact: ContactProblem, bodies: FloatingBodies, constraints: Constraints
+) -> Array | None:
+    """The velocity (2 nodes,) that moves bodies to contacts which can carry their loads; None if these exist.
+
+    `constraints` are the contacts of the prescribed motion alone. Bodies move along the collapse mechanism as rigid
+    bodies until they meet further contacts.
+
+    Raises
+    ------
+    NotConverged
+        if the contacts cannot carry the loads after a motion of `MAX_FALL`
+    """
+    w = increment.prescribed_only()
+    for detections in range(MAX_DETECTIONS if bodies.loaded else 0):
+        constraints = contact.linearise(w) if detections else constraints
+        contacts = rigid_contacts(increment, bodies, constraints)
+        carried = _carried(contact, bodies, constraints, contacts)
+        q = None if carried else mechanism(bodies.resultant, contacts)
+        if q is None:
+            return None if detections == 0 else w
+        if float(np.abs(bodies.excess_motion(increment.dt * w)).max()) > MAX_FALL * increment.grid.cell:
+            error = no_equilibrium(increment, bodies, constraints)
+            if error is not None:
+                raise error
+        velocity = bodies.modes @ q
+        length = DETECTION_INTERVAL * increment.grid.cell / increment.dt
+        w = w + length / float(np.abs(velocity).max()) * velocity
+    return None
+
+
+def _carried(
+    contact: ContactProblem, bodies: FloatingBodies, constraints: Constraints, contacts: RigidContacts
+) -> bool:
+    """Whether the contact forces of the previous step carry the loads, so that no programme need be solved."""
+    if contact.key.size == 0:
+        return False
+    normal, tangential = constraints.forces(constraints.impulses(contact.key, contact.force, 1.0), 1.0)
+    out_of_balance = bodies.resultant + contacts.normal.T @ normal + contacts.tangent.T @ tangential
+    size = np.abs(bodies.resultant.reshape(-1, 3)).max(axis=1)
+    return bool((np.abs(out_of_balance) <= LOAD_TOLERANCE * np.repeat(size, 3)).all())
+
+
+def diagnosed(
+    increment: Increment, contact: ContactProblem, bodies: FloatingBodies, error: NotConverged
+) -> NotConverged:
+    """The mechanism of the last iteration's contacts as an error, or `error` if there is none."""
+    if not bodies.loaded or not hasattr(contact, "constraints"):
+        return error
+    found = no_equilibrium(increment, bodies, contact.constraints, "no equilibrium was found")
+    if found is None:
+        return error
+    found.retryable = bool(bodies.prescribed_range.any())  # if nothing is driven, a smaller dt is the same problem
+    return found
+
+
+def no_equilibrium(
+    increment: Increment,
+    bodies: FloatingBodies,
+    constraints: Constraints,
+    verdict: str = "there is no equilibrium",
+) -> NotConverged | None:
+    """The error that describes the mechanism of the closest contacts; None if they can carry the loads."""
+    closest = _closest(constraints, GAP_MARGIN * increment.grid.cell)
+    contacts = rigid_contacts(increment, bodies, closest)
+    rough = replace(contacts, friction=np.full(closest.size, NO_SLIP_FRICTION))
+    without_slip = mechanism(bodies.resultant, rough, few=True)
+    q = mechanism(bodies.resultant, contacts, few=True) if without_slip is None else without_slip
+    if q is None:
+        return None
+    found = motion(q, contacts)
+    b, verb, remedy = int(bodies.bodies[found.body]), found.verb, "" if without_slip is not None else " or friction"
+    if verb == "rotates":
+        verb = "topples" if _at_corner(increment, closest, found.contact, b) else "rolls"
+    where = "" if found.contact < 0 else f" {_on(closest, found.contact, b, increment.grid.cell)}"
+    force = bodies.resultant[3 * found.body : 3 * found.body + 2]
+    return NotConverged(
+        f"body {b}",
+        f"{verdict}: it {verb}{where}; its load is ({force[0]:.3g}, {force[1]:.3g}) N/m",
+        f"add a Support, a wall{remedy}, or use inertia",
+        retryable=False,
+    )
+
+
+def _closest(constraints: Constraints, margin: float) -> Constraints:
+    """The contacts of every pair of bodies with gaps up to the smallest one plus a margin [m]."""
+    pairs, pair = np.unique(constraints.bodies, axis=1, return_inverse=True)
+    smallest = np.full(pairs.shape[1], np.inf)
+    np.minimum.at(smallest, pair.ravel(), constraints.gap)
+    return constraints.among(constraints.gap <= np.maximum(smallest[pair.ravel()], 0.0) + margin)
+
+
+def _on(constraints: Constraints, contact: int, body: int, cell: float) -> str:
+    """The other body or wall of a contact and its position, as text."""
+    first, second = constraints.bodies[:, contact].tolist()
+    other = first if second == body else second
+    x, y = cell * np.round(constraints.x[:, contact] / cell, 6) + 0.0  # no -2e-17
+    return f"on {f'wall {-1 - other}' if other < 0 else f'body {other}'} at ({x:.4g}, {y:.4g}) m"
+
+
+def _at_corner(increment: Increment, constraints: Constraints, contact: int, body: int) -> bool:
+    """Whether the boundary point of a body that is nearest to the contact is a corner."""
+    grid = increment.grid
+    deformable = np.flatnonzero(np.diff(constraints.base.indptr) > 0)
+    owner = grid.node_body[constraints.base.indices[constraints.base.indptr[deformable]]]
+    own = deformable[owner == body]
+    x = (constraints.base[own] @ (grid.position + increment.start.reshape(-1, 2).T).T).T
+    nearest = int(np.argmin(np.hypot(*(x - constraints.x[:, contact, None]))))
+    a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % own.size]].T
+    ahead, back = c - b, b - a
+    return bool(float(ahead @ back) < CORNER * float(np.hypot(*ahead) * np.hypot(*back)))
