@@ -13,7 +13,7 @@ from skmpm.implicit.equilibrium import LOAD_TOLERANCE, RigidContacts, mechanism,
 from skmpm.implicit.errors import NotConverged
 from skmpm.implicit.floating import FloatingBodies, rigid_contacts
 from skmpm.implicit.residual import Increment
-from skmpm.outline.curve import CORNER
+from skmpm.outline.curve import CORNER_COSINE
 
 Array = NDArray[np.float64]
 
@@ -134,4 +134,4 @@ def _at_corner(increment: Increment, constraints: Constraints, contact: int, bod
     nearest = int(np.argmin(np.hypot(*(x - constraints.x[:, contact, None]))))
     a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % own.size]].T
     ahead, back = c - b, b - a
-    return bool(float(ahead @ back) < CORNER * float(np.hypot(*ahead) * np.hypot(*back)))
+    return bool(float(ahead @ back) < CORNER_COSINE * float(np.hypot(*ahead) * np.hypot(*back)))

@@ -212,7 +212,8 @@ class Increment:
         """Out-of-balance impulse by round-off of displacements and velocities [kg m/s per m]."""
         length = self.grid.cell + float(np.abs(at.displacement).max(initial=0.0))
         inertia = float(np.linalg.norm(self.mass * w))
-        return float(20.0 * np.finfo(float).eps * (self._theta_dt * self.modulus * length * np.sqrt(w.size) + inertia))
+        elastic = self._theta_dt * self.modulus * length * np.sqrt(w.size)
+        return float(20.0 * np.finfo(float).eps * (elastic + inertia))
 
     def matrix(self, at: Configuration, *, projected: bool = False) -> sp.bsr_array:
         """A = M + theta^2 dt^2 K; in a quasi-static step the springs or the drag of floating bodies replace M.

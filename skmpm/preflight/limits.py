@@ -15,7 +15,7 @@ from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
 from skmpm.simulate.initial_state import initial_motion
-from skmpm.simulate.rigid_edges import ROUND, facing_edges
+from skmpm.simulate.rigid_edges import MIN_EDGE_RADIUS, facing_edges
 
 
 class Limit(NamedTuple):
@@ -200,13 +200,13 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 def _edges(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if scheme.inertia or scheme.contact is shared_grid:
         return
-    radius = ROUND * metrics.cell
+    radius = MIN_EDGE_RADIUS * metrics.cell
     found = facing_edges(scene, initial_motion(scene)[0], radius)
     for rigid, soft in np.unique(found[[0, 2]], axis=1).T.tolist():
         point = found[1, (found[0] == rigid) & (found[2] == soft)][0]
         x, y = scene.initial_positions[:, point]
         verified = "a flat punch with rounder edges reached 40 % of the height, with sharper ones in cases only 25 %"
-        where = f"body {rigid}: an edge at ({x:.4g}, {y:.4g}) m sharper than {ROUND:g} h meets body {soft}"
+        where = f"body {rigid}: an edge at ({x:.4g}, {y:.4g}) m sharper than {MIN_EDGE_RADIUS:g} h meets body {soft}"
         yield f"{where} without inertia; {verified}; use inertia, or a radius of {radius:.4g} m"  # test_punch
 
 

@@ -1,4 +1,4 @@
-"""Running a scene: `initial` makes its first state, `step` advances it, `simulate` is the generator around `step`."""
+"""Time stepping: `initial` makes the first state, `step` advances it, `simulate` is the generator around `step`."""
 
 from skmpm.simulate.algorithm import step
 from skmpm.simulate.initial_state import initial

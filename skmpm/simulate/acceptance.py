@@ -1,4 +1,4 @@
-"""What a step must not do, however well its equations are solved: jump, gain energy, sink into walls or bodies."""
+"""Acceptance checks of a solved step: inversion, energy gain, self-intersection, tunnelling, penetration."""
 
 from __future__ import annotations
 
@@ -16,27 +16,25 @@ from skmpm.simulate.initial_state import can_touch
 
 Array = NDArray[np.float64]
 
-MAX_TRAVEL = 1.0  # [cells] in one step; contact finds what is less than a cell deep
-THICKNESS_SHARE = 0.25  # of the thinnest part of all bodies, which what moves past the others must not pass unseen
-MAX_WALL_DEPTH = 0.05  # [cells] of a point behind a wall
-MAX_BODY_DEPTH = 0.25  # [cells] of one body in another
-UNRESOLVED_FOLD = (
-    2.0  # [cells] of the outline between crossing segments: less is a fold of what the grid hardly resolves
-)
-ENERGY_TOLERANCE = 5e-7  # of the energies, for tolerances and rounding
-CURVATURE_SHARE = 0.01  # of the energy that a step exchanges: what it may gain where the potential curves downwards
-EXPLICIT_TOLERANCE = 0.05  # of the energies in an explicit step, which swings about the energy it keeps
+MAX_MOTION = 1.0  # [cells] of a point in one step; contact detection finds penetrations of less than a cell
+MAX_THICKNESS_SHARE = 0.25  # the same, over the thickness of the thinnest part of all bodies
+MAX_WALL_PENETRATION = 0.05  # [cells]
+MAX_BODY_PENETRATION = 0.25  # [cells]
+UNRESOLVED_FOLD = 2.0  # [cells] of outline between crossing segments: a shorter fold is hardly resolved by the grid
+ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round-off
+CURVATURE_TOLERANCE = 0.01  # over the energy exchanged in a step: gain by negative curvature of the potential
+EXPLICIT_TOLERANCE = 0.05  # over the largest energy: gain in an explicit step, whose energy oscillates
 
 
 def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> float:
-    """Area shared by bodies over the area of all bodies after a step; NotConverged where the step cannot be right."""
+    """Overlap area over the area of all bodies after a step; NotConverged if the step violates a check."""
     if not (np.isfinite(budget.elastic) and float(after.volume.min()) > 0.0):
         b = int(after.body[np.argmin(determinant(after.F))])
         material = scene.bodies[b].material
         linear = not isinstance(material, Rigid) and is_linear(material)
         small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
         remedy = f"use a smaller dt{small}"
-        raise NotConverged(f"body {b}", "points are turned inside out at the end of the step", remedy)
+        raise NotConverged(f"body {b}", "points are inverted (det F <= 0) at the end of the step", remedy)
     if scheme.inertia and scheme.theta == 1.0:
         _check_energy(scheme, after, budget)
     _check_crossings(scene, after)
@@ -50,22 +48,22 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
 
 
 def _check_energy(scheme: Scheme, after: State, budget: Budget) -> None:
-    """The bodies gain no energy, or little of what the step exchanges.
+    """Raise NotConverged if the bodies gain more energy than the work done on them and the tolerance.
 
-    In a solved step of backward Euler the energy changes by the work of loads, walls and supports less
-    1/2 |v1 - v0|_M^2 + R, R = E(u0) - E(u1) + dt E'(u1) w, contacts included. R is half the curvature of the
-    potential along the way times its square: negative where pressed bodies rotate or a column buckles, and a share
-    of what is exchanged that falls with the length of the step.
+    In a solved step of backward Euler the energy changes by the work of loads, walls and supports minus
+    1/2 |v1 - v0|_M^2 + R, R = E(u0) - E(u1) + dt E'(u1) w, contacts included. R is half the second derivative of the
+    potential in the direction of the displacement increment: negative where bodies under pressure rotate or a column
+    buckles, and a share of the energy exchanged that decreases with dt.
     """
     if scheme.explicit:
         limit, of = EXPLICIT_TOLERANCE * budget.largest, f"{_percent(budget.surplus, budget.largest)} of their energy"
     else:
-        limit = ENERGY_TOLERANCE * budget.largest + CURVATURE_SHARE * budget.exchanged
-        of = f"{_percent(budget.surplus, budget.exchanged)} of what the step exchanges"
+        limit = ENERGY_TOLERANCE * budget.largest + CURVATURE_TOLERANCE * budget.exchanged
+        of = f"{_percent(budget.surplus, budget.exchanged)} of the energy exchanged in the step"
     if budget.surplus > limit:
         b = after.body[np.argmin(determinant(after.F))]
-        most = _percent(EXPLICIT_TOLERANCE if scheme.explicit else CURVATURE_SHARE, 1.0)
-        raise NotConverged(f"body {b}", f"the bodies gain energy from nothing, {of} (at most {most})")
+        tolerance = _percent(EXPLICIT_TOLERANCE if scheme.explicit else CURVATURE_TOLERANCE, 1.0)
+        raise NotConverged(f"body {b}", f"the bodies gain energy without work, {of} (tolerance {tolerance})")
 
 
 def _percent(value: float, of: float) -> str:
@@ -73,7 +71,7 @@ def _percent(value: float, of: float) -> str:
 
 
 def _check_crossings(scene: Scene, after: State) -> None:
-    """No deformable body passes through itself: what a body touches are other bodies and walls."""
+    """Raise NotConverged if the outline of a deformable body crosses itself: self-contact is not modelled."""
     boundary = scene.outlines
     if boundary.size == 0:
         return
@@ -89,39 +87,39 @@ def _check_crossings(scene: Scene, after: State) -> None:
         f"its outline crosses itself near ({x[0, i]:.6g}, {x[1, i]:.6g}) and ({x[0, j]:.6g}, {x[1, j]:.6g}) m",
         "it folds there: use smaller loads, a finer cell or rounder corners"
         if local
-        else "a body does not touch itself: use smaller loads, or make it of several bodies",
+        else "self-contact is not modelled: use smaller loads, or divide it into several bodies",
     )
 
 
 def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> None:
-    """No point moves so far from the common motion that it may pass through a body, none arrives at a wall so fast.
+    """Raise NotConverged if a point moves so far, relative to the mean or a wall, that contact may go undetected.
 
-    With outlines, bodies that pass each other by less than their thickness overlap, which is looked for.
+    With outlines, bodies that tunnel by less than their thickness overlap, which `_check_overlap` detects.
     """
     moved = after.x - before.x
     relative = np.hypot(*(moved - (moved @ before.mass / before.mass.sum())[:, None]))
-    if float(relative.max()) > MAX_TRAVEL * scene.cell:
-        farthest = THICKNESS_SHARE * float(np.nanmin(scene.thickness)) if exact else 0.0
-        if float(relative.max()) > max(MAX_TRAVEL * scene.cell, farthest):
-            raise _jumped(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
+    if float(relative.max()) > MAX_MOTION * scene.cell:
+        farthest = MAX_THICKNESS_SHARE * float(np.nanmin(scene.thickness)) if exact else 0.0
+        if float(relative.max()) > max(MAX_MOTION * scene.cell, farthest):
+            raise _tunnelling(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
         near = np.flatnonzero(normal @ (after.x - end[:, None]) < scene.cell)
         approach = -normal @ (moved[:, near] - (end - start)[:, None])
-        if float(approach.max(initial=0.0)) > MAX_TRAVEL * scene.cell:
-            raise _jumped(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
+        if float(approach.max(initial=0.0)) > MAX_MOTION * scene.cell:
+            raise _tunnelling(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
 
 
-def _jumped(state: State, point: int, cells: float) -> NotConverged:
+def _tunnelling(state: State, point: int, cells: float) -> NotConverged:
     where = f"body {state.body[point]}"
-    return NotConverged(where, f"a point moves {cells:.3g} cells past others in one step, and may jump over them")
+    return NotConverged(where, f"a point moves {cells:.3g} cells past others in one step, and may pass through them")
 
 
 def _check_walls(scene: Scene, after: State) -> None:
-    """Only boundaries are held off walls; what is inside may still be pressed through them."""
+    """Raise NotConverged if a point lies behind a wall; contact constrains boundary points only."""
     own = scene.deformable[after.body]
     for i, (normal, point) in enumerate(zip(scene.normals.T, after.walls, strict=True)):
         depth = -(normal @ (after.x - point[:, None]))[own] / scene.cell
-        if float(depth.max()) > MAX_WALL_DEPTH:
+        if float(depth.max()) > MAX_WALL_PENETRATION:
             b = after.body[own][np.argmax(depth)]
             raise NotConverged(
                 f"body {b} and wall {i}",
@@ -131,7 +129,7 @@ def _check_walls(scene: Scene, after: State) -> None:
 
 
 def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
-    """Area shared by bodies over the area of all bodies, by outlines; zero without outlines."""
+    """Overlap area over the area of all bodies, by their outlines; zero without outlines."""
     boundary, bodies = scene.outlines, len(scene.bodies)
     if bodies == 1 or boundary.point.size == 0:
         return 0.0
@@ -139,7 +137,7 @@ def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
     pairs, shared = outline.overlap(boundary, x, bodies)
     size = outline.area(boundary, x, bodies)
     depth = outline.lens_depth(shared, size[pairs]) / scene.cell
-    if exact and float(depth.max(initial=0.0)) > MAX_BODY_DEPTH:
+    if exact and float(depth.max(initial=0.0)) > MAX_BODY_PENETRATION:
         a, b = pairs[:, np.argmax(depth)]
-        raise NotConverged(f"bodies {a} and {b}", f"they lie {depth.max():.3g} cells in one another")
+        raise NotConverged(f"bodies {a} and {b}", f"they overlap by {depth.max():.3g} cells")
     return float(shared.sum() / size.sum())

@@ -1,4 +1,4 @@
-"""What a step cost and how good it is."""
+"""Energy budget and report of a step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skmpm.simulate.forces import external_force
 
 Array = NDArray[np.float64]
 
-STRAIN_ROUND_OFF = 100.0 * float(np.finfo(float).eps)  # of strains
+STRAIN_ROUND_OFF = 100.0 * float(np.finfo(float).eps)  # energies of such strains are round-off
 
 
 def kinetic_energy(assembly: Assembly, v: Array) -> float:
@@ -26,42 +26,42 @@ def kinetic_energy(assembly: Assembly, v: Array) -> float:
 class Budget:
     """The energies of one step [J/m]."""
 
-    before: float  # kinetic and elastic
+    before: float  # kinetic and elastic, at the start of the step
     kinetic: float
     elastic: float
-    external: float  # work in the step
-    push_out: float
-    viscous: float  # dissipated by the materials' viscosity
-    noise: float  # of energies, by rounding
+    external: float  # work of loads, supports, walls and rigid bodies
+    push_out: float  # work of contact forces on initial overlaps that the step removes
+    viscous: float  # dissipated by the viscosity of materials
+    noise: float  # round-off of energies
     exchanged: float  # kinetic, elastic, external and viscous, one with another
-    tolerated: float  # given by contacts that act and are open, as far as `gap_tol` lets them
-    rounding: float  # given by gaps that are there by rounding
+    tolerated: float  # work of contact forces on open gaps, within `gap_tol`
+    rounding: float  # kinetic energy of gap velocities that are round-off
 
     @property
     def largest(self) -> float:
-        """The largest energy of all."""
+        """The largest of the energies."""
         after = self.kinetic + self.elastic
         return max(abs(self.before), abs(after), abs(self.external), self.push_out, self.viscous, self.noise)
 
     @property
     def surplus(self) -> float:
-        """What neither anything nor the tolerances gave."""
-        given = self.external + self.push_out + self.tolerated + self.rounding
-        return self.kinetic + self.elastic + self.viscous - self.before - given
+        """Energy gained beyond the work and the tolerances."""
+        supplied = self.external + self.push_out + self.tolerated + self.rounding
+        return self.kinetic + self.elastic + self.viscous - self.before - supplied
 
 
 def budget_of(
     scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: PrescribedVelocities
 ) -> Budget:
-    """The energies of a step from a state to its end.
+    """The energy budget of a solved step.
 
-    With inertia the work is that of the forces of the step, by which the energies of the time scheme balance. A
-    quasi-static step takes the mean of the forces at both its ends, of second order: the area under their curve.
+    With inertia the work is that of the forces in the balance of momentum, so that the budget of the time scheme
+    closes. A quasi-static step takes the mean of the forces at both its ends (trapezoidal rule, second order).
     """
-    bulk, w, regridded_state = increment.bulk, solution.w, _at_anchor(increment.bulk)
-    moving = increment.scheme.inertia
-    elastic = [bulk.energy(at) + regridded_state for at in (increment.at_start, end.at)]
-    kinetic = [kinetic_energy(bulk.assembly, v) if moving else 0.0 for v in (increment.v0, end.velocity)]
+    bulk, w, at_anchor = increment.bulk, solution.w, _at_anchor(increment.bulk)
+    inertia = increment.scheme.inertia
+    elastic = [bulk.energy(at) + at_anchor for at in (increment.at_start, end.at)]
+    kinetic = [kinetic_energy(bulk.assembly, v) if inertia else 0.0 for v in (increment.v0, end.velocity)]
     external = float(increment.force @ w * increment.dt - solution.reaction @ increment.prescribed)
     viscous = increment.dissipated(w)
     push_out = tolerated = rounding = 0.0
@@ -75,7 +75,7 @@ def budget_of(
             if constraints.size
             else 0.0
         )
-    if not moving:
+    if not inertia:
         external = 0.5 * (external + _work_at_start(scene, state, increment, w, motions))
     return Budget(
         before=elastic[0] + kinetic[0],
@@ -94,7 +94,7 @@ def budget_of(
 def _work_at_start(
     scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities
 ) -> float:
-    """The work of loads, supports, walls and rigid bodies along a step if their forces stayed as they are [J/m]."""
+    """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m]."""
     contacts = state.contacts
     loads = external_force(scene, state, state.t) @ w
     supports = state.support_force.ravel() @ increment.prescribed
@@ -108,12 +108,12 @@ def _work_at_start(
 def report_of(
     old: Energy, increment: Increment, solution: Solution, budget: Budget, overlap: float, *, regridded: bool
 ) -> Report:
-    """The report of a step but for its times; what goes in and no other energy shows, is lost.
+    """The report of a step without wall times; the dissipation closes the energy budget.
 
-    `relaid` tells whether the step began with new body grids.
+    `regridded` says whether the step began with new body grids.
     """
     before = old.kinetic + old.elastic
-    anew = budget.before - before if regridded else 0.0
+    by_regrid = budget.before - before if regridded else 0.0
     gained = budget.kinetic + budget.elastic - before
     return Report(
         dt=increment.dt,
@@ -129,15 +129,15 @@ def report_of(
             elastic=budget.elastic,
             external=old.external + budget.external,
             push_out=old.push_out + budget.push_out,
-            regridding=old.regridding + anew,
+            regridding=old.regridding + by_regrid,
             viscous=old.viscous + budget.viscous,
-            dissipated=old.dissipated + budget.external + budget.push_out + anew - gained - budget.viscous,
+            dissipated=old.dissipated + budget.external + budget.push_out + by_regrid - gained - budget.viscous,
         ),
     )
 
 
 def _at_anchor(bulk: Bulk) -> float:
-    """Elastic energy that linear materials held when the body grids were built, 1/2 stress : C^-1 : stress [J/m]."""
+    """Elastic energy of linear materials when the body grids were built, 1/2 stress : C^-1 : stress [J/m]."""
     total = 0.0
     for law, points, _ in bulk.groups:
         if law.linear and law.stress_anchor is not None:

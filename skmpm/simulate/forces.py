@@ -1,4 +1,4 @@
-"""What acts on the bodies from outside: gravity and loads; and which bodies something drives."""
+"""External forces: gravity and loads; and the bodies that contacts or supports act on."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Array = NDArray[np.float64]
 def external_force(scene: Scene, state: State, t: float) -> Array:
     """Nodal forces of gravity and loads at time t, (2 nodes,) [N/m]."""
     assembly = assembly_of(state)
-    if not (_heavy(scene) or scene.loads):
+    if not (_has_gravity(scene) or scene.loads):
         return np.zeros(2 * assembly.grid.nodes)
     own = scene.deformable[state.body]
-    at_points = state.mass * _gravity(scene, own, t) if _heavy(scene) else np.zeros_like(state.x)
-    for place, force in zip(scene.loaded, scene.forces(t), strict=True):
-        at_points[:, place.points] += force[:, None] * place.share
+    at_points = state.mass * _gravity(scene, own, t) if _has_gravity(scene) else np.zeros_like(state.x)
+    for loaded, force in zip(scene.loaded, scene.forces(t), strict=True):
+        at_points[:, loaded.points] += force[:, None] * loaded.share
     return np.asarray(assembly.grid.interpolation.T @ at_points[:, own].T).ravel()
 
 
-def _heavy(scene: Scene) -> bool:
-    """Whether there is gravity."""
+def _has_gravity(scene: Scene) -> bool:
+    """Whether the scene has gravity."""
     return callable(scene.gravity) or bool(np.any(scene.gravity))
 
 
@@ -42,20 +42,20 @@ def _gravity(scene: Scene, own: NDArray[np.bool_], t: float) -> Array:
     return g
 
 
-def dead(scene: Scene, state: State) -> bool:
-    """Whether constant loads alone act, so that quasi-static steps from a state are one problem whatever their dt."""
-    moves: list[Any] = [body.velocity for body in scene.bodies if isinstance(body.material, Rigid)]
-    moves += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
-    if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *moves)):
+def constant_loading(scene: Scene, state: State) -> bool:
+    """Whether constant loads alone act, so that a quasi-static step from the state does not depend on dt."""
+    velocities: list[Any] = [body.velocity for body in scene.bodies if isinstance(body.material, Rigid)]
+    velocities += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
+    if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *velocities)):
         return False
-    return not (any(v for velocity in moves for v in velocity if v is not None) or state.v.any())
+    return not (any(v for velocity in velocities for v in velocity if v is not None) or state.v.any())
 
 
-def driven_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
-    """Which bodies contact forces or supports act on, (bodies,): without inertia all others stay where they are."""
-    driven = np.zeros(len(scene.bodies), dtype=bool)
-    pushed = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
-    driven[pushed[pushed >= 0]] = True
-    for place in scene.supported:
-        driven[state.body[place.points]] = True
-    return driven
+def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
+    """Which bodies contact forces or supports act on, (bodies,); without inertia no others move."""
+    interacting = np.zeros(len(scene.bodies), dtype=bool)
+    loaded = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
+    interacting[loaded[loaded >= 0]] = True
+    for supported in scene.supported:
+        interacting[state.body[supported.points]] = True
+    return interacting

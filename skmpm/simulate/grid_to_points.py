@@ -1,4 +1,4 @@
-"""Points, walls and contacts at the end of a step."""
+"""State at the end of a step: from the grid to points, walls and contacts."""
 
 from __future__ import annotations
 
@@ -50,24 +50,24 @@ def end_state(
         wall_force=wall_force,
         support_force=solution.reaction.reshape(-1, 2) / dt,
         contacts=contacts,
-        derived=_kept(scene, state, increment, solution),
+        derived=_reusable(scene, state, increment, solution),
     )
 
 
-def _kept(scene: Scene, state: State, increment: Increment, solution: Solution) -> Derived:
-    """What later steps can use again."""
+def _reusable(scene: Scene, state: State, increment: Increment, solution: Solution) -> Derived:
+    """The data that later steps can use again: with linear materials the factor and the Delassus operator."""
     derived = replace(derived_of(state), key=(), solver=None, delassus=None)
     if not increment.material_response.linear:
         return derived
-    contact = solution.contact if solution.solver is not None else None  # by a factor that is kept, or by none
+    contact = solution.contact if solution.solver is not None else None  # the operator belongs to the factor
     delassus = None if contact is None else contact.delassus
     return replace(derived, key=_key(scene, increment), solver=solution.solver, delassus=delassus)
 
 
 def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solver | None, Delassus | None]:
-    """The factor of an earlier step, where linear answers, dt and the anchor make it the factor of this one.
+    """The factor and the Delassus operator of an earlier step, if the matrix of this one is the same, else None.
 
-    And how the places of contacts respond by it, as far as it is known.
+    It is for linear materials, unless dt, scheme or body grids have changed.
     """
     derived = state.derived
     if derived is None or not increment.material_response.linear or derived.key != _key(scene, increment):
@@ -88,8 +88,8 @@ def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Ar
         return Contacts.none(), wall_force
     constraints, force = solution.contact.constraints, solution.contact.constraints.forces(solution.contact.r, dt)
     on_wall = constraints.bodies[1] < 0
-    pushed = -(force[0] * constraints.normal + force[1] * constraints.tangent)[:, on_wall]
-    np.add.at(wall_force, -1 - constraints.bodies[1, on_wall], pushed.T)
+    on_walls = -(force[0] * constraints.normal + force[1] * constraints.tangent)[:, on_wall]
+    np.add.at(wall_force, -1 - constraints.bodies[1, on_wall], on_walls.T)
     return Contacts(
         constraints.bodies,
         constraints.x,

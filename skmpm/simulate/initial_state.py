@@ -1,4 +1,4 @@
-"""The state at t = 0."""
+"""The initial state, and properties of a scene at t = 0."""
 
 from __future__ import annotations
 
@@ -58,17 +58,17 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
     if not can_touch(scene):
         return replace(state, report=at_start)
-    # So short a step that nothing moves, nor do the neighbours' margins grow.
+    # The step is so short that nothing moves and the search radius of contact detection does not grow.
     speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
     dt = 1e-9 * scene.cell / max(speed, scene.cell)
     linearise = scheme.contact(scene, state, assembly.grid, dt, scheme.theta, prescribed_velocities(scene, 0.0, dt))
     constraints = linearise(np.zeros(2 * assembly.grid.nodes))
-    nothing = np.zeros((2, constraints.size))
+    no_force = np.zeros((2, constraints.size))
     contacts = Contacts(
         constraints.bodies,
         constraints.x,
         constraints.normal,
-        nothing,
+        no_force,
         constraints.gap,
         constraints.key,
         constraints.point,
@@ -77,7 +77,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
 
 
 def check_scheme(name: str, scheme: object) -> None:
-    """Raise ValueError unless a scheme is one; `name` says whose it is."""
+    """Raise ValueError if scheme is not a Scheme; `name` is the calling function."""
     if not isinstance(scheme, Scheme):
         raise ValueError(f"{name}: scheme = {scheme!r}; give a Scheme, as skmpm.Scheme.fast()")
 
@@ -108,22 +108,22 @@ def initial_motion(scene: Scene) -> tuple[Array, Array]:
     return np.concatenate(v, axis=1), np.concatenate(C, axis=2)
 
 
-def _field(velocity: object, x: Array, reach: float) -> tuple[Array, Array]:
-    """A velocity field at the points and its gradient, by central differences."""
+def _field(velocity: object, x: Array, interval: float) -> tuple[Array, Array]:
+    """A velocity field at the points and its gradient, by central differences over the interval [m]."""
     if not callable(velocity):
         value = np.asarray(velocity, dtype=float)
         return np.repeat(value[:, None], x.shape[1], axis=1), np.zeros((2, 2, x.shape[1]))
-    steps = reach * np.eye(2)
+    steps = interval * np.eye(2)
 
     def at(y: Array) -> Array:
         return field_values("velocity(x)", velocity(y), y)
 
-    columns = [(at(x + s[:, None]) - at(x - s[:, None])) / (2.0 * reach) for s in steps]
+    columns = [(at(x + s[:, None]) - at(x - s[:, None])) / (2.0 * interval) for s in steps]
     return at(x), np.stack(columns, axis=1)
 
 
 def driven(scene: Scene) -> Iterator[tuple[str, float]]:
-    """What moves as prescribed at t = 0, and how fast [m/s]."""
+    """Walls, supports and rigid bodies with their prescribed speeds at t = 0 [m/s]."""
     for i, v in enumerate(scene.wall_velocities(0.0)):
         yield f"wall {i}", float(np.hypot(*v))
     for i, v in enumerate(np.nan_to_num(scene.support_velocities(0.0))):
@@ -140,5 +140,5 @@ def fastest_wave(scene: Scene) -> float:
 
 
 def can_touch(scene: Scene) -> bool:
-    """Whether anything in the scene can touch anything else."""
+    """Whether the scene has a wall or more than one body."""
     return bool(scene.walls) or len(scene.bodies) > 1

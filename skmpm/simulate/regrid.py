@@ -1,4 +1,4 @@
-"""Body grids built through the points, and the bulk that moves on them."""
+"""Building of body grids at the points of a state, and the bulk energy on them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, bool]:
-    """The state with body grids, and whether they were rebuilt: where they have deformed beyond `scheme.anchor`."""
+    """The state with body grids, and whether they were rebuilt, as deformation since then exceeds `scheme.anchor`."""
     regridding = state.displacement.size == 0 or _deformed_beyond_anchor(state, scheme)
     if not regridding and _still_valid(scene, state, scheme):
         return state, False
@@ -41,14 +41,14 @@ def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, 
     displacement = state.displacement if state.displacement.size else np.zeros(2 * nodes)
     if displacement.size != 2 * nodes:
         raise SceneError(
-            f"the state moves {displacement.size // 2} grid nodes, the scene with cell = {scene.cell:g} m has"
+            f"the state has {displacement.size // 2} grid nodes, the scene with cell = {scene.cell:g} m has"
             f" {nodes}; continue with the scene that the state was made from"
         )
     return replace(state, displacement=displacement, derived=derived), regridding
 
 
 def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
-    """Whether what is kept was made for this scene and scheme."""
+    """Whether the derived data of a state belong to this scene and scheme."""
     kept = state.derived
     return (
         kept is not None
@@ -60,7 +60,7 @@ def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
 
 
 def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
-    """Body grids through the anchor positions, and what stays as long as they do."""
+    """Body grids at the anchor positions, and all data that depend on nothing else."""
     own, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
     x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
     grid = build_grids(x[:, own], state.body[own], scene.cell, len(scene.bodies), inward[:, own])
@@ -75,22 +75,22 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
     )
 
 
-def check_whole(scene: Scene, state: State) -> None:
-    """Raise NotConverged where cells fall apart within an outline: nothing would hold the body's parts together."""
+def check_connected(scene: Scene, state: State) -> None:
+    """Raise NotConverged if the cells of a body form several components: nothing would connect its parts."""
     grid = assembly_of(state).grid
     parts = np.array([len(body.points.outline) or grid.cells for body in scene.bodies])
-    torn = np.flatnonzero(grid.pieces > parts)
-    if torn.size:
+    disconnected = np.flatnonzero(grid.pieces > parts)
+    if disconnected.size:
         raise NotConverged(
-            f"body {torn[0]}",
-            f"its cells fall into {grid.pieces[torn[0]]} pieces that share no node",
+            f"body {disconnected[0]}",
+            f"its cells form {grid.pieces[disconnected[0]]} pieces that share no node",
             "use a smaller spacing of its points or a larger cell",
             retryable=False,
         )
 
 
 def _weights(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> Array:
-    """The volumes (n,) of the points, fitted to the parts of cells inside the outlines, where there are any."""
+    """Quadrature weights (n,) of the points by moment fitting; the volumes for bodies without outline."""
     boundary = scene.outlines
     bounded = np.isin(grid.cell_body, boundary.body)[grid.cell_of_point]
     if not bounded.any():
@@ -100,15 +100,15 @@ def _weights(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> Array:
 
 
 def _supports(scene: Scene, grid: BodyGrids, number: NDArray[np.int64]) -> Elimination | None:
-    """The unknowns that supports fix: each component told is a row N(c) v = told at every point c held."""
+    """Elimination of the constraints N(c) v = prescribed velocity, for each prescribed component at every point c."""
     if not scene.supports:
         return None
     rows, columns = [], []
-    for i, (free, place) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
-        at = grid.interpolation[number[place.points]]
+    for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
+        at = grid.interpolation[number[supported.points]]
         for axis in np.flatnonzero(~free).tolist():
             rows.append(sp.kron(at, np.eye(2)[axis : axis + 1], format="csr"))
-            columns.append(np.full(place.points.size, 2 * i + axis))
+            columns.append(np.full(supported.points.size, 2 * i + axis))
     column = np.concatenate(columns)
     B = sp.csr_array(
         (np.ones(column.size), column, np.arange(column.size + 1)), shape=(column.size, 2 * len(scene.supports))
@@ -126,7 +126,7 @@ def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
 
 
 def _deformed_beyond_anchor(state: State, scheme: Scheme) -> bool:
-    """Whether the body grids have deformed beyond the scheme's bound; with a bound of 0 always."""
+    """Whether deformation since the grids were built exceeds `scheme.anchor`; always true if that is 0."""
     if not np.isfinite(scheme.anchor) or state.t == 0.0:
         return False
     if scheme.anchor == 0.0:
@@ -145,14 +145,14 @@ def inward_normals(scene: Scene, x: Array) -> Array:
 
 
 def derived_of(state: State) -> Derived:
-    """What is kept for speed with an anchored state."""
+    """The derived data of a state with body grids."""
     if state.derived is None:
-        raise ValueError("the state has no body grids; pass it through `anchored` first")
+        raise ValueError("the state has no body grids; pass it through `regridded_state` first")
     return state.derived
 
 
 def assembly_of(state: State) -> Assembly:
-    """The assembly of an anchored state."""
+    """The assembly of a state with body grids."""
     return derived_of(state).assembly
 
 
@@ -165,5 +165,5 @@ def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
     groups = [(kind, np.flatnonzero(np.array([m == kind for m in of_body])[body])) for kind in kinds]
     F, stress = state.F_anchor[:, :, own], state.stress_anchor[:, :, own]
     undeformed = bool((np.eye(2)[:, :, None] == F).all())
-    known = (None if undeformed else F, stress if stress.any() else None)
-    return Bulk(assembly_of(state), groups, *known, tuple(averages_dilatation(scheme, kind) for kind in kinds))
+    at_anchor = (None if undeformed else F, stress if stress.any() else None)
+    return Bulk(assembly_of(state), groups, *at_anchor, tuple(averages_dilatation(scheme, kind) for kind in kinds))

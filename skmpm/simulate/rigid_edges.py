@@ -1,4 +1,4 @@
-"""Edges of rigid bodies that are pressed into deformable ones: where stress has no bound."""
+"""Sharp edges of rigid bodies that indent deformable ones, where stress is unbounded."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-CHORDS = 1.05  # by which the turn over a chord exceeds that over its arc, up to 60 degrees each
-ROUND = 0.5  # [cells] radius of edges that went 40 % of the height into 13 of 14 blocks without inertia (test_punch)
+CHORD_FACTOR = 1.05  # of the rotation of the tangent over a chord to that over its arc, up to 60 degrees each
+# [cells] Radius of edges that indented 13 of 14 blocks by 40 % of their height without inertia (test_punch).
+MIN_EDGE_RADIUS = 0.5
 
 
-def pressed_edge(scene: Scene, contacts: Contacts) -> str:
-    """Where a rigid edge carries the largest contact force, in words; empty where none does.
+def indenting_edge(scene: Scene, contacts: Contacts) -> str:
+    """A message on the rigid edge that carries the largest contact force; empty if none does.
 
-    Of a rigid body only edges touch the curve of another: its contacts name it first.
+    Rigid bodies contribute boundary points to contacts only at edges, as the first body.
     """
     if contacts.gap.size == 0:
         return ""
@@ -30,9 +31,9 @@ def pressed_edge(scene: Scene, contacts: Contacts) -> str:
         return ""
     x, y = contacts.x[:, k]
     return (
-        f"; the largest contact force acts on an edge of body {first} at ({x:.6g}, {y:.6g}) m, where stress has no"
-        f" bound and body {second} may snap round: where a smaller dt does not help, use inertia, or round the edge"
-        f" by {ROUND * scene.cell:.4g} m"
+        f"; the largest contact force acts on an edge of body {first} at ({x:.6g}, {y:.6g}) m, where stress is"
+        f" unbounded and body {second} may snap through: if a smaller dt does not help, use inertia, or round the"
+        f" edge by {MIN_EDGE_RADIUS * scene.cell:.4g} m"
     )
 
 
@@ -40,11 +41,11 @@ def facing_edges(scene: Scene, v: Array, radius: float) -> Ints:
     """Edges of rigid bodies with radii of less than `radius` [m] that meet deformable bodies, (3, k).
 
     Rows are the rigid body, the material point of the edge, the deformable body. An edge meets a body whose points
-    lie within a cell of it, or whose box it moves towards with the velocities v (2, n) [m/s] of the points.
+    lie within a cell of it, or whose bounding box it approaches with the velocities v (2, n) [m/s] of the points.
     """
     boundary, x = scene.outlines, scene.initial_positions
     at = x[:, boundary.point]
-    edges = np.flatnonzero(~scene.deformable[boundary.body] & (outline.bend(boundary, at) * radius > CHORDS))
+    edges = np.flatnonzero(~scene.deformable[boundary.body] & (outline.bend(boundary, at) * radius > CHORD_FACTOR))
     if edges.size == 0:
         return np.zeros((3, 0), dtype=np.int64)
     point, normal = boundary.point[edges], outline.normals(boundary, at)[:, edges]
@@ -53,7 +54,7 @@ def facing_edges(scene: Scene, v: Array, radius: float) -> Ints:
 
 
 def _ahead(scene: Scene, point: Ints, normal: Array, v: Array) -> Bools:
-    """Whether points with outward normals (2, k) move towards the boxes of deformable bodies, (k, bodies)."""
+    """Whether points with outward normals (2, k) approach the bounding boxes of deformable bodies, (k, bodies)."""
     x, start = scene.initial_positions, scene.offsets[:-1]
     low, high = (f.reduceat(x, start, axis=1) for f in (np.minimum, np.maximum))
     u = v[:, point, None] - (np.add.reduceat(v, start, axis=1) / np.diff(scene.offsets))[:, None]
@@ -64,8 +65,8 @@ def _ahead(scene: Scene, point: Ints, normal: Array, v: Array) -> Bools:
 
 
 def _beside(scene: Scene, point: Ints) -> Bools:
-    """Whether a deformable body has a point within a cell of points (k,), and none is nearer, (k, bodies)."""
+    """Whether a deformable body has the nearest point to points (k,), within a cell, (k, bodies)."""
     x, own = scene.initial_positions, np.flatnonzero(scene.deformable[scene.owner])
-    far, nearest = (np.asarray(a) for a in cKDTree(x[:, own].T).query(x[:, point].T))
+    distance, nearest = (np.asarray(a) for a in cKDTree(x[:, own].T).query(x[:, point].T))
     bodies = np.arange(len(scene.bodies))
-    return np.asarray((far[:, None] < scene.cell) & (scene.owner[own[nearest]][:, None] == bodies))
+    return np.asarray((distance[:, None] < scene.cell) & (scene.owner[own[nearest]][:, None] == bodies))

@@ -1,4 +1,4 @@
-"""The loop around the step: paces it, saves what it found, and gives up with a reason."""
+"""The time loop: step control, checkpoints, progress, and the error that ends a run."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from skmpm.scene import Scene, SceneError, State, check_fits
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.initial_state import check_scheme, initial
-from skmpm.simulate.regrid import check_whole
-from skmpm.simulate.step_control import TIME_TOLERANCE, RetrySummary, advanced, with_step
+from skmpm.simulate.regrid import check_connected
+from skmpm.simulate.step_control import TIME_TOLERANCE, RetrySummary, advance_with_retries, with_step
 
-CHECKPOINT_EVERY = 30.0  # [s]
+CHECKPOINT_EVERY = 30.0  # [s] of wall time
 
 _log = logging.getLogger("skmpm")
 
@@ -38,10 +38,10 @@ def simulate(
 ) -> Iterator[State]:
     """Yield the state after every step until `t >= until` [s]; the last step is shortened to end there.
 
-    A step that fails is tried again with half the length, down to dt / 1024; after four good steps it is doubled,
-    where steps of that length would have begun. What is yielded then lies between the times asked for, which are
-    among the times of the states all the same. `state.report.dt` and `.retries` tell; the logger "skmpm" says why, at
-    level INFO for every retry and in one warning when the run ends.
+    A step that fails is repeated with half the length, down to dt / 1024; after four successful steps the length is
+    doubled again, at times that are multiples of the longer step. States at multiples of dt are always yielded, with
+    others between them after a failure. `state.report.dt` and `.retries` hold the length of the step and its
+    failures; the logger "skmpm" reports every retry at level INFO and one warning at the end of the run.
 
     `start` continues from a state; `progress` shows step, time, ETA, residual and retries on a terminal; `checkpoint`
     is a file that keeps the last state, written every half minute and when the run ends: at `until`, by an error,
@@ -50,13 +50,13 @@ def simulate(
     Raises
     ------
     StepFailed
-        when the shortest step's equations are not solved; its `state` is the last good one
+        if the shortest step fails; its `state` is the last one that was yielded
     SceneError
-        when `start` is no state of this scene, a velocity, load or gravity is not finite
+        if `start` belongs to another scene, or a velocity, load or gravity is not finite
     ValueError
-        when dt or until is not a time, the scheme no Scheme
+        if dt is not positive, until is negative or scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
-        when there is no directory for the checkpoint, or it is one
+        if the directory of the checkpoint does not exist, or the checkpoint is a directory
     """
     check_scheme("simulate", scheme)
     check_time("simulate: dt", dt, SHORTEST, "a time step greater than zero")
@@ -68,10 +68,10 @@ def simulate(
 
 
 def _first(scene: Scene, scheme: Scheme) -> State:
-    """The initial state, of bodies that are whole."""
+    """The initial state; SceneError if a body is not connected."""
     state = initial(scene, scheme=scheme)
     try:
-        check_whole(scene, state)
+        check_connected(scene, state)
     except NotConverged as error:
         raise SceneError(str(error)) from error
     return state
@@ -85,7 +85,7 @@ def _run(
     try:
         with Progress(state.t, until, shown=progress) as bar, _exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * state.step_control.dt:
-                state, failures = advanced(scene, state, until, scheme)
+                state, failures = advance_with_retries(scene, state, until, scheme)
                 retried = retried.after(state, failures)
                 if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:
                     save(checkpoint, state)
@@ -101,7 +101,7 @@ def _run(
 
 @contextmanager
 def _exit_at_sigterm(*, wanted: bool) -> Iterator[None]:
-    """Turn SIGTERM, which queues send before they kill, into SystemExit, unless the caller handles it already."""
+    """Raise SystemExit at SIGTERM, which batch systems send before they kill, unless the caller handles it."""
     if not (wanted and current_thread() is main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL):
         yield
         return

@@ -1,4 +1,4 @@
-"""How long steps are: as asked, halved where they fail, and doubled again once they go well."""
+"""Step control: steps are halved where they fail, and doubled again after several successes."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
 
-MAX_HALVINGS = 10  # at most: the shortest step is a thousandth of the one asked for
-PARTS = 2**MAX_HALVINGS  # of a full step: what a step of any length is a multiple of
-SUCCESSES_BEFORE_DOUBLING = 4  # good steps before the next may be twice as long
-TIME_TOLERANCE = 1e-9  # share of a step by which the sum of many may miss `until`
+MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
+PARTS = 2**MAX_HALVINGS  # of a full step: the length of every step is a multiple of a part
+SUCCESSES_BEFORE_DOUBLING = 4  # steps
+TIME_TOLERANCE = 1e-9  # over a step: round-off of times, by which the last step may miss `until`
 
 _log = logging.getLogger("skmpm")
 
 
 @dataclass(frozen=True)
 class RetrySummary:
-    """The retries of a run, for one summary at its end."""
+    """The retries of a run, for the warning at its end."""
 
-    steps: int = 0
+    steps: int = 0  # successful
     failures: int = 0
     shortest: float = float("inf")  # [s]
-    at: float = 0.0  # [s] where the shortest step began
-    last: str = ""  # why the last one failed
+    at: float = 0.0  # [s] time at which the shortest step began
+    last: str = ""  # message of the last failure
 
     def after(self, state: State, failures: Sequence[StepFailed]) -> RetrySummary:
-        """With one more step, which led to `state` after some failures."""
-        kept = replace(self, steps=self.steps + 1, failures=self.failures + len(failures))
+        """The summary with one more step, which reached `state` after some failures."""
+        summary = replace(self, steps=self.steps + 1, failures=self.failures + len(failures))
         if not failures:
-            return kept
+            return summary
         if state.report.dt < self.shortest:
-            kept = replace(kept, shortest=state.report.dt, at=state.t - state.report.dt)
-        return replace(kept, last=str(failures[-1]))
+            summary = replace(summary, shortest=state.report.dt, at=state.t - state.report.dt)
+        return replace(summary, last=str(failures[-1]))
 
     def __str__(self) -> str:
         return (
@@ -45,39 +45,37 @@ class RetrySummary:
 
 
 def with_step(state: State, dt: float) -> State:
-    """The state with the pace it was saved with if that was made for this dt [s], else with full steps."""
+    """The state with its step control if that belongs to this dt [s], else with one that starts at full steps."""
     return state if state.step_control.dt == dt else replace(state, step_control=StepControl(dt=dt))
 
 
-def advanced(scene: Scene, state: State, until: float, scheme: Scheme) -> tuple[State, list[StepFailed]]:
-    """One step of the length that the pace allows, at most to `until` [s]; what fails is tried with half the length.
+def advance_with_retries(scene: Scene, state: State, until: float, scheme: Scheme) -> tuple[State, list[StepFailed]]:
+    """One step of the current length, at most to `until` [s], repeated with half the length while it fails.
 
-    Also returns the failures on the way. Full steps begin where they would without failures: a step grows only where
-    a longer one would have begun.
+    Also returns the failures. The length is doubled only at times that are multiples of the longer step, so that full
+    steps begin at the same times as without failures.
 
     Raises
     ------
     StepFailed
-        when the shortest step fails too, or where a shorter one does not help; its `state` is the one given here
+        if the shortest step fails, or a shorter one would not help; its `state` is the argument `state`
     """
-    given, failures = state, list[StepFailed]()
+    start, failures = state, list[StepFailed]()
     while True:
         dt, ends = _length(state, until)
         try:
             after = step(scene, state, dt, scheme=scheme)
         except StepFailed as failure:
             if not failure.retryable or state.step_control.halvings == MAX_HALVINGS:
-                raise _given_up(failure, given, len(failures)) from failure
+                raise _given_up(failure, start, len(failures)) from failure
             state = replace(state, step_control=_halved(state.step_control, dt))
             failures.append(failure)
-            _log.info("%s; trying dt = %.3g s", failure, _length(state, until)[0])
+            _log.info("%s; retrying with dt = %.3g s", failure, _length(state, until)[0])
             continue
-        report, shortened = (
-            replace(after.report, retries=len(failures)),
-            dt < (1.0 - TIME_TOLERANCE) * _step_of(state.step_control),
-        )
-        t = float(until) if ends else after.t
-        return replace(after, t=t, report=report, step_control=_went_well(state.step_control, shortened)), failures
+        report = replace(after.report, retries=len(failures))
+        shortened = dt < (1.0 - TIME_TOLERANCE) * _step_of(state.step_control)
+        control, t = _after_success(state.step_control, shortened), float(until) if ends else after.t
+        return replace(after, t=t, report=report, step_control=control), failures
 
 
 def _step_of(step_control: StepControl) -> float:
@@ -91,17 +89,17 @@ def _length(state: State, until: float) -> tuple[float, bool]:
 
 
 def _halved(step_control: StepControl, failed: float) -> StepControl:
-    """The pace after a step of length `failed` [s]: at most half of that."""
+    """The step control after a failed step of length `failed` [s]: at most half of that."""
     halvings = step_control.halvings + 1
     while halvings < MAX_HALVINGS and step_control.dt / 2**halvings > 0.5 * (1.0 + TIME_TOLERANCE) * failed:
         halvings += 1
     return replace(step_control, halvings=halvings, successes=0)
 
 
-def _went_well(step_control: StepControl, shortened: bool) -> StepControl:
-    """The pace after a good step: longer after `CALM` of them, where a step twice as long would begin.
+def _after_success(step_control: StepControl, shortened: bool) -> StepControl:
+    """The step control after a success: doubled after `SUCCESSES_BEFORE_DOUBLING`, at multiples of that length.
 
-    After a step that was shortened to end at `until`, full steps begin anew.
+    After a step that was shortened to end at `until`, full steps are counted from there.
     """
     part = 0 if shortened else (step_control.part + PARTS // 2**step_control.halvings) % PARTS
     successes = min(step_control.successes + 1, SUCCESSES_BEFORE_DOUBLING) if step_control.halvings else 0
@@ -111,6 +109,6 @@ def _went_well(step_control: StepControl, shortened: bool) -> StepControl:
 
 
 def _given_up(failure: StepFailed, state: State, retries: int) -> StepFailed:
-    """The failure after the last retry, with the state that the run stands at."""
+    """The error after the last retry, with the last state that was reached."""
     tried = f"; given up after {retries} retries with ever smaller dt" if retries else ""
     return StepFailed(f"{failure}{tried}", state, retryable=failure.retryable)

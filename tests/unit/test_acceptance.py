@@ -34,7 +34,8 @@ def test_a_ring_that_closes_on_itself_is_told_so(by):
         held = [Support(end(s), velocity=(0.0, -s * 0.3)) for s in (1.0, -1.0)]
         scene = Scene([Body(ring(), GUM)], cell=0.09, supports=held)
     crossed = (
-        r"body 0: its outline crosses itself near .* does not touch itself: use smaller loads, or make it of several"
+        r"body 0: its outline crosses itself near .*"
+        r" self-contact is not modelled: use smaller loads, or divide it into several"
     )
     last = None
     with pytest.raises(StepFailed, match=crossed) as failure:

@@ -184,7 +184,7 @@ def test_what_a_step_may_gain_is_a_share_of_what_it_exchanges_whatever_went_befo
     for state in states:
         checks.check_step(scene, Scheme(), state, state, budget(1e-4, 0.02))
         with pytest.raises(
-            RuntimeError, match=r"gain energy from nothing, 10 % of what the step exchanges \(at most 1 %"
+            RuntimeError, match=r"gain energy without work, 10 % of the energy exchanged in the step \(tolerance 1 %"
         ):
             checks.check_step(scene, Scheme(), state, state, budget(1e-4, 1e-3))
 

@@ -109,7 +109,7 @@ def test_every_retry_is_told_at_level_info_and_all_of_them_in_one_warning(monkey
         [r.message for r in caplog.records if r.levelno == n] for n in (logging.INFO, logging.WARNING)
     )
     assert len(prescribed) == 2
-    assert all("scripted; use a smaller dt; trying dt = 3.81e-06 s" in message for message in prescribed)
+    assert all("scripted; use a smaller dt; retrying with dt = 3.81e-06 s" in message for message in prescribed)
     assert len(warned) == 1
     assert warned[0].startswith("2 steps failed and were repeated with half the length, 12 succeeded; the shortest")
     assert "3.81e-06 s at t = 0 s; the last failure: scripted" in warned[0]
@@ -349,7 +349,7 @@ def test_a_body_whose_cells_fall_apart_is_refused():
     """A box with a point per cell and a row of cells between them that has none: nothing would hold its halves."""
     x = np.array([[0.0, 1.0, 2.0, 2.0, 1.0, 0.0], [0.0, 0.0, 0.0, 3.4, 3.4, 3.4]]) * CELL + 0.1 * CELL
     torn = Scene([Body(Points(x, np.full(6, CELL**2), (np.arange(6),)), SOFT)], cell=CELL)
-    with pytest.raises(SceneError, match=r"body 0: its cells fall into 2 pieces.*smaller spacing"):
+    with pytest.raises(SceneError, match=r"body 0: its cells form 2 pieces.*smaller spacing"):
         next(simulate(torn, dt=DT, until=DT))
     with pytest.raises(StepFailed, match="2 pieces") as failure:
         step(torn, initial(torn), DT)
