@@ -1,6 +1,6 @@
-"""Examples: short lessons, each a script of its own; `studies` holds the long ones."""
+"""Examples: short scripts, one topic each; `studies` holds the long-running ones."""
 
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parent))  # lessons find `drawing` also when imported as modules of this package
+sys.path.append(str(Path(__file__).parent))  # so that the scripts import `drawing` also as modules of this package

@@ -1,9 +1,10 @@
-"""Two discs collide head-on: momentum is kept to round-off, kinetic energy by more or less.
+"""Two discs collide head-on: momentum is conserved to round-off, kinetic energy as the time scheme allows.
 
     python examples/collision.py
 
-There is no coefficient of restitution to choose: discs bounce because they are elastic. What is lost goes into their
-vibrations and into the time scheme: backward Euler (theta = 1, the default) damps, the midpoint rule hardly.
+There is no coefficient of restitution to choose: elastic discs rebound. Kinetic energy is lost to their vibrations
+and to the numerical damping of the time scheme: large for backward Euler (theta = 1, the default), small for the
+midpoint rule.
 """
 
 import argparse
@@ -25,12 +26,12 @@ scene = skmpm.Scene(
 
 
 def speeds(states: list[skmpm.State]) -> np.ndarray:
-    """Of the centres of mass of both discs along x, (steps, 2) [m/s]."""
+    """Velocities of the centres of mass of both discs along x, (steps, 2) [m/s]."""
     return np.array([np.bincount(s.body, s.mass * s.v[0]) / np.bincount(s.body, s.mass) for s in states])
 
 
 def main(out: Path) -> dict[float, tuple[float, float]]:
-    """Restitution, and the largest momentum of both together over that of one, by theta."""
+    """Coefficient of restitution, and the largest total momentum over that of one disc, by theta."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3), layout="constrained")
     found = {}
     for theta in (1.0, 0.5):
@@ -39,7 +40,9 @@ def main(out: Path) -> dict[float, tuple[float, float]]:
         states = list(skmpm.simulate(scene, dt=DT, until=UNTIL, scheme=scheme))
         v = speeds(states)
         found[theta] = float((v[-1, 1] - v[-1, 0]) / (2 * SPEED)), float(np.abs(v.sum(axis=1)).max() / SPEED)
-        print("theta = {:g}: restitution {:.3f}, momentum {:.0e} of that of a disc".format(theta, *found[theta]))
+        print(
+            "theta = {:g}: restitution {:.3f}, total momentum over that of a disc {:.0e}".format(theta, *found[theta])
+        )
         label = rf"$\theta$ = {theta:g}: restitution {found[theta][0]:.2f}"
         right.plot([state.t for state in states], v[:, 0] / SPEED, label=label)
     closest = min(states, key=lambda state: np.ptp(state.x[0]))

@@ -3,8 +3,8 @@
     python examples/compaction.py --discs 30 --out out/compaction    # without --discs 300 of them, minutes
 
 Writes a table of what `observe` measures at every step (`observables.csv`), a series for ParaView (`packing.vtkhdf`),
-a checkpoint and `stages.png`. `python -m examples.studies.packing_ensemble main_job` checks the same run
-step by step.
+a checkpoint and `stages.png`. `python -m examples.studies.packing_ensemble main_job` runs the same scene with checks
+at every step.
 """
 
 import argparse
@@ -21,17 +21,17 @@ COLUMNS = ("step", "t", "solid_fraction", "solid_fraction_nominal", "pressure", 
            "anisotropy", "aspect_ratio", "coordination", "overlap", "residual", "newton", "contact_iterations",
            "seconds")  # fmt: skip
 Line = dict[str, float]
-LID = 1  # its place among the walls
+LID = 1  # index among the walls
 SCHEMES = {
     "balanced": skmpm.Scheme(),
-    "standard": skmpm.Scheme(mean_dilatation=False),  # elements that lock where nu is near 1/2
+    "standard": skmpm.Scheme(mean_dilatation=False),  # volumetric locking where nu is near 1/2
     "nezamabadi2017": skmpm.Scheme.nezamabadi2017(),
-    "regridded": skmpm.Scheme(anchor=0.0),  # at every step
+    "regridded": skmpm.Scheme(anchor=0.0),  # updated Lagrangian: new body grids at every step
 }
 
 
 def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
-    """The discs at rest in a box, and how long the lid takes to the wanted nominal solid fraction."""
+    """The scene of discs at rest in a box, and the time [s] at which the final nominal solid fraction is reached."""
     radii = np.random.default_rng(options.seed).uniform(0.7e-3, 1.2e-3, options.discs)
     solid = np.pi * (radii**2).sum()
     width = float(np.sqrt(solid / 0.72))
@@ -58,7 +58,7 @@ def row(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observabl
 
 
 def draw(scene: skmpm.Scene, stages: list[skmpm.State], path: Path) -> None:
-    """Stages by body and by pressure, with their solid fractions."""
+    """Draw stages by body and by pressure, with their solid fractions."""
     figure, axes = plt.subplots(2, len(stages), figsize=(3.0 * len(stages), 6.0), layout="constrained")
     top = max(float(np.percentile(pressure(state), 98)) for state in stages)
     for (above, below), state in zip(axes.T, stages, strict=True):
@@ -70,7 +70,7 @@ def draw(scene: skmpm.Scene, stages: list[skmpm.State], path: Path) -> None:
 
 
 def run(options: argparse.Namespace) -> list[Line]:
-    """Squeeze, write and draw; the table."""
+    """Run the compaction, write and draw the results; return the table."""
     (scene, until), scheme, out = build(options), SCHEMES[options.scheme], options.out
     print(skmpm.preflight(scene, options.dt, scheme=scheme))
     out.mkdir(parents=True, exist_ok=True)
@@ -101,12 +101,14 @@ def parser() -> argparse.ArgumentParser:
     """The options."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--discs", type=int, default=300, help="number of discs, radii uniform in 0.7-1.2 mm")
-    options.add_argument("--friction", type=float, default=0.5, help="between discs; the walls have none")
+    options.add_argument(
+        "--friction", type=float, default=0.5, help="friction coefficient between discs; walls are frictionless"
+    )
     options.add_argument("--cell", type=float, default=0.19e-3, help="side of a grid cell [m]")
     options.add_argument("--spacing", type=float, default=0.14e-3, help="distance of material points [m]")
-    options.add_argument("--speed", type=float, default=2.0, help="of the lid [m/s]")
+    options.add_argument("--speed", type=float, default=2.0, help="speed of the lid [m/s]")
     options.add_argument("--dt", type=float, default=8e-6, help="time step [s]")
-    options.add_argument("--seed", type=int, default=0, help="of the radii and the packing")
+    options.add_argument("--seed", type=int, default=0, help="random seed of the radii and the packing")
     options.add_argument("--start", type=float, default=0.70, help="nominal solid fraction of the packing")
     options.add_argument("--until", type=float, default=0.95, help="nominal solid fraction at the end")
     options.add_argument("--scheme", choices=SCHEMES, default="balanced")

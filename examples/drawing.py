@@ -37,8 +37,8 @@ def plot(
 ) -> Axes:
     """Draw a state: outlines filled by "body", "pressure" [Pa] or values (n,) at the points, and walls.
 
-    Values share the colours between `limits`, by default the 1st and 99th percentiles; `axes.collections` holds what
-    a colour bar is made of.
+    The colour map spans `limits`, by default the 1st and 99th percentiles; pass an element of `axes.collections` to
+    `colorbar`.
     """
     axes = plt.subplots(layout="constrained")[1] if axes is None else axes
     values = pressure(state) if isinstance(colour, str) and colour == "pressure" else colour
@@ -59,12 +59,12 @@ def plot(
     view = {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()} if scene.walls else {}
     for point, (n_x, n_y) in zip(state.walls, state.wall_normals, strict=True):
         axes.axline(point, (point[0] - n_y, point[1] + n_x), color="black", linewidth=1.5)
-    axes.set(**view)  # walls are endless
+    axes.set(**view)  # walls are infinite lines
     return axes
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture, its directory if need be, and say where."""
+    """Write a picture, create its directory if needed, and print the path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     drawn = io.BytesIO()
     figure.savefig(drawn, dpi=70)

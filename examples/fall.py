@@ -1,10 +1,10 @@
-"""One body in free fall: the least that a simulation needs.
+"""One body in free fall: a minimal simulation.
 
     python examples/fall.py
 
-A scene is made of bodies, the cell of their grids and gravity; `simulate` yields a state after every step. A scene
-with one body and no wall never enters the contact code. Backward Euler falls by g t (t + dt) / 2, a stone by
-g t^2 / 2.
+A scene consists of bodies, the cell size of their grids and gravity; `simulate` yields a state after every step. A
+scene with one body and no wall never enters the contact code. With backward Euler the body falls by g t (t + dt) / 2,
+a mass point by g t^2 / 2.
 """
 
 import argparse
@@ -28,18 +28,18 @@ scene = skmpm.Scene(
 
 
 def main(out: Path) -> skmpm.State:
-    """The last state; draws every hundredth one along the path of a stone."""
+    """The last state; draws every hundredth one and the trajectory of a mass point."""
     print(skmpm.preflight(scene, dt=1e-3))
     states = [skmpm.initial(scene), *skmpm.simulate(scene, dt=1e-3, until=UNTIL)]
     x, y = states[-1].x @ states[-1].mass / states[-1].mass.sum()
     fallen = (0.1 + VELOCITY[0] * UNTIL, 0.05 + VELOCITY[1] * UNTIL - 0.5 * G * UNTIL**2)
-    print(f"t = {UNTIL} s: centre at ({x:.4f}, {y:.4f}) m; a stone would be at ({fallen[0]:.4f}, {fallen[1]:.4f})")
+    print(f"t = {UNTIL} s: centre at ({x:.4f}, {y:.4f}) m; mass point at ({fallen[0]:.4f}, {fallen[1]:.4f})")
 
     axes = plt.figure(figsize=(6, 4), layout="constrained").add_subplot()
     for state in islice(states, 0, None, 100):
         plot(scene, state, axes=axes)
     t = np.linspace(0.0, UNTIL, 50)
-    axes.plot(0.1 + VELOCITY[0] * t, 0.05 + VELOCITY[1] * t - 0.5 * G * t**2, "k--", label="a stone")
+    axes.plot(0.1 + VELOCITY[0] * t, 0.05 + VELOCITY[1] * t - 0.5 * G * t**2, "k--", label="mass point")
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.legend()
     save(axes.figure, out / "fall.png")

@@ -1,10 +1,11 @@
-"""A body from a mesh: a tube, meshed and written in gmsh's format, is pressed between two plates.
+"""A body from a mesh in gmsh's format: a tube is compressed between two plates.
 
     python examples/from_mesh.py
 
-`skmpm.from_mesh` takes triangles and quadrilaterals of any mesh that meshio reads; corners and middles of boundary
-edges become the outline, holes included. The plates move in quasi-static steps. Thin ring (Timoshenko, Strength of
-Materials): force = 6.72 E' I / R^3 of the change of diameter, E' = E / (1 - nu^2), I = thickness^3 / 12.
+`skmpm.from_mesh` takes triangles and quadrilaterals of any mesh that meshio reads; nodes and midpoints of
+boundary edges become the outline, holes included. The plates move in quasi-static steps. Thin ring (Timoshenko,
+Strength of Materials): force = 6.72 E' I / R^3 times the change of diameter, E' = E / (1 - nu^2),
+I = thickness^3 / 12.
 """
 
 import argparse
@@ -22,7 +23,7 @@ AROUND, ACROSS, STEPS = 240, 4, 8
 
 
 def tube(path: Path) -> meshio.Mesh:
-    """Write a mesh of quadrilaterals as gmsh does, and read it back."""
+    """Write a mesh of quadrilaterals in gmsh's format, and read it back."""
     angle, radius = 2.0 * np.pi * np.arange(AROUND) / AROUND, R + THICK * np.linspace(-0.5, 0.5, ACROSS + 1)
     points = [np.outer(radius, f(angle)).ravel() for f in (np.cos, np.sin, np.zeros_like)]
     number = np.arange(points[0].size).reshape(ACROSS + 1, AROUND)
@@ -36,7 +37,7 @@ def tube(path: Path) -> meshio.Mesh:
 
 
 def main(out: Path) -> tuple[float, float]:
-    """Force on a plate [N/m], and that of the thin ring."""
+    """Force on a plate [N/m]: measured, and of the thin ring."""
     body = skmpm.Body(skmpm.from_mesh(tube(out / "tube.msh")), skmpm.NeoHookean(E, NU, density=1100.0))
     top, speed = R + THICK / 2, CLOSING * R / STEPS  # of each plate, in steps of 1 s
     plates = [skmpm.Wall((0.0, -y * top), (0.0, y), velocity=(0.0, y * speed), friction=0.3) for y in (1.0, -1.0)]

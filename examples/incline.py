@@ -1,9 +1,9 @@
-"""A block on a slope: it sticks where tan(slope) is below the friction, and slides as the closed form says.
+"""A block on a slope: it sticks if tan(slope) is below the friction coefficient, else it slides with a known speed.
 
     python examples/incline.py
 
 Coulomb's law holds exactly at every contact: a block that sticks does not creep, one that slides accelerates by
-g (sin(slope) - mu cos(slope)). The wall is turned against the grid; shapes are turned by their points.
+g (sin(slope) - mu cos(slope)). The wall is inclined to the grid; a body is rotated by rotating its points.
 """
 
 import argparse
@@ -20,7 +20,7 @@ DOWN, NORMAL = np.array([np.cos(SLOPE), -np.sin(SLOPE)]), np.array([np.sin(SLOPE
 
 
 def build(friction: float) -> skmpm.Scene:
-    """A block that lies on a slope, one corner at the origin."""
+    """A block on a slope, one corner at the origin."""
     flat = skmpm.box((0.0, 0.0), (0.2, 0.1), spacing=0.0065)
     block = skmpm.Points(np.stack([DOWN, NORMAL], axis=1) @ flat.x, flat.volume, flat.outline)
     rubber = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000.0)

@@ -1,9 +1,9 @@
-"""Record a series for ParaView, and read it back: discs fall into a box.
+"""Record a time series for ParaView, and read it back: discs fall into a box.
 
     python examples/paraview.py
 
 `skmpm.record` writes one file that ParaView (5.12 or later) opens and any HDF5 library reads: points and fields of
-all frames one after the other; `Steps/PointOffsets` says where each begins. After every frame the file is whole.
+all frames, concatenated; `Steps/PointOffsets` holds the start of each. The file is valid after every frame.
 """
 
 import argparse
@@ -19,8 +19,8 @@ import skmpm
 Frame = tuple[float, np.ndarray, np.ndarray]
 R, DT, UNTIL, EVERY = 0.01, 4e-4, 0.24, 25  # [m], [s], [s], steps between frames
 gel = skmpm.NeoHookean(E=2e4, nu=0.3, density=1000.0)
-places = [(2.1 * R * i + 1.2 * R + 0.3 * R * (j % 2), (2.1 * j + 1.5) * R) for j in range(4) for i in range(3)]
-bodies = [skmpm.Body(skmpm.disc(place, R, spacing=R / 6), gel) for place in places]
+centres = [(2.1 * R * i + 1.2 * R + 0.3 * R * (j % 2), (2.1 * j + 1.5) * R) for j in range(4) for i in range(3)]
+bodies = [skmpm.Body(skmpm.disc(centre, R, spacing=R / 6), gel) for centre in centres]
 sides = [skmpm.Wall((0, 0), (1, 0)), skmpm.Wall((7 * R, 0), (-1, 0))]
 walls = [skmpm.Wall((0, 0), (0, 1), friction=0.3), *sides]
 scene = skmpm.Scene(bodies, cell=R / 4, walls=walls, friction=0.3, gravity=(0.0, -9.81))
@@ -35,7 +35,7 @@ def read(path: Path) -> list[Frame]:
 
 
 def main(out: Path) -> tuple[skmpm.State, list[Frame]]:
-    """The last state recorded, and the frames as read back."""
+    """The last recorded state, and the frames that were read back."""
     print(skmpm.preflight(scene, DT))
     out.mkdir(parents=True, exist_ok=True)
     with skmpm.record(out / "fall.vtkhdf", scene) as series:

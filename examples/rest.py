@@ -1,9 +1,9 @@
-"""Does a packing come to rest? Frictionless discs are squeezed, the lid stops, and all motion must die out.
+"""A packing comes to rest: frictionless discs are compressed, the lid stops, and the motion decays.
 
     python examples/rest.py --discs 60
 
-A run goes on in a scene that differs in its walls: `dataclasses.replace` makes it, `simulate(start=...)` continues.
-What is left in motion is dissipated by backward Euler; the elastic energy of the squeezed packing stays.
+A run can continue in a scene with other wall velocities: `dataclasses.replace` makes it, `simulate(start=...)`
+continues. Backward Euler dissipates the kinetic energy; the elastic energy of the compressed packing remains.
 """
 
 import argparse
@@ -20,26 +20,28 @@ import skmpm
 
 
 def main(out: Path, discs: int = 60, until: float = 0.92, steps: int = 240) -> list[tuple[float, float, float]]:
-    """Kinetic and elastic energy [J/m] and the fastest turning [rad/step] after the lid stops."""
+    """Kinetic and elastic energy [J/m] and the largest rotation rate [rad/step] after the lid stops."""
     options = compaction.parser().parse_args(["--discs", str(discs), "--friction", "0", "--until", str(until)])
     scene, stop = compaction.build(options)
     print(skmpm.preflight(scene, options.dt))
-    *_, squeezed = skmpm.simulate(scene, dt=options.dt, until=stop)
+    *_, compressed = skmpm.simulate(scene, dt=options.dt, until=stop)
     lid = scene.walls[compaction.LID]
     walls = [replace(wall, velocity=(0.0, 0.0)) if wall is lid else wall for wall in scene.walls]
-    held, table = replace(scene, walls=walls), []
-    after = skmpm.simulate(held, dt=options.dt, until=stop + steps * options.dt, start=squeezed)
-    for step, state in enumerate(chain([squeezed], after)):
+    stopped, table = replace(scene, walls=walls), []
+    after = skmpm.simulate(stopped, dt=options.dt, until=stop + steps * options.dt, start=compressed)
+    for step, state in enumerate(chain([compressed], after)):
         energy, points = state.report.energy, np.bincount(state.body)
-        turning = options.dt * np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / points
-        table.append((energy.kinetic, energy.elastic, float(np.abs(turning).max())))
+        rotation = options.dt * np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / points
+        table.append((energy.kinetic, energy.elastic, float(np.abs(rotation).max())))
         if step % 40 == 0:
-            print("step {:4d}  kinetic {:.4f}  elastic {:.4f}  turning {:.4f}".format(step, *table[-1]))
+            print("step {:4d}  kinetic {:.4f}  elastic {:.4f}  rotation {:.4f}".format(step, *table[-1]))
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4), layout="constrained")
     plot(scene, state, "pressure", axes=left).axis("off")
     figure.colorbar(left.collections[0], ax=left, label="pressure [Pa]", location="left", shrink=0.7)
-    for column, label in enumerate(("kinetic energy [J/m]", "elastic energy [J/m]", "fastest turning [rad/step]")):
+    for column, label in enumerate(
+        ("kinetic energy [J/m]", "elastic energy [J/m]", "largest rotation rate [rad/step]")
+    ):
         right.semilogy([line[column] for line in table], label=label)
     right.set_xlabel("steps after the lid has stopped")
     right.legend()

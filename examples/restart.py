@@ -1,9 +1,9 @@
-"""Checkpoint, kill, resume: a run that goes on from a checkpoint ends in the same state, bit for bit.
+"""Checkpoint, kill, resume: a run resumed from a checkpoint ends in the same state, bit for bit.
 
     python examples/restart.py
 
 A `State` holds all that a restart needs: `save` writes it to one file, `load` reads it (without executing code),
-`simulate(start=...)` goes on. Here a process that saves every tenth step is killed without notice.
+`simulate(start=...)` continues. Here a process that saves every tenth step is killed.
 """
 
 import argparse
@@ -22,7 +22,7 @@ DT, UNTIL = 5e-6, 0.4e-3  # [s]
 
 
 def run(checkpoint: Path) -> None:
-    """Save every tenth state, and wait a little: somebody wants to kill this."""
+    """Save every tenth state, with pauses in which the process can be killed."""
     for step, state in enumerate(skmpm.simulate(scene, dt=DT, until=UNTIL), start=1):
         if step % 10 == 0:
             skmpm.save(checkpoint, state)
@@ -30,7 +30,7 @@ def run(checkpoint: Path) -> None:
 
 
 def main(out: Path) -> dict[str, bool]:
-    """Whether the arrays of both last states are the same, by name."""
+    """Whether arrays of the final states of the resumed and the uninterrupted run are identical, by name."""
     print(skmpm.preflight(scene, DT))
     out.mkdir(parents=True, exist_ok=True)
     (checkpoint := out / "squeeze.checkpoint").unlink(missing_ok=True)
@@ -42,11 +42,17 @@ def main(out: Path) -> dict[str, bool]:
     worker.join()
 
     begun = skmpm.load(checkpoint)
-    (*_, resumed), (*_, whole) = (skmpm.simulate(scene, dt=DT, until=UNTIL, start=start) for start in (begun, None))
-    same = {name: np.array_equal(getattr(resumed, name), getattr(whole, name)) for name in ("x", "v", "F", "C")}
-    print(f"killed (exit code {worker.exitcode}), resumed from t = {begun.t:.3g} s; the same bits: {same}")
+    (*_, resumed), (*_, uninterrupted) = (
+        skmpm.simulate(scene, dt=DT, until=UNTIL, start=start) for start in (begun, None)
+    )
+    same = {
+        name: np.array_equal(getattr(resumed, name), getattr(uninterrupted, name)) for name in ("x", "v", "F", "C")
+    }
+    print(f"killed (exit code {worker.exitcode}), resumed from t = {begun.t:.3g} s; identical arrays: {same}")
     figure, axes = plt.subplots(1, 3, figsize=(8, 3.5), layout="constrained")
-    for axis, state, name in zip(axes, (begun, resumed, whole), ("killed", "resumed", "whole"), strict=True):
+    for axis, state, name in zip(
+        axes, (begun, resumed, uninterrupted), ("killed", "resumed", "uninterrupted"), strict=True
+    ):
         plot(scene, state, "pressure", axes=axis, limits=(0.0, 1.5e6)).set_title(f"{name}, t = {state.t:.2g} s")
         axis.axis("off")
     figure.colorbar(axes[0].collections[0], ax=axes, label="pressure [Pa]")

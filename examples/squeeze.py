@@ -1,10 +1,10 @@
-"""Two soft discs squeezed between two walls: contact and friction.
+"""Two soft discs compressed between two walls: contact and friction.
 
     python examples/squeeze.py
 
-A lid that comes down flattens two discs at three contacts. Contact obeys Signorini's and Coulomb's laws exactly:
-there is no penalty stiffness to choose. `State.wall_force` holds what the bodies exert on the walls: slowly driven,
-lid and floor bear the same, and about what Hertz's theory of line contact gives.
+A moving lid flattens two discs at three contacts. Contact satisfies Signorini's and Coulomb's laws exactly: there is
+no penalty stiffness to choose. `State.wall_force` holds the forces of the bodies on the walls: at low speed, those on
+lid and floor are opposite and agree approximately with Hertz's theory of line contact.
 """
 
 import argparse
@@ -33,7 +33,7 @@ def main(out: Path) -> skmpm.State:
     print(skmpm.preflight(scene, dt=5e-6))
     *_, state = skmpm.simulate(scene, dt=5e-6, until=0.4e-3, progress=True)
     floor, lid = state.wall_force[:, 1]
-    print(f"lid down by {4 * R - state.walls[1, 1]:.2e} m: it bears {lid:.0f} N/m, the floor {-floor:.0f} N/m")
+    print(f"lid down by {4 * R - state.walls[1, 1]:.2e} m: force {lid:.0f} N/m, on the floor {-floor:.0f} N/m")
     print(f"energy [J/m]: {state.report.energy}")
 
     axes = plt.figure(figsize=(4, 5), layout="constrained").add_subplot()

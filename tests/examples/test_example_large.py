@@ -7,7 +7,7 @@ from examples import large
 
 def test_large(tmp_path):
     """It sinks as far as one of 1e6 points, 2.079 mm, to 1 %: the arc held is one of whole boundary segments."""
-    sag, lacking = large.main(tmp_path, 6000)
+    sag, error = large.main(tmp_path, 6000)
     assert sag == pytest.approx(2.079e-3, rel=0.01)
-    assert lacking <= 1e-6
+    assert error <= 1e-6
     assert (tmp_path / "large.png").stat().st_size > 1000

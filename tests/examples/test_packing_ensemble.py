@@ -23,8 +23,8 @@ def test_members_are_what_the_study_needs():
     assert sum(name.startswith(("mu0_", "mu0.5_")) for name in found) == 4
     assert {about["friction"] for about in found.values()} == {0.0, 0.5}
     assert found["fine_mu0"]["cell"] == pytest.approx(0.95e-3 / 8)
-    assert found["seed_mu0_r6"]["scheme"] == "nezamabadi2017"
-    assert found["seed_mu0_r6"]["dt"] == 0.5e-6
+    assert found["shared_grid_mu0_r6"]["scheme"] == "nezamabadi2017"
+    assert found["shared_grid_mu0_r6"]["dt"] == 0.5e-6
     assert found["slow_mu0.5"]["speed"] == 0.5
     for about in found.values():
         assert vars(study.compaction.parser().parse_args([])).keys() >= about.keys()
@@ -100,10 +100,10 @@ def test_a_member_that_fails_says_so_and_keeps_its_table(monkeypatch, tmp_path):
 def test_the_whole_study_in_small(tmp_path):
     """Two seeds in two processes; the rest of the members is cut to what shows that they run."""
     options = study.parser().parse_args(
-        [*SMALL, "--out", str(tmp_path), "--processes", "2", "--only", "mu", "forgetful"]
+        [*SMALL, "--out", str(tmp_path), "--processes", "2", "--only", "mu", "regridded"]
     )
     study.main(options)
-    for name in ("mu0_seed0", "mu0_seed1", "mu0.5_seed0", "mu0.5_seed1", "forgetful_mu0.5"):
+    for name in ("mu0_seed0", "mu0_seed1", "mu0.5_seed0", "mu0.5_seed1", "regridded_mu0.5"):
         about = json.loads((tmp_path / name / "manifest.json").read_text())
         assert about["finished"], name
         assert float(table(tmp_path / name)[-1]["solid_fraction_nominal"]) == pytest.approx(0.7, abs=1e-6)

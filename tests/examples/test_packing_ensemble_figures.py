@@ -207,7 +207,7 @@ def test_the_first_change_decides_the_artefact(code):
         (lambda cells: code.claims.apparent(cells) + 0.01, "holds"),
         (lambda cells: 0.742, "does not hold"),
     ):
-        runs = {f"seed_mu0_r{cells}": resists(place(cells)) for cells in (6, 8, 10)}
+        runs = {f"shared_grid_mu0_r{cells}": resists(place(cells)) for cells in (6, 8, 10)}
         assert verdicts(code.claims.rows(code.curves.Study(runs, [])))[claim] == verdict
     slow = {"slow_mu0": resists(0.845), "slow_mu0.5": resists(0.81)}
     found = verdicts(code.claims.rows(code.curves.Study(slow, [])))
@@ -318,14 +318,14 @@ def test_both_commands(code, ran, tmp_path):
 def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
     for copy, name in (
         *((f"{kind}_mu{f}", f"mu{f}_seed0") for kind in ("fine", "slow") for f in ("0", "0.5")),
-        *((f"seed_mu0_r{cells}", "mu0_seed1") for cells in (6, 8, 10)),
-        ("forgetful_mu0.5", "mu0.5_seed1"),
+        *((f"shared_grid_mu0_r{cells}", "mu0_seed1") for cells in (6, 8, 10)),
+        ("regridded_mu0.5", "mu0.5_seed1"),
         *((name, name) for name in ("mu0_seed0", "mu0_seed1", "mu0.5_seed0", "mu0.5_seed1")),
     ):
         shutil.copytree(ran / name, tmp_path / "study" / copy)
     drawn(code, tmp_path / "study", tmp_path / "docs")
     assert len(list((tmp_path / "docs" / "packing_ensemble").glob("*.png"))) == 7
-    manifest = tmp_path / "study" / "forgetful_mu0.5" / "manifest.json"
+    manifest = tmp_path / "study" / "regridded_mu0.5" / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"finished": true', '"finished": false'))
     options = ["--study", str(tmp_path / "study"), "--docs", str(tmp_path / "docs")]
     code.figures.main(code.figures.parser().parse_args(options))

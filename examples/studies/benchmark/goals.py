@@ -1,4 +1,4 @@
-"""What `study.py` found, goal by goal."""
+"""Results of `study.py` against the performance goals."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""One large body by multigrid: a disc that hangs by its boundary sinks under its weight, at once or in steps.
+"""One large body by algebraic multigrid: a suspended disc deforms under its weight, in one or many steps.
 
     OPENBLAS_NUM_THREADS=1 python -m examples.studies.benchmark large --points 1000000
 
-The grid lies anywhere, so cells are cut at random. Prints iterations, seconds by phase, memory, and how well what
-the support carries balances weight and inertia.
+The position on the grid is random, so that cells are cut at random. Prints iterations, seconds by phase, memory, and
+the relative error of the balance of support force, weight and inertia.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""One workload of `study.py`, measured in a process of its own: what it was, its times and its memory.
+"""One workload of `study.py`, measured in a process of its own: its size, times and memory.
 
 python -m examples.studies.benchmark.measure '{"kind": "dense", "discs": 10, ...}' result.json cache
 """
@@ -47,7 +47,7 @@ IMPORTED = peak()
 
 @dataclass
 class Recorder:
-    """A linear solver that keeps what it was given and made."""
+    """A linear solver that records its arguments and results."""
 
     solver: linear.Linear
     matrices: list[sp.bsr_array] = field(default_factory=list)

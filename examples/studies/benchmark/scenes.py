@@ -1,14 +1,14 @@
-"""What `study.py` runs: dense packings of any size made from one squeezed tile, free discs, single bodies.
+"""Workloads of `study.py`: dense packings of any size built from one compressed tile, free discs, single bodies.
 
-A squeeze to a nominal solid fraction of 0.90 takes hundreds of steps, so one *tile*, a box of at most 100 discs, is
-squeezed, and larger packings are made of its mirror images: on both sides of a smooth wall the image of a motion is
-a motion, so in a kaleidoscope of tiles, its inner walls taken out, every disc moves as it did and Newton takes the
-iterations it took (with friction to the tolerance of a step; without, discs and their images first slip a little, as
-contact normals are those of one of the two curves). What a disc shared with a wall it now shares with its image, so
-contacts a disc become fewer by those of the walls; strain rate and pressure stay. A large packing is thus no harder
-than the tile, by construction: what grows is the machinery's time, not the number of rare hard contacts. Every size
-shrinks at the rate of the main job (300 discs, lid at 2 m/s), so lids of higher packings are faster; the velocities
-of the images are shifted to match.
+Compression to a nominal solid fraction of 0.90 takes hundreds of steps, so one *tile*, a box of at most 100 discs, is
+compressed, and larger packings consist of its mirror images. The mirror image of a motion at a smooth wall is a
+motion, so that in an array of tiles without inner walls every disc moves as in the tile and Newton's method takes the
+same number of iterations (with friction to the tolerance of a step; without, discs and their images first slip,
+since contact normals are those of one of the two curves). A contact with a wall becomes one with the image, so there
+are fewer contacts per disc by those of the walls; strain rate and pressure are unchanged. By construction a large
+packing is thus no harder than the tile: computing time grows, not the number of rare difficult contacts. Every size
+is compressed at the strain rate of the main job (300 discs, lid at 2 m/s), so lids of higher packings are faster; the
+velocities of the images are shifted accordingly.
 """
 
 from __future__ import annotations

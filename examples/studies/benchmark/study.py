@@ -6,8 +6,8 @@
 
 Every workload runs in a process of its own, with one BLAS thread, and leaves a json file in --out; those that are
 there are not run again, so an interrupted benchmark resumes (after a change of the library give another --out). The
-page, its table and its figure are made of these files. What the workloads are is prescribed in `scenes.py`, how they
-are measured in `measure.py`.
+page, its table and its figure are made of these files. The workloads are defined in `scenes.py` and
+measured in `measure.py`.
 """
 
 from __future__ import annotations

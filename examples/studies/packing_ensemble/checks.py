@@ -1,6 +1,6 @@
 """The checks of the study: three pressures, an identity, the grid, the lid and the laws of compaction.
 
-As the claims, written before any member was looked at. "Worst" is over all members and solid fractions meant.
+Like the claims, they were fixed before any result was seen. "Worst" is over all members and solid fractions meant.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def laws(found: Study) -> list[Row]:
 
 def forgetting(found: Study) -> Row:
     """What body grids rebuilt at every step do to the pressure."""
-    usual, other = found.get("mu0.5_seed0"), found.get("forgetful_mu0.5")
+    usual, other = found.get("mu0.5_seed0"), found.get("regridded_mu0.5")
     claim, at = "body grids rebuilt at every step: P over that of the same packing", np.array([0.85, 0.90, 0.95])
     if usual is None or other is None:
         return Row(claim, "-", "-", NOT_RUN)

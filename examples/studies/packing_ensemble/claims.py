@@ -1,4 +1,4 @@
-"""The claims of Nezamabadi et al. (2017), each with the rule that decides it, written before any run was looked at.
+"""The claims of Nezamabadi et al. (2017), each with its decision rule, fixed before any result was seen.
 
 A claim about the ensemble needs at least two packings. Differences between frictions are those of the same packing
 without and with friction; "over 2 errors" means larger than two standard errors of their mean.
@@ -20,7 +20,7 @@ NEAR = 0.02  # how near a measured solid fraction must be to the or of Nezamabad
 JAMMED, JAMMING = 0.842, (0.83, 0.86)  # frictionless, mean and by protocol
 CELLS = (6, 8, 10)  # per mean radius, of the runs in the mode of Nezamabadi et al. (2017)
 SHARED = {
-    f"mode of Nezamabadi et al. (2017), R/h = {cells}": f"seed_mu0_r{cells}" for cells in CELLS
+    f"mode of Nezamabadi et al. (2017), R/h = {cells}": f"shared_grid_mu0_r{cells}" for cells in CELLS
 }  # these by what they are
 POLYGON = 0.05  # excess of shape half way between an ellipse and a hexagon
 NOT_RUN = "not run"
@@ -184,7 +184,7 @@ def change(member: Member | None) -> float:
 
 def jamming(found: Study) -> list[Row]:
     """Where the first change comes, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
-    shared = np.array([change(found.get(f"seed_mu0_r{cells}")) for cells in CELLS])
+    shared = np.array([change(found.get(f"shared_grid_mu0_r{cells}")) for cells in CELLS])
     formula = np.array([apparent(cells) for cells in CELLS])
     there = np.isfinite(shared).all()
     fast = [resisting(found, friction) for friction in (0.0, 0.5)]
@@ -197,7 +197,7 @@ def jamming(found: Study) -> list[Row]:
     low, high = JAMMING
     first, both = np.isfinite(slow[0]), np.isfinite(slow).all()
     values = [f"slow lid {figure(s)}, 2 m/s {figure(*usual)}" for s, usual in zip(slow, fast, strict=True)]
-    with_friction = figure(change(found.get("seed_mu0.5_r6")))
+    with_friction = figure(change(found.get("shared_grid_mu0.5_r6")))
     return [
         Row("in the mode of Nezamabadi et al. (2017) the first change moves with R/h as 0.842/(1 + h/2R)^2 says",
             f"each within {NEAR} of the formula (in brackets; then with the packings' own fraction at 2 m/s instead "
@@ -229,7 +229,7 @@ def gaps(found: Study) -> Row:
 def first_breaks(found: Study) -> Row:
     """The first break of alpha, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
     claim, texts = "the first break of alpha, box instead of interior", []
-    kinds = {**SHARED, "mode of Nezamabadi et al. (2017), R/h = 6, friction 0.5": "seed_mu0.5_r6"}
+    kinds = {**SHARED, "mode of Nezamabadi et al. (2017), R/h = 6, friction 0.5": "shared_grid_mu0.5_r6"}
     kinds |= {f"slow lid, friction {friction:g}": f"slow_mu{friction:g}" for friction in (0.0, 0.5)}
     for what, name in kinds.items():
         member = found.get(name)

@@ -1,4 +1,4 @@
-"""What the members of the study did, read from their tables, and means over packings with their standard errors."""
+"""Curves of the members of the study from their tables, and means over packings with standard errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The main job with checks: the scene of `examples/compaction.py`, and at every step what must hold of it.
+"""The main job with checks: the scene of `examples/compaction.py`, with invariants evaluated at every step.
 
     python -m examples.studies.packing_ensemble main_job --out out/main_job
 
@@ -24,19 +24,19 @@ from examples.compaction import parser as options_of
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor", "settled")
+CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor", "frozen")
 WAVE = 10e6 * (1.0 - 0.45) / (1.0 + 0.45) / (1.0 - 2.0 * 0.45) / 990.0  # pressure waves, c^2 [m2/s2]
 
 
 def check(
     step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables, dt: float, filled: float
 ) -> dict[str, float]:
-    """What must hold: area by outlines and by det F, how far points are outside, turning per step, wall forces.
+    """Invariants: area by outlines and by det F, distance of points behind walls, rotation per step, wall forces.
 
     `filled` is the area by outlines at the start [m2].
     """
     counts = np.bincount(state.body)
-    turning = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / counts
+    rotation = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / counts
     depth = [-(n @ (state.x - point[:, None])).min() for n, point in zip(scene.normals.T, state.walls, strict=True)]
     volume = scene.initial_volumes.sum()
     return {
@@ -45,10 +45,10 @@ def check(
         "area": seen.bodies.area.sum() / filled,
         "volume": state.volume.sum() / volume,
         "outside": max(0.0, *depth) / scene.cell,
-        "spin": np.abs(turning).max() * dt,
+        "spin": np.abs(rotation).max() * dt,
         "lid": state.wall_force[LID, 1],
         "floor": -state.wall_force[0, 1],
-        "settled": int(state.report.frozen_normals),
+        "frozen": int(state.report.frozen_normals),
     }
 
 
@@ -143,8 +143,8 @@ def verdict(checks: list[dict[str, float]], transit: int) -> str:
     return (
         f"area by outlines against det F: {100 * apart.max():.3f} % apart at worst"
         f" (bodies keep {100 * column['volume'][-1]:.2f} %); points outside: {column['outside'].max():.4f} cells;"
-        f" turning: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %"
-        f"; steps with settled normals: {column['settled'].sum():.0f}"
+        f" spin: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %"
+        f"; steps with frozen contact geometry: {column['frozen'].sum():.0f}"
     )
 
 

@@ -147,7 +147,7 @@ def law(found: Study, name: str, unit: float, label: str, fit: Callable[[Axes, S
 
 def artefact(found: Study) -> Figure | None:
     """Interior pressure against interior solid fraction with shared-grid contact, and with the gap corrected."""
-    shared = {c: m for c in CELLS if (m := found.get(f"seed_mu0_r{c}"))}
+    shared = {c: m for c in CELLS if (m := found.get(f"shared_grid_mu0_r{c}"))}
     ours = {f"$\\mu$ = {f:g}, {what}": m for what, name in (("2 m/s", "mu{:g}_seed0"), ("0.5 m/s", "slow_mu{:g}"))
             for f in COLOURS if (m := found.get(name.format(f)))}  # fmt: skip
     if not shared:
@@ -158,7 +158,7 @@ def artefact(found: Study) -> Figure | None:
         for full, style in ((JAMMED, "--"), (usual, ":")):
             left.axvline(apparent(cells, full), color=f"C{i}", linewidth=0.8, linestyle=style)
         resistance(left, member, f"C{i}", f"R/h = {cells}")
-    if member := found.get("seed_mu0.5_r6"):
+    if member := found.get("shared_grid_mu0.5_r6"):
         resistance(left, member, "0.5", r"R/h = 6, $\mu$ = 0.5")
     for i, (label, member) in enumerate(ours.items()):
         resistance(right, member, f"C{i}", label)
@@ -180,7 +180,7 @@ def resistance(axis: Axes, member: Member, colour: str, label: str) -> None:
 
 def forgetting(found: Study) -> Figure | None:
     """The same packing with and without its stress kept at cell crossings."""
-    both = {"kept": found.get("mu0.5_seed0"), "body grids rebuilt at every step": found.get("forgetful_mu0.5")}
+    both = {"kept": found.get("mu0.5_seed0"), "body grids rebuilt at every step": found.get("regridded_mu0.5")}
     if None in both.values():
         return None
     figure, axis = plt.subplots(figsize=(6.5, 4), layout="constrained")

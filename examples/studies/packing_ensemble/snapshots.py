@@ -47,7 +47,7 @@ def figure4(found: Study) -> Figure | None:
 def distant(found: Study) -> Figure | None:
     """A corner of the box at the first stage, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
     kinds = {
-        "mode of Nezamabadi et al. (2017), R/h = 6": found.get("seed_mu0_r6"),
+        "mode of Nezamabadi et al. (2017), R/h = 6": found.get("shared_grid_mu0_r6"),
         "gap corrected": found.get("mu0_seed0"),
     }
     states = {what: stages.states(m).get(study.STAGES[0]) for what, m in kinds.items() if m is not None}

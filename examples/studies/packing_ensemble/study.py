@@ -5,7 +5,7 @@
 Runs every member of `members` (friction 0 and 0.5 for several seeds; for each friction a finer grid, a slower lid and
 the mode of Nezamabadi et al. (2017); body grids rebuilt at every step), each in a directory of its own:
 `observables.csv`, checkpoints at four stages, `manifest.json` (parameters, versions, hashes). Finished members are
-not run again, interrupted ones go on from their last checkpoint. `figures.py` draws what comes out.
+not run again, interrupted ones resume from their last checkpoint. `figures.py` draws the results.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def members(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
     for friction in both:
         found[f"slow_mu{friction:g}"] = {"speed": 0.5, "friction": friction}
     for friction, cells in ((0.0, 6), (0.0, 8), (0.0, 10), (0.5, 6)):
-        found[f"seed_mu{friction:g}_r{cells}"] = {
+        found[f"shared_grid_mu{friction:g}_r{cells}"] = {
             **resolved(cells),
             "friction": friction,
             "scheme": "nezamabadi2017",
@@ -71,7 +71,7 @@ def members(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             "until": 0.85,
             "discs": max(options.discs // 3, 10),
         }
-    found["forgetful_mu0.5"] = {"friction": 0.5, "scheme": "forgetful"}
+    found["regridded_mu0.5"] = {"friction": 0.5, "scheme": "regridded"}
     for seed in range(options.seeds):
         for friction in both:
             found[f"mu{friction:g}_seed{seed}"] = {"friction": friction, "seed": seed}
@@ -86,7 +86,7 @@ def resolved(cells: int) -> dict[str, float]:
 
 
 def run(name: str, chosen: dict[str, Any], out: Path, shared: dict[str, float]) -> str:
-    """Run one member to its end, from its checkpoint if it has one; `shared` learns how far it is."""
+    """Run one member to its end, from its checkpoint if it has one; `shared` receives its progress."""
     folder = out / name
     if finished(folder, chosen):
         return name

@@ -1,10 +1,10 @@
-"""Laws of the error, fitted to the study's runs: what `skmpm.suggest` goes by.
+"""Laws of the error, fitted to the study's runs: the basis of `skmpm.suggest`.
 
     error = c n^-p + d s
 
 n is R/h, R the radius of the smallest body, and s the length of a step: dt c / R, c the speed of pressure waves,
-where bodies move freely, the way of the lid over R where it drives them. One law for every spacing of points that is
-worth it: in contact 0.74 h serves best, in collisions on fine grids and within bodies 0.5 h.
+where bodies move freely, the displacement of the lid over R where it drives them. There is one law for each spacing
+of points that pays: 0.74 h in contact, 0.5 h in collisions on fine grids and within bodies.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a run costs: processor time, and counts that are the same on every machine."""
+"""Cost of a run: processor time, and counts that do not depend on the machine."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Whether `skmpm.suggest` keeps its promise on scenes that are not in the study.
+"""Whether the errors that `skmpm.suggest` predicts hold on scenes that are not in the study.
 
     OPENBLAS_NUM_THREADS=1 python -m examples.studies.work_precision promises --docs docs
 
 Four scenes, one of each kind, unlike the study's in shape, size, material, speed and friction, are run at the cell,
-spacing and time step that `suggest` gives for several errors, with `Scheme.balanced()`. What they err, against
-another solver, a formula or a fine run, over what was asked, goes to the docs: the promise is a factor of two.
+spacing and time step that `suggest` gives for several errors, with `Scheme.balanced()`. The ratio of their errors,
+against another solver, a formula or a fine run, to the requested ones goes to the docs; it should be below two.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""The four scenes of the study: what runs, what is measured, and how far that is from a reference.
+"""The four scenes of the study: their runs, measured quantities, and errors against a reference.
 
 (a) `cantilever`: clamped, an end load; tip and stress against quadratic finite elements.
 (b) `hertz`: a disc between frictionless plates; force at three depths and half-width of the contact.
 (c) `collision`: two discs, oblique, with friction; velocities and spin after they part.
 (d) `packing`: 30 discs squeezed by a lid, with friction; work of the lid, pressure and aspect ratio.
 
-A run returns what it measured. Errors are made of that later, against the scene's reference, so a finer reference
-asks for no run again. Scenes (a) to (c) lie on the grid in several *places*: a setting's error is the root mean
-square over them, quantity by quantity, and then the largest of the quantities.
+A run returns the measured quantities. Errors are computed later, against the reference of the scene, so that a finer
+reference requires no new runs. Scenes (a) to (c) are run at several positions on the grid, called *places*: the error
+of a setting is the root mean square over them, quantity by quantity, and then the largest of the quantities.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Where implicit and explicit steps cross: a small packing squeezed a little further, by lids of four speeds.
+"""Crossover of implicit and explicit steps: a small packing compressed further by lids of four speeds.
 
-The packing stands still at a nominal solid fraction of 0.82 and is squeezed by 5 % of its height. Time is what is
-compared: the reference of each speed is the same grid with many implicit steps, so errors of space cancel.
+The packing is at rest at a nominal solid fraction of 0.82 and is compressed by 5 % of its height. Errors are those of
+time integration: the reference of each speed is the same grid with many implicit steps, so spatial errors cancel.
 A setting's `pace` is 64 over the number of implicit steps; explicit ones are a share of h/c, as on the other scenes.
 """
 

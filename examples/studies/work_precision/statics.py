@@ -1,7 +1,7 @@
-"""What the quasi-static scenes (a) and (b) share: materials, places on the grid, how loads rise.
+"""Common parts of the quasi-static scenes (a) and (b): materials, positions on the grid, load histories.
 
 Explicit steps have inertia: there the load rises, or the plates move, as s - sin(2 pi s) / 2 pi over times that are
-long beside those of waves, and what is measured is a mean over the time in which the body then swings once.
+long compared with those of waves, and results are means over one period of the oscillation that follows.
 """
 
 from __future__ import annotations
