@@ -1,4 +1,4 @@
-"""Strict arithmetic in every test; hypothesis draws the same examples in CI each time."""
+"""Floating-point errors raise in every test; hypothesis is deterministic in CI."""
 
 import os
 

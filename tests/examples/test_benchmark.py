@@ -1,4 +1,4 @@
-"""The benchmark in small: it runs, resumes, writes its page; and what it says of mirror images is true."""
+"""The benchmark at small size: it runs, resumes and writes its page; mirror images move as their originals."""
 
 import csv
 import json
@@ -51,7 +51,7 @@ def test_sizes_are_tiles():
 
 @pytest.mark.slow
 def test_benchmark(tmp_path):
-    """Everything in small; a second run measures nothing anew."""
+    """Everything at small size; a second run repeats no measurement."""
     options = ["--quick", "--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
     study.main(study.parser().parse_args(options))
     results = sorted((tmp_path / "out").glob("*.json"))

@@ -1,4 +1,4 @@
-"""The main job in small; its checks at every step are in `test_packing_ensemble`."""
+"""The main job at small size; its checks at every step are in `test_packing_ensemble`."""
 
 import csv
 

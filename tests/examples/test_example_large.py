@@ -1,4 +1,4 @@
-"""The example of one large body; what its steps take is in `test_benchmark`."""
+"""The example of one large body; the cost of its steps is in `test_benchmark`."""
 
 import pytest
 

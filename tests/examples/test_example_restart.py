@@ -1,4 +1,4 @@
-"""The example of a run that is killed and goes on."""
+"""The example of a run that is killed and resumed."""
 
 from examples import restart
 

@@ -1,4 +1,4 @@
-"""The example of two squeezed discs."""
+"""The example of two compressed discs."""
 
 import pytest
 

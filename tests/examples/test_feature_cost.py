@@ -1,4 +1,4 @@
-"""The table of what features cost, in small: every line counts what it says, and every test it names exists."""
+"""The table of feature costs at small size: every line counts what it names, and every test in it exists."""
 
 from pathlib import Path
 

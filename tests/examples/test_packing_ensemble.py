@@ -1,4 +1,4 @@
-"""The study in small: all members, a cut in the middle, and what a rerun does."""
+"""The study at small size: all members, an interrupted run, and a repeated one."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""The study's figures: fits on curves of known constants, the rules of the claims, and both commands in small."""
+"""The study's figures: fits on curves of known constants, the rules of the claims, and both commands."""
 
 import csv
 import re

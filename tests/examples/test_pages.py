@@ -1,4 +1,4 @@
-"""Pages keep what is not between their marks."""
+"""Pages keep the text outside their marks."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Every study runs as a module and by path, from a clone, whatever the directory one stands in."""
+"""Every study runs as a module and by path, from a clone and from any directory."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""The trade-off study in small: its commands, what it resumes and records, and the rules by which it judges."""
+"""The work-precision study at small size: its commands, resumption, records, and rules of comparison."""
 
 import json
 from dataclasses import replace

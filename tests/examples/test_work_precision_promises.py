@@ -1,4 +1,4 @@
-"""What `suggest` promises, on the two scenes whose references cost nothing; the others are on the page."""
+"""Errors predicted by `suggest` on the two scenes with cheap references; the others are on the page."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Forces and moments on every body, added up from what a state says, beside the change of its momentum.
+"""Forces and moments on every body, summed from a state, compared with the change of its momentum.
 
 Nothing here calls the solver: weights and loads come from the scene, contact forces from the list of contacts, the
 forces on walls and supports from the state. Forces of a step act at its end, so arms are those of the new positions.

@@ -1,4 +1,4 @@
-"""What every state of every run must obey, checked by code that did not produce the numbers.
+"""Invariants of every state of every run, checked by code that is independent of the library.
 
 Nothing here calls the library but to run it: momentum and energies come from the points, contact laws from the list
 of contacts, overlaps from points in polygons.

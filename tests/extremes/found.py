@@ -1,4 +1,4 @@
-"""What random stacks found, made small: each with the reason why it is not right yet.
+"""Reduced failures of random stacks, each with the reason why it is not solved yet.
 
 A reason makes the test one that is known to fail, and that says so once it passes: then its reason becomes None.
 """

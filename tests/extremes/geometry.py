@@ -1,4 +1,4 @@
-"""Polygons of the boundary points, looked at without the library: crossings, depths, shared area."""
+"""Polygons of the boundary points, independent of the library: crossings, penetrations, overlap area."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What users publish of a run, to be compared between grids and time steps."""
+"""Observables of a run that users publish, to be compared between grids and time steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scenes of the sweeps: every parameter that a user can turn is a number of `Parameters`, without dimension.
+"""The scenes of the sweeps: every parameter that a user can choose is a dimensionless number of `Parameters`.
 
 Unit of length: the (mean) radius R of the discs. Unit of speed: c, the speed of pressure waves in the gel of
 Nezamabadi et al. (2017), sqrt(3.79 E / density), whatever Poisson's ratio and the other ratios are. The scenes are

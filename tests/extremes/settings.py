@@ -1,4 +1,4 @@
-"""Every parameter with the settings that it is turned to, and the tables that hold what came out."""
+"""Every parameter with its settings, and the tables of results."""
 
 from __future__ import annotations
 

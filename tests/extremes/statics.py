@@ -1,4 +1,4 @@
-"""Whether rigid bodies in the places of the scene's could stand still: a linear programme over contact forces.
+"""Whether rigid bodies at the positions of the scene's are in equilibrium: a linear programme in contact forces.
 
 It knows no solver of the library, no elasticity and no stability: forces within Coulomb's cones at what nearly
 touches, and of the supports, which balance weight and loads of every body.

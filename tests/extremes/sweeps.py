@@ -1,4 +1,4 @@
-"""Turn parameters to their ends: `python tests/extremes/sweeps.py [parameter ...] [--processes n]`, by default all.
+"""Vary parameters over their range: `python tests/extremes/sweeps.py [parameter ...] [--processes n]`, default all.
 
 Each setting is run on the scenes and kept in docs/stability/<parameter>.csv; what is there is not run again. Then
 docs/stability.md gets its table, its list of failures and one map per parameter: `sweeps.py draw` does only that.
@@ -167,7 +167,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parameters", nargs="*", help=f"of {', '.join(SWEEPS)}; or draw")
     parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--again", nargs="*", default=(), help="run anew what ended so: wrong, StepFailed ...")
+    parser.add_argument("--again", nargs="*", default=(), help="repeat runs with this outcome: wrong, StepFailed ...")
     parser.add_argument("--no-errors", action="store_true", help="leave out the finer runs")
     given = parser.parse_args()
     KEPT.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Stacks of bodies of any shape with supports and loads, drawn at once: each ends right or in one clear error.
+"""Stacks of bodies of any shape with supports and loads, all random: a right result or one clear error.
 
 Problem: `assemblies.py`, dynamic steps and quasi-static ones. Reference and tolerances: balances of forces and of
 moments, Coulomb's law by the points' displacements and polygons that do not cross: the limits of `checks.py`.

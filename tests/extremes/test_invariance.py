@@ -1,4 +1,4 @@
-"""Units, the place of the grid, directions and the order of bodies are the user's choice: results do not know them.
+"""Results do not depend on units, the grid offset, directions and the order of bodies.
 
 Reference: the same scene in millimetres and MPa, upright, near the origin. Tolerances: units change no equation, so
 only round-off is left, and what twenty steps make of it. Asked: 1e-8 for units, the solver tolerance, 1e-6, for the

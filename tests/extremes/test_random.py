@@ -1,4 +1,4 @@
-"""Small scenes with every parameter drawn at once: each ends right or in one clear error.
+"""Small scenes with all parameters random: each ends with a right result or one clear error.
 
 Problem: bodies in free fall, colliding, squeezed by a lid or crushed, for a few steps; any material, grid, unit,
 order, direction and scheme. Reference and tolerances: the limits of `checks.py`. 50 examples here, the same at every
@@ -156,7 +156,7 @@ def parameters(draw, least=1.0):
 
 @pytest.fixture(autouse=True, scope="module")
 def quiet():
-    """Retries are counted, not told."""
+    """Retries are counted, not reported."""
     logger = logging.getLogger("skmpm")
     level = logger.level
     logger.setLevel(logging.ERROR)

@@ -1,4 +1,4 @@
-"""What a solved step must not lead to."""
+"""Acceptance checks of a solved step."""
 
 import sys
 from pathlib import Path
@@ -21,7 +21,7 @@ def ring(gap=0.5, thickness=0.2):
 
 
 @pytest.mark.parametrize("by", ["walls", "supports"])
-def test_a_ring_that_closes_on_itself_is_told_so(by):
+def test_self_contact_of_a_closing_ring_is_an_error(by):
     """Its arms once passed through each other, with an overlap of zero; in a scene without any contact as well."""
     if by == "walls":
         walls = [Wall((0, -1.1), (0, 1)), Wall((0, 1.1), (0, -1), velocity=(0, -2.0))]

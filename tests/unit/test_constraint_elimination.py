@@ -31,7 +31,7 @@ def solid(offset=(0.0, 0.0)):
 
 
 def rows(grid, points, axes=(0, 1)):
-    """Rows of both components of the points, each told its own number."""
+    """Rows of both components of the points, each with its own prescribed value."""
     G = sp.csr_array(sp.vstack([sp.kron(grid.interpolation[points], np.eye(2)[a : a + 1]) for a in axes]))
     prescribed = np.repeat(np.arange(len(axes)), len(points))
     return G, sp.csr_array((np.ones(prescribed.size), (np.arange(prescribed.size), prescribed)))

@@ -137,7 +137,7 @@ def test_who_gives_points_does_not_depend_on_the_order_of_bodies(spacing):
         same(rows, reference)
 
 
-def test_the_finer_rim_gives_the_points():
+def test_the_finer_boundary_gives_the_points():
     for order in (1, -1):
         bodies = [round_body((0, 0), spacing=CELL / 4), round_body((2.02 * R, 0), spacing=CELL / 2)][::order]
         rows, _ = rows_of(Scene(bodies, cell=CELL))
@@ -383,7 +383,7 @@ def test_walls_become_slabs_of_rigid_material(normal, point):
     assert np.array_equal(rows.friction, [0.1] * 5)
 
 
-def test_shared_nodes_need_sheets_laid_through_the_points():
+def test_shared_grid_contact_needs_grids_built_at_the_points():
     scene = Scene([round_body((0, 0)), round_body((2.02 * R, 0))], cell=CELL)
     state = initial(scene)
     moved = replace(state, x=state.x + 1e-6)

@@ -74,7 +74,7 @@ def test_the_compliance_is_the_inverse_of_that_derivative():
 
 
 @given(seed=st.integers(0, 10_000), slope=st.sampled_from([-0.8, -0.3, 0.3, 0.8]))
-def test_forces_that_slip_turn_as_foretold(seed, slope):
+def test_forces_of_slipping_contacts_rotate_as_predicted(seed, slope):
     """Impulses on the cone after a small motion, along rows rebuilt, against those before and rho: second order."""
     linearise, unknowns = linearised(pair(1.776, friction=abs(slope)))
     rng = np.random.default_rng(seed)
@@ -91,9 +91,9 @@ def test_forces_that_slip_turn_as_foretold(seed, slope):
             return
         if not np.array_equal(other.tangent_shares.indices, rows.tangent_shares.indices):
             return  # a foot went on to the next cubic, whose curvature is another
-        foretold = rows.at_nodes(rows.D.T @ r + turns.acting.T @ (step * rho))
+        predicted = rows.at_nodes(rows.D.T @ r + turns.acting.T @ (step * rho))
         turned = other.H.T @ turns.rotated_impulses(r, step * rho)
-        errors.append(np.abs(turned - foretold).max() / np.abs(turned - rows.H.T @ r).max())
+        errors.append(np.abs(turned - predicted).max() / np.abs(turned - rows.H.T @ r).max())
     assert errors[1] < 1e-3
     assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-6
 
@@ -147,7 +147,7 @@ def test_newton_takes_half_the_iterations(monkeypatch):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_kept_rows_do_not_know_which_body_came_first(friction):
+def test_frozen_constraints_do_not_depend_on_the_order_of_bodies(friction):
     """A corner on a side that goes on as two tips has the same key and may have the bodies the other way round."""
     linearise, unknowns = linearised(pair(1.776, friction=friction))
     rng = np.random.default_rng(0)

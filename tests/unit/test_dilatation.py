@@ -115,7 +115,7 @@ def test_a_uniform_deformation_is_as_it_was(mix):
         assert_close(ask(mean), ask(plain), 1e-10)
 
 
-def test_anchored_anew_in_the_same_cells_nothing_changes():
+def test_regridding_in_the_same_cells_changes_nothing():
     """Energy, force and stiffness seen from the deformed body grid are those seen from the first, up to the frame."""
     rng, first, _ = random_bulk(2, "soft", regridded_state=False, ghost=0.0)
     grid, n = first.assembly.grid, first.assembly.volume.size

@@ -1,4 +1,4 @@
-"""Limit equilibrium of rigid bodies: textbook limits, Farkas' lemma by another solver, and the names of motions."""
+"""Limit analysis of rigid bodies: textbook limits, Farkas' lemma by another solver, mechanisms in words."""
 
 import numpy as np
 import pytest
@@ -102,7 +102,7 @@ def test_a_body_without_contacts_falls_and_what_supports_stop_does_not():
     assert mechanism(np.zeros(3), free) is None
 
 
-def test_a_body_that_carries_a_falling_one_is_not_the_one_that_is_named():
+def test_the_message_names_the_moving_body_and_not_the_one_that_carries_it():
     """A block slides on another one, which lies on a rough floor: body 1, on body 0."""
     floor = [(0, FIXED, (s, -0.5), None, (0, 1), 1.0) for s in (-5.0, 5.0)]
     contacts = touching([*floor, *[(1, 0, (s, -0.5), (s, 0.5), (0, 1), 0.2) for s in (-0.5, 0.5)]], bodies=2)
@@ -111,8 +111,8 @@ def test_a_body_that_carries_a_falling_one_is_not_the_one_that_is_named():
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_a_motion_is_found_where_no_forces_are_by_another_solver(seed):
-    """Random contacts of three bodies: non-negative least squares over the edges of the cones, or a ray that proves.
+def test_a_mechanism_is_found_if_another_solver_finds_no_forces(seed):
+    """Random contacts of three bodies: non-negative least squares over the edges of the cones, or a mechanism.
 
     Farkas' lemma: exactly one of the two exists. Cases within 1 % of the limit are left out.
     """

@@ -179,7 +179,7 @@ def test_points_on_grid_lines_without_inward_belong_to_the_upper_cell():
     assert np.array_equal(grid.local, [[0.0, 0.5, 0.0], [0.5, 0.0, 0.0]])
 
 
-def test_a_square_with_its_rim_on_grid_lines_occupies_only_its_own_cells():
+def test_a_square_with_its_boundary_on_grid_lines_occupies_only_its_own_cells():
     s = np.linspace(0.0, 3.0, 13) * CELL
     x = np.stack(np.meshgrid(s, s)).reshape(2, -1)
     inward = 1.5 * CELL - x
@@ -236,7 +236,7 @@ def test_a_body_without_points_has_no_nodes_and_a_body_of_one_point_has_four():
     assert forms.mass.assemble(grid.basis(np.ones(2)), rho=1.0).sum() == pytest.approx(4.0)
 
 
-def test_no_point_at_all_makes_empty_sheets():
+def test_no_points_make_empty_grids():
     grid = build_grids(np.zeros((2, 0)), np.zeros(0, int), CELL, 2)
     assert (grid.cells, grid.nodes) == (0, 0)
     assert grid.blocks.tolist() == [0, 0, 0]

@@ -1,4 +1,4 @@
-"""Newton on the incremental potential: what happens where it is not plain sailing."""
+"""Newton's method: frozen contact geometry, acceleration, indefinite matrices, momentum correction, failures."""
 
 import re
 from dataclasses import replace
@@ -44,17 +44,17 @@ def last(scene, steps=12, scheme=None):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_settled_normals_give_nearly_the_same_step(monkeypatch, friction):
-    """Normals of the first iteration instead of the last: the turning of surfaces within one step, some 0.1 %."""
+def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, friction):
+    """Normals of the first iteration instead of the last: surfaces rotate within one step, an effect of 0.1 %."""
     scene = squeezed(friction)
     expected = last(scene)
     solve = ContactProblem.solve
 
-    def lost(contacts, solver, gradient):
+    def failing(contacts, solver, gradient):
         contacts.stiffness_failures = 1
         return solve(contacts, solver, gradient)
 
-    monkeypatch.setattr(ContactProblem, "solve", lost)
+    monkeypatch.setattr(ContactProblem, "solve", failing)
     state = last(scene)
     assert state.report.frozen_normals
     assert not expected.report.frozen_normals
@@ -63,16 +63,16 @@ def test_settled_normals_give_nearly_the_same_step(monkeypatch, friction):
     assert state.contacts.gap.min() > -1e-4 * scene.cell
 
 
-def test_normals_are_kept_where_the_contact_solver_gives_up_on_contacts_that_turn(monkeypatch):
-    """It may take no Newton step: the step is found all the same, and reported as one with kept normals."""
+def test_geometry_is_frozen_where_the_contact_solver_fails_with_geometric_stiffness(monkeypatch):
+    """Without iterations for the stiffness the step still converges, and is reported with frozen normals."""
     monkeypatch.setattr(contact_problem, "MAX_ITERATIONS_WITH_STIFFNESS", 0)
     state = last(squeezed(0.0))
     assert state.report.frozen_normals
     assert state.report.residual < Scheme().gap_tol
 
 
-def test_mixing_converges_where_plain_iteration_diverges():
-    """A linear map with eigenvalues between -1.5 and 0.9: as many steps as there are different ones."""
+def test_anderson_acceleration_converges_where_plain_iteration_diverges():
+    """A linear map with eigenvalues between -1.5 and 0.9: one step more than there are distinct ones."""
     rng = np.random.default_rng(0)
     basis = np.linalg.qr(rng.normal(size=(20, 20)))[0]
     values = np.repeat([-1.5, 0.9, 0.3, -0.2], 5)
@@ -86,20 +86,20 @@ def test_mixing_converges_where_plain_iteration_diverges():
 def test_an_indefinite_matrix_is_replaced_by_the_projected_one():
     calls = []
 
-    def refuses_two(A, blocks, motions):
+    def fails_twice(A, blocks, motions):
         calls.append(A)
-        if len(calls) <= 2:  # the exact one, and with more inertia for bodies that would turn
+        if len(calls) <= 2:  # the exact one, and that with rotational inertia
             raise np.linalg.LinAlgError("not positive definite")
         return linear.banded(A, blocks, motions)
 
     scene = squeezed()
-    state = last(scene, 1, Scheme.accurate(linear=refuses_two))
+    state = last(scene, 1, Scheme.accurate(linear=fails_twice))
     assert len(calls) == state.report.factorisations + 2
     assert state.v == pytest.approx(last(scene, 1).v, abs=1e-5)
 
 
-def test_pressure_drives_a_disc_round_in_long_steps_and_inertia_steadies_it():
-    """Squeezed evenly by 1 %, A has one negative eigenvalue: that of turning; the matrix used has none."""
+def test_rotation_of_a_disc_under_pressure_is_unstable_in_long_steps_and_stabilised_by_inertia():
+    """Uniform compression by 1 %: A has one negative eigenvalue, for the rotation; the modified matrix has none."""
     gel = NeoHookean(E=10e6, nu=0.45, density=990.0)
     scene = Scene([Body(disc((0.1 * R, 0.0), R, spacing=R / 7), gel)], cell=R / 5)
     state = initial(scene)
@@ -124,8 +124,8 @@ def test_pressure_drives_a_disc_round_in_long_steps_and_inertia_steadies_it():
     assert np.abs(used @ move - mass[:, None] * move).max() < 1e-9 * mass.max()
 
 
-def test_more_inertia_against_rotation_responds_to_contacts_by_its_own_inverse():
-    """`compliance` of the corrected solver against solves, for rows at points of two bodies."""
+def test_the_delassus_operator_with_rotational_inertia_is_that_of_its_own_inverse():
+    """The operator of the corrected solver against solves, at points of two bodies."""
     scene = squeezed()
     state = initial(scene)
     assembly = state.derived.assembly
@@ -142,7 +142,7 @@ def test_more_inertia_against_rotation_responds_to_contacts_by_its_own_inverse()
 
 @pytest.mark.parametrize(("iterations", "dt"), [(1, 8e-6), (2, 8e-6), (1, 8e-5), (3, 8e-5)])
 def test_a_failure_names_the_criteria_that_are_not_met_and_no_other(iterations, dt):
-    """It once printed an imbalance and a residual that were both below what was wanted."""
+    """It once named an out-of-balance force and a residual that were both below their tolerances."""
     scene, scheme = squeezed(), Scheme.accurate(max_newton=iterations)
     with pytest.raises(StepFailed, match=r"no convergence in \d Newton iterations: ") as failure:
         step(scene, last(scene, 4), dt, scheme=scheme)
@@ -151,26 +151,26 @@ def test_a_failure_names_the_criteria_that_are_not_met_and_no_other(iterations, 
     assert all(float(value) > float(tolerance) for value, tolerance in found)
 
 
-def test_a_body_is_balanced_against_the_last_contact_solve_or_not_at_all():
-    """A pressed body answers a force with its stiffness: at 800 us its mass would ask for 1e-7 of contact forces."""
+def test_momentum_is_corrected_against_the_last_contact_solve_or_not_at_all():
+    """Bodies under pressure respond by stiffness: at 800 us the correction by mass needs 1e-7 of contact forces."""
     scene = squeezed()
     state = last(scene, 4)
     assembly = state.derived.assembly
     bulk = Bulk(assembly, [(scene.bodies[0].material, slice(None))], None, None)
     still = np.zeros_like(state.displacement)
     step = Increment(bulk, state.displacement, still, still, 8e-6, Scheme())
-    grid, push = bulk.assembly.grid, still.copy()
+    grid, impulse = bulk.assembly.grid, still.copy()
     moving = np.repeat(grid.node_body == 1, 2) * 1.0
-    kick = assembly.lumped * moving  # what would balance it
-    assert step.drift(moving, push, push) == pytest.approx([0.0, np.sqrt(2.0) * 8e-6 / scene.cell])
-    assert step.momentum_corrected(moving, push, push) is None, "too far for a correction"
-    assert step.drift(moving, push, kick).max() < 1e-12
-    assert step.momentum_corrected(moving, push, kick) == pytest.approx(moving, rel=1e-12)
-    assert step.momentum_corrected(moving, push, 0.9999 * kick) == pytest.approx(0.9999 * moving, rel=1e-12)
+    kick = assembly.lumped * moving  # the impulse that balances its momentum
+    assert step.drift(moving, impulse, impulse) == pytest.approx([0.0, np.sqrt(2.0) * 8e-6 / scene.cell])
+    assert step.momentum_corrected(moving, impulse, impulse) is None, "too far for a correction"
+    assert step.drift(moving, impulse, kick).max() < 1e-12
+    assert step.momentum_corrected(moving, impulse, kick) == pytest.approx(moving, rel=1e-12)
+    assert step.momentum_corrected(moving, impulse, 0.9999 * kick) == pytest.approx(0.9999 * moving, rel=1e-12)
 
 
-def test_what_a_step_may_gain_is_a_share_of_what_it_exchanges_whatever_went_before():
-    """Standing arches had every twelfth step halved, for a hundred-thousandth of an energy that did not change."""
+def test_the_tolerated_energy_gain_is_relative_to_the_energy_exchanged_in_the_step():
+    """Arches at rest had every twelfth step halved, for 1e-5 of an energy that did not change."""
     checks, report = (import_module(f"skmpm.simulate.{name}") for name in ("acceptance", "energy_budget"))
     scene = squeezed()
     states = [last(scene, 2), replace(last(scene, 2), step_control=replace(last(scene, 2).step_control, halvings=9))]
@@ -190,8 +190,8 @@ def test_what_a_step_may_gain_is_a_share_of_what_it_exchanges_whatever_went_befo
 
 
 @pytest.mark.parametrize("squeeze", [0.25, 0.3])
-def test_without_inertia_as_little_of_the_projected_matrix_as_makes_it_definite(squeeze):
-    """Of 1/16, 1/8, ... the first share that makes it positive definite: the free side of a held box buckles."""
+def test_without_inertia_the_smallest_share_of_projection_that_makes_the_matrix_definite(squeeze):
+    """Of 1/16, 1/8, ... the first share that makes it positive definite: the free side of a clamped box buckles."""
     scene = Scene(
         [Body(box((0.0, 0.0), (4 * R, R), spacing=R / 8), NeoHookean(1e6, 0.3, 1e3))],
         cell=R / 4,
@@ -215,14 +215,14 @@ def test_without_inertia_as_little_of_the_projected_matrix_as_makes_it_definite(
     assert mixed[least] @ (kept.T @ solution)[free] == pytest.approx((kept.T @ b)[free], rel=1e-6, abs=1e-6)
 
 
-def test_a_start_that_turns_points_inside_out_is_shortened():
+def test_an_initial_guess_that_inverts_points_is_replaced():
     gel = NeoHookean(E=1e6, nu=0.3, density=1000.0)
     body = Body(disc((0, 0), R, spacing=R / 6), gel, velocity=lambda x: np.stack([-1.5e5 * x[0], 0.0 * x[1]]))
     state = last(Scene([body], cell=R / 4), 2)
     assert np.linalg.det(state.F.transpose(2, 0, 1)).min() > 0.0
 
 
-def test_failure_says_what_is_left_and_keeps_the_state():
+def test_failure_reports_the_out_of_balance_force_and_keeps_the_state():
     scene = squeezed()
     start = initial(scene)
     with pytest.raises(StepFailed, match=r"body \d: .*out-of-balance force .*smaller dt") as failure:

@@ -232,7 +232,7 @@ def test_amg_needs_few_iterations_at_any_time_step():
 
 
 def test_amg_uses_the_rotation_as_a_motion_without_energy():
-    """Measured: 40 iterations, and 46 where only the translations are told."""
+    """Measured: 40 iterations, and 46 with the translations alone."""
     A, blocks, motions = wide(1.0)
     iterations = []
     for prescribed in (motions, motions[:, :2]):

@@ -1,4 +1,4 @@
-"""Observables of shapes and contact networks whose measures are known."""
+"""Observables of shapes and contact networks with known values."""
 
 from dataclasses import fields, replace
 
@@ -201,7 +201,7 @@ def on_flat(scene, state):
 
 
 @pytest.mark.parametrize("shift", [0, -5])
-def test_rim_between_forced_contacts_is_contact_whatever_its_gap(shift):
+def test_boundary_between_loaded_contacts_is_in_contact_whatever_its_gap(shift):
     scene = flat_pair(shift=shift)
     state = initial(scene)
     k = on_flat(scene, state)
@@ -215,7 +215,7 @@ def test_rim_between_forced_contacts_is_contact_whatever_its_gap(shift):
     assert observe(scene, held).bodies.contact_surface[0] == pytest.approx(chord / (2 * np.pi))
 
 
-def test_rim_beyond_the_last_forced_contact_needs_a_closed_gap():
+def test_boundary_beyond_the_last_loaded_contact_needs_a_closed_gap():
     scene = flat_pair()
     state = initial(scene)
     k = on_flat(scene, state)
@@ -227,7 +227,7 @@ def test_rim_beyond_the_last_forced_contact_needs_a_closed_gap():
     assert o.bodies.contact_surface[0] * 2 * np.pi == pytest.approx(6 * spacing)
 
 
-def test_rim_that_touches_two_things_counts_once():
+def test_boundary_that_touches_two_bodies_counts_once():
     square = np.array([[0.0, 1, 1, 0], [0.0, 0, 1, 1]])
     floor = Wall((0, 0), (0, 1))
     scene = Scene([polygon(refined(square, 5))], cell=0.2, walls=[floor, floor])
@@ -236,7 +236,7 @@ def test_rim_that_touches_two_things_counts_once():
     assert o.coordination == 2.0
 
 
-def test_rim_between_forced_contacts_is_not_contact_where_the_rim_leaves():
+def test_boundary_between_loaded_contacts_is_not_in_contact_where_it_leaves():
     scene = flat_pair()
     state = initial(scene)
     k = on_flat(scene, state)
@@ -250,7 +250,7 @@ def test_rim_between_forced_contacts_is_not_contact_where_the_rim_leaves():
     assert few == pytest.approx(7 * spacing)
 
 
-def test_a_rim_forced_all_around_is_contact_all_around():
+def test_a_boundary_loaded_all_around_is_in_contact_all_around():
     angle = 2 * np.pi * np.arange(24) / 24
     circle = np.array((np.cos(angle), np.sin(angle)))
     ring = np.hstack([1.5 * circle, circle[:, ::-1]])

@@ -1,4 +1,4 @@
-"""What a scene does not have is not computed: counted in calls, unknowns, matrix entries and solves, not in seconds.
+"""Features that a scene does not use cost nothing, in calls, unknowns, matrix entries and solves.
 
 A profiler counts every call of a Python function of the library, wherever it was looked up. Each promise is kept in
 both directions, so that a renamed function cannot keep it: off it is never called, on it is. What is promised
@@ -79,7 +79,7 @@ def run(scene, scheme=Scheme(), steps=STEPS):  # noqa: B008
 
 @pytest.mark.parametrize("material", [SOFT, LINEAR], ids=["soft", "linear"])
 @pytest.mark.parametrize(
-    "scheme", [Scheme(), Scheme(anchor=0.0), Scheme.nezamabadi2017()], ids=["once", "anew", "seed"]
+    "scheme", [Scheme(), Scheme(anchor=0.0), Scheme.nezamabadi2017()], ids=["total", "updated", "nezamabadi2017"]
 )
 def test_one_body_without_walls_runs_no_function_of_contact_and_coulomb(material, scheme):
     """No function at all, nor those that look for overlaps; a wall brings all of them."""
@@ -162,7 +162,7 @@ def test_a_linear_material_makes_one_tangent_and_searches_no_line(build):
     assert calls["skmpm.implicit.line_search._search"] > 0
 
 
-def test_a_linear_material_asks_once_how_its_rim_responds():
+def test_a_linear_material_computes_its_delassus_operator_once():
     """In a whole run, all the boundary, though contacts spread; at finite strain as often as matrices are new."""
     for material, once in ((LINEAR, True), (SOFT, False)):
         calls, states = run(squeezed(material), steps=20)
@@ -172,7 +172,7 @@ def test_a_linear_material_asks_once_how_its_rim_responds():
 
 
 @pytest.mark.parametrize("scheme", [Scheme.nezamabadi2017(), Scheme(anchor=0.0)], ids=["shared nodes", "outlines"])
-def test_where_sheets_are_laid_anew_only_what_touches_is_asked_how_it_responds(scheme):
+def test_with_regridding_only_points_in_contact_enter_the_delassus_operator(scheme):
     """The next step has another matrix. Points: all nodes with shared grids, all boundary points with outlines."""
     _, states = run(squeezed(LINEAR), scheme)
     known = states[-1].derived.delassus.known
@@ -204,7 +204,7 @@ def test_without_viscosity_no_function_of_it_runs(build, material):
 
 # --- body grids
 
-LAID = (
+REGRIDDING_CALLS = (
     "skmpm.grid.building.build_grids",
     "skmpm.moment_fitting.fitted_weights",
     "skmpm.outline.cells.cell_moments",
@@ -216,17 +216,17 @@ LAID = (
 
 
 @pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
-def test_anchored_once_sheets_are_laid_fitted_and_numbered_once_in_a_run(build):
+def test_without_regridding_grids_are_built_fitted_and_numbered_once_in_a_run(build):
     """At every step with anchor = 0, and with a bound as often as it is passed."""
     calls, states = run(build())
-    assert {calls[name] for name in LAID} == {1}
+    assert {calls[name] for name in REGRIDDING_CALLS} == {1}
     assert len({id(state.derived.assembly) for state in states}) == 1
     calls, _ = run(build(), Scheme(anchor=0.0))
-    assert {calls[name] for name in LAID} == {STEPS}
+    assert {calls[name] for name in REGRIDDING_CALLS} == {STEPS}
     calls, states = run(build(), Scheme(anchor=0.02), steps=10)
     times = len({id(state.derived.assembly) for state in states})
     assert 1 < times < 10
-    assert {calls[name] for name in LAID} == {times}
+    assert {calls[name] for name in REGRIDDING_CALLS} == {times}
 
 
 def test_without_fitting_no_cell_is_cut_by_an_outline():

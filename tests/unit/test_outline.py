@@ -406,7 +406,7 @@ def test_a_loop_that_goes_round_twice_crosses_itself_though_it_never_turns_back(
     assert crossed([limacon]).shape[1] == 1
 
 
-def test_a_hole_that_is_driven_through_the_rim_crosses_it():
+def test_a_hole_that_moves_through_the_outer_boundary_crosses_it():
     hole = regular(24, 0.5)[:, ::-1]
     assert crossed([regular(40), hole]).size == 0
     assert crossed([regular(40), hole + np.array([[0.6], [0.0]])]).shape[1] == 2

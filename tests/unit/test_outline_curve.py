@@ -82,7 +82,7 @@ def test_corners_stay_and_sides_stay_straight():
     )
 
 
-def test_corners_cut_outlines_into_sides_and_notches_are_told_from_what_sticks_out():
+def test_corners_divide_outlines_into_sides_and_are_convex_or_concave():
     """An L between two rings: six sides, numbered around even where the loop begins in the middle of one."""
     L = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
     boundary = np.concatenate(

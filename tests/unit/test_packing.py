@@ -1,4 +1,4 @@
-"""Packings of rigid discs: no overlap, the fraction asked, disordered, even, reproducible; errors in plain words."""
+"""Packings of rigid discs: no overlap, requested solid fraction, disordered, uniform, reproducible; errors."""
 
 from functools import cache
 

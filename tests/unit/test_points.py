@@ -71,7 +71,7 @@ def test_disc_has_exact_area_centroid_and_second_moments(radius, ratio):
 
 
 @given(LENGTH, RATIO)
-def test_disc_outline_lies_on_the_rim_equally_spaced_and_counter_clockwise(radius, ratio):
+def test_disc_outline_lies_on_the_circle_equally_spaced_and_counter_clockwise(radius, ratio):
     points = disc((0, 0), radius, spacing=ratio * radius)
     (boundary,) = points.outline
     x = points.x[:, boundary]
@@ -121,7 +121,7 @@ def test_box_rule_is_radau_at_the_ends():
     np.testing.assert_allclose(second_moments(points, (0, 0)), 4 * np.array([[4 / 3, 1], [1, 4 / 3]]), rtol=1e-14)
 
 
-def test_box_outline_is_its_rim():
+def test_box_outline_is_its_boundary():
     points = box((1, 2), (2.0, 1.0), spacing=0.3)
     (boundary,) = points.outline
     u = (points.x - np.array(((1,), (2,)))) / np.array(((2.0,), (1.0,)))
@@ -313,7 +313,7 @@ def test_points_are_converted_and_frozen():
         points.x = points.x
 
 
-def test_a_straight_rim_at_any_angle_does_not_cross_itself():
+def test_a_straight_boundary_at_any_angle_does_not_cross_itself():
     p = box((0, -0.5), (8, 1), spacing=0.0625)
     for angle in np.linspace(0.0, 3.0, 7):
         c, s = np.cos(angle), np.sin(angle)

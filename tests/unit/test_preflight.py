@@ -1,4 +1,4 @@
-"""The preflight check: numbers against hand-computed ones, a warning beyond every limit and none before it."""
+"""The preflight check: values against manual computation, and a warning beyond every limit but not within."""
 
 import re
 import subprocess
@@ -336,7 +336,7 @@ def test_a_body_alone_needs_no_warning_of_contact():
     assert preflight(Scene([round_body(spin=0.1 / DT)], cell=H), DT).endswith(FINE)
 
 
-def test_every_check_and_limit_is_tested_here_and_told_in_the_docs():
+def test_every_check_and_limit_is_tested_here_and_documented():
     """The table of docs/preflight.md has every limit."""
     known = {name: value for name, value in vars(limits).items() if isinstance(value, limits.Limit)}
     assert {limit for limit, *_ in LIMITED.values()} == set(known.values())
@@ -387,13 +387,13 @@ def test_nothing_is_solved_or_factorised(name, monkeypatch):
         for holder in holders:
             if hasattr(holder, last):
                 monkeypatch.setattr(holder, last, forbidden)
-    laid, numbers = [], sys.modules["skmpm.preflight.metrics"]
-    original = numbers.build_grids
-    monkeypatch.setattr(numbers, "build_grids", lambda *args: laid.append(1) or original(*args))
+    built, metrics = [], sys.modules["skmpm.preflight.metrics"]
+    original = metrics.build_grids
+    monkeypatch.setattr(metrics, "build_grids", lambda *args: built.append(1) or original(*args))
     bodies = [round_body(2.1 * R * i) for i in range(300)]
     text = preflight(Scene(bodies, cell=H, friction=0.5), DT, scheme=Scheme(linear=getattr(linear, name)))
     assert text.endswith(FINE)
-    assert len(laid) == 1
+    assert len(built) == 1
 
 
 EXAMPLES = {

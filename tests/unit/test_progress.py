@@ -1,4 +1,4 @@
-"""Progress is a line on a terminal and silence elsewhere."""
+"""Progress is one line on a terminal, and nothing elsewhere."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""A step is a pure function: nothing that it is given changes, not even what a state keeps for speed."""
+"""A step is a pure function: its arguments do not change, the derived data of a state included."""
 
 import hashlib
 from collections.abc import Mapping

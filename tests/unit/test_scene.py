@@ -1,4 +1,4 @@
-"""Scenes that cannot be simulated say so before any step: the object, the value and the remedy."""
+"""Invalid scenes are refused before any step, with the object, the value and the remedy."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Schemes: what cannot work is refused with the name, the value and the remedy."""
+"""Schemes: invalid parameters are refused with their name, the value and the remedy."""
 
 from dataclasses import FrozenInstanceError, fields, replace
 
@@ -47,13 +47,13 @@ def test_the_limits_themselves_are_allowed():
     Scheme(contact=contact.shared_grid, anchor=0.0)
 
 
-def test_the_default_is_outlines_on_sheets_laid_once():
+def test_the_default_is_point_to_curve_contact_on_grids_built_once():
     scheme = Scheme()
     assert (scheme.theta, scheme.anchor, scheme.contact) == (1.0, np.inf, contact.point_to_curve)
     assert (scheme.transfer, scheme.linear) == (transfer.apic, linear.default)
 
 
-def test_seed_is_shared_nodes_on_sheets_laid_at_every_step():
+def test_nezamabadi2017_is_shared_grid_contact_with_regridding_at_every_step():
     seed = Scheme.nezamabadi2017()
     assert (seed.anchor, seed.contact) == (0.0, contact.shared_grid)
     assert seed.moment_fitting is seed.mean_dilatation is False

@@ -1,4 +1,4 @@
-"""Quasi-static steps in which only contact holds bodies: no equilibrium is an error, neutral motions are held."""
+"""Quasi-static steps with floating bodies: errors without equilibrium, and neutral rigid-body modes."""
 
 import logging
 from functools import cache
@@ -13,7 +13,7 @@ from skmpm.simulate import initial, simulate, step
 R, H, E = 1.0, 0.2, 1e6
 GEL, LINEAR = NeoHookean(E, 0.3, 1000.0), LinearElastic(E, 0.3, 1000.0)
 STATIC = Scheme(inertia=False)
-PLACES = [(x, y) for x in (0.0, 0.1, 0.25) for y in (0.0, 0.1, 0.25)]  # on the grid [cells]
+OFFSETS = [(x, y) for x in (0.0, 0.1, 0.25) for y in (0.0, 0.1, 0.25)]  # on the grid [cells]
 UP, G = np.array([0.0, 1.0]), 10.0  # [m/s2]: 3 % of strain
 
 
@@ -27,7 +27,7 @@ def iterations(monkeypatch):
 
 
 def failure(scene, scheme=STATIC):
-    """How a run of one step fails: with the first, for a shorter one would be no other."""
+    """The message of a run that fails in its first step, without retries since a shorter step is the same problem."""
     with pytest.raises(StepFailed) as failed:
         list(simulate(scene, dt=1.0, until=1.0, scheme=scheme))
     assert not failed.value.retryable and "retries" not in str(failed.value)
@@ -44,11 +44,11 @@ def weight(scene, state):
     return np.asarray(scene.gravity) * state.mass.sum()
 
 
-# What has no equilibrium.
+# Bodies without equilibrium.
 
 
 def test_a_disc_on_a_slope_steeper_than_friction_fails_at_once(iterations):
-    """It once flew 2e9 m in a good step, 17 % of its weight missing in the force on the floor."""
+    """It once moved 2e9 m in an accepted step, with 17 % of its weight missing in the force on the floor."""
     message = failure(slope(disc((0.1, R), R, spacing=0.75 * H), 0.3, 0.2))
     assert "body 0: there is no equilibrium: it slides on wall 0" in message
     assert "friction" in message.split(";")[-1]
@@ -76,7 +76,7 @@ def test_a_disc_rolls_down_a_slope_of_any_friction():
     assert "body 0: there is no equilibrium: it rolls on wall 0" in message
 
 
-def test_a_disc_that_hangs_in_the_air_falls():
+def test_a_disc_without_contacts_falls():
     message = failure(slope(disc((0.1, R + 2.0 * H), R, spacing=0.75 * H), 0.0, 0.5))
     assert "body 0: there is no equilibrium: it falls" in message
 
@@ -108,7 +108,7 @@ def test_a_support_that_lets_a_body_slide_counts_as_far_as_it_stops_it():
     assert "there is no equilibrium: it falls" in failure(rolling((0.0, None)))
 
 
-# What has one.
+# Bodies in equilibrium.
 
 
 @pytest.mark.parametrize("tangent", [0.0, 0.1, 0.28])
@@ -122,7 +122,7 @@ def test_a_box_on_a_slope_less_than_friction_is_held_by_its_weight(tangent):
     assert np.abs(state.x - initial(scene).x).max() < 0.5 * H
 
 
-def test_a_disc_that_hangs_above_a_floor_by_less_than_a_cell_lands(iterations):
+def test_a_disc_less_than_a_cell_above_a_floor_comes_into_contact(iterations):
     scene = slope(disc((0.1, R + 0.4 * H), R, spacing=0.75 * H), 0.0, 0.5)
     state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
     assert state.wall_force[0] == pytest.approx(
@@ -131,7 +131,7 @@ def test_a_disc_that_hangs_above_a_floor_by_less_than_a_cell_lands(iterations):
     assert len(iterations) <= 15
 
 
-# Neutral motions.
+# Neutral rigid-body modes.
 
 
 def stack(x, y, law, velocity=-0.02):
@@ -150,12 +150,12 @@ def pressed(x, y, law, tol, dt=1.0):
 
 @pytest.mark.parametrize("tol", [1e-3, 1e-8])
 @pytest.mark.parametrize("law", [LINEAR, GEL], ids=["linear", "finite"])
-@pytest.mark.parametrize(("x", "y"), PLACES)
-def test_boxes_between_smooth_plates_stay_where_they_are(x, y, law, tol):
-    """One per cent of strain; with springs alone 25 of these 36 steps failed, bodies flew away by up to 170 cells.
+@pytest.mark.parametrize(("x", "y"), OFFSETS)
+def test_boxes_between_smooth_plates_do_not_drift(x, y, law, tol):
+    """One per cent of strain; with springs alone 25 of these 36 steps failed, bodies drifted by up to 170 cells.
 
     Outside check: the plates bear opposite forces, to ten times Newton's tolerance; E* strain within 3 %; no box
-    moves to the side by more than half a cell, for equilibria that are unstable may be found beside the middle.
+    moves sideways by more than half a cell, since unstable equilibria may be found off the centre.
     """
     _, start, state = pressed(x, y, law, tol)
     force = state.wall_force[:, 1]
@@ -167,14 +167,14 @@ def test_boxes_between_smooth_plates_stay_where_they_are(x, y, law, tol):
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.1, 0.0), (0.25, 0.1)])
-def test_what_holds_neutral_motions_does_not_know_the_time_step(x, y):
+def test_the_proximal_term_does_not_depend_on_the_time_step(x, y):
     (_, _, one), (_, _, other) = pressed(x, y, GEL, 1e-8), pressed(x, y, GEL, 1e-8, dt=1e-3)
     assert np.abs(one.x - other.x).max() < 1e-7 * R
     assert np.abs(one.wall_force - other.wall_force).max() < 1e-6 * np.abs(one.wall_force).max()
 
 
-def test_a_body_that_a_press_lets_go_carries_nothing_and_takes_few_iterations(iterations, caplog):
-    """Pressed in three steps, let go in one, left alone in three: no step fails or takes over ten iterations."""
+def test_an_unloaded_body_is_free_of_stress_and_takes_few_iterations(iterations, caplog):
+    """Three steps of loading, one of unloading, three without load: no step fails or takes over ten iterations."""
     for law in (LINEAR, GEL):
         for points in (box((0.03, 0.0), (1.0, 1.0), spacing=0.75 * H), disc((0.5, 0.5), 0.5, spacing=0.075)):
             lid = Wall((0, 1), (0, -1), velocity=lambda t: (0.0, -0.02 if t < 3.0 else 0.1))
@@ -191,16 +191,16 @@ def test_a_body_that_a_press_lets_go_carries_nothing_and_takes_few_iterations(it
 # Steps that do not depend on dt.
 
 
-@pytest.mark.parametrize("law", ["dead", "given in time", "moving"])
+@pytest.mark.parametrize("law", ["constant", "function of time", "moving support"])
 def test_a_step_that_does_not_depend_on_dt_is_not_retried(law):
-    """A soft box under a load that turns it inside out: with constant loads ten retries were ten times the same."""
-    force = {"dead": (0.0, -3.0 * E)}.get(law, lambda t: (0.0, -3.0 * E))
-    base = Support(lambda x: x[1] < 1e-9, velocity=(0.0, -1e-9 if law == "moving" else 0.0))
-    load = Load(lambda x: x[1] > 1.0 - 1e-9, force if law != "moving" else (0.0, -3.0 * E))
+    """A soft box under a load that inverts points: with constant loads ten retries would be the same problem."""
+    force = {"constant": (0.0, -3.0 * E)}.get(law, lambda t: (0.0, -3.0 * E))
+    base = Support(lambda x: x[1] < 1e-9, velocity=(0.0, -1e-9 if law == "moving support" else 0.0))
+    load = Load(lambda x: x[1] > 1.0 - 1e-9, force if law != "moving support" else (0.0, -3.0 * E))
     scene = Scene([Body(box((0, 0), (1.0, 1.0), spacing=0.75 * H), GEL)], cell=H, supports=[base], loads=[load])
     with pytest.raises(StepFailed) as failed:
         list(simulate(scene, dt=1.0, until=1.0, scheme=Scheme(inertia=False, max_newton=6)))
-    same = law == "dead"
+    same = law == "constant"
     assert failed.value.retryable != same
     assert ("retries" in str(failed.value)) != same
     assert ("apply loads in steps" in str(failed.value)) == same

@@ -1,4 +1,4 @@
-"""What fails is tried again with half the step, what was good is kept, and giving up says where and why."""
+"""Step control: retries with half the step, doubling after successes, checkpoints, and the final error."""
 
 import json
 import logging
@@ -20,14 +20,14 @@ from skmpm.scene import Body, Scene, SceneError, StepFailed, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 
-PACE = import_module("skmpm.simulate.step_control")
+STEP_CONTROL = import_module("skmpm.simulate.step_control")
 IMPACT = Scene(
     [round_body(velocity=(0, -20.0), material=SOFT)], cell=CELL, walls=[Wall((0, -R - 3e-4), (0, 1), friction=0.5)]
 )
 
 
 def scripted(monkeypatch, fails):
-    """Steps that only keep time, and fail where `fails(t, dt)`; the list of the (t, dt) that were tried."""
+    """Steps that only advance time, and fail where `fails(t, dt)`; the list of the (t, dt) that were tried."""
     tried = []
 
     def fake(scene, state, dt, *, scheme):
@@ -36,7 +36,7 @@ def scripted(monkeypatch, fails):
             raise StepFailed("scripted; use a smaller dt", state)
         return replace(state, t=state.t + dt, report=replace(state.report, dt=dt, retries=0))
 
-    monkeypatch.setattr(PACE, "step", fake)
+    monkeypatch.setattr(STEP_CONTROL, "step", fake)
     return tried
 
 
@@ -45,17 +45,17 @@ def ended(scene, until, **options):
     return state
 
 
-# --- the pace
+# --- the length of steps
 
 
-def test_without_failures_every_step_is_as_asked_and_made_once(monkeypatch):
+def test_without_failures_every_step_is_a_full_one_and_made_once(monkeypatch):
     tried = scripted(monkeypatch, lambda t, dt: False)
     states = list(simulate(free(), dt=DT, until=6.5 * DT))
     assert tried == [(k * DT, DT) for k in range(6)] + [(6 * DT, 0.5 * DT)]
     assert all(s.report.retries == 0 and s.step_control.halvings == 0 for s in states)
 
 
-def test_a_failed_step_is_halved_until_it_goes_and_grows_back_on_the_grid_of_full_steps(monkeypatch):
+def test_a_failed_step_is_halved_until_it_succeeds_and_doubled_at_multiples_of_full_steps(monkeypatch):
     """Steps longer than dt/4 fail before t = 4 dt: then quarters, halves, and full ones that begin at whole dt."""
     tried = scripted(monkeypatch, lambda t, dt: t < 4 * DT and dt > DT / 4)
     states = list(simulate(free(), dt=DT, until=12 * DT))
@@ -101,7 +101,7 @@ def test_what_a_smaller_step_cannot_cure_is_not_tried_again():
     assert "retries" not in str(failure.value)
 
 
-def test_every_retry_is_told_at_level_info_and_all_of_them_in_one_warning(monkeypatch, caplog):
+def test_every_retry_is_logged_at_level_info_and_all_of_them_in_one_warning(monkeypatch, caplog):
     scripted(monkeypatch, lambda t, dt: dt > DT / 2 and t < 4 * DT)
     with caplog.at_level(logging.INFO, logger="skmpm"):
         ended(free(), 8 * DT)
@@ -115,7 +115,7 @@ def test_every_retry_is_told_at_level_info_and_all_of_them_in_one_warning(monkey
     assert "3.81e-06 s at t = 0 s; the last failure: scripted" in warned[0]
 
 
-def test_a_run_without_failures_warns_of_nothing(monkeypatch, caplog):
+def test_a_run_without_failures_logs_nothing(monkeypatch, caplog):
     scripted(monkeypatch, lambda t, dt: False)
     ended(free(), 4 * DT)
     assert not caplog.records

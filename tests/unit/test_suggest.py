@@ -1,4 +1,4 @@
-"""Suggested resolutions: what they depend on, and that the laws they come from hold on the runs of the study."""
+"""Suggested resolutions: their dependence on the scene, and the error laws behind them on the runs of the study."""
 
 import csv
 import re
@@ -237,7 +237,7 @@ def resampled(scene, found):
     return replace(scene, bodies=bodies, cell=found.cell)
 
 
-def test_a_slow_lid_and_a_pour_are_not_held_up_by_waves():
+def test_dt_of_a_slow_lid_and_of_a_pour_is_not_limited_by_waves():
     """The step of a lid goes as one over its speed, whatever waves do; that of a pour by the height of fall."""
     slow, slower = (suggest(discs(8, walls=lid(v)), error=0.05) for v in (1e-4, 1e-8))
     assert slower.dt == pytest.approx(1e4 * slow.dt)
@@ -251,7 +251,7 @@ def test_a_slow_lid_and_a_pour_are_not_held_up_by_waves():
     assert low.dt * np.sqrt(2 * 9.81 * 1.0) / low.cell <= APPROACH.value * (1 + 1e-9)
 
 
-def test_who_flies_or_vibrates_is_held_up_by_them():
+def test_dt_of_free_or_vibrating_bodies_is_limited_by_waves():
     """The check warns of dt c / h there only: not under a slow lid, in a pour, or without inertia."""
     for scene, warned in (
         (discs(2), True),

@@ -1,4 +1,4 @@
-"""Supports, loads and quasi-static steps: what they do to points, forces and energy, and what users get wrong."""
+"""Supports, loads and quasi-static steps: points, forces, energy, and the errors of invalid input."""
 
 from dataclasses import replace
 from importlib import import_module
@@ -52,7 +52,7 @@ def on(scene, where):
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.1])
-def test_supported_points_move_as_told_and_free_components_do_not(offset):
+def test_supported_points_move_as_prescribed_and_free_components_do_not(offset):
     scene = bar(SOFT, offset=offset, supports=[Support(left), Support(right, velocity=lambda t: (0.1 * t, None))])
     for state in simulate(scene, dt=0.5, until=2.0, scheme=STATIC):
         moved = state.x - scene.initial_positions
@@ -132,7 +132,7 @@ def test_a_dynamic_step_moves_supports_too():
         assert state.v[0] @ state.mass == pytest.approx(momentum, rel=1e-9)
 
 
-def test_loads_are_spread_by_rim_length_or_volume():
+def test_loads_are_distributed_by_boundary_length_or_volume():
     boundary = bar(loads=[Load(right, (8.0, 0.0))]).loaded[0]
     scene = bar(loads=[Load(everywhere, (8.0, 0.0))])
     volume = scene.loaded[0]
@@ -206,10 +206,10 @@ def test_re_anchoring_keeps_the_supports():
         scheme = Scheme(inertia=False, anchor=anchor)
         *_, state = simulate(bar(SOFT, supports=supports), dt=0.5, until=8.0, scheme=scheme)
         states.append(state)
-    anew, once = states
-    assert not np.array_equal(anew.x_anchor, once.x_anchor)
-    assert anew.x[0].max() == pytest.approx(2.4, rel=1e-9)
-    assert anew.support_force[1, 0] == pytest.approx(once.support_force[1, 0], rel=0.02)
+    regridded, once = states
+    assert not np.array_equal(regridded.x_anchor, once.x_anchor)
+    assert regridded.x[0].max() == pytest.approx(2.4, rel=1e-9)
+    assert regridded.support_force[1, 0] == pytest.approx(once.support_force[1, 0], rel=0.02)
 
 
 BAD = {
@@ -289,7 +289,7 @@ def test_a_dragged_box_pulls_its_support_by_its_friction(velocity):
     assert state.wall_force[0] == pytest.approx([np.sign(velocity) * 0.3 * 9810.0, -9810.0], rel=1e-4)
 
 
-def test_a_support_that_drives_its_points_into_a_wall_is_told_so():
+def test_a_support_that_drives_its_points_into_a_wall_fails_clearly():
     body = Body(box((0.013, 0.0), (1, 1), spacing=0.07), SOFT)
     support = Support(lambda x: x[1] < 1e-9, velocity=(0.0, -0.1))
     scene = Scene([body], cell=0.1, walls=[Wall((0, 0), (0, 1), friction=0.3)], supports=[support])
@@ -304,7 +304,7 @@ def test_a_support_that_prescribes_nothing_is_refused():
         bar(supports=[Support(left, velocity=(None, None))])
 
 
-def test_without_inertia_what_nothing_drives_stays_where_it_is():
+def test_without_inertia_a_body_that_nothing_drives_stays_at_rest():
     """A block flew on at the speed of the lid that had left it, and one with an initial velocity for ever."""
 
     def lid(t):

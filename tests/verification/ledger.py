@@ -1,4 +1,4 @@
-"""What every verification shares: a row of the table in docs/verification.md, norms and rates."""
+"""Common parts of all verifications: a row of the table in docs/verification.md, norms and rates."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Packings of soft discs squeezed in a box, looked at step by step: what the long verification runs are made of.
+"""Packings of soft discs squeezed in a box, inspected after every step, for the long verification runs.
 
 `python tests/verification/packings.py [name ...]` runs the members of `MEMBERS` (all: two hours on two cores) in two
 processes and writes one table each to docs/verification/packings/; those that are there are not run again.
@@ -48,7 +48,7 @@ class Squeeze:
     gap: np.ndarray  # (steps,) the smallest [cells]
     spin: np.ndarray  # (steps,) turn of the fastest disc in the step [rad]
     newton: np.ndarray  # (steps,) iterations
-    settled: np.ndarray  # (steps,) whether normals had to be kept
+    frozen: np.ndarray  # (steps,) whether normals had to be kept
     pressure: np.ndarray  # (steps,) on the lid [Pa]
 
 

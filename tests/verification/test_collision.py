@@ -1,4 +1,4 @@
-"""Collisions of discs: what they keep, what they lose, and a chain of five against one dimension.
+"""Collisions of discs: conservation, energy loss, and a chain of five against a one-dimensional model.
 
 All discs have R = 0.2 m, density 1000 kg/m3, nu = 0.3 and, but for the chain, E = 1 kPa: Sulsky's two discs, whose
 speed of 0.1 m/s is a tenth of that of sound.

@@ -151,7 +151,7 @@ def test_a_lumped_mass_alone_needs_no_factorisation_and_no_contact_iteration():
     assert state.derived.solver.name == "diagonal"
 
 
-def test_the_factor_and_the_response_of_rims_are_kept():
+def test_the_factor_and_the_delassus_operator_are_reused():
     """Explicit with ghost penalty, on body grids built once: one factor in the run, one Delassus block a body."""
     scene, scheme = colliding(), Scheme(explicit=True)
     state, factorised, kept = initial(scene, scheme=scheme), 0, None

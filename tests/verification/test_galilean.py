@@ -1,4 +1,4 @@
-"""A Galilean test: a squeezed disc that is carried along must not forget that it is squeezed.
+"""A Galilean test: a compressed disc that moves over the grid must keep its stress.
 
 A disc of the material of Nezamabadi et al. (2017) is squeezed by four plates, each by 5 % of its radius, held until
 it rests, and then moved rigidly with the plates over six cells. Nothing happens to it on the way, so the forces on
@@ -119,7 +119,7 @@ def test_a_moving_laboratory_sees_the_same_forces(solver):
 
 
 @pytest.mark.slow
-def test_a_body_anchored_anew_forgets_its_stress_as_it_crosses_cells():
+def test_a_body_regridded_at_every_step_loses_stress_as_it_crosses_cells():
     """Why the default is to anchor once: with the points' volumes as weights, 2.5 points per cell, anchor = 0.
 
     At rest the force stays to 1e-4; after one cell a quarter of it is gone, after six three quarters, and the outline
@@ -138,10 +138,10 @@ def test_a_body_anchored_anew_forgets_its_stress_as_it_crosses_cells():
 
 # The table and its figures.
 
-ANEW = {"volumes as weights": False, "fitted weights": True}
+WEIGHTS = {"volumes as weights": False, "fitted weights": True}
 
 
-def anew(rings, fitted):
+def regridded(rings, fitted):
     """Anchored at every step; the contact solver's last digits are out of reach in some of these steps."""
     return ride(rings, anchor=0.0, moment_fitting=fitted, mean_dilatation=False, contact_tol=2e-5, gap_tol=1e-4)
 
@@ -179,8 +179,8 @@ def rows():
             test,
         ),
     ]
-    for name, fitted in ANEW.items():
-        moved = [anew(rings, fitted) for rings in POINTS.values()]
+    for name, fitted in WEIGHTS.items():
+        moved = [regridded(rings, fitted) for rings in POINTS.values()]
         lost = [per_cell(run) for run in moved]
         area = [np.abs(run.area / run.J - 1.0).max() for run in moved]
         table.append(
@@ -192,7 +192,7 @@ def rows():
                 f" {numbers([mean for _, mean in lost])}; area {numbers(area)}",
                 "-",
                 "measured loss: shown",
-                "test_a_body_anchored_anew_forgets_its_stress_as_it_crosses_cells",
+                "test_a_body_regridded_at_every_step_loses_stress_as_it_crosses_cells",
             )
         )
     return table
@@ -204,9 +204,9 @@ def figures(folder):
 
     matplotlib.use("Agg")
     never = ride(POINTS["10"])
-    anchored_anew = {(points, name): anew(POINTS[points], ANEW[name]) for name in ANEW for points in POINTS}
-    draw_force(folder / "galilean_force.png", never, anchored_anew)
-    draw_disc(folder / "galilean_disc.png", ride(POINTS["2.5"]), anchored_anew["2.5", "volumes as weights"])
+    regrids = {(points, name): regridded(POINTS[points], WEIGHTS[name]) for name in WEIGHTS for points in POINTS}
+    draw_force(folder / "galilean_force.png", never, regrids)
+    draw_disc(folder / "galilean_disc.png", ride(POINTS["2.5"]), regrids["2.5", "volumes as weights"])
     return {
         "galilean_force.png": "Mean force on four plates that carry a squeezed disc over its grid, over that at rest:"
         " anchored once, and anchored at every step with the points' volumes as weights and with fitted weights, by"
@@ -216,14 +216,14 @@ def figures(folder):
     }
 
 
-def draw_force(path, never, anchored_anew):
+def draw_force(path, never, regrids):
     """Force against cells crossed."""
     from matplotlib import pyplot as plt
 
     fig, axes = plt.subplots(figsize=(7, 4))
     axes.plot(never.cells[never.held], never.kept, "k", lw=2, label="anchored once, 10 points per cell")
-    for (points, name), run in anchored_anew.items():
-        colour, line = f"C{list(POINTS).index(points)}", "-" if ANEW[name] else "--"
+    for (points, name), run in regrids.items():
+        colour, line = f"C{list(POINTS).index(points)}", "-" if WEIGHTS[name] else "--"
         axes.plot(run.cells[run.held], run.kept, line, color=colour, label=f"anchor = 0, {points}, {name}")
     axes.set(xlabel="cells crossed", ylabel="wall force over that at rest", ylim=(0.0, 1.1))
     axes.legend(fontsize=7, loc="lower left")
@@ -232,7 +232,7 @@ def draw_force(path, never, anchored_anew):
     plt.close(fig)
 
 
-def draw_disc(path, never, anchored_anew):
+def draw_disc(path, never, regrids):
     """Points coloured by their pressure, with outline and grid."""
     from matplotlib import pyplot as plt
 
@@ -240,7 +240,7 @@ def draw_disc(path, never, anchored_anew):
     shown = (
         ("at rest", never.states[0]),
         ("after six cells, anchored once", never.states[1]),
-        ("after six cells, anchor = 0", anchored_anew.states[1]),
+        ("after six cells, anchor = 0", regrids.states[1]),
     )
     for ax, (title, state) in zip(axes, shown, strict=True):
         x, pressure = state.x / CELL, -0.5 * np.trace(state.stress) * R / FORCE

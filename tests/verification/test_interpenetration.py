@@ -1,4 +1,4 @@
-"""Bodies do not interpenetrate and do not spin: 100 discs squeezed to 0.97, looked at after every step.
+"""Bodies do not interpenetrate and do not spin: 100 discs squeezed to 0.97, inspected after every step.
 
 The discs of Nezamabadi et al. (2017) (radii 0.7-1.2 mm, 10 MPa, Poisson's ratio 0.45) in a box whose lid comes down
 at 2 m/s, dt = 8 us, with R/h = 5 and 8 cells per mean radius and friction 0, 0.1 and 0.5 (runs of packings.py).
@@ -66,7 +66,7 @@ def _row(runs, cells):
 
 
 def _newton_row(runs, cells):
-    mean, most, kept = np.array([(r.newton.mean(), r.newton.max(), r.settled.sum()) for r in runs.values()]).T
+    mean, most, kept = np.array([(r.newton.mean(), r.newton.max(), r.frozen.sum()) for r in runs.values()]).T
     return Row(
         f"the same, R/h = {cells}: Newton iterations", "-", _frictions(runs),
         f"mean {numbers(mean, 3)}; most {numbers(most)} (cap 8); steps with normals kept: {numbers(kept)}", "-",

@@ -1,4 +1,4 @@
-"""What no step may change, whatever is solved how: momentum, forces in pairs, energy, rigid motion, the answer.
+"""Invariants of a step for every scheme: momentum, action and reaction, energy, rigid motion, the solution.
 
 Every tolerance is either round-off (1e-12 of the largest term) or the tolerance that the scheme was given.
 """
@@ -344,7 +344,7 @@ OBSTACLES = {
 
 @pytest.mark.parametrize("points", OBSTACLES.values(), ids=OBSTACLES.keys())
 @pytest.mark.parametrize("material", [SOFT, LINEAR], ids=["soft", "linear"])
-def test_a_rigid_body_moves_exactly_as_told_and_pushes_with_equal_and_opposite_force(points, material):
+def test_a_rigid_body_moves_as_prescribed_and_exerts_equal_and_opposite_forces(points, material):
     """LinearElastic, NeoHookean and Rigid in one scene; the pusher accelerates, v(t) = (-1 - a t, 0.5).
 
     Its path is exact to round-off, because the midpoint rule integrates a linear velocity exactly; the force of its

@@ -1,4 +1,4 @@
-"""Steps far longer than waves take to cross a cell, where a slow lid or gravity sets the pace: the same forces.
+"""Steps far longer than waves take to cross a cell, with a slow lid or gravity: the same forces.
 
 The rule of `skmpm.preflight.summary.course`: where something slow sets the pace its way per step limits dt, not
 waves. Discs of R/h = 5 and gel squeezed by a lid at 1e-3 to 1e-5 c, at ways of 0.01 to 0.14 cells a step; references

@@ -1,4 +1,4 @@
-"""Materials as the books have them: uniaxial, confined and shear tests, derivatives, objectivity.
+"""Materials against textbook solutions: uniaxial, confined and shear tests, derivatives, objectivity.
 
 The tests load one grid cell full of material points, where the deformation is uniform: an error is one of the law,
 its tangent, the load or the supports. Quasi-static steps with a Newton tolerance of 1e-12.

@@ -1,4 +1,4 @@
-"""What mean dilatation does below nu = 1/2: force or deflection, and peak stress, from nu = 0.3 to 0.49, on and off.
+"""Effect of mean dilatation below nu = 1/2: force or deflection, and peak stress, from nu = 0.3 to 0.49, on and off.
 
 Three problems, quasi-static, small strain: Cook's membrane and a disc pressed over two arcs (loads given, against
 Taylor-Hood elements, `test_locking`), and a disc between two frictionless plates (approach given, against quadratic

@@ -1,4 +1,4 @@
-"""Strips of 1, 2, 4 and 8 cells: what the check says of thin parts, by the deflection of a clamped, loaded strip.
+"""Strips of 1, 2, 4 and 8 cells: limits of the preflight check for thin parts, by their deflection under an end load.
 
 Ten times as long as thick, nu = 0.3, two points along the side of a cell, a dead load on the far end, one static
 step, on eight places of the grid. Reference: Timoshenko's beam in plane strain, P L^3 / 3 E* I + 6 P L / 5 G A.

@@ -186,7 +186,7 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
     once = "test_a_linear_material_factorises_once_for_as_long_as_dt_and_anchor_stay"
     tests = (once, "test_a_linear_material_makes_one_tangent_and_searches_no_line",
              "test_the_potential_of_a_linear_material_is_never_evaluated")  # fmt: skip
-    boundary = "test_a_linear_material_asks_once_how_its_rim_responds"
+    boundary = "test_a_linear_material_computes_its_delassus_operator_once"
     exact = "test_a_single_free_linear_body_does_exactly_one_solve_per_step"
     ghost = ("blocks of A that are of no cell, products with them", ("blocks of A", "half bandwidth", "Newton"),
              ("test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make",
@@ -238,7 +238,7 @@ def _grid(discs: int, cells: float, size: float) -> list[Feature]:
     """How often Body grids are built, and what that takes."""
     spared = "body grids, weights and patterns after the first step"
     counts = ("body grids laid", "weights fitted", "patterns made", "Newton")
-    tests = ("test_anchored_once_sheets_are_laid_fitted_and_numbered_once_in_a_run",)
+    tests = ("test_without_regridding_grids_are_built_fitted_and_numbered_once_in_a_run",)
     dense, anew = packing(discs, cells), alone(size).solved(anchor=0.0)
     linear = alone(size, "LinearElastic").solved(anchor=0.0)
     return [
