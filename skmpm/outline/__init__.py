@@ -11,7 +11,7 @@ from skmpm.outline.measures import area, bend, centroid, dimensions, normals, pe
 from skmpm.outline.near import candidates, closest, inside
 from skmpm.outline.overlaps import lens_depth, overlap
 from skmpm.outline.topology import Outlines, outlines
-from skmpm.outline.widths import thickness
+from skmpm.outline.widths import slit_width, thickness
 
 __all__ = [
     "Cubics",
@@ -34,6 +34,7 @@ __all__ = [
     "overlap",
     "perimeter",
     "second_moments",
+    "slit_width",
     "thickness",
     "turns",
 ]

@@ -1,11 +1,12 @@
-"""The thinnest part of bodies: the smallest width of material between opposite parts of the boundary.
+"""The thinnest part and the narrowest slit of bodies: the smallest width between opposite parts of the boundary.
 
 A double normal is a line between two points of the boundary that is perpendicular to the boundary at both, as across
 walls, strips and necks, and along diameters. The double normals that begin at boundary points p are found: the other
 end is the foot of the perpendicular on an edge, or a vertex whose normal cone contains the direction to p. At p the
 line may deviate from the normals by 15 degrees, because strips may taper. The two sides of a sharp convex corner
 (tip) face each other as well; such a pair is excluded while the wedge between them widens. The thickness of a body
-without double normals, for example a triangle, is the diameter of its largest inscribed circle.
+without double normals, for example a triangle, is the diameter of its largest inscribed circle. Slits are the thin
+parts of the complement, found on the reversed loops; a crack, whose sides meet at a tip, has the width of its mouth.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.outline.crossings import turns
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
@@ -27,6 +29,7 @@ MIN_WEDGE_FRACTION = 0.5
 MAX_POINTS = 500  # boundary points of a body that double normals begin at, evenly spaced; all edges are used
 CHUNK = 500_000  # pairs processed at a time, which take about 100 MB
 LENGTH_TOLERANCE = 1e-9  # relative to the length of an edge
+MAX_SMOOTH_TURN = np.deg2rad(30.0)  # turns beyond it are corners, which take part in all pairs of their body
 
 
 def thickness(outlines: Outlines, x: Floats, bodies: int) -> Floats:
@@ -36,29 +39,63 @@ def thickness(outlines: Outlines, x: Floats, bodies: int) -> Floats:
     corners do not count.
     """
     count = np.bincount(outlines.body, minlength=bodies)
-    found = np.where(count == 0, np.nan, np.inf)
     edges = _edges(outlines, x)
-    tips = np.flatnonzero(_turned(outlines, edges))
-    for p, e in _pairs(outlines, count):
-        p, e, s, width = _facing(outlines, x, edges, p, e)
-        wide = ~_at_tip(outlines, edges, tips, p, e, s, width)
-        np.minimum.at(found, outlines.body[p[wide]], width[wide])
-    compact = np.isinf(found)
+    found, _ = _narrowest(outlines, x, edges, count)
+    compact = np.isinf(found) & (count > 0)
     if compact.any():
         found[compact] = _inscribed(outlines, x, edges, np.where(compact, count, 0))[compact]
-    return found
+    return np.where(count == 0, np.nan, found)
+
+
+def slit_width(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+    """Return the width of the narrowest slit, mouth or hole of each body (bodies,) [m]; inf without one or outline.
+
+    Parts of the boundary that face each other over what is not material turn back by pi in between: bodies that turn
+    back by less than pi less the 15 degrees, as convex ones, are not searched.
+    """
+    _, backward = turns(outlines, x)
+    folded = np.zeros(bodies, dtype=bool)
+    folded[: backward.size] = backward > np.pi - np.arccos(FACING_COSINE)
+    if not folded.any():
+        return np.full(bodies, np.inf)
+    last = outlines.size - 1
+    back = Outlines(
+        outlines.point[::-1],
+        bodies - 1 - outlines.body[::-1],
+        last - outlines.previous[::-1],
+        last - outlines.next[::-1],
+    )
+    x = x[:, ::-1]
+    count = np.where(folded[::-1], np.bincount(back.body, minlength=bodies), 0)
+    return np.minimum(*_narrowest(back, x, _edges(back, x), count))[::-1]
+
+
+def _narrowest(outlines: Outlines, x: Floats, edges: _Edges, count: Integers) -> tuple[Floats, Floats]:
+    """Least double normals of bodies with `count` boundary points or none, and least mouths of wedges, (bodies,)."""
+    found, mouth = np.full((2, count.size), np.inf)
+    tips = np.flatnonzero(_turned(outlines, edges))
+    widest = np.zeros(tips.size)
+    for p, e in _steep_pairs(outlines, edges, count):
+        p, e, s, width = _facing(outlines, x, edges, p, e)
+        pair, tip = _at_tip(outlines, edges, tips, p, e, s, width)
+        np.maximum.at(widest, tip, width[pair])
+        wide = np.ones(p.size, dtype=bool)
+        wide[pair] = False
+        np.minimum.at(found, outlines.body[p[wide]], width[wide])
+    np.minimum.at(mouth, outlines.body[tips[widest > 0.0]], widest[widest > 0.0])
+    return found, mouth
 
 
 @dataclass(frozen=True)
 class _Edges:
-    """Geometry of the edges: tangents, inward normals, lengths, and positions on their loops."""
+    """The edges: unit vectors along and inward across them (2, m), lengths, and where on which loop they start."""
 
-    along: Floats  # (2, m) unit tangent
-    across: Floats  # (2, m) unit inward normal
+    along: Floats
+    across: Floats
     length: Floats  # (m,) [m]
-    start: Floats  # (m,) arc length along the loop [m]
-    loop: Integers  # (m,) number of the loop
-    around: Floats  # (m,) length of the loop [m]
+    start: Floats  # (m,) along its loop [m]
+    loop: Integers  # (m,)
+    around: Floats  # (m,) length of its loop [m]
 
 
 def _edges(outlines: Outlines, x: Floats) -> _Edges:
@@ -73,30 +110,65 @@ def _edges(outlines: Outlines, x: Floats) -> _Edges:
 
 
 def _turned(outlines: Outlines, edges: _Edges) -> NDArray[np.bool_]:
-    """Whether boundary points are tips, (m,): convex corners of 30 degrees or less."""
+    """Whether boundary points are tips, (m,): corners that stick out, of 30 degrees and less."""
     back = edges.along[:, outlines.previous]
     return np.asarray(
         (_dot(back, edges.along) < TIP_COSINE) & (_dot(edges.across[:, outlines.previous], edges.along) > 0.0)
     )
 
 
-def _pairs(outlines: Outlines, count: Integers) -> Iterator[tuple[Integers, Integers]]:
-    """Pairs of boundary points and all edges of their body, in chunks; bodies with zero `count` are left out."""
-    first = np.searchsorted(outlines.body, np.arange(count.size))
+def _starts(outlines: Outlines, first: Integers, count: Integers) -> Integers:
+    """The boundary points that pairs begin at, of bodies with `count` boundary points or none."""
     stride = np.maximum(1, -(-count // MAX_POINTS))[outlines.body]
-    points = np.flatnonzero(
-        (count[outlines.body] > 0) & ((np.arange(outlines.size) - first[outlines.body]) % stride == 0)
+    chosen = (np.arange(outlines.size) - first[outlines.body]) % stride == 0
+    return np.flatnonzero((count[outlines.body] > 0) & chosen)
+
+
+def _pairs(outlines: Outlines, count: Integers) -> Iterator[tuple[Integers, Integers]]:
+    """Boundary points with every edge of their body, of bodies with `count` boundary points or none, in chunks."""
+    first = np.searchsorted(outlines.body, np.arange(count.size))
+    points = _starts(outlines, first, count)
+    body = outlines.body[points]
+    yield from _in_chunks(points, first[body], count[body])
+
+
+def _in_chunks(points: Integers, first: Integers, count: Integers) -> Iterator[tuple[Integers, Integers]]:
+    """Points, each with the numbers `first`, ..., `first + count - 1`, in chunks."""
+    for part in chunks(count, CHUNK) if points.size else ():
+        yield np.repeat(points[part], count[part]), ranges(first[part], count[part])
+
+
+def _steep_pairs(outlines: Outlines, edges: _Edges, count: Integers) -> Iterator[tuple[Integers, Integers]]:
+    """Of the `_pairs` those in which the edge runs against those of the point as far as facing ones do.
+
+    Edges that end in a corner may face any point. The others of a body are sorted by their direction, two turns of
+    them, so that those that face a point are consecutive.
+    """
+    angle = np.arctan2(edges.along[1], edges.along[0]) % (2.0 * np.pi)
+    turn = (angle - angle[outlines.previous] + np.pi) % (2.0 * np.pi) - np.pi
+    points = _starts(outlines, np.searchsorted(outlines.body, np.arange(count.size)), count)
+    body, margin = outlines.body[points], np.arccos(FACING_COSINE) + MAX_SMOOTH_TURN
+    corner = np.abs(turn[outlines.next]) > MAX_SMOOTH_TURN
+    smooth, corners = np.flatnonzero(~corner), np.flatnonzero(corner)
+    key = np.concatenate([angle[smooth], angle[smooth] + 2.0 * np.pi]) + 8.0 * np.pi * np.tile(
+        outlines.body[smooth], 2
     )
-    each = count[outlines.body[points]]
-    for part in chunks(each, CHUNK) if points.size else ():
-        p = points[part]
-        yield np.repeat(p, each[part]), ranges(first[outlines.body[p]], each[part])
+    order = np.argsort(key)
+    least = (angle[points] - np.maximum(turn[points], 0.0) + np.pi - margin) % (2.0 * np.pi) + 8.0 * np.pi * body
+    first = np.searchsorted(key[order], least)
+    each = np.searchsorted(key[order], least + np.abs(turn[points]) + 2.0 * margin, side="right") - first
+    for p, k in _in_chunks(points, first, each):
+        yield p, smooth[order[k] % smooth.size]
+    first = np.searchsorted(outlines.body[corners], body)
+    each = np.searchsorted(outlines.body[corners], body, side="right") - first
+    for p, k in _in_chunks(points, first, each):
+        yield p, corners[k]
 
 
 def _facing(
     outlines: Outlines, x: Floats, edges: _Edges, p: Integers, e: Integers
 ) -> tuple[Integers, Integers, Floats, Floats]:
-    """The double normals among these pairs: boundary point, edge, arc length on the edge [m] and width [m]."""
+    """Of these pairs the double normals: boundary point, edge, place on the edge and width [m]."""
     arm, after = x[:, p] - x[:, e], outlines.next[e]
     s, height, length = _dot(arm, edges.along[:, e]), _dot(arm, edges.across[:, e]), edges.length[e]
     inner, on_edge = (
@@ -113,9 +185,9 @@ def _facing(
 
 
 def _leaves(outlines: Outlines, edges: _Edges, p: Integers, direction: Floats) -> NDArray[np.bool_]:
-    """Whether unit vectors (2, k) point inward within 15 degrees of a normal at boundary points p, (k,).
+    """Whether unit vectors (2, k) point inward within 15 degrees of normals of boundary points p or of their edges.
 
-    Normals are those of the two edges and, at a notch or a smooth boundary point, all directions between them.
+    Between its edges' normals lie those of a notch and of a smooth boundary; a corner that sticks out has none.
     """
     back = outlines.previous[p]
     along, before = _dot(direction, edges.along[:, p]), _dot(direction, edges.along[:, back])
@@ -127,32 +199,32 @@ def _leaves(outlines: Outlines, edges: _Edges, p: Integers, direction: Floats) -
 
 def _at_tip(
     outlines: Outlines, edges: _Edges, tips: Integers, p: Integers, e: Integers, s: Floats, width: Floats
-) -> NDArray[np.bool_]:
-    """Whether pairs connect the two sides of a tip and are about as wide as its wedge there, (k,)."""
-    out = np.zeros(p.size, dtype=bool)
+) -> tuple[Integers, Integers]:
+    """The pairs that are the two sides of a tip, as far apart as its wedge is there, and which of the tips."""
     first = np.searchsorted(edges.loop[tips], edges.loop[p])
     count = np.searchsorted(edges.loop[tips], edges.loop[p], side="right") - first
     count[edges.loop[p] != edges.loop[e]] = 0
-    pair, tip = np.repeat(np.arange(p.size), count), tips[ranges(first, count)]
+    pair, number = np.repeat(np.arange(p.size), count), ranges(first, count)
+    tip = tips[number]
     ends = np.stack([edges.start[p], edges.start[e] + s])[:, pair]
     direction = _around(edges, ends - edges.start[tip], tip).sum(axis=0)
     turn = np.arccos(np.clip(_dot(edges.along[:, outlines.previous[tip]], edges.along[:, tip]), -1.0, 1.0))
     wedge = direction / np.tan(0.5 * turn)  # the tip's angle is pi less its turn
-    out[pair[width[pair] >= MIN_WEDGE_FRACTION * wedge]] = True
-    return out
+    close = width[pair] >= MIN_WEDGE_FRACTION * wedge
+    return pair[close], number[close]
 
 
 def _around(edges: _Edges, direction: Floats, at: Integers) -> Floats:
-    """Arc length along a loop in the shorter direction [m]."""
+    """The shorter way along a loop [m]."""
     return np.asarray(np.minimum(np.abs(direction), edges.around[at] - np.abs(direction)))
 
 
 def _inscribed(outlines: Outlines, x: Floats, edges: _Edges, count: Integers) -> Floats:
-    """Diameter (bodies,) [m] of the largest circle that touches the middle of an edge and contains no point."""
+    """Diameter (bodies,) [m] of the largest circle that touches the middle of an edge and holds no boundary point."""
     middle, radius = x + 0.5 * edges.length * edges.along, np.full(outlines.size, np.inf)
     for p, e in _pairs(outlines, count):
-        for other in (x, middle):
-            direction = other[:, e] - middle[:, p]
+        for place in (x, middle):
+            direction = place[:, e] - middle[:, p]
             depth = _dot(direction, edges.across[:, p])
             k = np.flatnonzero(depth > LENGTH_TOLERANCE * edges.length[p])
             np.minimum.at(radius, p[k], 0.5 * _dot(direction, direction)[k] / depth[k])

@@ -29,6 +29,7 @@ class Limit(NamedTuple):
 RESOLUTION = Limit(3.2, "piles and packings were verified from 3.2 on, Hertz's force from 5 on")  # test_pile
 SMALLEST = Limit(1.0, "bodies were verified from R/h = 2 on")  # test_corners, unlike discs
 THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells bend by up to 50, 25.4, 9.5, 3.2 % too little")  # test_thin_parts
+SLIT = Limit(2.0, "slits of 0.5, 1, 1.5, 2, 3 cells open by up to 91, 90, 87, 10, 10 % too little")  # test_slits
 FEWEST = Limit(1.8, "verified from 1.8 on; with 1 the error of a uniform stress is 10 %")  # large.py, test_patch
 COURANT = Limit(15.0, "verified up to 15 where waves matter")  # test_dynamics, stability
 EXPLICIT = Limit(0.7, "explicit steps are stable up to 0.7 for any position on the grid")  # test_explicit
@@ -97,6 +98,13 @@ def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
         who, width = _worst(metrics, across, THIN.value > across), least * metrics.cell
         remedy = f"use cell = {_down(width / THIN.value)} m or less"
         yield f"{who}: {_text(least, THIN)} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
+
+
+def _slit(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    if _below(least := float(metrics.slit.min()), SLIT):
+        who, width = _worst(metrics, metrics.slit, SLIT.value > metrics.slit), least * metrics.cell
+        remedy = f"use cell = {_down(width / SLIT.value)} m or less, or close it"
+        yield f"{who}: {_text(least, SLIT)} cells across its narrowest slit of {width:.3g} m; {SLIT.where}; {remedy}"
 
 
 def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -213,6 +221,7 @@ def _edges(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 CHECKS: tuple[Callable[[Scene, SceneMetrics, Scheme], Lines], ...] = (
     _resolution,
     _thin,
+    _slit,
     _points,
     _courant,
     _travel,

@@ -11,6 +11,7 @@ from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import Rigid, is_linear
+from skmpm.outline import slit_width
 from skmpm.preflight.loading import loading_of
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
@@ -33,6 +34,7 @@ class SceneMetrics:
     points_per_cell: Array  # (deformable,) points over area in cells
     resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
     across: Array  # (deformable,) cells across the thinnest part; nan without outline
+    slit: Array  # (deformable,) cells across the narrowest slit or hole; inf without one
     cells: int
     unknowns: int
     cell: float  # h [m]
@@ -78,6 +80,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         points_per_cell=count[own] / area,
         resolution=np.sqrt(area / np.pi),
         across=scene.thickness[own] / scene.cell,
+        slit=slit_width(boundary, scene.initial_positions[:, boundary.point], count.size)[own] / scene.cell,
         cells=grid.cells,
         unknowns=2 * grid.nodes,
         cell=scene.cell,

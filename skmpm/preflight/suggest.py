@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.outline import thickness
-from skmpm.preflight.limits import APPROACH, COURANT, LID, RESOLUTION, SMALLEST, THIN
+from skmpm.outline import slit_width, thickness
+from skmpm.preflight.limits import APPROACH, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
 from skmpm.preflight.loading import SEVERAL, Loading, loading_of
 from skmpm.scene import Scene
 from skmpm.simulate.initial_state import can_touch, fastest_wave
@@ -106,9 +106,12 @@ def _coarsest(scene: Scene) -> float:
     """The largest cell without warnings of `preflight` [m]."""
     boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
     radius = np.sqrt(np.bincount(scene.owner, scene.initial_volumes, count) / np.pi)[own].min()
-    across = thickness(boundary, scene.initial_positions[:, boundary.point], count)[own]
+    across, slit = (
+        f(boundary, scene.initial_positions[:, boundary.point], count)[own] for f in (thickness, slit_width)
+    )
     limit = (RESOLUTION if can_touch(scene) else SMALLEST).value
-    return float(min(radius / limit, np.min(across[~np.isnan(across)], initial=np.inf) / THIN.value))
+    thinnest = np.min(across[~np.isnan(across)], initial=np.inf)
+    return float(min(radius / limit, thinnest / THIN.value, slit.min() / SLIT.value))
 
 
 def _longest(scene: Scene, loading: Loading, cell: float) -> float:

@@ -59,7 +59,8 @@ def _motion(metrics: SceneMetrics) -> str:
 
 def _across(metrics: SceneMetrics) -> str:
     known = metrics.across[~np.isnan(metrics.across)]
-    return f"{known.min():.3g} cells across the thinnest part" if known.size else "no outlines"
+    slit = f", {metrics.slit.min():.3g} the narrowest slit" if np.isfinite(metrics.slit).any() else ""
+    return f"{known.min():.3g} cells across the thinnest part{slit}" if known.size else "no outlines"
 
 
 def _contact(metrics: SceneMetrics) -> str:

@@ -1,10 +1,11 @@
-"""Thickness of bodies: shapes of known thickness, rotated, at fine and coarse resolution, with holes."""
+"""Thickness and narrowest slits of bodies: known shapes, rotated, finely and coarsely sampled."""
 
 import numpy as np
 import pytest
 from test_outline import build, regular, turn
 
 from skmpm import box, disc, outline
+from skmpm.outline.widths import _pairs
 
 ANGLES = (0.0, 0.3, 1.234)
 SPACINGS = (0.25, 0.1, 0.033)
@@ -80,6 +81,19 @@ SHAPES = {  # loops at a spacing, thickness
                                        (0.5, 0.6), (0.48, 1), (0, 1)], d)], 0.3),
     "strip with a tip": (lambda d: [sampled([(0, 0), (3, 0), (3.5, 0.1), (3, 0.2), (0, 0.2)], d)], 0.2),
 }  # fmt: skip
+SLITS = {  # loops at a spacing, width of the narrowest
+    "slit": (
+        lambda d: [sampled([(0, 0), (3, 0), (3, 1), (2, 1), (2, 0.3), (1.8, 0.3), (1.8, 1), (0, 1)], d)], 0.2),
+    "flask": (lambda d: [sampled([(0, 0), (3, 0), (3, 3), (1.6, 3), (1.6, 2.5), (2.5, 2.5), (2.5, 0.5), (0.5, 0.5),
+                                  (0.5, 2.5), (1.4, 2.5), (1.4, 3), (0, 3)], d)], 0.2),
+    "crack": (SHAPES["crack"][0], 0.04),
+    "two cracks": (SHAPES["two cracks"][0], 0.04),
+    "open ring": (SHAPES["open ring"][0], 2 * 0.7 * np.sin(0.5 * (0.3 + 2 * np.pi - 6.0))),
+    "annulus": (SHAPES["annulus"][0], 1.4),
+    "hole off the middle": (SHAPES["hole off the middle"][0], 1.0),
+    "two holes": (SHAPES["two holes"][0], 1.0),
+    **{name: (SHAPES[name][0], np.inf) for name in ("square", "L", "disc", "ellipse", "lens", "waist")},
+}  # fmt: skip
 COMPACT = {  # without parallel sides: inscribed circles, found on middles of edges
     "triangle": (lambda d: [sampled([(0, 0), (1, 0), (0.5, np.sqrt(3) / 2)], d)], 1 / np.sqrt(3)),
     "right triangle": (lambda d: [sampled([(0, 0), (1, 0), (0, 1)], d)], 2 - np.sqrt(2)),
@@ -124,6 +138,39 @@ def test_triangles_have_their_inscribed_circle(name):
     loops, expected = COMPACT[name]
     for spacing in SPACINGS:
         assert measured(loops(spacing), 0.3) == pytest.approx(expected, rel=spacing)
+
+
+@pytest.mark.parametrize("spacing", SPACINGS)
+@pytest.mark.parametrize("name", SLITS)
+def test_slits(name, spacing):
+    """Of holes within the sag of chords; convex bodies and open corners have none."""
+    loops, expected = SLITS[name]
+    tolerance = 0.05 * (spacing / SPACINGS[0]) ** 2 if "hole" in name or name == "annulus" else 0.01
+    for angle in ANGLES:
+        boundary, x, bodies = build([turn(angle) @ loop for loop in loops(spacing)])
+        assert outline.slit_width(boundary, x, bodies)[0] == pytest.approx(expected, rel=tolerance)
+
+
+def test_each_body_has_its_own_slit(monkeypatch):
+    """Whatever is beside it; bodies that are convex or without outline have none, and are not searched."""
+    square, wall, cut = SHAPES["square"][0](0.1), SHAPES["annulus"][0](0.1), SLITS["slit"][0](0.1)
+    boundary, x, bodies = build(cut, [], [5.0 * loop for loop in wall], square, [3.0 * loop for loop in cut], [])
+    found = outline.slit_width(boundary, x, bodies)
+    np.testing.assert_allclose(found, [0.2, np.inf, 7.0, np.inf, 0.6, np.inf], rtol=0.01)
+    assert outline.slit_width(*build()).shape == (0,)
+    monkeypatch.setattr("skmpm.outline.widths._narrowest", None)
+    assert np.isinf(outline.slit_width(*build(square, [], SHAPES["disc"][0](0.1)))).all()
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_pairs_that_cannot_face_each_other_are_left_out_and_no_others(name, monkeypatch):
+    """The same to the last digit with every pair."""
+    for spacing, angle in [(0.25, 0.0), (0.1, 1.234), (0.033, 0.3)]:
+        boundary, x, bodies = build([turn(angle) @ loop for loop in SHAPES[name][0](spacing)])
+        found = [f(boundary, x, bodies) for f in (outline.thickness, outline.slit_width)]
+        with monkeypatch.context() as every:
+            every.setattr("skmpm.outline.widths._steep_pairs", lambda o, edges, count: _pairs(o, count))
+            assert found == [f(boundary, x, bodies) for f in (outline.thickness, outline.slit_width)]
 
 
 def test_each_body_has_its_own_and_none_without_outline():

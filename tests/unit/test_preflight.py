@@ -27,7 +27,7 @@ from skmpm import (
     disc,
     linear,
 )
-from skmpm.preflight import limits, preflight
+from skmpm.preflight import limits, preflight, suggest
 from skmpm.preflight.limits import warnings_of
 from skmpm.preflight.metrics import examine, memory_of
 
@@ -177,6 +177,19 @@ def small(n, cells):
     return Scene([Body(Points(x, np.full(n, np.pi * R**2 / n)), GEL)], cell=R / cells)
 
 
+def slotted():
+    """A block 16 by 18 with a slot 2 wide and 8 deep, two points a unit of length."""
+    x = 0.5 * np.indices((33, 37)).reshape(2, -1)
+    x = x[:, ~((x[0] > 8.0) & (np.abs(x[1] - 9.0) < 1.0))]
+    number = {tuple(place): i for i, place in enumerate(x.T.tolist())}
+    corners = np.array([(0, 0), (16, 0), (16, 8), (8, 8), (8, 10), (16, 10), (16, 18), (0, 18)], dtype=float)
+    loop = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        steps = np.arange(0.0, np.abs(b - a).max(), 0.5)
+        loop += [number[tuple(place)] for place in (a + steps[:, None] * np.sign(b - a)).tolist()]
+    return Points(x, np.full(x.shape[1], 272.0 / x.shape[1]), (np.array(loop),))
+
+
 def lid(value):
     walls = [Wall((0, -2 * R), (0, 1)), Wall((0, 2 * R), (0, -1), velocity=(0.0, -value * H / DT))]
     return pair(walls=walls)
@@ -198,6 +211,8 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
     "R/h alone": (limits.SMALLEST, r"body 0: R/h = 0\.9999;", lambda v: small(20, v), None, {}),
     "thin": (limits.THIN, r"body 0 and 1 more: 3\.9996 cells across its thinnest part of 0.001 m;", lambda v: Scene(
         [Body(box((x, 0.0), (9 * R, R), spacing=R / 12), GEL) for x in (0.0, 10 * R)], cell=R / v), None, {}),
+    "slit": (limits.SLIT, r"body 0: 1\.9998 cells across its narrowest slit of 2 m;",
+             lambda v: Scene([Body(slotted(), GEL)], cell=2.0 / v), None, {}),
     "points": (limits.FEWEST, r"body 0: 1\.7998 points per cell of material;",
                lambda v: small(300, np.sqrt(300 / np.pi / v)), None, {}),
     "dt": (limits.COURANT, r"step: dt c/h = 15\.00\d;", lambda v: pair(), lambda s, v: v * DT, {}),
@@ -228,7 +243,7 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
 def test_a_warning_beyond_each_limit_and_none_before(name):
     """By 1e-4 of the limit: one line with the object, a value other than the limit, what was verified, the remedy."""
     limit, says, scene, dt, options = LIMITED[name]
-    sign = -1.0 if limit in (limits.RESOLUTION, limits.SMALLEST, limits.THIN, limits.FEWEST) else 1.0
+    sign = -1.0 if limit in (limits.RESOLUTION, limits.SMALLEST, limits.THIN, limits.SLIT, limits.FEWEST) else 1.0
     for passed in (-1.0, 0.0, 1.0):
         value = limit.value * (1.0 + passed * sign * LEAST)
         given = scene(value)
@@ -244,6 +259,13 @@ def test_a_warning_beyond_each_limit_and_none_before(name):
 
 def advised(text, says):
     return float(re.search(rf"^! .*use {says}([\d.e-]+)", text, re.MULTILINE).group(1))
+
+
+def test_what_is_suggested_for_a_slotted_block_is_not_warned_of_either():
+    """Its slot, not the error, sets the cell: 2 wide."""
+    scene = Scene([Body(slotted(), GEL)], cell=2.0)
+    assert suggest(scene, error=0.25).cell == pytest.approx(1.0)
+    assert "cells across its narrowest slit" in preflight(scene, 1e-9)
 
 
 @pytest.mark.parametrize("digits", [1.0, 1.23, 2.37, 4.96, 8.88])

@@ -24,6 +24,7 @@ MODULES = (
     "locking",
     "mean_dilatation",
     "thin_parts",
+    "slits",
     "long_steps",
     "large_deflection",
     "manufactured",
