@@ -120,9 +120,14 @@ def rigid_contacts(increment: Increment, bodies: FloatingBodies, constraints: Co
     return RigidContacts(owners, normal, tangent, constraints.friction, bodies.supports)
 
 
+def excess_cells(increment: Increment, bodies: FloatingBodies, w: Array) -> Array:
+    """Motion of every floating body beyond what is prescribed, (n,) [cells]."""
+    return np.asarray(np.abs(bodies.excess_motion(increment.dt * w)).max(axis=0) / increment.grid.cell)
+
+
 def check_step_motion(increment: Increment, bodies: FloatingBodies, w: Array) -> None:
     """Raise NotConverged if a body has moved by more than `MAX_STEP_MOTION` beyond what is prescribed."""
-    excess = np.abs(bodies.excess_motion(increment.dt * w)).max(axis=0) / increment.grid.cell
+    excess = excess_cells(increment, bodies, w)
     b = int(np.argmax(excess))
     if excess[b] > MAX_STEP_MOTION:
         driven = bool(bodies.prescribed_range.any())  # if nothing is driven, a smaller dt is the same problem

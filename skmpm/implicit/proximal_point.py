@@ -8,7 +8,8 @@ contacts leave neutral, and the bodies drift. A proximal term then replaces the 
 which has one solution nearby, and the proximal point follows that solution (Rockafellar, SIAM J. Control Optim. 14,
 1976), with Anderson acceleration while the drag forces count. Along other modes the drag force decreases by a
 constant factor from point to point; along neutral modes bodies stay in place, and the drag is their out-of-balance
-force.
+force. If unloaded bodies slide away on their springs, because contacts soften more than these resist, the iteration
+restarts with the proximal term.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
-from skmpm.implicit.floating import NEGLIGIBLE_RESULTANT, FloatingBodies, limited, negligible
+from skmpm.implicit.floating import NEGLIGIBLE_RESULTANT, FloatingBodies, excess_cells, limited, negligible
 from skmpm.implicit.iteration import SLOW_RATE
 from skmpm.implicit.mixing import Mixing
 from skmpm.implicit.residual import Increment
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 DRAG_STIFFNESS = 1.0  # over the shear modulus of a body; with 0.4, bodies that stand on corners are pushed away
 DRAG_DECREASE = 0.3  # of the drag force along modes that are not neutral, from point to point, at that stiffness
 POINT_TOLERANCE = 0.1  # over the drag force: how far the solution for a proximal point converges
+MAX_SPRING_MOTION = 1.0  # [cells] of unloaded bodies on springs beyond what is prescribed; 0.5 does as well
 MAX_POINT_SHIFT = 0.1  # [cells] of a proximal point by acceleration, beyond the solution
 
 
@@ -128,10 +130,29 @@ def with_proximal_term(iterate: Iterate, now: OutOfBalance) -> OutOfBalance:
     slow = now.iteration > 2 and now.relative > SLOW_RATE * iterate.before
     neutral = slow and (now.relative < iterate.before or contact.stiffness_failures > 0)
     if neutral and _small_resultants(iterate, now.gradient - now.contact_impulse):
-        iterate.solver = contact.delassus = contact.frozen = None
-        contact.stiffness_failures = 0
-        return _with_point(iterate, now, iterate.w)
+        return _with_drag(iterate, now)
     return now
+
+
+def slides_away(iterate: Iterate) -> bool:
+    """Whether springs fail to hold unloaded bodies, because contacts soften more than the springs resist."""
+    if iterate.increment.proximal is not None or iterate.bodies.loaded:
+        return False
+    return bool(excess_cells(iterate.increment, iterate.bodies, iterate.w).max() > MAX_SPRING_MOTION)
+
+
+def restarted(iterate: Iterate, start: tuple[Array, Configuration], iteration: int) -> OutOfBalance:
+    """The out-of-balance impulses at the start of the iteration, with a drag instead of the springs."""
+    iterate.w, iterate.at = start
+    iterate.contact.frozen = None
+    return _with_drag(iterate, measured(iterate, iteration))
+
+
+def _with_drag(iterate: Iterate, now: OutOfBalance) -> OutOfBalance:
+    """The out-of-balance impulses with a drag at w instead of the springs, and with the current contact geometry."""
+    iterate.solver = iterate.contact.delassus = iterate.contact.frozen = None
+    iterate.contact.stiffness_failures = 0
+    return _with_point(iterate, now, iterate.w)
 
 
 def _with_point(iterate: Iterate, now: OutOfBalance, point: Array) -> OutOfBalance:
@@ -145,9 +166,13 @@ def _with_point(iterate: Iterate, now: OutOfBalance, point: Array) -> OutOfBalan
 
 
 def _next_point(iterate: Iterate, now: OutOfBalance) -> OutOfBalance:
-    """The out-of-balance impulses with the proximal point at w, or beyond by acceleration while drag forces count."""
+    """The out-of-balance impulses with the proximal point at w, or beyond by acceleration while drag forces count.
+
+    Frozen contact geometry is that of an earlier point, where it would push bodies on from point to point.
+    """
     increment, w = iterate.increment, iterate.w
     iterate.points += 1
+    iterate.contact.frozen, iterate.contact.stiffness_failures = None, 0
     shift = w - increment.predictor
     accelerated = iterate.points > 2 and not _small_resultants(iterate, iterate.drag_impulse)
     mixed, _ = iterate.point_mixing.mixed(increment.predictor, shift, 1.0, wanted=accelerated)

@@ -34,7 +34,15 @@ from skmpm.implicit.iteration import (
 from skmpm.implicit.line_search import move
 from skmpm.implicit.mechanisms import diagnosed, rigid_predictor
 from skmpm.implicit.mixing import Mixing
-from skmpm.implicit.proximal_point import Iterate, OutOfBalance, converged, measured, with_proximal_term
+from skmpm.implicit.proximal_point import (
+    Iterate,
+    OutOfBalance,
+    converged,
+    measured,
+    restarted,
+    slides_away,
+    with_proximal_term,
+)
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.timer import Timer
 from skmpm.linear import Solver
@@ -80,6 +88,8 @@ def _newton(
     iterate = Iterate(increment, contact, bodies, *start, kept, Mixing(mass), Mixing(mass))
     for iteration in range(increment.scheme.max_newton + 1):
         now = measured(iterate, iteration)
+        if slides_away(iterate):
+            now = restarted(iterate, start, iteration)
         check_step_motion(increment, bodies, iterate.w)
         if converged(iterate, now):
             if _frozen_moments(iterate).max() <= MAX_FROZEN_MOMENT:

@@ -166,6 +166,36 @@ def test_boxes_between_smooth_plates_do_not_drift(x, y, law, tol):
     assert state.report.newton <= (10 if tol == 1e-3 else 30)
 
 
+@pytest.mark.parametrize(
+    ("x", "y", "spacing", "law"),
+    [
+        (0.0, 0.0, 7, LINEAR),
+        (0.25, 0.1, 8, LINEAR),
+        (0.013, 0.07, 8, LINEAR),
+        (0.0, 0.0, 5, GEL),
+        (0.25, 0.1, 7, GEL),
+    ],
+)
+def test_boxes_are_held_where_contacts_soften_more_than_springs_resist(x, y, spacing, law):
+    """Six steps of 0.5 % of strain; boxes slid by four cells in one, or were pushed on by normals kept from before.
+
+    Outside check: the plates bear opposite forces; boxes stay within half a cell of the middle.
+    """
+    at = H * np.array([x, y])
+    bodies = [Body(box(at + np.array((-R, s)), (2 * R, 2 * R), spacing=R / spacing), law) for s in (0.0, 2 * R)]
+    walls = [Wall(at, (0, 1)), Wall(at + 4 * R * UP, (0, -1), velocity=(0.0, -0.005 * 4 * R))]
+    scene = Scene(bodies, cell=H, walls=walls)
+    states = list(simulate(scene, dt=1.0, until=6.0, scheme=STATIC))
+    assert sum(state.report.retries for state in states) == 0
+    for state in states[1:]:
+        force = state.wall_force[:, 1]
+        assert abs(force.sum()) < 0.01 * force[1]
+        moved = [(state.x - states[0].x)[0, state.body == b].mean() for b in (0, 1)]
+        assert np.abs(moved).max() < 0.5 * H
+    if law is LINEAR:
+        assert force[1] == pytest.approx(0.03 * 2 * R * E / (1.0 - 0.3**2), rel=0.05)
+
+
 @pytest.mark.parametrize(("x", "y"), [(0.1, 0.0), (0.25, 0.1)])
 def test_the_proximal_term_does_not_depend_on_the_time_step(x, y):
     (_, _, one), (_, _, other) = pressed(x, y, GEL, 1e-8), pressed(x, y, GEL, 1e-8, dt=1e-3)
