@@ -13,6 +13,7 @@ from skmpm.contact.constraints import component_along
 from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.equilibrium import RigidContacts
 from skmpm.implicit.errors import NotConverged
+from skmpm.implicit.frozen_geometry import force_scale
 from skmpm.implicit.residual import Increment
 
 Array = NDArray[np.float64]
@@ -161,28 +162,5 @@ def limited(
 
 def negligible(increment: Increment, contact: ContactProblem, bodies: FloatingBodies, resultants: Array) -> bool:
     """Whether resultants (3 n,) [kg m/s per m] are below `NEGLIGIBLE_RESULTANT` on every body."""
-    size = np.repeat(force_scale(increment, contact, bodies), 3)
+    size = np.repeat(force_scale(increment, contact)[bodies.bodies], 3)
     return bool((np.abs(resultants) <= NEGLIGIBLE_RESULTANT * size).all())
-
-
-def frozen_geometry_moment(increment: Increment, contact: ContactProblem, bodies: FloatingBodies, w: Array) -> Array:
-    """Moment on every body due to the frozen contact geometry, over radius of gyration and force scale, (n,).
-
-    It counts beyond `newton_tol` of the largest forces on any body, the tolerance of the balance of moments.
-    """
-    index, moments = index_among(increment, bodies.bodies), contact.frozen_geometry_moments(w)
-    owner = index[np.maximum(contact.constraints.bodies, -1)]
-    total = sum(np.bincount(own[own >= 0], moments[own >= 0], bodies.bodies.size) for own in owner)
-    forces = force_scale(increment, contact, bodies)
-    moment = np.abs(total) / bodies.radius - increment.scheme.newton_tol * forces.max()
-    return np.asarray(np.maximum(moment, 0.0) / np.maximum(forces, 1e-300))
-
-
-def force_scale(increment: Increment, contact: ContactProblem, bodies: FloatingBodies) -> Array:
-    """Half the sum of the magnitudes of contact forces and load on every body, times dt, (n,) [kg m/s per m]."""
-    constraints, index = contact.constraints, index_among(increment, bodies.bodies)
-    size = increment.dt * np.hypot(*constraints.forces(contact.r, increment.dt))
-    load = increment.dt * np.hypot(*bodies.resultant.reshape(-1, 3).T[:2])
-    owner = index[np.maximum(constraints.bodies, -1)]
-    every = [np.bincount(own[own >= 0], size[own >= 0], bodies.bodies.size) for own in owner]
-    return np.asarray(0.5 * (load + every[0] + every[1]))

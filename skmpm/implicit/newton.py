@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.errors import NotConverged
 from skmpm.implicit.floating import null_space
+from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
     RELAXATION,
     SLOW_RATE,
@@ -38,7 +39,8 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     Every iteration measures the gaps at the current w and solves the contact problem on the linearised bulk. Since
     that includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity; it
     is refactorised where convergence is slow. Near a limit point of the contacts there may be no solution: then the
-    contact geometry is frozen, and gaps, Signorini's and Coulomb's laws are solved with it. In a dynamic step,
+    contact geometry is frozen, and gaps, Signorini's and Coulomb's laws are solved with it; it is renewed where
+    forces along it make a moment. In a dynamic step,
     contacts that have not converged after `MAX_ITERATIONS_WITH_CONTACT` iterations need a shorter step.
 
     Raises
@@ -54,14 +56,13 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     limit = min(MAX_ITERATIONS_WITH_CONTACT, scheme.max_newton) if contact and scheme.inertia else scheme.max_newton
     for iteration in range(limit + 2):
         gradient, size = increment.gradient(w, at)
-        contact_impulse, residual = contact.measure(w) if contact else (np.zeros_like(w), 0.0)
-        if contact:
-            size = max(size, float(np.linalg.norm(contact_impulse)), contact.impulse_round_off / scheme.newton_tol)
-        imbalance = (
-            float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse))) / size if size > 0.0 else 0.0
-        )
+        contact_impulse, residual, imbalance = _measured(increment, contact, w, gradient, size)
         solved_at_once = iteration == 1 and increment.one_solve and contact is None
         converged = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
+        if converged and contact and frozen_geometry_moment(increment, contact, w).max() > MAX_FROZEN_MOMENT:
+            contact.frozen, mixing, before = contact.current, Mixing(increment.bulk.assembly.mass), np.inf
+            contact_impulse, residual, imbalance = _measured(increment, contact, w, gradient, size)
+            converged = imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
         final = increment.momentum_corrected(w, contact_impulse, solved) if solved_at_once or converged else None
         if final is not None:
             reaction = increment.reaction(gradient - contact_impulse)
@@ -90,7 +91,19 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
         timer.lap("bulk")
     drift = increment.drift(w, contact_impulse, solved)
     unmet = unmet_criteria(increment, contact, gradient - contact_impulse, imbalance, residual, drift)
-    raise not_converged(limit, unmet)
+    raise not_converged(limit, unmet + unmet_moment(increment, contact, w))
+
+
+def _measured(
+    increment: Increment, contact: ContactProblem | None, w: Array, gradient: Array, size: float
+) -> tuple[Array, float, float]:
+    """Nodal contact impulse at w, residual of the contact law, and out-of-balance norm over its largest term."""
+    contact_impulse, residual = contact.measure(w) if contact else (np.zeros_like(w), 0.0)
+    if contact:
+        round_off = contact.impulse_round_off / increment.scheme.newton_tol
+        size = max(size, float(np.linalg.norm(contact_impulse)), round_off)
+    norm = float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse)))
+    return contact_impulse, residual, norm / size if size > 0.0 else 0.0
 
 
 def _check_resultants(increment: Increment) -> None:

@@ -17,9 +17,9 @@ from skmpm.implicit.floating import (
     FloatingBodies,
     check_step_motion,
     floating_bodies,
-    frozen_geometry_moment,
     limited,
 )
+from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
     RELAXATION,
     SLOW_RATE,
@@ -50,8 +50,6 @@ from skmpm.linear import Solver
 Array = NDArray[np.float64]
 
 ITERATIONS_PER_POINT = 8  # with one proximal point, before a stalled iteration freezes the contact geometry
-# Largest moment due to frozen contact geometry over half the sum of the forces on a body, a thousandth of the sum.
-MAX_FROZEN_MOMENT = 2e-3
 
 
 def advance(increment: Increment, contact: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
@@ -92,30 +90,20 @@ def _newton(
             now = restarted(iterate, start, iteration)
         check_step_motion(increment, bodies, iterate.w)
         if converged(iterate, now):
-            if _frozen_moments(iterate).max() <= MAX_FROZEN_MOMENT:
+            if frozen_geometry_moment(iterate.increment, contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
                 return _solution(iterate, now)
             now = _with_current_geometry(iterate, iteration)
+            if converged(iterate, now):
+                return _solution(iterate, now)
         _iterate(iterate, with_proximal_term(iterate, now), timer)
     raise not_converged(increment.scheme.max_newton, _unmet(iterate, now))
-
-
-def _frozen_moments(iterate: Iterate) -> Array:
-    """Relative moment on every floating body due to the frozen contact geometry, (n,)."""
-    return frozen_geometry_moment(iterate.increment, iterate.contact, iterate.bodies, iterate.w)
 
 
 def _unmet(iterate: Iterate, now: OutOfBalance) -> list[tuple[str, str]]:
     """The convergence criteria that are not met, where and by how much."""
     missing, no_drift = now.gradient - now.contact_impulse, np.zeros(iterate.increment.grid.bodies)
     unmet = unmet_criteria(iterate.increment, iterate.contact, missing, now.without_drag, now.residual, no_drift)
-    moments = _frozen_moments(iterate)
-    if not moments.max() <= MAX_FROZEN_MOMENT:
-        size = (
-            f"contacts near a limit point, whose frozen normals cause a moment of {moments.max():.2g} of the forces"
-            f" (tolerance {MAX_FROZEN_MOMENT:g})"
-        )
-        unmet.append((f"body {iterate.bodies.bodies[np.argmax(moments)]}", size))
-    return unmet
+    return unmet + unmet_moment(iterate.increment, iterate.contact, iterate.w)
 
 
 def _with_current_geometry(iterate: Iterate, iteration: int) -> OutOfBalance:

@@ -1,0 +1,63 @@
+"""Moments due to frozen contact geometry.
+
+Frozen contact normals act at frozen points. Where contacts have slid since, the two forces of a contact no longer act
+on one line: equal and opposite, they make a couple.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.residual import Increment
+
+Array = NDArray[np.float64]
+
+# Largest moment due to frozen contact geometry over half the sum of the forces on a body, a thousandth of the sum.
+MAX_FROZEN_MOMENT = 2e-3
+
+
+def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None, w: Array) -> Array:
+    """Moment on every body due to frozen contact geometry, over radius of gyration and force scale, (bodies,).
+
+    It counts beyond `newton_tol` of the largest forces on any body, the tolerance of the balance of moments.
+    """
+    grid = increment.grid
+    if contact is None or contact.frozen is None:
+        return np.zeros(grid.bodies)
+    weight = increment.bulk.assembly.lumped[::2]
+    x = grid.position + increment.start.reshape(-1, 2).T
+    arm = x - grid.means(x, weight)[:, grid.node_body]
+    radius = np.sqrt(grid.means((arm**2).sum(axis=0)[None], weight)[0])
+    forces = force_scale(increment, contact)
+    moment = np.abs(_sums(contact, contact.frozen_geometry_moments(w), grid.bodies))
+    excess = moment / np.where(radius > 0.0, radius, np.inf) - increment.scheme.newton_tol * forces.max()
+    return np.asarray(np.maximum(excess, 0.0) / np.maximum(forces, 1e-300))
+
+
+def force_scale(increment: Increment, contact: ContactProblem) -> Array:
+    """Half the sum of the magnitudes of contact forces and load on every deformable body, times dt, (bodies,)."""
+    grid = increment.grid
+    load = increment.dt * np.hypot(*grid.sums(increment.force.reshape(-1, 2).T))
+    size = increment.dt * np.hypot(*contact.constraints.forces(contact.r, increment.dt))
+    deformable = np.bincount(grid.node_body, minlength=grid.bodies) > 0
+    return np.asarray(np.where(deformable, 0.5 * (load + _sums(contact, size, grid.bodies)), 0.0))
+
+
+def unmet_moment(increment: Increment, contact: ContactProblem | None, w: Array) -> list[tuple[str, str]]:
+    """The body with the largest moment due to frozen contact geometry, and that moment; nothing if all are small."""
+    moment = frozen_geometry_moment(increment, contact, w)
+    if moment.max() <= MAX_FROZEN_MOMENT:
+        return []
+    size = (
+        f"contacts near a limit point, whose frozen normals cause a moment of {moment.max():.2g} of the forces"
+        f" (tolerance {MAX_FROZEN_MOMENT:g})"
+    )
+    return [(f"body {np.argmax(moment)}", size)]
+
+
+def _sums(contact: ContactProblem, values: Array, bodies: int) -> Array:
+    """Sums of values (k,) of contacts over both their bodies, (bodies,)."""
+    sides = (np.bincount(own[own >= 0], values[own >= 0], bodies) for own in contact.constraints.bodies)
+    return np.asarray(sum(sides), dtype=np.float64)
