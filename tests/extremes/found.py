@@ -190,6 +190,10 @@ WRONG_TODAY = {
         ),
         None,
     ),
+    "a coarse soft disc crushed to half its height": (
+        Assembly((Piece(stiffness=0.164), Piece()), still=False, weight=0.03, friction=0.0, cells=2.0),
+        "polygons 0.19 cells deep in one another where edges are 1.4 cells long; gaps of their curves are zero",
+    ),
     "a neutral motion, with a tolerance that is finer than it": (
         Assembly(
             (Piece("plus", angle=4.76, linear=True, nu=0.457),),
