@@ -194,6 +194,22 @@ WRONG_TODAY = {
         Assembly((Piece(stiffness=0.164), Piece()), still=False, weight=0.03, friction=0.0, cells=2.0),
         "polygons 0.19 cells deep in one another where edges are 1.4 cells long; gaps of their curves are zero",
     ),
+    "a corner in a side of an L, and momentum left": (
+        Assembly(
+            (
+                Piece("box", shift=0.12239181389408321),
+                Piece("L", angle=1.6059, shift=-0.529912084455312, nu=0.41910665625966875, stiffness=0.18103615),
+                Piece("box", aspect=0.98102140, angle=3.6241046390333547, nu=0.3520739681802276, speed=(0.0, -0.03)),
+            ),
+            still=False,
+            weight=0.010053360059827168,
+            turned=5.579545305015858,
+            friction=0.0,
+            cells=2.4146237194220026,
+            offset=(0.0, 0.5),
+        ),
+        "a corner 0.18 cells deep; contacts as reported lack 1.5e-4 of a body's momentum",
+    ),
     "a neutral motion, with a tolerance that is finer than it": (
         Assembly(
             (Piece("plus", angle=4.76, linear=True, nu=0.457),),
