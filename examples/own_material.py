@@ -1,14 +1,19 @@
-"""A material of one's own: a foam after Blatz and Ko keeps more area than rubber of the same E and nu (right)."""
+"""A material of your own, as functions of F: a foam (left) keeps more area than rubber of the same E and nu (right).
 
+Run `python examples/own_material.py`; `check_material` compares the functions with each other.
+"""
+
+import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
+from drawing import plot, save
 
 import skmpm
 
 R, TURN = 1e-2, np.array([[0, 0, 0, 1], [0, 0, -1, 0], [0, -1, 0, 0], [1, 0, 0, 0.0]])[:, :, None]
+LID = skmpm.Wall((0, 2 * R), (0, -1), velocity=(0, -0.5))
 
 
 def invariants(F):
@@ -17,11 +22,9 @@ def invariants(F):
 
 
 @dataclass(frozen=True)
-class Foam:
-    """Shear modulus [Pa], density [kg/m3]."""
-
-    mu: float
-    density: float
+class Foam:  # noqa: D101  (Blatz and Ko)
+    mu: float  # shear modulus [Pa]
+    density: float  # [kg/m3]
     lame = property(lambda self: (self.mu, self.mu))
 
     def energy(self, F):  # noqa: D102
@@ -33,27 +36,25 @@ class Foam:
         return self.mu * (F / J**2 + (1 - square / J**3) * c)
 
     def tangent(self, F):  # noqa: D102
-        (square, J, c), f = invariants(F), F.reshape(4, -1)
-        mixed = (1.5 * square / J**4 * c.reshape(4, -1) - 2 / J**3 * f)[:, None] * c.reshape(4, -1)
+        square, J, c = invariants(F)
+        mixed = (1.5 * square / J**4 * c - 2 / J**3 * F).reshape(4, 1, -1) * c.reshape(4, -1)
         C = np.eye(4)[:, :, None] / J**2 + (1 - square / J**3) * TURN + mixed + mixed.swapaxes(0, 1)
         return self.mu * C.reshape(2, 2, 2, 2, -1)
 
 
-def main(out: Path = Path()) -> tuple[skmpm.Scene, skmpm.State]:
+def main(out: Path) -> tuple[skmpm.Scene, skmpm.State]:
     laws = (Foam(mu=1e5, density=500.0), skmpm.NeoHookean(E=2.5e5, nu=0.25, density=500.0))
-    print(skmpm.check_material(laws[0]))
     bodies = [skmpm.Body(skmpm.disc((3 * i * R, R), R, spacing=R / 10), law) for i, law in enumerate(laws)]
-    plates = [skmpm.Wall((0, 0), (0, 1)), skmpm.Wall((0, 2 * R), (0, -1), velocity=(0, -0.5))]
-    scene = skmpm.Scene(bodies, cell=R / 5, walls=plates)
-    print(skmpm.preflight(scene, dt=5e-5))
+    scene = skmpm.Scene(bodies, cell=R / 5, walls=[skmpm.Wall((0, 0), (0, 1)), LID])
+    print(skmpm.check_material(laws[0]), skmpm.preflight(scene, dt=5e-5), sep="\n")
     *_, state = skmpm.simulate(scene, dt=5e-5, until=1.2 * R)
-    plt.figure(figsize=(8, 3), layout="constrained")
-    plt.scatter(*(1e3 * state.x), c=state.volume / scene.initial_volumes, s=9)
-    plt.gca().set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
-    plt.colorbar(label="J")
-    plt.savefig(out / "own_material.png", dpi=120)
+    axes = plot(scene, state, state.volume / scene.initial_volumes)
+    axes.figure.colorbar(axes.collections[0], label="J", orientation="horizontal")
+    save(axes.figure, out / "own_material.png")
     return scene, state
 
 
 if __name__ == "__main__":
-    main()
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--out", type=Path, default=Path("out/own_material"), help="directory of the picture")
+    main(options.parse_args().out)
