@@ -56,11 +56,7 @@ def point_to_curve(
     SceneError
         If a body has no outline.
     """
-    for b, body in enumerate(scene.bodies):
-        if not body.points.outline:
-            raise SceneError(
-                f"body {b} has no outline; give its Points an outline or use Scheme(contact=shared_grid, anchor=0)"
-            )
+    _check_outlines(scene)
     boundary = scene.outlines
     interpolation = _boundary_interpolation(scene, state, grid, boundary)
     motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
@@ -87,6 +83,14 @@ def point_to_curve(
         )
 
     return linearise
+
+
+def _check_outlines(scene: Scene) -> None:
+    for b, body in enumerate(scene.bodies):
+        if not body.points.outline:
+            raise SceneError(
+                f"body {b} has no outline; give its Points an outline or use Scheme(contact=shared_grid, anchor=0)"
+            )
 
 
 def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundary: Outlines) -> sp.csr_array:

@@ -68,13 +68,11 @@ def solve(
     nearly singular, proximal problems are solved. The last resort, for up to 1,500 rows, is Lemke's method: a path of
     solutions that begins with all contacts open. It ends at a solution if some motion opens every contact by more
     than mu |u_t|, but may be too long (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the
-    solution is explicit.
-
-    The solver stops when `residual` is below tol |q~|, never on the size of an increment; tangential rows of
-    frictionless contacts do not count in q~. ``info.converged`` is False, and r the best iterate, if ``iterations``
-    Newton steps do not suffice or 150 of them do not halve the residual, and Lemke's method fails. The usual reason
-    is that no solution exists (a rigid jam). If W is singular, r is one of many solutions. Round-off, about
-    1e-16 |W~| |r~|, bounds the residual from below.
+    solution is explicit. The solver stops when `residual` is below tol |q~|, never on the size of an increment;
+    tangential rows of frictionless contacts do not count in q~. ``info.converged`` is False, and r the best iterate,
+    if ``iterations`` Newton steps do not suffice or 150 of them do not halve the residual, and Lemke's method fails.
+    The usual reason is that no solution exists (a rigid jam). If W is singular, r is one of many solutions.
+    Round-off, about 1e-16 |W~| |r~|, bounds the residual from below.
 
     Parameters
     ----------
@@ -94,7 +92,7 @@ def solve(
         If sizes disagree, a friction coefficient is negative, or mu > 0 without tangential rows.
     """
     q, mu = np.asarray(q, dtype=float), np.asarray(mu, dtype=float)
-    r0 = np.zeros_like(q) if r0 is None else np.asarray(r0, dtype=float)
+    r0 = np.asarray(np.zeros_like(q) if r0 is None else r0, dtype=float)
     _check(W, q, mu, r0)
     if not q.size:
         return np.zeros_like(q), Info(0, 0, 0.0, True)

@@ -27,7 +27,7 @@ Ints = NDArray[np.int64]
 # cancel: with the impulses of the previous step, and with those of an earlier iteration of this one.
 MAX_SOFTENING_FIRST, MAX_SOFTENING = 0.5, 0.95
 # Iterations of the contact solver with geometric stiffness: one to six are usual, near a limit point a hundred.
-MAX_ITERATIONS_WITH_STIFFNESS = 12
+MAX_STEPS = 12
 ROUND_OFF_FACTOR = 5.0  # over the round-off of impulses: what counts as zero
 
 
@@ -200,11 +200,10 @@ class ContactProblem:
         """Direction and contact impulse without the geometric stiffness of contact."""
         impulses = self._impulses(W, predicted, None)
         if impulses is None:
-            tol = self.increment.scheme.contact_tol
             raise NotConverged(
                 pair(self.constraints.bodies[:, self.worst_contact]),
                 f"the contact solver did not converge for {self.constraints.size} contacts:"
-                f" residual {self.solver_residual:.2g} (tolerance {tol:g}), largest here",
+                f" residual {self.solver_residual:.2g} (tolerance {self.increment.scheme.contact_tol:g}) here",
             )
         self.r = impulses[0]
         contact_impulse = self._contact_impulse()
@@ -218,8 +217,7 @@ class ContactProblem:
         `predicted` is the velocity increment of the contact points under the known impulses.
         """
         constraints, known = self.constraints, self.r
-        k = known.size
-        contacts = W[:k, :k]
+        contacts, k = W[: known.size, : known.size], known.size
         q, bilateral = self.u + constraints.D @ predicted - contacts @ known, None
         if geometric is not None:
             p = geometric.Z @ predicted - W[k:, :k] @ known
@@ -228,9 +226,7 @@ class ContactProblem:
         check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], self.increment.supports)
         self.scale = contact_scale(constraints, diagonal, q, self.speed_round_off / self.increment.scheme.gap_tol)
         tol, reference = self.increment.scheme.contact_tol, self.scale.reference
-        options: dict[str, Any] = (
-            {} if bilateral is None else {"bilateral": bilateral, "iterations": MAX_ITERATIONS_WITH_STIFFNESS}
-        )
+        options: dict[str, Any] = {} if bilateral is None else {"bilateral": bilateral, "iterations": MAX_STEPS}
         r, info = coulomb.solve(contacts, q, constraints.friction, r0=known, tol=tol, reference=reference, **options)
         self.iterations, self.solver_residual = self.iterations + info.iterations, info.residual
         self.timer.lap("contact")

@@ -41,12 +41,8 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     is refactorised where convergence is slow. Near a limit point of the contacts there may be no solution: then the
     contact geometry is frozen, and gaps, Signorini's and Coulomb's laws are solved with it; it is renewed where
     forces along it make a moment. In a dynamic step,
-    contacts that have not converged after `MAX_ITERATIONS_WITH_CONTACT` iterations need a shorter step.
-
-    Raises
-    ------
-    NotConverged
-        after these, or `max_newton`, iterations, or when the contact solver or the line search fails
+    contacts that have not converged after `MAX_ITERATIONS_WITH_CONTACT` iterations need a shorter step. NotConverged
+    is raised after these, or `max_newton`, iterations, or if the contact solver or the line search fails.
     """
     if contact is None:
         _check_resultants(increment)
@@ -56,13 +52,12 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     limit = min(MAX_ITERATIONS_WITH_CONTACT, scheme.max_newton) if contact and scheme.inertia else scheme.max_newton
     for iteration in range(limit + 2):
         gradient, size = increment.gradient(w, at)
-        contact_impulse, residual, imbalance = _measured(increment, contact, w, gradient, size)
+        contact_impulse, residual, imbalance, small = _measured(increment, contact, w, gradient, size)
         solved_at_once = iteration == 1 and increment.one_solve and contact is None
-        converged = iteration > 0 and imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
+        converged = iteration > 0 and small
         if converged and contact and frozen_geometry_moment(increment, contact, w).max() > MAX_FROZEN_MOMENT:
             contact.frozen, mixing, before = contact.current, Mixing(increment.bulk.assembly.mass), np.inf
-            contact_impulse, residual, imbalance = _measured(increment, contact, w, gradient, size)
-            converged = imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
+            contact_impulse, residual, imbalance, converged = _measured(increment, contact, w, gradient, size)
         final = increment.momentum_corrected(w, contact_impulse, solved) if solved_at_once or converged else None
         if final is not None:
             reaction = increment.reaction(gradient - contact_impulse)
@@ -81,13 +76,9 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
         if contact and contact.frozen is None and (contact.stiffness_failures > 0 or stalled):
             contact.frozen, mixing, relaxation = contact.constraints, Mixing(increment.bulk.assembly.mass), 1.0
         before = imbalance
-        if contact:
-            direction, contact_impulse = contact.solve(solver, gradient)
-        else:
-            direction = -solver(gradient)
+        direction, solved = contact.solve(solver, gradient) if contact else (-solver(gradient), contact_impulse)
         mixed = mixing.mixed(w, direction, 1.0 if converged else relaxation, wanted=slow and not converged)
-        solved = contact_impulse
-        w, at = move(increment, w, at, direction, mixed, gradient - contact_impulse, contact_impulse)
+        w, at = move(increment, w, at, direction, mixed, gradient - solved, solved)
         timer.lap("bulk")
     drift = increment.drift(w, contact_impulse, solved)
     unmet = unmet_criteria(increment, contact, gradient - contact_impulse, imbalance, residual, drift)
@@ -96,14 +87,15 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
 
 def _measured(
     increment: Increment, contact: ContactProblem | None, w: Array, gradient: Array, size: float
-) -> tuple[Array, float, float]:
-    """Nodal contact impulse at w, residual of the contact law, and out-of-balance norm over its largest term."""
+) -> tuple[Array, float, float, bool]:
+    """Contact impulse at w, residual of the contact law, relative out-of-balance norm; whether both are small."""
     contact_impulse, residual = contact.measure(w) if contact else (np.zeros_like(w), 0.0)
     if contact:
         round_off = contact.impulse_round_off / increment.scheme.newton_tol
         size = max(size, float(np.linalg.norm(contact_impulse)), round_off)
     norm = float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse)))
-    return contact_impulse, residual, norm / size if size > 0.0 else 0.0
+    imbalance, scheme = norm / size if size > 0.0 else 0.0, increment.scheme
+    return contact_impulse, residual, imbalance, imbalance <= scheme.newton_tol and residual <= scheme.gap_tol
 
 
 def _check_resultants(increment: Increment) -> None:

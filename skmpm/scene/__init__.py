@@ -1,6 +1,6 @@
 """The scene (`Scene`), its state (`State`), and the checks of both."""
 
-from skmpm.scene.check import check_fits
+from skmpm.scene.fits import check_fits
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_velocities
 from skmpm.scene.scene import Scene

@@ -68,12 +68,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
-        reason = _overflow(state) if isinstance(error, FloatingPointError) else error
-        edge = "" if scheme.inertia else indenting_edge(scene, start.contacts)
-        depends_on_dt = scheme.inertia or not constant_loading(scene, start)
-        remedy = str(reason) if depends_on_dt else str(reason).replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
-        message = f"the step from t = {start.t:.6g} s with dt = {dt:.3g} s failed: {remedy}{edge}"
-        raise StepFailed(message, start, retryable=depends_on_dt and getattr(error, "retryable", True)) from error
+        raise _failure(scene, start, dt, scheme, error) from error
     report = report_of(start.report.energy, increment, solution, budget, overlap, regridded=regridded)
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))
 
@@ -95,6 +90,16 @@ def _contact_problem(
     return ContactProblem(
         linearise, increment, contacts.key, contacts.force, timer, supported=scene.supporting >= 0, delassus=delassus
     )
+
+
+def _failure(scene: Scene, start: State, dt: float, scheme: Scheme, error: Exception) -> StepFailed:
+    """The failure of the step from a state; it is retryable if a shorter step is another problem."""
+    reason = _overflow(start) if isinstance(error, FloatingPointError) else str(error)
+    edge = "" if scheme.inertia else indenting_edge(scene, start.contacts)
+    depends_on_dt = scheme.inertia or not constant_loading(scene, start)
+    remedy = reason if depends_on_dt else reason.replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
+    message = f"the step from t = {start.t:.6g} s with dt = {dt:.3g} s failed: {remedy}{edge}"
+    return StepFailed(message, start, retryable=depends_on_dt and getattr(error, "retryable", True))
 
 
 def _overflow(state: State) -> str:

@@ -56,24 +56,21 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     weight[own] = assembly.volume
     state = replace(state, weight=weight)
     at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
+    return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
+
+
+def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
+    """The contacts found at t = 0, without forces."""
     if not can_touch(scene):
-        return replace(state, report=at_start)
+        return state.contacts
     # The step is so short that nothing moves and the search radius of contact detection does not grow.
+    grid, v = assembly_of(state).grid, state.v
     speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
     dt = 1e-9 * scene.cell / max(speed, scene.cell)
-    linearise = scheme.contact(scene, state, assembly.grid, dt, scheme.theta, prescribed_velocities(scene, 0.0, dt))
-    constraints = linearise(np.zeros(2 * assembly.grid.nodes))
-    no_force = np.zeros((2, constraints.size))
-    contacts = Contacts(
-        constraints.bodies,
-        constraints.x,
-        constraints.normal,
-        no_force,
-        constraints.gap,
-        constraints.key,
-        constraints.point,
-    )
-    return replace(state, contacts=contacts, report=at_start)
+    linearise = scheme.contact(scene, state, grid, dt, scheme.theta, prescribed_velocities(scene, 0.0, dt))
+    found = linearise(np.zeros(2 * grid.nodes))
+    no_force = np.zeros((2, found.size))
+    return Contacts(found.bodies, found.x, found.normal, no_force, found.gap, found.key, found.point)
 
 
 def check_scheme(name: str, scheme: object) -> None:

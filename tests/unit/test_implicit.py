@@ -65,7 +65,7 @@ def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, frictio
 
 def test_geometry_is_frozen_where_the_contact_solver_fails_with_geometric_stiffness(monkeypatch):
     """Without iterations for the stiffness the step still converges, and is reported with frozen normals."""
-    monkeypatch.setattr(contact_problem, "MAX_ITERATIONS_WITH_STIFFNESS", 0)
+    monkeypatch.setattr(contact_problem, "MAX_STEPS", 0)
     state = last(squeezed(0.0))
     assert state.report.frozen_normals
     assert state.report.residual < Scheme().gap_tol

@@ -1,0 +1,71 @@
+"""Whether a state belongs to a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.scene.objects import SceneError
+from skmpm.scene.scene import Scene
+from skmpm.scene.state import State
+
+Array = NDArray[np.float64]
+
+_ITS_OWN = "continue with the scene that the state was made from"
+
+
+def check_fits(scene: Scene, state: State, name: str) -> None:
+    """Raise SceneError if the state, `name` in the message, does not belong to this scene."""
+    if not isinstance(state, State):
+        raise SceneError(f"{name}: expected a State, got {state!r}; use one, as returned by skmpm.load(path)")
+    for what, found, wanted in (
+        ("points", state.x.shape[1], scene.initial_positions.shape[1]),
+        ("walls", len(state.walls), len(scene.walls)),
+        ("supports", len(state.support_force), len(scene.supports)),
+    ):
+        if found != wanted:
+            raise SceneError(f"{name}: the state has {found} {what}, the scene {wanted}; {_ITS_OWN}")
+    if not np.array_equal(state.body, scene.owner):
+        raise SceneError(f"{name}: the state's points belong to other bodies than the scene's; {_ITS_OWN}")
+    other = np.flatnonzero(np.abs(state.wall_normals - scene.normals.T).max(axis=1, initial=0.0) > 1e-9)
+    if other.size:
+        i = int(other[0])
+        raise SceneError(
+            f"{name}: wall {i} of the state has the normal {state.wall_normals[i]}, that of the scene"
+            f" {scene.normals[:, i]}; keep the walls and their order"
+        )
+    _check_order(scene, state, name)
+    density = np.array([body.material.density for body in scene.bodies])
+    wrong = np.flatnonzero(np.abs(state.mass - density[state.body] * scene.initial_volumes) > 1e-9 * state.mass)
+    if wrong.size:
+        raise SceneError(
+            f"{name}: points of body {state.body[wrong[0]]} have other masses in the state than in the scene;"
+            " keep the bodies, their materials and their order"
+        )
+
+
+def _check_order(scene: Scene, state: State, name: str) -> None:
+    """Raise SceneError if walls with the same normal, or bodies with as many points, are in another order."""
+    offset = [np.einsum("iw,wi->w", scene.normals, p) for p in (state.walls, _wall_points(scene))]
+    same = np.abs(scene.normals[:, :, None] - scene.normals[:, None]).max(axis=0) < 1e-9
+    now, then = (np.sign(o[:, None] - o[None]) for o in offset)
+    swapped = np.argwhere(same & (now * then < 0.0))
+    if swapped.size:
+        raise SceneError(
+            f"{name}: walls {swapped[0, 0]} and {swapped[0, 1]} have passed each other since t = 0, or their order"
+            " differs from that of the state; keep the walls and their order"
+        )
+    if np.array_equal(state.x_anchor, scene.initial_positions):
+        return
+    first = scene.offsets[:-1]
+    was, is_now = state.x_anchor[:, first], scene.initial_positions[:, first]
+    moved = np.argwhere((was[:, :, None] == is_now[:, None]).all(axis=0) & ~np.eye(first.size, dtype=bool))
+    if moved.size:
+        raise SceneError(
+            f"{name}: body {moved[0, 0]} of the state began where body {moved[0, 1]} of the scene does; keep the"
+            " bodies and their order"
+        )
+
+
+def _wall_points(scene: Scene) -> Array:
+    return np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2)
