@@ -21,9 +21,10 @@ MAX_FROZEN_MOMENT = 2e-3
 def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None, w: Array) -> Array:
     """Moment on every body due to frozen contact geometry, over radius of gyration and force scale, (bodies,).
 
-    It counts beyond `newton_tol` of the largest forces on any body, the tolerance of the balance of moments.
+    It counts beyond `newton_tol` of the largest forces on any body, the tolerance of the balance of moments. Bodies
+    that supports hold cannot follow it; their supports balance it.
     """
-    grid = increment.grid
+    grid, held = increment.grid, 0.0 if increment.supports is None else increment.supports.holds
     if contact is None or contact.frozen is None:
         return np.zeros(grid.bodies)
     weight = increment.bulk.assembly.lumped[::2]
@@ -33,7 +34,7 @@ def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None,
     forces = force_scale(increment, contact)
     moment = np.abs(_sums(contact, contact.frozen_geometry_moments(w), grid.bodies))
     excess = moment / np.where(radius > 0.0, radius, np.inf) - increment.scheme.newton_tol * forces.max()
-    return np.asarray(np.maximum(excess, 0.0) / np.maximum(forces, 1e-300))
+    return np.asarray(np.where(held, 0.0, np.maximum(excess, 0.0) / np.maximum(forces, 1e-300)))
 
 
 def force_scale(increment: Increment, contact: ContactProblem) -> Array:
