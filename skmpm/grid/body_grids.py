@@ -153,10 +153,17 @@ class BodyGrids:
         (total,) = self.sums(weight[None])
         return np.asarray(self.sums(weight * values) / np.maximum(total, 1e-300))
 
+    def arms(self, x: Array, weight: Array | None = None) -> Array:
+        """Nodal positions x (2, nodes) [m] relative to the means of their bodies, weighted by (nodes,)."""
+        return np.asarray(x - self.means(x, weight)[:, self.node_body])
+
+    def radii_of_gyration(self, arms: Array, weight: Array) -> Array:
+        """Root mean square (bodies,) [m] of arms (2, nodes) [m], weighted by (nodes,)."""
+        return np.asarray(np.sqrt(self.means((arms**2).sum(axis=0)[None], weight)[0]))
+
     def rigid_motions(self) -> Array:
         """Two translations and the rotation of each body about the mean position of its nodes, (2 nodes, 3)."""
-        position = self.position
-        arm = (position - self.means(position)[:, self.node_body]) / self.cell
+        arm = self.arms(self.position) / self.cell
         motions = np.zeros((2 * self.nodes, 3))
         motions[0::2, 0] = motions[1::2, 1] = 1.0
         motions[0::2, 2], motions[1::2, 2] = -arm[1], arm[0]

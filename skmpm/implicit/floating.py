@@ -28,11 +28,10 @@ NEGLIGIBLE_RESULTANT = 1e-3  # over the forces on a body: what may stay unbalanc
 
 @dataclass(frozen=True)
 class FloatingBodies:
-    """The n floating bodies of a quasi-static step as rigid bodies; modes are vx, vy and spin times radius."""
+    """The n floating bodies of a quasi-static step; modes are vx, vy and spin times radius of gyration."""
 
     bodies: Ints  # (n,)
     modes: sp.csr_array  # (2 nodes, 3 n) nodal velocities of the rigid-body modes, body after body
-    radius: Array  # (n,) of gyration [m]
     projection: sp.csr_array  # (3 n, 2 nodes) mass-weighted least-squares fit of the modes to nodal velocities
     supports: sp.csr_array  # (m, 3 n) combinations of modes that supports set to zero
     free: sp.csr_array  # (3 n, 3 n) projection on the modes that supports leave free
@@ -61,8 +60,8 @@ def floating_bodies(increment: Increment, constraints: Constraints) -> FloatingB
     assembly, bodies = increment.bulk.assembly, np.flatnonzero(increment.floating)
     grid, weight = increment.grid, assembly.lumped[::2]
     x = grid.position + increment.start.reshape(-1, 2).T
-    arm = x - grid.means(x, weight)[:, grid.node_body]
-    radius = np.sqrt(grid.means((arm**2).sum(axis=0)[None], weight)[0])
+    arm = grid.arms(x, weight)
+    radius = grid.radii_of_gyration(arm, weight)
     rotation = np.stack([-arm[1], arm[0]]) / np.maximum(radius, 1e-300)[grid.node_body]
     index = index_among(increment, bodies)
     node = np.flatnonzero(index[grid.node_body] >= 0)
@@ -75,9 +74,7 @@ def floating_bodies(increment: Increment, constraints: Constraints) -> FloatingB
     projection = sp.csr_array(sp.diags_array(1.0 / (momentum @ modes).diagonal()) @ momentum)
     speeds = _prescribed_range(increment, constraints, index)
     resultant, supports = np.asarray(modes.T @ increment.force), increment.support_violation(modes)
-    return FloatingBodies(
-        bodies, modes, radius[bodies], projection, supports, _free(supports), increment.dt * speeds, resultant
-    )
+    return FloatingBodies(bodies, modes, projection, supports, _free(supports), increment.dt * speeds, resultant)
 
 
 def index_among(increment: Increment, bodies: Ints) -> Ints:

@@ -28,9 +28,8 @@ def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None,
     if contact is None or contact.frozen is None:
         return np.zeros(grid.bodies)
     weight = increment.bulk.assembly.lumped[::2]
-    x = grid.position + increment.start.reshape(-1, 2).T
-    arm = x - grid.means(x, weight)[:, grid.node_body]
-    radius = np.sqrt(grid.means((arm**2).sum(axis=0)[None], weight)[0])
+    arm = grid.arms(grid.position + increment.start.reshape(-1, 2).T, weight)
+    radius = grid.radii_of_gyration(arm, weight)
     forces = force_scale(increment, contact)
     moment = np.abs(_sums(contact, contact.frozen_geometry_moments(w), grid.bodies))
     excess = moment / np.where(radius > 0.0, radius, np.inf) - increment.scheme.newton_tol * forces.max()

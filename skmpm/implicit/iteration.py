@@ -105,6 +105,13 @@ def factorised(
         raise indefinite(increment.grid, error) from error
 
 
+def with_contact(increment: Increment, contact: ContactProblem, w: Array, size: float) -> tuple[Array, float, float]:
+    """Contact impulse at w (2 nodes,), residual of the contact law, and the norm of the largest term with contact."""
+    impulse, residual = contact.measure(w)
+    round_off = contact.impulse_round_off / increment.scheme.newton_tol
+    return impulse, residual, max(size, float(np.linalg.norm(impulse)), round_off)
+
+
 def unmet_criteria(
     increment: Increment,
     contact: ContactProblem | None,

@@ -60,8 +60,7 @@ def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, at: Configur
     """
     grid, mass = increment.grid, increment.bulk.assembly.mass
     weight = mass[::2]
-    x = grid.position + at.displacement.reshape(-1, 2).T
-    arm = x - grid.means(x, weight)[:, grid.node_body]
+    arm = grid.arms(grid.position + at.displacement.reshape(-1, 2).T, weight)
     rotation = np.stack([-arm[1], arm[0]], axis=1).ravel()
     quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)]).reshape(2, -1, 2).sum(axis=-1)
     inertia, stiffness = grid.sums(quadratic)

@@ -20,6 +20,7 @@ from skmpm.implicit.iteration import (
     matrix_is_due,
     not_converged,
     unmet_criteria,
+    with_contact,
 )
 from skmpm.implicit.line_search import move
 from skmpm.implicit.mixing import Mixing
@@ -40,9 +41,9 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     that includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity; it
     is refactorised where convergence is slow. Near a limit point of the contacts there may be no solution: then the
     contact geometry is frozen, and gaps, Signorini's and Coulomb's laws are solved with it; it is renewed where
-    forces along it make a moment. In a dynamic step,
-    contacts that have not converged after `MAX_ITERATIONS_WITH_CONTACT` iterations need a shorter step. NotConverged
-    is raised after these, or `max_newton`, iterations, or if the contact solver or the line search fails.
+    forces along it make a moment. In a dynamic step, contacts that have not converged after
+    `MAX_ITERATIONS_WITH_CONTACT` iterations need a shorter step. NotConverged is raised after these, or `max_newton`,
+    iterations, or if the contact solver or the line search fails.
     """
     if contact is None:
         _check_resultants(increment)
@@ -89,10 +90,9 @@ def _measured(
     increment: Increment, contact: ContactProblem | None, w: Array, gradient: Array, size: float
 ) -> tuple[Array, float, float, bool]:
     """Contact impulse at w, residual of the contact law, relative out-of-balance norm; whether both are small."""
-    contact_impulse, residual = contact.measure(w) if contact else (np.zeros_like(w), 0.0)
+    contact_impulse, residual = np.zeros_like(w), 0.0
     if contact:
-        round_off = contact.impulse_round_off / increment.scheme.newton_tol
-        size = max(size, float(np.linalg.norm(contact_impulse)), round_off)
+        contact_impulse, residual, size = with_contact(increment, contact, w, size)
     norm = float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse)))
     imbalance, scheme = norm / size if size > 0.0 else 0.0, increment.scheme
     return contact_impulse, residual, imbalance, imbalance <= scheme.newton_tol and residual <= scheme.gap_tol

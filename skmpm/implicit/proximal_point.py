@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.floating import NEGLIGIBLE_RESULTANT, FloatingBodies, excess_cells, limited, negligible
-from skmpm.implicit.iteration import SLOW_RATE
+from skmpm.implicit.iteration import SLOW_RATE, with_contact
 from skmpm.implicit.mixing import Mixing
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
@@ -82,9 +82,7 @@ def measured(iterate: Iterate, iteration: int) -> OutOfBalance:
     """The out-of-balance impulses at w with the known contact impulses."""
     increment, contact = iterate.increment, iterate.contact
     gradient, size = increment.gradient(iterate.w, iterate.at)
-    contact_impulse, residual = contact.measure(iterate.w)
-    round_off = contact.impulse_round_off / increment.scheme.newton_tol
-    size = max(size, float(np.linalg.norm(contact_impulse)), round_off)
+    contact_impulse, residual, size = with_contact(increment, contact, iterate.w, size)
     return _out_of_balance(iterate, iteration, gradient, contact_impulse, residual, size)
 
 

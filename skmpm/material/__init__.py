@@ -1,8 +1,7 @@
 """Materials are functions of the deformation gradient alone; the rest is built on them once, for any material.
 
-`law` says what a material is. `anchored` sees one from a deformed, stressed anchor configuration, `dilatation` with
-the mean dilatation of cells, `viscous` with Kelvin and
-Voigt's viscosity; `check` tells whether its functions fit each other.
+`law` is the interface. `anchored` refers a material to a deformed, stressed anchor configuration, `dilatation` adds
+the mean dilatation of cells, `viscous` Kelvin-Voigt viscosity; `check` compares its functions with each other.
 """
 
 from skmpm.material import dilatation

@@ -38,10 +38,10 @@ def prescribed_velocities(scene: Scene, t: float, dt: float) -> PrescribedVeloci
 
 
 def _rigid(scene: Scene, t: float) -> Array:
-    given = np.zeros((2, len(scene.bodies)))
+    velocity = np.zeros((2, len(scene.bodies)))
     for b in np.flatnonzero(~scene.deformable).tolist():
-        given[:, b] = motion(scene.bodies[b].velocity, t, f"body {b}: velocity")
-    return given
+        velocity[:, b] = motion(scene.bodies[b].velocity, t, f"body {b}: velocity")
+    return velocity
 
 
 def _supports(scene: Scene, t: float) -> Array:

@@ -79,9 +79,9 @@ def _check_crossings(scene: Scene, after: State) -> None:
     pairs = outline.crossings(boundary, x, np.flatnonzero(scene.deformable))
     if pairs.size == 0:
         return
-    longest = int(np.argmax(outline.apart(boundary, x, *pairs)))
-    i, j = pairs[:, longest]
-    local = float(outline.apart(boundary, x, *pairs)[longest]) <= UNRESOLVED_FOLD * scene.cell
+    length = outline.apart(boundary, x, *pairs)
+    i, j = pairs[:, np.argmax(length)]
+    local = float(length.max()) <= UNRESOLVED_FOLD * scene.cell
     raise NotConverged(
         f"body {boundary.body[i]}",
         f"its outline crosses itself near ({x[0, i]:.6g}, {x[1, i]:.6g}) and ({x[0, j]:.6g}, {x[1, j]:.6g}) m",
