@@ -128,13 +128,12 @@ def check_step_motion(increment: Increment, bodies: FloatingBodies, w: Array) ->
     excess = excess_cells(increment, bodies, w)
     b = int(np.argmax(excess))
     if excess[b] > MAX_STEP_MOTION:
-        driven = bool(bodies.prescribed_range.any())  # if nothing is driven, a smaller dt is the same problem
-        smaller = "use a smaller dt, " if driven else ""
+        smaller = "use a smaller dt, " if increment.depends_on_dt else ""
         raise NotConverged(
             f"body {bodies.bodies[b]}",
             f"no equilibrium was found within {excess[b]:.2g} cells of rigid motion",
             f"{smaller}add a Support or friction, apply loads in steps, or use inertia",
-            retryable=driven,
+            retryable=increment.depends_on_dt,
         )
 
 

@@ -76,7 +76,7 @@ def diagnosed(
     found = no_equilibrium(increment, bodies, contact.constraints, "no equilibrium was found")
     if found is None:
         return error
-    found.retryable = bool(bodies.prescribed_range.any())  # if nothing is driven, a smaller dt is the same problem
+    found.retryable = increment.depends_on_dt
     return found
 
 

@@ -54,6 +54,7 @@ class Increment:
     supports: Elimination | None = None
     prescribed: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
     proximal: Proximal | None = None  # for floating bodies with neutral rigid-body modes
+    depends_on_dt: bool = True  # whether the equations depend on dt; not in equilibria under constant conditions
 
     @property
     def grid(self) -> BodyGrids:

@@ -14,7 +14,7 @@ from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fi
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.energy_budget import budget_of, report_of
-from skmpm.simulate.forces import constant_loading, external_force, interacting_bodies
+from skmpm.simulate.forces import equilibrium_depends_on_dt, external_force, interacting_bodies
 from skmpm.simulate.grid_to_points import end_state, kept_solver
 from skmpm.simulate.initial_state import can_touch, check_explicit, check_scheme
 from skmpm.simulate.regrid import assembly_of, bulk_of, check_connected, derived_of, regridded_state
@@ -52,7 +52,10 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         prescribed_velocities(scene, state.t, dt),
     )
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
-    increment = Increment(bulk, state.displacement, v0, force, dt, scheme, supports, motions.supports)
+    depends_on_dt = scheme.inertia or equilibrium_depends_on_dt(scene)
+    increment = Increment(
+        bulk, state.displacement, v0, force, dt, scheme, supports, motions.supports, depends_on_dt=depends_on_dt
+    )
     timer.lap("transfer")
     try:
         check_connected(scene, state)
@@ -68,7 +71,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
     except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
-        raise _failure(scene, start, dt, scheme, error) from error
+        raise _failure(scene, start, increment, error) from error
     report = report_of(start.report.energy, increment, solution, budget, overlap, regridded=regridded)
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))
 
@@ -92,13 +95,16 @@ def _contact_problem(
     )
 
 
-def _failure(scene: Scene, start: State, dt: float, scheme: Scheme, error: Exception) -> StepFailed:
-    """The failure of the step from a state; it is retryable if a shorter step is another problem."""
+def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:
+    """The failure of the step from a state; it is retryable if a shorter step is another problem.
+
+    A shorter step has other equations, or at least another initial guess, which is the velocity at its start.
+    """
     reason = _overflow(start) if isinstance(error, FloatingPointError) else str(error)
-    edge = "" if scheme.inertia else indenting_edge(scene, start.contacts)
-    depends_on_dt = scheme.inertia or not constant_loading(scene, start)
+    edge = "" if increment.scheme.inertia else indenting_edge(scene, start.contacts)
+    depends_on_dt = increment.depends_on_dt or bool(start.v.any())
     remedy = reason if depends_on_dt else reason.replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
-    message = f"the step from t = {start.t:.6g} s with dt = {dt:.3g} s failed: {remedy}{edge}"
+    message = f"the step from t = {start.t:.6g} s with dt = {increment.dt:.3g} s failed: {remedy}{edge}"
     return StepFailed(message, start, retryable=depends_on_dt and getattr(error, "retryable", True))
 
 

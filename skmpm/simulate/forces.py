@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Rigid
+from skmpm.material import Rigid, viscosity_of
 from skmpm.scene import Scene, State, field_values
 from skmpm.simulate.regrid import assembly_of
 
@@ -42,13 +42,19 @@ def _gravity(scene: Scene, own: NDArray[np.bool_], t: float) -> Array:
     return g
 
 
-def constant_loading(scene: Scene, state: State) -> bool:
-    """Whether constant loads alone act, so that a quasi-static step from the state does not depend on dt."""
+def equilibrium_depends_on_dt(scene: Scene) -> bool:
+    """Whether the equations of a quasi-static step depend on its length.
+
+    They do if a load or a prescribed velocity is a function of time, if anything is prescribed to move, or if a
+    material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
+    """
+    deformable = [body.material for body in scene.bodies if not isinstance(body.material, Rigid)]
     velocities: list[Any] = [body.velocity for body in scene.bodies if isinstance(body.material, Rigid)]
     velocities += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
     if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *velocities)):
-        return False
-    return not (any(v for velocity in velocities for v in velocity if v is not None) or state.v.any())
+        return True
+    moving = any(v for velocity in velocities for v in velocity if v is not None)
+    return moving or any(viscosity_of(material) > 0.0 for material in deformable)
 
 
 def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from skmpm import Body, LinearElastic, Load, NeoHookean, Scene, Scheme, StepFailed, Support, Wall, box, disc
-from skmpm.implicit import statics
+from skmpm.implicit import floating, statics
 from skmpm.simulate import initial, simulate, step
 
 R, H, E = 1.0, 0.2, 1e6
@@ -234,3 +234,42 @@ def test_a_step_that_does_not_depend_on_dt_is_not_retried(law):
     assert failed.value.retryable != same
     assert ("retries" in str(failed.value)) != same
     assert ("apply loads in steps" in str(failed.value)) == same
+
+
+LOADINGS = ["constant", "function of time", "moving wall elsewhere", "viscosity"]
+
+
+@pytest.mark.parametrize("loading", LOADINGS)
+@pytest.mark.parametrize("unbalanced", [False, True])
+def test_a_body_without_equilibrium_is_retried_only_if_the_step_depends_on_dt(loading, unbalanced, monkeypatch):
+    """A box on a floor that moves too far, and one on a steep smooth floor whose contacts Newton's method finds."""
+    monkeypatch.setattr(floating, "MAX_STEP_MOTION", 1e-9)
+    if unbalanced:
+        monkeypatch.setattr(statics, "rigid_predictor", lambda *_: None)
+    gravity = G * np.array([0.3 if unbalanced else 0.0, -1.0])
+    walls = [Wall((0, 0), (0, 1), friction=0.0 if unbalanced else 0.5)]
+    if loading == "moving wall elsewhere":
+        walls.append(Wall((0, 5), (0, -1), velocity=(0.0, -1e-3)))
+    gel = NeoHookean(E, 0.3, 1000.0, viscosity=E if loading == "viscosity" else 0.0)
+    pull = (lambda X, t: gravity[:, None] + 0.0 * X) if loading == "function of time" else gravity
+    scene = Scene([Body(box((0.03, 0.0), (1.0, 1.0), spacing=0.75 * H), gel)], cell=H, walls=walls, gravity=pull)
+    with pytest.raises(StepFailed, match="no equilibrium was found") as failed:
+        step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    assert ("it slides" in str(failed.value)) == unbalanced
+    assert failed.value.retryable == (loading != "constant")
+
+
+def test_a_viscous_step_under_a_constant_load_is_retried():
+    """Resistance 2 eta / dt: the step that inverts points at dt = 1 s succeeds with shorter ones, after retries."""
+    base, load = Support(lambda x: x[1] < 1e-9), Load(lambda x: x[1] > 1.0 - 1e-9, (0.0, -3.0 * E))
+    points, scheme = box((0, 0), (1.0, 1.0), spacing=0.75 * H), Scheme(inertia=False, max_newton=6)
+    bodies = [Body(points, NeoHookean(E, 0.3, 1000.0, viscosity=viscosity)) for viscosity in (0.0, 10.0 * E)]
+    elastic, viscous = (Scene([body], cell=H, supports=[base], loads=[load]) for body in bodies)
+    with pytest.raises(StepFailed) as failed:
+        step(viscous, initial(viscous, scheme=scheme), 100.0, scheme=scheme)
+    assert failed.value.retryable
+    state = next(simulate(viscous, dt=100.0, until=100.0, scheme=scheme))
+    assert state.report.retries > 0
+    with pytest.raises(StepFailed) as failed:
+        next(simulate(elastic, dt=100.0, until=100.0, scheme=scheme))
+    assert not failed.value.retryable
