@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.residual import Increment
-from skmpm.linear import HeldRotation, Solver, diagonal
+from skmpm.linear import AddedInertia, Solver, diagonal
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, at: Configur
     solver = _solver(increment, sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
     if increment.supports is not None:
         return solver
-    return HeldRotation(solver, grid.node_body, missing, grid.sums(weight[None])[0])
+    return AddedInertia(solver, grid.node_body, missing, grid.sums(weight[None])[0])
 
 
 def _solver(increment: Increment, A: sp.bsr_array) -> Solver:

@@ -1,8 +1,8 @@
 """Linear solvers for A v = b, where A is symmetric positive definite with one diagonal block per body.
 
 A solver is a function (A, blocks, rigid_motions) -> solve. `solve(b)` returns A^-1 b, and `solve.delassus(H)` returns
-H A^-1 H', the Delassus operator of constraints H. `blocks` (bodies + 1,) are the first unknowns of the bodies and
-`rigid_motions` (n, 3) the motions that store no energy. `default` selects `banded` or `amg` by the size of bodies.
+H A^-1 H^T, the Delassus operator of constraints H. `blocks` (bodies + 1,) are the first unknowns of the bodies and
+`rigid_motions` (n, 3) the rigid-body motions of all bodies. `default` selects `banded` or `amg` by the size of bodies.
 """
 
 from skmpm.linear.band import Banded, banded
@@ -11,7 +11,7 @@ from skmpm.linear.delassus import Delassus
 from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
-from skmpm.linear.rotation import HeldRotation
+from skmpm.linear.added_inertia import AddedInertia
 from skmpm.linear.solver import Linear, Solver, half_bandwidth
 from skmpm.linear.threads import one_thread
 
@@ -22,7 +22,7 @@ __all__ = [
     "Delassus",
     "Diagonal",
     "Direct",
-    "HeldRotation",
+    "AddedInertia",
     "Linear",
     "Solver",
     "amg",

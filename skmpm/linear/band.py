@@ -30,11 +30,11 @@ class Banded:
         return np.asarray(cho_solve_banded((self.factor, True), b, check_finite=False))
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
-        """H A^-1 H' = sum over bodies of Z'Z, Z = L^-1 H_b'."""
+        """H A^-1 H^T = sum over bodies of Z^T Z, Z = L^-1 H_b^T."""
         return by_body(self.blocks, H, self._squares)
 
     def _squares(self, start: int, stop: int, right: Array, first: Ints) -> Array:
-        """Z'Z of one body by forward substitution in block rows whose height is the half bandwidth.
+        """Z^T Z of one body by forward substitution in block rows whose height is the half bandwidth.
 
         In each block row L consists of a lower and an upper triangle. Columns are skipped up to their first non-zero.
         """

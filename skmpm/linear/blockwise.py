@@ -1,4 +1,4 @@
-"""The Delassus operator H A^-1 H', body by body or by solves with columns of all bodies."""
+"""The Delassus operator H A^-1 H^T, body by body or by solves with columns of all bodies."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def _rows(blocks: Ints, H: sp.csr_array) -> _Rows:
 
 
 def by_body(blocks: Ints, H: sp.csr_array, squares: Squares) -> sp.csr_array:
-    """H A^-1 H', dense within a body, from the blocks `squares(start, stop, H_b', first)` of the bodies.
+    """H A^-1 H^T, dense within a body, from the blocks `squares(start, stop, H_b^T, first)` of the bodies.
 
-    Each row of H touches one body. The columns of H_b' are sorted by the index `first` of their first non-zero.
+    Each row of H touches one body. The columns of H_b^T are sorted by the index `first` of their first non-zero.
     """
     rows = _rows(blocks, H)
     entries, sizes = np.searchsorted(rows.entry, rows.ends), np.diff(rows.ends)
@@ -64,19 +64,20 @@ def by_body(blocks: Ints, H: sp.csr_array, squares: Squares) -> sp.csr_array:
     data, column = np.empty(begins[-1]), np.empty(begins[-1], dtype=np.int32)
     for b in np.flatnonzero(sizes).tolist():
         start, stop, size = int(blocks[b]), int(blocks[b + 1]), sizes[b]
-        own, mine = slice(rows.ends[b], rows.ends[b + 1]), slice(entries[b], entries[b + 1])
+        in_body, entries_of_body = slice(rows.ends[b], rows.ends[b + 1]), slice(entries[b], entries[b + 1])
         right = np.zeros((stop - start, size), order="F")
-        right[rows.dof[mine] - start, rows.local[rows.entry[mine]]] = rows.value[mine]
-        block = squares(start, stop, right, rows.first[own] - start)
-        ascending = np.argsort(rows.row[own])
-        here = rows.row[own][ascending]
-        position = begins[here][:, None] + np.arange(size)
-        data[position], column[position] = block[ascending][:, ascending], here
+        local = rows.local[rows.entry[entries_of_body]]
+        right[rows.dof[entries_of_body] - start, local] = rows.value[entries_of_body]
+        block = squares(start, stop, right, rows.first[in_body] - start)
+        ascending = np.argsort(rows.row[in_body])
+        row = rows.row[in_body][ascending]
+        position = begins[row][:, None] + np.arange(size)
+        data[position], column[position] = block[ascending][:, ascending], row
     return sp.csr_array((data, column, begins.astype(np.int32)), shape=(rows.size, rows.size))
 
 
 def by_columns(solve: Solver, blocks: Ints, H: sp.csr_array) -> sp.csr_array:
-    """H A^-1 H' by solves for one row of every body at a time: rows of different bodies share a right-hand side."""
+    """H A^-1 H^T by solves for one row of every body at a time: rows of different bodies share a right-hand side."""
     rows = _rows(blocks, H)
     count = np.diff(rows.ends)
     of_entry = rows.local[rows.entry]

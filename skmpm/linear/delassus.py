@@ -16,7 +16,7 @@ Ints = NDArray[np.integer]
 
 @dataclass(frozen=True)
 class Delassus:
-    """S = R A^-1 R' of the contact points (boundary points or grid nodes), R = base x I, for a factorised A.
+    """S = R A^-1 R^T of the contact points (boundary points or grid nodes), R = kron(base, I), for a factorised A.
 
     From iterate to iterate constraints combine different contact points, while these points and A stay the same. S is
     dense within a body. It is computed for the contact points of a body in use, and computed again when constraints
@@ -39,7 +39,7 @@ class Delassus:
         return Delassus(solver, base, owner, whole, S, np.zeros(points, dtype=bool))
 
     def between(self, left: sp.csr_array, right: sp.csr_array) -> tuple[sp.csr_array, Delassus]:
-        """The product left S right' for constraints `left` and `right` on the contact points, both (k, 2 m).
+        """The product left S right^T for constraints `left` and `right` on the contact points, both (k, 2 m).
 
         Also returns the operator with S of all contact points in these constraints.
         """
@@ -66,9 +66,9 @@ class Delassus:
 
     def _of(self, points: Ints) -> sp.csr_array:
         """S of some contact points, with rows and columns of all of them."""
-        own = self.solver.delassus(sp.csr_array(sp.kron(self.base[points], np.eye(2), format="csr")))
+        block = self.solver.delassus(sp.csr_array(sp.kron(self.base[points], np.eye(2), format="csr")))
         chosen = np.stack([2 * points, 2 * points + 1], axis=1).ravel()
-        return _spread(own.data, chosen[own.indices], chosen, np.diff(own.indptr), self.S.shape[0])
+        return _spread(block.data, chosen[block.indices], chosen, np.diff(block.indptr), self.S.shape[0])
 
 
 def _without(S: sp.csr_array, rows: NDArray[np.bool_]) -> sp.csr_array:

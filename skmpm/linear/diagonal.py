@@ -26,7 +26,7 @@ class Diagonal:
         return np.asarray((self.inverse * b.T).T)
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
-        """H A^-1 H'."""
+        """H A^-1 H^T."""
         return sp.csr_array(H @ sp.diags_array(self.inverse) @ H.T)
 
 

@@ -29,7 +29,7 @@ class Direct:
         return np.asarray(self.factor.solve(b))
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
-        """H A^-1 H'."""
+        """H A^-1 H^T."""
         return by_columns(self, self.blocks, H)
 
 

@@ -67,7 +67,7 @@ class Amg:
         return np.asarray(x)
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
-        """H A^-1 H', as many solves as the body with most contacts has rows."""
+        """H A^-1 H^T, as many solves as the body with most contacts has rows."""
         return by_columns(self, self.blocks, H)
 
 

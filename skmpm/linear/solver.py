@@ -24,7 +24,7 @@ class Solver(Protocol):
         """A^-1 b, for b (n,) or (n, m)."""
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
-        """H A^-1 H', (k, k), for rows H (k, n) that touch one body each."""
+        """H A^-1 H^T, (k, k), for rows H (k, n) that touch one body each."""
 
 
 Linear = Callable[[sp.bsr_array, Ints, Array], Solver]

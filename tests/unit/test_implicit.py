@@ -171,7 +171,7 @@ def test_the_delassus_operator_with_rotational_inertia_is_that_of_its_own_invers
     grid, mass = assembly.grid, assembly.mass
     c = np.array([0.7, 0.0])[: grid.bodies]
     inner = linear.direct(sp.bsr_array(np.diag((1.0 + np.repeat(c[grid.node_body], 2)) * mass)), grid.blocks, None)
-    solver = linear.HeldRotation(inner, grid.node_body, c, grid.sums(mass[None, ::2])[0])
+    solver = linear.AddedInertia(inner, grid.node_body, c, grid.sums(mass[None, ::2])[0])
     H = sp.csr_array(sp.kron(grid.interpolation[[0, 5, -1]], np.eye(2), format="csr"))
     wanted = H @ solver(H.T.toarray())
     assert solver.delassus(H).toarray() == pytest.approx(wanted, rel=1e-12, abs=1e-14 * np.abs(wanted).max())

@@ -1,4 +1,4 @@
-"""Additional inertia for the rotation and deformation of bodies, not for their translation."""
+"""Additional inertia in the matrix for the rotation and deformation of bodies, not for their translation."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class HeldRotation:
-    """Inverse of A + c (M - M T (T'M T)^-1 T'M) for every body, T its translations, from a solver for A + c M.
+class AddedInertia:
+    """Inverse of A + c (M - M T (T^T M T)^-1 T^T M), T the translations of a body, from a solver for A + c M.
 
-    Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the inverse is
-    (A + c M)^-1 + c / (1 + c) T (T'M T)^-1 T'.
+    The added term is c times the mass matrix without its part for translations. Translations store no energy,
+    A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the inverse is
+    (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T.
     """
 
     solver: Solver  # for A + c M
     body: Ints  # (nodes,)
-    c: Array  # (bodies,)
+    c: Array  # (bodies,) added inertia over the mass of the body
     mass: Array  # (bodies,) [kg/m]
 
     @property
@@ -46,16 +47,16 @@ class HeldRotation:
 
     def __call__(self, b: Array, /) -> Array:
         """The solution for b (n,) or (n, m)."""
-        moved = self._mobility[:, None] * (self._members @ b.reshape(self.body.size, -1))
-        return np.asarray(self.solver(b) + moved[self.body].reshape(b.shape))
+        translation = self._mobility[:, None] * (self._members @ b.reshape(self.body.size, -1))
+        return np.asarray(self.solver(b) + translation[self.body].reshape(b.shape))
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """The Delassus operator of rows H that touch one body each; dense within a body."""
-        own = sp.csr_array(self.solver.delassus(H))
-        translated = np.stack([H[:, k::2].sum(axis=1) for k in (0, 1)], axis=1)
-        owner = np.zeros(H.shape[0], dtype=np.int64)
+        W = sp.csr_array(self.solver.delassus(H))
+        resultant = np.stack([H[:, k::2].sum(axis=1) for k in (0, 1)], axis=1)
+        body_of_row = np.zeros(H.shape[0], dtype=np.int64)
         filled = np.flatnonzero(np.diff(H.indptr))
-        owner[filled] = self.body[H.indices[H.indptr[filled]] // 2]
-        row = np.repeat(np.arange(H.shape[0]), np.diff(own.indptr))
-        added = self._mobility[owner[row]] * np.einsum("ek,ek->e", translated[row], translated[own.indices])
-        return sp.csr_array((own.data + added, own.indices, own.indptr), shape=own.shape)
+        body_of_row[filled] = self.body[H.indices[H.indptr[filled]] // 2]
+        row = np.repeat(np.arange(H.shape[0]), np.diff(W.indptr))
+        added = self._mobility[body_of_row[row]] * np.einsum("ek,ek->e", resultant[row], resultant[W.indices])
+        return sp.csr_array((W.data + added, W.indices, W.indptr), shape=W.shape)
