@@ -5,11 +5,15 @@ minimises
 
     E(w) = 1/2 |w - v0|_M^2 + sum_p V_p W(I + grad(U + theta dt w)) + 1/2 |U + theta dt w|_G^2 - theta dt f.w
 
-over the nodal velocities that satisfy the supports: M lumped mass, U the displacement since anchoring, W the strain
-energy density, G the ghost penalty, f gravity and loads. With contact, grad E = theta H' r and (r, u = H w + offset)
-satisfy Signorini's and Coulomb's laws, which are solved exactly in every Newton iteration. A quasi-static step has no
-inertia term; bodies that only contact constrains get springs in A, which limit their rigid motion in one iteration
-and do not enter the residual.
+over the nodal velocities that satisfy the supports: M lumped mass, U the nodal displacement, W the strain energy
+density, G the ghost penalty, f gravity and loads. The anchor is the reference configuration: that in which the body
+grids were last built. U, deformation gradients and volumes V_p are relative to it (`Scheme.anchor`).
+
+With contact, grad E = theta H^T r and (r, u = H w + offset) satisfy Signorini's and Coulomb's laws, which are solved
+exactly in every Newton iteration with the matrix A = M + theta^2 dt^2 K. A quasi-static step has no inertia term.
+Floating bodies are those with a rigid-body mode that no support prescribes; in a quasi-static step they get
+statically determinate (isostatic) springs to the ground, three per body, in A only. The springs limit the rigid
+motion in one iteration and do not enter the residual.
 """
 
 from skmpm.implicit.bulk import Bulk, Configuration

@@ -1,4 +1,4 @@
-"""The deformable bodies' energy and its derivatives."""
+"""Energy of the deformable bodies and its derivatives."""
 
 from __future__ import annotations
 
@@ -15,16 +15,18 @@ from skmpm.material import Anchored, Material, dilatation, is_linear, viscosity_
 from skmpm.material import projected as without_negative
 
 Array = NDArray[np.float64]
-Matrices = tuple[Selection, Array]  # (k, 64) by blocks [Pa], and which k cells
+Matrices = tuple[Selection, Array]  # k cells, and matrices (k, 64) by blocks [Pa]
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """The bodies at some nodal displacement."""
+    """The bodies at some nodal displacement, relative to the reference configuration (the anchor)."""
 
-    displacement: Array  # (2 nodes,) since anchoring [m]
-    F: Array  # (2, 2, n) since anchoring
-    dilatation: Array | None = None  # (n,) mean of each point's cell, nan where a point keeps its own; None if all do
+    displacement: Array  # (2 nodes,) [m]
+    F: Array  # (2, 2, n)
+    dilatation: Array | None = (
+        None  # (n,) mean of each point's cell, nan where the pointwise one is used; None if all
+    )
 
 
 class Group(NamedTuple):
@@ -32,7 +34,7 @@ class Group(NamedTuple):
 
     law: Anchored
     points: Selection
-    averaged: bool  # whether they take the mean dilatation of their cell
+    mean_dilatation: bool  # whether their dilatation is the mean over the cell
 
     def of(self, values: Array) -> Array:
         """The values (..., n) of these points."""
@@ -41,13 +43,16 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True)
 class Bulk:
-    """The bodies with unknowns, anchored: their energy and its derivatives at any displacement."""
+    """The deformable bodies: their energy and its derivatives at any displacement from the reference configuration.
+
+    `F_anchor` and `stress_anchor` are the deformation gradients and stresses that the points had in it.
+    """
 
     assembly: Assembly
     materials: Sequence[tuple[Material, NDArray[np.int64] | slice]]  # each with its points
     F_anchor: Array | None  # (2, 2, n), None where undeformed
     stress_anchor: Array | None  # (2, 2, n) [Pa], None where unstressed
-    averaged: tuple[bool, ...] = ()  # which materials take the mean dilatation of a cell; () for none
+    mean_dilatation: tuple[bool, ...] = ()  # for which materials dilatation is the mean over a cell; () for none
 
     @property
     def linear(self) -> bool:
@@ -67,120 +72,133 @@ class Bulk:
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """The points by material."""
-        averaged = self.averaged or (False,) * len(self.materials)
+        mean_dilatation = self.mean_dilatation or (False,) * len(self.materials)
         if len(self.materials) == 1:
             law = Anchored(self.materials[0][0], self.F_anchor, self.stress_anchor)
-            return (Group(law, slice(None), averaged[0]),)
+            return (Group(law, slice(None), mean_dilatation[0]),)
         out = []
-        for (material, points), one in zip(self.materials, averaged, strict=True):
-            own = [None if a is None else a[..., points] for a in (self.F_anchor, self.stress_anchor)]
-            out.append(Group(Anchored(material, *own), points, one))
+        for (material, points), one in zip(self.materials, mean_dilatation, strict=True):
+            reference = [None if a is None else a[..., points] for a in (self.F_anchor, self.stress_anchor)]
+            out.append(Group(Anchored(material, *reference), points, one))
         return tuple(out)
 
     def at(self, displacement: Array) -> Configuration:
-        """The configuration at a nodal displacement since anchoring (2 nodes,) [m]."""
+        """The configuration at a nodal displacement from the reference configuration (2 nodes,) [m]."""
         F = self.assembly.grid.gradient_at_points(displacement)
         F[0, 0] += 1.0
         F[1, 1] += 1.0
-        if not any(self.averaged):
+        if not any(self.mean_dilatation):
             return Configuration(displacement, F)
-        volumes = [dilatation.volumes(g.law, g.of(F)) for g in self._averaged]
-        return Configuration(displacement, F, self._mean(np.concatenate(volumes, axis=-1)))
+        volumes = [dilatation.volumes(g.law, g.of(F)) for g in self._mean_dilatation_groups]
+        return Configuration(displacement, F, self._cell_means(np.concatenate(volumes, axis=-1)))
 
-    def energy(self, at: Configuration) -> float:
-        """Strain energy and ghost penalty [J/m]; inf where a point is turned inside out."""
-        density = self._gathered(
+    def energy(self, configuration: Configuration) -> float:
+        """Strain energy and ghost penalty [J/m]; inf where a point is inverted (J <= 0)."""
+        F, means = configuration.F, self._dilatations_by_group(configuration)
+        density = self._of_all_points(
             [
-                g.law.energy(g.of(at.F)) if mean is None else dilatation.energy(g.law, g.of(at.F), mean)
-                for g, mean in zip(self.groups, self._dilatations(at), strict=True)
+                g.law.energy(g.of(F)) if mean is None else dilatation.energy(g.law, g.of(F), mean)
+                for g, mean in zip(self.groups, means, strict=True)
             ]
         )
         if not np.isfinite(density).all():
             return float("inf")
-        return float(self.assembly.volume @ density) + self.assembly.ghost_energy(at.displacement)
+        return float(self.assembly.volume @ density) + self.assembly.ghost_energy(configuration.displacement)
 
-    def force(self, at: Configuration) -> Array:
+    def force(self, configuration: Configuration) -> Array:
         """Internal and ghost forces, the derivative of `energy`, (2 nodes,) [N/m]."""
-        return self.assembly.internal_force(self.stress(at)) + self.assembly.ghost_force(at.displacement)
+        internal = self.assembly.internal_force(self.stress(configuration))
+        return internal + self.assembly.ghost_force(configuration.displacement)
 
-    def stress(self, at: Configuration) -> Array:
+    def stress(self, configuration: Configuration) -> Array:
         """First Piola-Kirchhoff stress, the derivative of the cells' energies by F at the points, (2, 2, n) [Pa]."""
-        P, tension = self._slopes(at)
-        if tension is not None:
-            for g in self._averaged:
-                P[..., g.points] += g.of(tension) * dilatation.volume_slope(g.law, g.of(at.F))
+        P, mean_stress = self._derivatives(configuration)
+        if mean_stress is not None:
+            for g in self._mean_dilatation_groups:
+                P[..., g.points] += g.of(mean_stress) * dilatation.volume_slope(g.law, g.of(configuration.F))
         return P
 
-    def stiffness(self, at: Configuration, *, projected: bool) -> Array:
-        """Stiffness in the pattern of A, positive semi-definite where `projected`, (blocks, 2, 2) [Pa]."""
-        return self.assembly.stiffness(*self.tangents(at, projected=projected))
+    def stiffness(self, configuration: Configuration, *, projected: bool) -> Array:
+        """Stiffness in the pattern of A, (blocks, 2, 2) [Pa].
 
-    def tangents(self, at: Configuration, *, projected: bool) -> tuple[Array, Matrices | None]:
-        """Tangents of the points (2, 2, 2, 2, n) [Pa], and what mean dilatations add to the matrices of cells."""
-        if at.dilatation is None:
-            return self._gathered([_tangent(g.law, g.of(at.F), projected) for g in self.groups]), None
-        _, tension = self._slopes(at)
+        If `projected`, the tangent of every point is replaced by its projection on the positive semi-definite ones:
+        negative eigenvalues are set to zero.
+        """
+        return self.assembly.stiffness(*self.tangents(configuration, projected=projected))
+
+    def tangents(self, configuration: Configuration, *, projected: bool) -> tuple[Array, Matrices | None]:
+        """Tangents of the points (2, 2, 2, 2, n) [Pa], and the cell matrices that mean dilatation adds."""
+        F = configuration.F
+        if configuration.dilatation is None:
+            return self._of_all_points([_tangent(g.law, g.of(F), projected) for g in self.groups]), None
+        _, mean_stress = self._derivatives(configuration)
         parts, added = [], []
-        for g, mean in zip(self.groups, self._dilatations(at), strict=True):
-            if mean is None or tension is None:
-                parts.append(_tangent(g.law, g.of(at.F), projected))
+        for g, mean in zip(self.groups, self._dilatations_by_group(configuration), strict=True):
+            if mean is None or mean_stress is None:
+                parts.append(_tangent(g.law, g.of(F), projected))
                 continue
-            C, *others = dilatation.tangents(g.law, g.of(at.F), mean, g.of(tension), projected=projected)
+            C, *others = dilatation.tangents(g.law, g.of(F), mean, g.of(mean_stress), projected=projected)
             parts.append(C.reshape(2, 2, 2, 2, -1))
-            added.append((dilatation.volume_slope(g.law, g.of(at.F)).reshape(4, -1), *others, g.law.rest(mean.size)))
-        slope, mixed, bulk, rest = (np.concatenate(a, axis=-1) for a in zip(*added, strict=True))
-        points, cells = self._averaged_points
-        matrices = self.assembly.mean_dilatation_stiffness(slope, mixed, bulk, rest, points, cells)
-        return self._gathered(parts), (cells, matrices)
+            added.append((dilatation.volume_slope(g.law, g.of(F)).reshape(4, -1), *others, g.law.rest(mean.size)))
+        volume_gradient, mixed, bulk, rest = (np.concatenate(a, axis=-1) for a in zip(*added, strict=True))
+        points, cells = self._mean_dilatation_points
+        matrices = self.assembly.mean_dilatation_stiffness(volume_gradient, mixed, bulk, rest, points, cells)
+        return self._of_all_points(parts), (cells, matrices)
 
-    def cauchy(self, at: Configuration) -> Array:
+    def cauchy(self, configuration: Configuration) -> Array:
         """Cauchy stress of the points, (2, 2, n) [Pa]."""
-        P = self.stress(at)
-        return self._gathered([g.law.cauchy(g.of(at.F), g.of(P)) for g in self.groups])
+        P = self.stress(configuration)
+        return self._of_all_points([g.law.cauchy(g.of(configuration.F), g.of(P)) for g in self.groups])
 
-    def _slopes(self, at: Configuration) -> tuple[Array, Array | None]:
-        """Derivatives of the points' energies by F (2, 2, n), those of the cells' by their volumes (n,) [Pa]."""
-        parts, tensions = [], []
-        for g, mean in zip(self.groups, self._dilatations(at), strict=True):
+    def _derivatives(self, configuration: Configuration) -> tuple[Array, Array | None]:
+        """Derivatives of the energy by F at fixed mean dilatation (2, 2, n), and by the volumes of cells (n,) [Pa].
+
+        The latter is a mean stress of the cell of each point, positive in tension; None without mean dilatation.
+        """
+        F, parts, stresses = configuration.F, [], []
+        for g, mean in zip(self.groups, self._dilatations_by_group(configuration), strict=True):
             if mean is None:
-                parts.append(g.law.stress(g.of(at.F)))
+                parts.append(g.law.stress(g.of(F)))
                 continue
-            P, tension = dilatation.slopes(g.law, g.of(at.F), mean)
+            P, by_dilatation = dilatation.slopes(g.law, g.of(F), mean)
             parts.append(P)
-            tensions.append(np.stack([tension, g.law.rest(mean.size)]))
-        mean_tension = self._mean(np.concatenate(tensions, axis=-1)) if tensions else None
-        return self._gathered(parts), mean_tension
+            stresses.append(np.stack([by_dilatation, g.law.rest(mean.size)]))
+        mean_stress = self._cell_means(np.concatenate(stresses, axis=-1)) if stresses else None
+        return self._of_all_points(parts), mean_stress
 
     @cached_property
-    def _averaged(self) -> tuple[Group, ...]:
-        return tuple(g for g in self.groups if g.averaged)
+    def _mean_dilatation_groups(self) -> tuple[Group, ...]:
+        return tuple(g for g in self.groups if g.mean_dilatation)
 
     @cached_property
-    def _averaged_points(self) -> tuple[Selection, Selection]:
-        """The points, by material, and the cells whose dilatation is averaged."""
+    def _mean_dilatation_points(self) -> tuple[Selection, Selection]:
+        """The points, by material, and the cells with mean dilatation."""
         if len(self.groups) == 1:
             return slice(None), slice(None)
         every = np.arange(self.assembly.volume.size)
-        points = np.concatenate([every[g.points] for g in self._averaged])
-        if all(self.averaged):
+        points = np.concatenate([every[g.points] for g in self._mean_dilatation_groups])
+        if all(self.mean_dilatation):
             return points, slice(None)
         within = np.zeros(self.assembly.grid.cells, dtype=bool)
         within[self.assembly.grid.cell_of_point[points]] = True
         return points, np.flatnonzero(within)
 
-    def _dilatations(self, at: Configuration) -> list[Array | None]:
-        """Mean dilatations of the points of each group that takes them."""
-        return [g.of(at.dilatation) if g.averaged and at.dilatation is not None else None for g in self.groups]
+    def _dilatations_by_group(self, configuration: Configuration) -> list[Array | None]:
+        """Mean dilatations at the points of each group; None for groups with pointwise dilatation."""
+        return [
+            g.of(configuration.dilatation) if g.mean_dilatation and configuration.dilatation is not None else None
+            for g in self.groups
+        ]
 
-    def _mean(self, values: Array) -> Array:
-        """Sums over cells of the first over those of the second of (2, averaged points), nan elsewhere, (n,)."""
-        points, _ = self._averaged_points
+    def _cell_means(self, values: Array) -> Array:
+        """Ratio of the cell sums of both rows of `values` (2, points with mean dilatation), (n,); nan elsewhere."""
+        points, _ = self._mean_dilatation_points
         mean = np.full(self.assembly.volume.size, np.nan)
         mean[points] = self.assembly.mean_dilatation(values, points)
         return mean
 
-    def _gathered(self, parts: Sequence[Array]) -> Array:
-        """Values of all points (..., n) from those of each group."""
+    def _of_all_points(self, parts: Sequence[Array]) -> Array:
+        """Values at all points (..., n) from those of each group."""
         if len(parts) == 1:
             return parts[0]
         out = np.empty((*parts[0].shape[:-1], self.assembly.volume.size))

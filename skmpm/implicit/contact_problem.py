@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from skmpm import coulomb
 from skmpm.contact import Constraints, Linearise
-from skmpm.implicit.active_contacts import active, check_response
+from skmpm.implicit.candidate_contacts import candidates, check_response
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness, sticking
 from skmpm.implicit.errors import NotConverged, pair
@@ -35,7 +35,7 @@ ROUND_OFF_FACTOR = 5.0  # over the round-off of impulses: what counts as zero
 class ContactProblem:
     """Contacts of a step: constraints, impulses, and the Delassus operator.
 
-    `constraints`, `r` and `u` belong to the velocity of the last `measure`; `solve` replaces r.
+    `constraints`, `r` and `u` belong to the velocity of the last `evaluate`; `solve` replaces r.
     """
 
     linearise: Linearise
@@ -55,8 +55,8 @@ class ContactProblem:
     u: Array = field(init=False)
     scale: ContactScale | None = None
     delassus: Delassus | None = None  # belongs to the solver in use; None after a new factorisation
-    frozen: Constraints | None = None  # contact geometry that is kept for the rest of the step
-    current: Constraints = field(init=False)  # constraints with the geometry of the last `measure`, frozen or not
+    frozen: Constraints | None = None  # those of the frozen contact geometry, see `frozen_geometry`
+    current: Constraints = field(init=False)  # `constraints` with the geometry at the last `evaluate` instead
     force_normal: Array | None = None  # (2, k) normals of `force`, if it was found in this step
 
     @cached_property
@@ -72,10 +72,10 @@ class ContactProblem:
             return 0.0
         return ROUND_OFF_FACTOR * float(np.linalg.norm(self.speed_round_off / self.scale.diagonal[0]))
 
-    def measure(self, w: Array) -> tuple[Array, float]:
-        """Linearise about w; the contact impulse theta H' r (2 nodes,) and the residual of the contact law."""
+    def evaluate(self, w: Array) -> tuple[Array, float]:
+        """Linearise about w; contact impulse theta H^T r (2 nodes,) of the known r, residual of the contact law."""
         self.timer.lap("bulk")
-        self.constraints = self.current = active(
+        self.constraints = self.current = candidates(
             self.linearise(w), self.increment.grid, self.increment.supports, self.supported
         )
         if self.frozen is not None and self.frozen.size:
@@ -87,7 +87,7 @@ class ContactProblem:
         return self._contact_impulse(), residual
 
     def worst_pair(self) -> str:
-        """The pair of bodies with the largest contact residual at the last `measure`, as text."""
+        """The pair of bodies with the largest contact residual at the last `evaluate`, as text."""
         if self.scale is None:
             return "contacts not solved yet"
         diagonal = self.scale.diagonal_of(self.constraints)
@@ -95,7 +95,7 @@ class ContactProblem:
         return pair(self.constraints.bodies[:, np.argmax(residuals)])
 
     def frozen_geometry_moments(self, w: Array) -> Array:
-        """Moments of the contact impulses, (k,) [kg m/s], since frozen contact points lie beside the surfaces."""
+        """Moments of the contact impulses, (k,) [kg m/s], due to the displacement of frozen contact points."""
         if self.frozen is None or self.frozen.size == 0:
             return np.zeros(self.constraints.size)
         grid, (n, t) = self.increment.bulk.assembly.grid, (self.constraints.normal, self.constraints.tangent)
@@ -125,7 +125,7 @@ class ContactProblem:
     def solve(self, solver: Solver, gradient: Array) -> tuple[Array, Array]:
         """Newton direction and contact impulse, with impulses that satisfy the contact law on the linearised bulk.
 
-        u = u(w) + H [A^-1 (theta H' r - gradient)] + W (r_new - r).
+        u = u(w) + H [A^-1 (theta H^T r - gradient)] + W (r_new - r).
         """
         constraints = self.constraints
         if constraints.size == 0:
@@ -137,13 +137,13 @@ class ContactProblem:
         geometric = None
         if self.frozen is None and not self.increment.scheme.explicit:  # contacts hardly rotate in an explicit step
             geometric = contact_stiffness(constraints, self.r, self.increment.dt, self.increment.scheme.theta)
-        predicted = constraints.at_contact_points(solver(self._contact_impulse() - gradient))
+        known_increment = constraints.at_contact_points(solver(self._contact_impulse() - gradient))
         self.timer.lap("linear")
         W, self.delassus = self._delassus_matrix(self.delassus, geometric)
         self.timer.lap("compliance")
-        found = None if geometric is None else self._with_stiffness(solver, gradient, W, predicted, geometric)
+        found = None if geometric is None else self._with_stiffness(solver, gradient, W, known_increment, geometric)
         if found is None:
-            found = self._without_stiffness(solver, gradient, W, predicted)
+            found = self._without_stiffness(solver, gradient, W, known_increment)
         self.key, self.force_normal = constraints.key, constraints.normal
         self.force = constraints.forces(self.r, self.increment.dt)
         self.timer.lap("linear")
@@ -159,7 +159,7 @@ class ContactProblem:
     def _delassus_matrix(
         self, delassus: Delassus, geometric: ContactStiffness | None
     ) -> tuple[sp.csr_array, Delassus]:
-        """W = theta H A^-1 H' of the contacts, extended by the rows and columns of the geometric stiffness.
+        """W = theta H A^-1 H^T of the contacts, extended by the rows and columns of the geometric stiffness.
 
         Also returns the Delassus operator with the columns computed so far.
         """
@@ -172,14 +172,14 @@ class ContactProblem:
         return self.increment.scheme.theta * W, delassus
 
     def _with_stiffness(
-        self, solver: Solver, gradient: Array, W: sp.csr_array, predicted: Array, geometric: ContactStiffness
+        self, solver: Solver, gradient: Array, W: sp.csr_array, known_increment: Array, geometric: ContactStiffness
     ) -> tuple[Array, Array] | None:
         """Direction and contact impulse with the geometric stiffness of contact; None if they are not usable.
 
         The geometric stiffness is indefinite. Where it cancels most of the quadratic form of A along the direction,
-        the contacts are near a limit point and the direction is far too long.
+        the contacts are near a limit point (`contact_stiffness`) and the direction is far too long.
         """
-        impulses = self._impulses(W, predicted, geometric)
+        impulses = self._impulses(W, known_increment, geometric)
         if impulses is None:
             self.stiffness_failures += 1
             return None
@@ -195,10 +195,10 @@ class ContactProblem:
         return direction, contact_impulse
 
     def _without_stiffness(
-        self, solver: Solver, gradient: Array, W: sp.csr_array, predicted: Array
+        self, solver: Solver, gradient: Array, W: sp.csr_array, known_increment: Array
     ) -> tuple[Array, Array]:
         """Direction and contact impulse without the geometric stiffness of contact."""
-        impulses = self._impulses(W, predicted, None)
+        impulses = self._impulses(W, known_increment, None)
         if impulses is None:
             raise NotConverged(
                 pair(self.constraints.bodies[:, self.worst_contact]),
@@ -210,17 +210,17 @@ class ContactProblem:
         return solver(contact_impulse - gradient), contact_impulse
 
     def _impulses(
-        self, W: sp.csr_array, predicted: Array, geometric: ContactStiffness | None
+        self, W: sp.csr_array, known_increment: Array, geometric: ContactStiffness | None
     ) -> tuple[Array, Array] | None:
         """The new impulses and those of the geometric stiffness; None if the contact solver does not converge.
 
-        `predicted` is the velocity increment of the contact points under the known impulses.
+        `known_increment` is the velocity increment of the contact points under the known impulses.
         """
         constraints, known = self.constraints, self.r
         contacts, k = W[: known.size, : known.size], known.size
-        q, bilateral = self.u + constraints.D @ predicted - contacts @ known, None
+        q, bilateral = self.u + constraints.D @ known_increment - contacts @ known, None
         if geometric is not None:
-            p = geometric.Z @ predicted - W[k:, :k] @ known
+            p = geometric.Z @ known_increment - W[k:, :k] @ known
             bilateral = coulomb.Bilateral(W[k:, :k], W[k:, k:] + geometric.compliance, p, W[:k, k:])
         diagonal = contacts.diagonal()
         check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], self.increment.supports)

@@ -1,18 +1,27 @@
 """Geometric stiffness of contact: the second derivatives of the gaps times the contact impulses.
 
-The gap of a point that slides by tau along a curve whose tangent rotates by beta has the second variation
+A boundary point has the gap g to a curve with outward normal n, unit tangent t = (-n_y, n_x) and curvature kappa,
+negative where the body is convex. Let tau be the tangential displacement of the point relative to the material point
+of the curve at its foot (at fixed curve parameter xi), and beta = n . dt the rotation of the tangent there, positive
+clockwise. The second variation of the gap is
 
-    d2 g = -c (kappa tau^2 + 2 tau beta + g beta^2),    c = 1 / (1 - g kappa),
+    d2 g = -c (kappa tau^2 + 2 tau beta + g beta^2),    c = 1 / (1 - g kappa).
 
-kappa the curvature, negative where the body is convex. A contact with normal impulse r adds Z' D Z to the Hessian
-of the Lagrangian, with tau and beta the rows of Z and D = theta^2 dt r c [[kappa, 1], [1, g]]: its force rotates by
-phi = c (kappa tau + beta) and moves along the curve by tau. The friction force of a slipping contact, m = r_t / r,
-rotates and moves likewise, which has no potential and makes the terms unsymmetric: phi r m along the normal, that is
-phi r m^2 along the tangent of the previous iteration, and m r tau on the stretch of the curve. The force of a
-sticking contact is a constant vector and has no geometric stiffness.
+The normal rotates clockwise by phi = c (kappa tau + beta), and the foot moves along the material curve by
+s = c (tau + g beta). With the normal impulse r, the impulses conjugate to tau and beta change by
 
-The geometric stiffness couples bodies and is indefinite, so it is not added to A: the impulses rho = -D Z dw / theta
-are unknowns of the contact problem, bilateral constraints with the compliance theta D^-1. They vanish at convergence.
+    rho = -r c [[(1 + m^2) kappa, 1 + m^2], [1, g]] (tau, beta) = -r ((1 + m^2) phi, s),
+
+m = 0 without friction; tau and beta are theta dt times their rates, the rows of Z. A slipping contact has
+m = r_t / r: its friction force rotates and moves too. Rotation adds m r phi along n, which for an impulse on the cone
+is equivalent to -m^2 r phi along t, and the displacement s of the friction force does work on the stretch of the
+curve, so that rho acts along the rows of `acting` instead of Z. These terms are unsymmetric, as friction has no
+potential. The force of a sticking contact is a constant vector and has no geometric stiffness.
+
+The geometric stiffness couples bodies and is indefinite, so it is not added to A: rho are further unknowns of the
+contact problem, bilateral constraints whose compliance maps -rho to the rates of tau and beta; they vanish at
+convergence. A limit point of the contacts is a configuration in which A with the geometric stiffness is singular:
+beyond it the contacts snap to another equilibrium, and near it Newton directions are far too long.
 """
 
 from __future__ import annotations
@@ -30,18 +39,18 @@ Ints = NDArray[np.int64]
 
 MIN_IMPULSE = 1e-3  # over the largest normal impulse: below it, the geometric stiffness of a contact is neglected
 MIN_CURVATURE_FACTOR = 0.1  # of 1 - g kappa, which is zero for a point at the centre of curvature
-CONE_TOLERANCE = 1e-9  # relative distance from the edge of the friction cone that counts as slip
+CONE_TOLERANCE = 1e-9  # relative distance from the boundary of the friction cone that counts as slip
 
 
 @dataclass(frozen=True)
 class ContactStiffness:
-    """Geometric stiffness of m loaded contacts that slip or have no friction."""
+    """Geometric stiffness of l loaded contacts that slip or have no friction."""
 
-    contacts: Ints  # (m,) indices among the constraints
-    slope: Array  # (m,) tangential over normal impulse; zero without friction
-    Z: sp.csr_array  # (2 m, 2 contact points) sliding tau, then rotation beta
-    acting: sp.csr_array  # (2 m, 2 contact points) directions in which rho acts: Z without friction
-    compliance: sp.csr_array  # (2 m, 2 m) theta D^-1
+    contacts: Ints  # (l,) indices among the constraints
+    friction_ratio: Array  # (l,) m, tangential over normal impulse; zero without friction
+    Z: sp.csr_array  # (2 l, 2 contact points) from velocities to rates of tau, then of beta
+    acting: sp.csr_array  # (2 l, 2 contact points) directions in which rho acts: Z without friction
+    compliance: sp.csr_array  # (2 l, 2 l) from -rho to the rates of tau and beta
 
     @property
     def size(self) -> int:
@@ -50,10 +59,10 @@ class ContactStiffness:
 
     def rotated_impulses(self, r: Array, rho: Array) -> Array:
         """The impulses (2 k,) in the rotated contact frames, from those in the previous frames and rho."""
-        i, m, out = self.contacts, self.slope, r.copy()
+        i, m, out = self.contacts, self.friction_ratio, r.copy()
         normal = r[2 * i] + m / (1.0 + m**2) * rho[: i.size]
-        on_edge = np.abs(r[2 * i + 1] - m * r[2 * i]) <= CONE_TOLERANCE * np.abs(m) * r[2 * i]
-        slips = on_edge & (np.minimum(normal, r[2 * i]) > 0.0)
+        on_cone = np.abs(r[2 * i + 1] - m * r[2 * i]) <= CONE_TOLERANCE * np.abs(m) * r[2 * i]
+        slips = on_cone & (np.minimum(normal, r[2 * i]) > 0.0)
         out[2 * i] = np.where(slips, normal, r[2 * i])
         out[2 * i + 1] = np.where(slips, m * normal, r[2 * i + 1])
         return out
@@ -66,24 +75,25 @@ def contact_stiffness(constraints: Constraints, r: Array, dt: float, theta: floa
         chosen = chosen[~sticking(r, constraints.friction)[chosen]]
     if chosen.size == 0:
         return None
-    normal, slope = r[chosen], np.zeros(chosen.size)
+    normal, friction_ratio = r[chosen], np.zeros(chosen.size)
     if constraints.tangential:
         normal = r[2 * chosen]
-        slope = r[2 * chosen + 1] / normal
+        friction_ratio = r[2 * chosen + 1] / normal
     slide, rotation, stretch = constraints.geometric(chosen)
     Z = sp.csr_array(sp.vstack([slide, rotation], format="csr"))
-    acting = sp.csr_array(sp.vstack([slide, rotation + sp.diags_array(slope) @ stretch], format="csr"))
-    return ContactStiffness(chosen, slope, Z, acting, _compliance(constraints, chosen, normal, slope, dt, theta))
+    acting = sp.csr_array(sp.vstack([slide, rotation + sp.diags_array(friction_ratio) @ stretch], format="csr"))
+    compliance = _compliance(constraints, chosen, normal, friction_ratio, dt, theta)
+    return ContactStiffness(chosen, friction_ratio, Z, acting, compliance)
 
 
 def _compliance(
-    constraints: Constraints, chosen: Ints, normal: Array, slope: Array, dt: float, theta: float
+    constraints: Constraints, chosen: Ints, normal: Array, friction_ratio: Array, dt: float, theta: float
 ) -> sp.csr_array:
-    """Theta D^-1 including friction, (2 m, 2 m)."""
+    """The inverse of theta dt r c [[(1 + m^2) kappa, 1 + m^2], [1, g]] for l contacts, (2 l, 2 l)."""
     gap, kappa = constraints.gap[chosen], constraints.curvature[chosen]
     c = 1.0 / np.maximum(1.0 - gap * kappa, MIN_CURVATURE_FACTOR)
     factor = theta / (theta**2 * dt * normal * c * (gap * kappa - 1.0))
-    friction = 1.0 / (1.0 + slope**2)
+    friction = 1.0 / (1.0 + friction_ratio**2)
     entries = ((gap * friction, -np.ones_like(gap)), (-friction, kappa))
     return sp.block_array([[sp.diags_array(factor * e) for e in row] for row in entries], format="csr")
 

@@ -1,12 +1,14 @@
 """Limit analysis of rigid bodies in frictional contact: equilibrium, or a collapse mechanism.
 
-Bodies constrained by contact alone are in equilibrium only if contact forces r within their Coulomb cones, r_n >= 0
-and |r_t| <= mu r_n, balance the resultants f of the loads: f + J' r = 0, with the contact Jacobian J of rows n and t.
-By Farkas' lemma there are no such forces if and only if there is a mechanism, a rigid-body motion q with
+Bodies with rigid-body modes free of supports are in equilibrium only if contact forces r within their Coulomb cones,
+r_n >= 0 and |r_t| <= mu r_n, balance the resultants f of the loads along these modes: f + J^T r = 0, with the contact
+Jacobian J of rows n and t. By Farkas' lemma there are no such forces if and only if there is a mechanism, a
+rigid-body motion q with
 
     f . q > 0    and    n . Jq >= mu |t . Jq|   at every contact,
 
-along which the loads do positive work and the contacts none. In the plane, where the cones are polyhedra, it follows
+along which the loads do positive work and admissible contact forces do no negative work, r . Jq >= 0, so that they
+cannot balance the loads. In the plane, where the cones are polyhedra, it follows
 from a linear programme (Livesley, Int. J. Numer. Methods Eng. 12 (1978) 1853-1871). The programme takes friction as
 associated; a mechanism excludes equilibrium for any flow rule, and however the bodies deform at these contacts.
 """
@@ -23,9 +25,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-LOAD_TOLERANCE = 1e-3  # over a body's load: what is unbalanced, as in the default tolerance of Newton's method
+LOAD_TOLERANCE = 1e-3  # out-of-balance load over the load of a body, as the default tolerance of Newton's method
 MIN_LOAD = 1e-2  # over the largest load: lighter bodies are scaled as if this heavy, or the others would hardly move
-REST_SPEED = 1e-3  # over the fastest motion: what is slower counts as at rest in messages
+REST_SPEED = 1e-3  # over the fastest motion: slower motions count as rest in messages
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class RigidContacts:
     normal: sp.csr_array  # (k, 3 n) contact Jacobian, first minus second body, normal
     tangent: sp.csr_array  # (k, 3 n) the same, tangential
     friction: Array  # (k,) Coulomb coefficients
-    supports: sp.csr_array  # (m, 3 n) combinations of velocities that supports set to zero
+    supports: sp.csr_array  # (m, 3 n) rows whose products with the velocities supports set to zero
 
     @property
     def resisting(self) -> sp.csr_array:
@@ -99,16 +101,16 @@ def _scaled(rows: sp.csr_array) -> sp.csr_array:
 
 
 @dataclass(frozen=True)
-class Motion:
-    """The motion of one body in a mechanism, in words."""
+class MechanismDescription:
+    """The motion of one body in a mechanism, for error messages."""
 
     body: int
-    verb: str
+    verb: str  # "slides", "rotates", ...
     contact: int  # index of the contact at which it moves, -1 if there is none
 
 
-def motion(q: Array, contacts: RigidContacts) -> Motion:
-    """The mechanism q (3 n,) in words, by a body that moves in contact with one at rest."""
+def describe(q: Array, contacts: RigidContacts) -> MechanismDescription:
+    """Describe the mechanism q (3 n,) by a body that moves in contact with one at rest."""
     speed = np.abs(q.reshape(-1, 3)).max(axis=1)
     moves = speed > REST_SPEED * speed.max()
     opening, sliding = contacts.normal @ q, contacts.tangent @ q
@@ -119,11 +121,13 @@ def motion(q: Array, contacts: RigidContacts) -> Motion:
     if closed.size == 0:
         b = int(np.argmax(speed))
         touches = (contacts.bodies == b).any()
-        return Motion(b, "separates from all that it touches" if touches else "falls with no contact nearby", -1)
+        return MechanismDescription(
+            b, "separates from all that it touches" if touches else "falls with no contact nearby", -1
+        )
     slides = np.abs(sliding[closed]) > REST_SPEED * fastest[closed]
     i = int(closed[np.argmax(slides)])
     b = int(contacts.bodies[:, i][~at_rest[:, i]][0])
     rotates = abs(q[3 * b + 2]) > REST_SPEED * speed[b]
     if slides.any():
-        return Motion(b, "slides and rotates" if rotates else "slides", i)
-    return Motion(b, "rotates" if rotates else "moves", i)
+        return MechanismDescription(b, "slides and rotates" if rotates else "slides", i)
+    return MechanismDescription(b, "rotates" if rotates else "moves", i)

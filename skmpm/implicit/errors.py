@@ -1,4 +1,4 @@
-"""The error of a step whose equations were not solved, and the words that name bodies."""
+"""The error of a rejected step, and texts that name bodies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Explicit steps: the bodies push with the stress that they have when the step begins."""
+"""Explicit steps: the internal forces are those at the start of the step."""
 
 from __future__ import annotations
 
@@ -16,49 +16,52 @@ GHOST_MASS = 0.05  # of density h^2: the ghost penalty on accelerations
 
 
 @dataclass(frozen=True)
-class StartForces:
-    """The bulk of an explicit step: all forces are those of its start, accelerations bear a ghost penalty.
+class ExplicitBulk:
+    """The bulk of an explicit step: internal forces of its start, and a ghost penalty on accelerations.
 
-    Nodes that only see the edge of a point have next to no mass, and no explicit step would be short enough for
-    them. The penalty adds to M what a jump of the gradient of the acceleration meets on the ghost facets, nothing for
-    rigid motions and uniform strain rates (Stoter et al., Comput. Methods Appl. Mech. Eng. 412 (2023) 116074).
-    It is written as a stiffness against leaving the way that v0 alone would lead.
+    Nodes whose support contains only the rim of a body have almost no mass, and no explicit step would be short
+    enough for them. The penalty adds to M a term in the jumps of the acceleration gradient across the ghost facets,
+    which vanishes for rigid motions and uniform strain rates (Stoter et al., Comput. Methods Appl. Mech. Eng. 412
+    (2023) 116074). It is written as a stiffness against the deviation from the inertial displacement, that by v0
+    alone.
     """
 
     bulk: Bulk
     start: Configuration
     internal: Array  # (2 nodes,) forces [N/m]
-    flight: Array  # (2 nodes,) displacement by v0 alone [m]
-    share: Array  # (nodes,) of the ghost stiffness that resists
+    inertial_displacement: Array  # (2 nodes,) at the end of the step, by v0 alone [m]
+    ghost_scale: Array  # (nodes,) from the ghost stiffness of displacements to that of the deviation
     linear: bool = True
 
     @classmethod
-    def of(cls, bulk: Bulk, at: Configuration, v0: Array, dt: float, ghost: float) -> StartForces:
+    def of(cls, bulk: Bulk, configuration: Configuration, v0: Array, dt: float, ghost: float) -> ExplicitBulk:
         """The forces at a configuration, for `ghost` as in Scheme."""
         grid = bulk.assembly.grid
-        share = np.zeros(grid.bodies)
+        ghost_scale = np.zeros(grid.bodies)
         for material, points in bulk.materials if ghost > 0.0 else ():
             inertia = GHOST_MASS * material.density * (grid.cell / dt) ** 2
-            share[grid.cell_body[grid.cell_of_point[points]]] = inertia / (ghost * bounded_modulus(material))
-        return cls(bulk, at, bulk.force(at), at.displacement + dt * v0, share[grid.node_body])
+            ghost_scale[grid.cell_body[grid.cell_of_point[points]]] = inertia / (ghost * bounded_modulus(material))
+        inertial_displacement = configuration.displacement + dt * v0
+        return cls(bulk, configuration, bulk.force(configuration), inertial_displacement, ghost_scale[grid.node_body])
 
     def at(self, displacement: Array) -> Configuration:
-        """The points as they are at the start, the nodes where they are told."""
+        """A configuration with this nodal displacement and the deformation gradients of the start."""
         return Configuration(displacement, self.start.F, self.start.dilatation)
 
-    def energy(self, at: Configuration) -> float:
-        """What `force` is the derivative of [J/m]."""
-        moved, left = at.displacement - self.start.displacement, at.displacement - self.flight
-        return float(self.internal @ moved + 0.5 * left @ self._ghost(left))
+    def energy(self, configuration: Configuration) -> float:
+        """The potential of `force` [J/m]."""
+        U = configuration.displacement
+        increment, deviation = U - self.start.displacement, U - self.inertial_displacement
+        return float(self.internal @ increment + 0.5 * deviation @ self._ghost(deviation))
 
-    def force(self, at: Configuration) -> Array:
-        """Forces of the start and the ghost penalty's, (2 nodes,) [N/m]."""
-        return self.internal + self._ghost(at.displacement - self.flight)
+    def force(self, configuration: Configuration) -> Array:
+        """Internal forces of the start and force of the ghost penalty, (2 nodes,) [N/m]."""
+        return self.internal + self._ghost(configuration.displacement - self.inertial_displacement)
 
-    def _ghost(self, left: Array) -> Array:
-        return np.asarray(np.repeat(self.share, 2) * self.bulk.assembly.ghost_force(left))
+    def _ghost(self, deviation: Array) -> Array:
+        return np.asarray(np.repeat(self.ghost_scale, 2) * self.bulk.assembly.ghost_force(deviation))
 
-    def stiffness(self, at: Configuration, *, projected: bool) -> Array:
-        """That of the ghost penalty, in the pattern of A, (blocks, 2, 2) [Pa]."""
+    def stiffness(self, configuration: Configuration, *, projected: bool) -> Array:
+        """Stiffness of the ghost penalty, in the pattern of A, (blocks, 2, 2) [Pa]."""
         assembly = self.bulk.assembly
-        return np.asarray(np.repeat(self.share, np.diff(assembly.indptr))[:, None, None] * assembly.ghost_data)
+        return np.asarray(np.repeat(self.ghost_scale, np.diff(assembly.indptr))[:, None, None] * assembly.ghost_data)

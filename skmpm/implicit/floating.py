@@ -1,4 +1,7 @@
-"""Rigid-body modes of the bodies of a quasi-static step that supports leave free, and limits of their motion."""
+"""Floating bodies of a quasi-static step, their rigid-body modes, and limits of their motion.
+
+A body floats if at least one of its rigid-body modes is free of supports, so that contact alone may constrain it.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,12 @@ from skmpm.implicit.residual import Increment
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# [cells] Largest motion in one iteration beyond what is prescribed: detection finds contacts less than a cell deep.
+# [cells] Largest rigid motion in one iteration outside the range of the prescribed displacements; contact detection
+# finds penetrations of less than a cell.
 MAX_ITERATION_MOTION = 1.0
-# [cells] The same in all iterations of a step; `simulate.acceptance` rejects results that move by more than one.
+# [cells] The same from the start of the step, in any iteration; solutions are checked by `simulate.acceptance`.
 MAX_STEP_MOTION = 4.0
-NEGLIGIBLE_RESULTANT = 1e-3  # over the forces on a body: what may stay unbalanced along neutral rigid-body modes
+NEGLIGIBLE_RESULTANT = 1e-3  # over the forces on a body: out-of-balance resultant accepted along neutral modes
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,7 @@ class FloatingBodies:
         return bool(self.resultant.any())
 
     def excess_motion(self, displacement: Array) -> Array:
-        """Rigid motion beyond what is prescribed (3, n) [m], of a displacement (2 nodes,) [m]."""
+        """Rigid motion of a displacement (2 nodes,) [m] outside the prescribed range, (3, n) [m]."""
         moved = (self.projection @ displacement).reshape(-1, 3).T
         low, high = self.prescribed_range
         rotation = np.maximum(np.abs(moved[2]) - float(np.hypot(*(high - low))), 0.0)
@@ -53,9 +57,9 @@ class FloatingBodies:
 
 
 def floating_bodies(increment: Increment, constraints: Constraints) -> FloatingBodies:
-    """The floating bodies of a step, with spins about their centres of mass at its start.
+    """The floating bodies of a step, with rotations about their centres of mass at its start.
 
-    `constraints` are the contacts of the prescribed motion alone.
+    `constraints` are the contacts after the prescribed motion alone.
     """
     assembly, bodies = increment.bulk.assembly, np.flatnonzero(increment.floating)
     grid, weight = increment.grid, assembly.lumped[::2]
@@ -78,7 +82,7 @@ def floating_bodies(increment: Increment, constraints: Constraints) -> FloatingB
 
 
 def index_among(increment: Increment, bodies: Ints) -> Ints:
-    """The index of every body of the scene among `bodies`, -1 if it is none of them; the last entry is for walls."""
+    """The index among `bodies` of every body of the scene, -1 for others; the last entry is for walls."""
     index = np.full(increment.grid.bodies + 1, -1)
     index[bodies] = np.arange(bodies.size)
     return index
@@ -93,7 +97,7 @@ def _free(supports: sp.csr_array) -> sp.csr_array:
 
 
 def null_space(gram: Array) -> Array:
-    """An orthonormal basis (3, k) of the rigid motions q with G q = 0, from G'G (3, 3)."""
+    """An orthonormal basis (3, k) of the rigid motions q with G q = 0, from G^T G (3, 3)."""
     values, vectors = np.linalg.eigh(gram)
     return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
 
@@ -119,12 +123,12 @@ def rigid_contacts(increment: Increment, bodies: FloatingBodies, constraints: Co
 
 
 def excess_cells(increment: Increment, bodies: FloatingBodies, w: Array) -> Array:
-    """Motion of every floating body beyond what is prescribed, (n,) [cells]."""
+    """Rigid motion of every floating body outside the prescribed range, (n,) [cells]."""
     return np.asarray(np.abs(bodies.excess_motion(increment.dt * w)).max(axis=0) / increment.grid.cell)
 
 
 def check_step_motion(increment: Increment, bodies: FloatingBodies, w: Array) -> None:
-    """Raise NotConverged if a body has moved by more than `MAX_STEP_MOTION` beyond what is prescribed."""
+    """Raise NotConverged if a body has moved by more than `MAX_STEP_MOTION` outside the prescribed range."""
     excess = excess_cells(increment, bodies, w)
     b = int(np.argmax(excess))
     if excess[b] > MAX_STEP_MOTION:
@@ -144,9 +148,10 @@ def limited(
     direction: Array,
     max_motion: float = MAX_ITERATION_MOTION,
 ) -> Array:
-    """The direction with the rigid motion beyond what is prescribed limited to `max_motion` cells more than at w.
+    """The direction with limited rigid motion of floating bodies.
 
-    Only the modes that supports leave free are shortened.
+    The motion outside the prescribed range grows by at most `max_motion` cells from that at w. Only modes that are
+    free of supports are limited.
     """
     before, after = (bodies.excess_motion(increment.dt * v) for v in (w, w + direction))
     largest = np.abs(before) + max_motion * increment.grid.cell

@@ -1,7 +1,9 @@
-"""Moments due to frozen contact geometry.
+"""Frozen contact geometry, and the moments due to it.
 
-Frozen contact normals act at frozen points. Where contacts have slid since, the two forces of a contact no longer act
-on one line: equal and opposite, they make a couple.
+Where Newton's method does not converge with the contact geometry of every iterate, normals and contact points, and so
+the contact Jacobian, are kept from one iterate (lagged contact kinematics). They are frozen; gaps are still computed
+at every iterate. Where contacts have slid since, the two forces of a contact no longer act on one line: equal and
+opposite, they make a couple.
 """
 
 from __future__ import annotations
@@ -14,15 +16,15 @@ from skmpm.implicit.residual import Increment
 
 Array = NDArray[np.float64]
 
-# Largest moment due to frozen contact geometry over half the sum of the forces on a body, a thousandth of the sum.
+# Largest moment due to frozen contact geometry, over the radius of gyration and half the sum of the forces on a body.
 MAX_FROZEN_MOMENT = 2e-3
 
 
 def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None, w: Array) -> Array:
     """Moment on every body due to frozen contact geometry, over radius of gyration and force scale, (bodies,).
 
-    It counts beyond `newton_tol` of the largest forces on any body, the tolerance of the balance of moments. Bodies
-    that supports hold cannot follow it; their supports balance it.
+    Only its excess over `newton_tol` times the largest force scale of all bodies counts, the tolerance of the
+    balance. It is zero for bodies without free rigid-body modes, whose supports balance it.
     """
     grid, held = increment.grid, 0.0 if increment.supports is None else increment.supports.holds
     if contact is None or contact.frozen is None:
@@ -59,5 +61,7 @@ def unmet_moment(increment: Increment, contact: ContactProblem | None, w: Array)
 
 def _sums(contact: ContactProblem, values: Array, bodies: int) -> Array:
     """Sums of values (k,) of contacts over both their bodies, (bodies,)."""
-    sides = (np.bincount(own[own >= 0], values[own >= 0], bodies) for own in contact.constraints.bodies)
+    sides = (
+        np.bincount(members[members >= 0], values[members >= 0], bodies) for members in contact.constraints.bodies
+    )
     return np.asarray(sum(sides), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Newton iterations of dynamic and quasi-static steps: initial velocity, refactorisation, convergence."""
+"""Parts of Newton's method for dynamic and quasi-static steps: initial guess, refactorisation, convergence."""
 
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ from skmpm.material import determinant
 Array = NDArray[np.float64]
 
 RELAXATION = 0.5  # factor on accelerated steps once the iteration has stalled
-SLOW_RATE = 0.3  # ratio of successive out-of-balance norms above which acceleration and a new matrix set in
-STALLED_RATE = 0.8  # the same, for an iteration near a limit point of the contacts
-MIN_RATE = 0.05  # the same, the best that is expected of an old matrix where bodies rotate freely
+# Rates are ratios of successive out-of-balance norms.
+SLOW_RATE = 0.3  # above it, steps are accelerated and the matrix is refactorised
+STALLED_RATE = 0.8  # above it, the iteration has stalled, as near a limit point of the contacts
+MIN_RATE = 0.05  # the best expected of the next iteration with an old matrix where bodies rotate freely
 REFACTORISE_ABOVE = 20.0  # out-of-balance norm over `newton_tol`: below it, iterations with the old matrix cost less
-# The same after the first iteration: below it, one iteration with a new matrix usually converges; above it, the rate
-# of that iteration decides, in which contacts are found and which says little of the next.
+# The same after the first iteration of a dynamic step, unless all contacts are frictionless: below it, one iteration
+# with a new matrix usually converges; above it, the old matrix is kept unless that iteration was slow, since its
+# rate, with contacts that change state, does not predict the next one.
 REFACTORISE_AT_ONCE = 500.0
 
 
@@ -42,35 +44,45 @@ class Solution:
 
 
 def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
-    """The initial guess, or the linear solution from rest if that guess inverts a point (det F <= 0)."""
+    """The velocity at which Newton's method starts, with its configuration.
+
+    It is the initial guess; if that inverts a point (det F <= 0) of a nonlinear material, the solution without
+    contact of the equations linearised about rest; and if that inverts a point too, rest.
+
+    Raises
+    ------
+    NotConverged
+        instead of a start from rest in scenes with supports, whose prescribed velocities exclude it
+    """
     w = increment.initial_guess()
-    at = increment.at(w)
-    if increment.material_response.linear or np.isfinite(increment.energy(w, at)):
-        return w, at
+    configuration = increment.at(w)
+    if increment.material_response.linear or np.isfinite(increment.energy(w, configuration)):
+        return w, configuration
     rest = np.zeros_like(w)
-    at = increment.at(rest)
-    gradient, _ = increment.gradient(rest, at)
+    configuration = increment.at(rest)
+    gradient, _ = increment.gradient(rest, configuration)
     prescribed = increment.prescribed_only()
-    linear = prescribed - solver_of(increment, at, projected=True)(
-        gradient + increment.matrix(at, projected=True) @ prescribed
+    linear = prescribed - solver_of(increment, configuration, projected=True)(
+        gradient + increment.matrix(configuration, projected=True) @ prescribed
     )
     trial = increment.at(linear)
     if np.isfinite(increment.energy(linear, trial)):
         return np.asarray(linear), trial
     if increment.supports is None:
-        return rest, at
+        return rest, configuration
     worst = int(np.argmin(determinant(trial.F)))
     b = int(increment.grid.cell_body[increment.grid.cell_of_point[worst]])
     raise NotConverged(f"body {b}", "the supports move so far in one step that points are inverted (det F <= 0)")
 
 
-def matrix_is_due(
+def needs_refactorisation(
     increment: Increment, contact: ContactProblem | None, iteration: int, imbalance: float, before: float
 ) -> bool:
-    """Whether to refactorise: at the current convergence rate the old matrix needs more than one more iteration.
+    """Whether the matrix must be refactorised, as one more iteration with the old one would not converge.
 
-    Without friction or without inertia bodies rotate and move more, so that matrices become outdated sooner.
-    Otherwise the rate of the first iteration, in which contacts are found, is no measure of the next.
+    The out-of-balance norm `imbalance` after that iteration is predicted from its rate to the previous one, `before`.
+    Without friction or inertia bodies rotate and move more, so that matrices become outdated sooner: there no rate
+    below `MIN_RATE` is expected.
     """
     tol = increment.scheme.newton_tol
     if iteration == 0:
@@ -85,29 +97,31 @@ def matrix_is_due(
     return rate > SLOW_RATE or imbalance * rate > tol
 
 
-def factorised(
-    increment: Increment, contact: ContactProblem | None, at: Configuration, *, projected: bool, touches: bool = False
+def factorise(
+    increment: Increment, contact: ContactProblem | None, configuration: Configuration, *, projected: bool
 ) -> tuple[Solver, bool]:
-    """A solver for the exact A if it is positive definite, else for the projected one, and whether it is projected.
+    """Factorise A, or the projected A if no modification of the exact one by `matrix.solver_of` is positive definite.
 
-    The Delassus operator of the previous solver is released first, so that only one factor is in memory.
+    Also returns whether A is the projected one; false does not mean that the solver is for the exact A. The Delassus
+    operator of the previous solver is released first, so that only one factor is in memory.
     """
+    in_contact = contact is not None and contact.constraints.size > 0
     if contact is not None:
         contact.delassus = None
     if not projected:
         try:
-            return solver_of(increment, at, projected=False, touches=touches), False
+            return solver_of(increment, configuration, projected=False, in_contact=in_contact), False
         except np.linalg.LinAlgError:
             pass
     try:
-        return solver_of(increment, at, projected=True), True
+        return solver_of(increment, configuration, projected=True), True
     except np.linalg.LinAlgError as error:
         raise indefinite(increment.grid, error) from error
 
 
 def with_contact(increment: Increment, contact: ContactProblem, w: Array, size: float) -> tuple[Array, float, float]:
     """Contact impulse at w (2 nodes,), residual of the contact law, and the norm of the largest term with contact."""
-    impulse, residual = contact.measure(w)
+    impulse, residual = contact.evaluate(w)
     round_off = contact.impulse_round_off / increment.scheme.newton_tol
     return impulse, residual, max(size, float(np.linalg.norm(impulse)), round_off)
 

@@ -18,17 +18,18 @@ SUFFICIENT_DECREASE = 1e-4  # Armijo's constant (Nocedal & Wright, Numerical Opt
 def move(
     increment: Increment,
     w: Array,
-    at: Configuration,
+    configuration: Configuration,
     direction: Array,
-    mixed: tuple[Array, bool],
-    slope: Array,
+    accelerated_step: tuple[Array, bool],
+    gradient: Array,
     contact_impulse: Array,
 ) -> tuple[Array, Configuration]:
-    """The next w: the accelerated step if admissible, else a line search along the Newton direction.
+    """The next w with its configuration: the accelerated step if admissible, else a line search along the direction.
 
-    `mixed` is the step of the acceleration, and whether it differs from the direction.
+    `accelerated_step` is a step and whether it differs from the Newton direction. Linear materials take it without a
+    search, since no configuration is inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with contact.
     """
-    step, accelerated = mixed
+    step, accelerated = accelerated_step
     if increment.material_response.linear:
         return w + step, increment.at(w + step)
     if accelerated:
@@ -36,35 +37,40 @@ def move(
         # Without contact the potential must decrease; with contact it changes from iteration to iteration.
         limit = float(np.finfo(float).max)
         if not contact_impulse.any():
-            energy = increment.energy(w, at)
-            limit = energy + _round_off(increment, w, at, direction, abs(energy))
+            energy = increment.energy(w, configuration)
+            limit = energy + _round_off(increment, w, configuration, direction, abs(energy))
         if increment.energy(w + step, trial) <= limit:
             return w + step, trial
-    return _search(increment, w, at, direction, slope, contact_impulse)
+    return _search(increment, w, configuration, direction, gradient, contact_impulse)
 
 
-def _round_off(increment: Increment, w: Array, at: Configuration, direction: Array, size: float) -> float:
+def _round_off(increment: Increment, w: Array, configuration: Configuration, direction: Array, size: float) -> float:
     """Round-off of the potential, whose terms have this size [J/m]."""
     materials = 20.0 * float(np.finfo(float).eps) * increment.modulus * float(increment.bulk.assembly.volume.sum())
-    return 1e-13 * size + materials + increment.round_off(w, at) * float(np.linalg.norm(direction))
+    return 1e-13 * size + materials + increment.round_off(w, configuration) * float(np.linalg.norm(direction))
 
 
 def _search(
-    increment: Increment, w: Array, at: Configuration, direction: Array, slope: Array, contact_impulse: Array
+    increment: Increment,
+    w: Array,
+    configuration: Configuration,
+    direction: Array,
+    gradient: Array,
+    contact_impulse: Array,
 ) -> tuple[Array, Configuration]:
     """Armijo backtracking on the potential minus the work of the contact impulse."""
-    decrease = float(slope @ direction)
-    start = increment.energy(w, at) - float(contact_impulse @ w)
-    round_off = _round_off(increment, w, at, direction, abs(start) + abs(float(contact_impulse @ w)))
+    decrease = float(gradient @ direction)
+    start = increment.energy(w, configuration) - float(contact_impulse @ w)
+    round_off = _round_off(increment, w, configuration, direction, abs(start) + abs(float(contact_impulse @ w)))
     length = 1.0
     while length > MIN_STEP_LENGTH:
         trial = w + length * direction
-        configuration = increment.at(trial)
-        merit = increment.energy(trial, configuration) - float(contact_impulse @ trial)
+        trial_configuration = increment.at(trial)
+        merit = increment.energy(trial, trial_configuration) - float(contact_impulse @ trial)
         if merit <= start + SUFFICIENT_DECREASE * length * decrease + round_off:
-            return trial, configuration
+            return trial, trial_configuration
         length *= 0.5
     raise NotConverged(
-        worst_body(increment.grid, slope),
+        worst_body(increment.grid, gradient),
         "the line search found no step length that lowers the energy and keeps det F > 0 at all points",
     )

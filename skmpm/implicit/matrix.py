@@ -12,36 +12,41 @@ from skmpm.linear import AddedInertia, Solver, diagonal
 
 Array = NDArray[np.float64]
 
-MIN_ROTATIONAL_STIFFNESS = 0.25  # of A for the rotation of a body, over its moment of inertia
-# Shares of the projected matrix that are tried in turn; beside corners 1/16 to 1/4 often suffice.
+MIN_ROTATIONAL_STIFFNESS = 0.25  # quadratic form of A for the rotation of a body, over its moment of inertia
+# Weights of the projected matrix in its mixture with A, tried in turn; beside corners 1/16 to 1/4 often suffice.
 PROJECTED_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
 
 
-def solver_of(increment: Increment, at: Configuration, *, projected: bool, touches: bool = False) -> Solver:
-    """The scheme's solver for A, modified if A is indefinite; LinAlgError if it is indefinite all the same.
+def solver_of(
+    increment: Increment, configuration: Configuration, *, projected: bool, in_contact: bool = False
+) -> Solver:
+    """The scheme's solver for A, or for a modified matrix if A is indefinite; LinAlgError if that is indefinite too.
 
-    `projected` takes the positive semi-definite part of the material tangent; `touches` says that bodies touch.
+    `projected` replaces the tangent of every point by its projection on the positive semi-definite ones. Otherwise an
+    indefinite A gets rotational inertia in a dynamic step, and in a quasi-static step without floating bodies a part
+    of the projected matrix if there are contacts (`in_contact`).
     """
-    A = increment.matrix(at, projected=projected)
+    A = increment.matrix(configuration, projected=projected)
     try:
         return _solver(increment, A)
     except np.linalg.LinAlgError:
         if projected:
             raise
-        if touches and not increment.scheme.inertia and not increment.floating.any():
-            return _convexified(increment, A, at)
+        if in_contact and not increment.scheme.inertia and not increment.floating.any():
+            return _convexified(increment, A, configuration)
         if not increment.scheme.inertia:  # only the full projection stabilises bodies that rotate or buckle
             raise
-        return _with_rotational_inertia(increment, A, at)
+        return _with_rotational_inertia(increment, A, configuration)
 
 
-def _convexified(increment: Increment, A: sp.bsr_array, at: Configuration) -> Solver:
-    """A solver for the positive definite mixture of exact and projected A that is nearest to the exact one.
+def _convexified(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Solver:
+    """A solver for the first positive definite mixture of exact and projected A, with weights `PROJECTED_SHARES`.
 
-    Contacts stabilise what A alone does not, such as the surface beside an indenting corner, so a small share of the
-    projection suffices; any share slows convergence in all directions.
+    Contacts stabilise modes that A alone does not, such as those of the surface beside an indenting corner, so a
+    small weight of the projected matrix often suffices; any weight slows convergence in all directions. If no mixture
+    is positive definite, the solver is for the projected A.
     """
-    projected = increment.matrix(at, projected=True)
+    projected = increment.matrix(configuration, projected=True)
     for share in PROJECTED_SHARES:
         data = (1.0 - share) * A.data + share * projected.data
         try:
@@ -51,26 +56,26 @@ def _convexified(increment: Increment, A: sp.bsr_array, at: Configuration) -> So
     return _solver(increment, projected)
 
 
-def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, at: Configuration) -> Solver:
+def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Solver:
     """A solver with additional inertia for bodies under pressure whose rotation is unstable without contacts.
 
-    A body under pressure p that rotates by theta while its loads keep their directions loses the energy p V theta^2,
+    A body under pressure p that rotates by alpha while its loads keep their directions loses the energy p V alpha^2,
     which exceeds its rotational energy in long steps. Translations keep their inertia, so that an iteration balances
-    the momentum of the body.
+    the momentum of the body; in scenes with supports, whose reactions enter that balance, they do not.
     """
     grid, mass = increment.grid, increment.bulk.assembly.mass
     weight = mass[::2]
-    arm = grid.arms(grid.position + at.displacement.reshape(-1, 2).T, weight)
+    arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, weight)
     rotation = np.stack([-arm[1], arm[0]], axis=1).ravel()
     quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)]).reshape(2, -1, 2).sum(axis=-1)
     inertia, stiffness = grid.sums(quadratic)
-    missing = np.maximum(MIN_ROTATIONAL_STIFFNESS - stiffness / np.maximum(inertia, 1e-300), 0.0)
+    added = np.maximum(MIN_ROTATIONAL_STIFFNESS - stiffness / np.maximum(inertia, 1e-300), 0.0)
     data, row = A.data.copy(), np.repeat(np.arange(grid.nodes), np.diff(A.indptr))
-    data[row == A.indices] += (missing[grid.node_body] * weight)[:, None, None] * np.eye(2)
+    data[row == A.indices] += (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
     solver = _solver(increment, sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
     if increment.supports is not None:
         return solver
-    return AddedInertia(solver, grid.node_body, missing, grid.sums(weight[None])[0])
+    return AddedInertia(solver, grid.node_body, added, grid.sums(weight[None])[0])
 
 
 def _solver(increment: Increment, A: sp.bsr_array) -> Solver:

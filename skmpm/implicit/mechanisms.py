@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
 from skmpm.implicit.contact_problem import ContactProblem
-from skmpm.implicit.equilibrium import LOAD_TOLERANCE, RigidContacts, mechanism, motion
+from skmpm.implicit.equilibrium import LOAD_TOLERANCE, RigidContacts, describe, mechanism
 from skmpm.implicit.errors import NotConverged
 from skmpm.implicit.floating import FloatingBodies, rigid_contacts
 from skmpm.implicit.residual import Increment
@@ -18,19 +18,20 @@ from skmpm.outline.curve import CORNER_COSINE
 Array = NDArray[np.float64]
 
 DETECTION_INTERVAL = 0.2  # [cells] of motion between contact detections, which find contacts within 0.25 cells
-MAX_FALL = 1.0  # [cells] of motion along mechanisms before a body is said to have no equilibrium
+MAX_FALL = 1.0  # [cells] of motion along mechanisms before a body is reported to have no equilibrium
 MAX_DETECTIONS = 50  # along mechanisms
 GAP_MARGIN = 0.08  # [cells] over the smallest gap of two bodies: contacts that the error message considers
 NO_SLIP_FRICTION = 100.0  # Coulomb coefficient with which no contact slides
 
 
-def rigid_predictor(
+def rigid_initial_guess(
     increment: Increment, contact: ContactProblem, bodies: FloatingBodies, constraints: Constraints
 ) -> Array | None:
-    """The velocity (2 nodes,) that moves bodies to contacts which can carry their loads; None if these exist.
+    """The velocity (2 nodes,) that moves bodies along a collapse mechanism to contacts which can carry their loads.
 
-    `constraints` are the contacts of the prescribed motion alone. Bodies move along the collapse mechanism as rigid
-    bodies until they meet further contacts.
+    It is None if the contacts of the prescribed motion alone, `constraints`, can carry the loads or there are none,
+    and if `MAX_DETECTIONS` steps along the mechanism do not suffice. Bodies move as rigid bodies until they meet
+    further contacts.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def rigid_predictor(
 def _carried(
     contact: ContactProblem, bodies: FloatingBodies, constraints: Constraints, contacts: RigidContacts
 ) -> bool:
-    """Whether the contact forces of the previous step carry the loads, so that no programme need be solved."""
+    """Whether the contact forces of the previous step carry the loads, so that no linear programme is needed."""
     if contact.key.size == 0:
         return False
     normal, tangential = constraints.forces(constraints.impulses(contact.key, contact.force, 1.0), 1.0)
@@ -67,10 +68,10 @@ def _carried(
     return bool((np.abs(out_of_balance) <= LOAD_TOLERANCE * np.repeat(size, 3)).all())
 
 
-def diagnosed(
+def diagnose(
     increment: Increment, contact: ContactProblem, bodies: FloatingBodies, error: NotConverged
 ) -> NotConverged:
-    """The mechanism of the last iteration's contacts as an error, or `error` if there is none."""
+    """The error that describes the mechanism of the last iteration's contacts, or `error` if there is none."""
     if not bodies.loaded or not hasattr(contact, "constraints"):
         return error
     found = no_equilibrium(increment, bodies, contact.constraints, "no equilibrium was found")
@@ -94,7 +95,7 @@ def no_equilibrium(
     q = mechanism(bodies.resultant, contacts, few=True) if without_slip is None else without_slip
     if q is None:
         return None
-    found = motion(q, contacts)
+    found = describe(q, contacts)
     b, verb, remedy = int(bodies.bodies[found.body]), found.verb, "" if without_slip is not None else " or friction"
     if verb == "rotates":
         verb = "topples" if _at_corner(increment, closest, found.contact, b) else "rolls"
@@ -129,9 +130,9 @@ def _at_corner(increment: Increment, constraints: Constraints, contact: int, bod
     grid = increment.grid
     deformable = np.flatnonzero(np.diff(constraints.base.indptr) > 0)
     owner = grid.node_body[constraints.base.indices[constraints.base.indptr[deformable]]]
-    own = deformable[owner == body]
-    x = (constraints.base[own] @ (grid.position + increment.start.reshape(-1, 2).T).T).T
+    of_body = deformable[owner == body]
+    x = (constraints.base[of_body] @ (grid.position + increment.start.reshape(-1, 2).T).T).T
     nearest = int(np.argmin(np.hypot(*(x - constraints.x[:, contact, None]))))
-    a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % own.size]].T
+    a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % of_body.size]].T
     ahead, back = c - b, b - a
     return bool(float(ahead @ back) < CORNER_COSINE * float(np.hypot(*ahead) * np.hypot(*back)))

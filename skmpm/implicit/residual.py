@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.implicit.explicit import StartForces
+from skmpm.implicit.explicit import ExplicitBulk
 from skmpm.implicit.viscous import ViscousBulk
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MAX_DRIFT = 1e-4  # [cells] of a body by the final momentum correction, so small that gaps need no new measurement
+MAX_DRIFT = 1e-4  # [cells] displacement of a body by the final momentum correction, too small to change gaps
 # Stiffness of the springs that limit the rigid motion of a floating body in one Newton iteration, over its shear
 # modulus. With 1e-2 discs between plates took 7 to 19 iterations, with 1e-3 3 to 5, with 1e-4 no fewer.
 SPRING_STIFFNESS = 1e-3
@@ -27,17 +27,17 @@ SPRING_STIFFNESS = 1e-3
 
 @dataclass(frozen=True)
 class Proximal:
-    """Proximal term drag * (w - point) in the balance of floating bodies of a quasi-static step."""
+    """Proximal force weight * (w - centre) in the balance of floating bodies of a quasi-static step."""
 
-    drag: Array  # (2 nodes,) proportional to mass, so without moment about the centres of mass [kg/m]
-    point: Array  # (2 nodes,) proximal point [m/s]
+    weight: Array  # (2 nodes,) proportional to mass, so that translations cause no moment [kg/m]
+    centre: Array  # (2 nodes,) [m/s]
 
 
 @dataclass(frozen=True)
 class End:
     """The nodes at the end of a step."""
 
-    at: Configuration
+    configuration: Configuration
     velocity: Array  # (2 nodes,) [m/s]
 
 
@@ -71,10 +71,10 @@ class Increment:
         return self.bulk.at(self.start)
 
     @cached_property
-    def material_response(self) -> Bulk | ViscousBulk | StartForces:
+    def material_response(self) -> Bulk | ViscousBulk | ExplicitBulk:
         """The internal forces as a function of the motion; in an explicit step those of its start."""
         if self.scheme.explicit:
-            return StartForces.of(self.bulk, self.at_start, self.v0, self.dt, self.scheme.ghost)
+            return ExplicitBulk.of(self.bulk, self.at_start, self.v0, self.dt, self.scheme.ghost)
         return ViscousBulk.of(self.bulk, self.at_start, self._theta_dt) if self.bulk.viscosity > 0.0 else self.bulk
 
     @property
@@ -84,15 +84,15 @@ class Increment:
 
     @cached_property
     def mass(self) -> Array:
-        """Diagonal inertia: lumped mass, in a quasi-static step zero or the drag, (2 nodes,) [kg/m]."""
+        """Diagonal inertia: lumped mass, in a quasi-static step zero or the proximal weight, (2 nodes,) [kg/m]."""
         if self.proximal is not None:
-            return self.proximal.drag
+            return self.proximal.weight
         mass = self.bulk.assembly.mass
         return mass if self.scheme.inertia else np.zeros_like(mass)
 
     @cached_property
     def floating(self) -> NDArray[np.bool_]:
-        """Which bodies of a quasi-static step supports leave a rigid-body mode, (bodies,); none with inertia."""
+        """Which bodies of a quasi-static step float, that is have a rigid-body mode free of supports, (bodies,)."""
         bodies = self.grid.bodies
         if self.scheme.inertia:
             return np.zeros(bodies, dtype=bool)
@@ -105,14 +105,14 @@ class Increment:
         return self.material_response.linear and not self.floating.any()
 
     @property
-    def predictor(self) -> Array:
-        """The velocity without forces: v0, in a quasi-static step zero or the proximal point, (2 nodes,) [m/s]."""
+    def inertial_velocity(self) -> Array:
+        """The velocity without forces: v0, in a quasi-static step zero or the proximal centre, (2 nodes,) [m/s]."""
         if self.proximal is not None:
-            return self.proximal.point
+            return self.proximal.centre
         return self.v0 if self.scheme.inertia else np.zeros_like(self.v0)
 
     def initial_guess(self) -> Array:
-        """The velocity at which Newton's method starts: v0 with the prescribed velocities of supports."""
+        """The velocity v0 with the prescribed velocities of supports, (2 nodes,) [m/s]."""
         return self.v0 if self.supports is None else self.supports.admissible(self.v0, self.prescribed)
 
     def prescribed_only(self) -> Array:
@@ -132,41 +132,42 @@ class Increment:
         """The nodes at the end of the step."""
         return End(self.bulk.at(self.start + self.dt * w), self.end_velocity(w))
 
-    def energy(self, w: Array, at: Configuration) -> float:
+    def energy(self, w: Array, configuration: Configuration) -> float:
         """The incremental potential E(w) [J/m]."""
-        change = w - self.predictor
+        change = w - self.inertial_velocity
         return (
-            self.material_response.energy(at)
+            self.material_response.energy(configuration)
             + 0.5 * float(change @ (self.mass * change))
             - self._theta_dt * float(self.force @ w)
         )
 
-    def gradient(self, w: Array, at: Configuration) -> tuple[Array, float]:
+    def gradient(self, w: Array, configuration: Configuration) -> tuple[Array, float]:
         """Out-of-balance impulse without contact (2 nodes,) [kg m/s per m], and the norm of its largest term."""
-        inertia = self.mass * (w - self.predictor)
-        elastic, external = self._theta_dt * self.material_response.force(at), self._theta_dt * self.force
-        noise = self.round_off(w, at) / self.scheme.newton_tol
+        inertia = self.mass * (w - self.inertial_velocity)
+        elastic, external = self._theta_dt * self.material_response.force(configuration), self._theta_dt * self.force
+        noise = self.round_off(w, configuration) / self.scheme.newton_tol
         return inertia + elastic - external, max(
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
         )
 
-    def momentum_corrected(self, w: Array, contact_impulse: Array, solved: Array) -> Array | None:
+    def with_balanced_momentum(self, w: Array, contact_impulse: Array, last_impulse: Array) -> Array | None:
         """The velocity w with the momentum of every body balanced to round-off; None if that would change gaps.
 
-        The balance includes the contact impulse at w or, in long steps of bodies under pressure, that of the last
-        contact solve, `solved`, along the normals of the previous iteration: a full Newton step balances the latter
-        to round-off, whatever the mass. After a shortened or accelerated step both corrections may move a body by
-        more than `MAX_DRIFT`.
+        Bodies are translated. The balance includes the contact impulse at w or, in long steps of bodies under
+        pressure, that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full
+        Newton step balances the latter to round-off, whatever the mass. After a shortened or accelerated step both
+        corrections may move a body by more than `MAX_DRIFT`. Without inertia and in scenes with supports, which
+        balance momentum by their reactions, w is returned as it is.
         """
-        for impulse in (contact_impulse, solved):
+        for impulse in (contact_impulse, last_impulse):
             error = self._momentum_error(w, impulse)
             if self._drift(error).max() <= MAX_DRIFT:
                 return np.asarray(w - error.T[self.grid.node_body].ravel())
         return None
 
-    def drift(self, w: Array, contact_impulse: Array, solved: Array) -> Array:
+    def drift(self, w: Array, contact_impulse: Array, last_impulse: Array) -> Array:
         """The smaller of the displacements of bodies by the two momentum corrections, (bodies,) [cells]."""
-        drifts = [self._drift(self._momentum_error(w, impulse)) for impulse in (contact_impulse, solved)]
+        drifts = [self._drift(self._momentum_error(w, impulse)) for impulse in (contact_impulse, last_impulse)]
         return np.asarray(min(drifts, key=np.max))
 
     def _drift(self, velocity: Array) -> Array:
@@ -178,7 +179,7 @@ class Increment:
         assembly = self.bulk.assembly
         if not self.scheme.inertia or self.supports is not None:
             return np.zeros((2, self.grid.bodies))
-        imbalance = assembly.lumped * (w - self.predictor) - self._theta_dt * self.force - contact_impulse
+        imbalance = assembly.lumped * (w - self.inertial_velocity) - self._theta_dt * self.force - contact_impulse
         resultant, mass = (self.grid.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
         return np.asarray(resultant / np.maximum(mass, 1e-300))
 
@@ -188,7 +189,7 @@ class Increment:
         return np.zeros(0, dtype=np.int64) if self.supports is None else self.supports.fixed
 
     def support_violation(self, motions: sp.csr_array) -> sp.csr_array:
-        """How much motions (2 nodes, k) violate the supports at rest, at each constrained dof, (m, k)."""
+        """How much motions (2 nodes, k) violate supports at rest, by constrained degree of freedom, (m, k)."""
         if self.supports is None:
             return sp.csr_array((0, motions.shape[1]))
         return sp.csr_array(motions[self.constrained_dofs] - self.supports.T[self.constrained_dofs] @ motions)
@@ -204,42 +205,43 @@ class Increment:
         return np.asarray(self.supports.prescription.T @ -gradient / self.scheme.theta)
 
     def dissipated(self, w: Array) -> float:
-        """What the viscosity of the materials dissipates in the step [J/m]; never negative."""
+        """Energy dissipated by the viscosity of the materials in the step [J/m]; never negative."""
         if not isinstance(self.material_response, ViscousBulk):
             return 0.0
         return 2.0 * self.material_response.potential(self.at(w)) / self.scheme.theta
 
-    def round_off(self, w: Array, at: Configuration) -> float:
+    def round_off(self, w: Array, configuration: Configuration) -> float:
         """Out-of-balance impulse by round-off of displacements and velocities [kg m/s per m]."""
-        length = self.grid.cell + float(np.abs(at.displacement).max(initial=0.0))
+        length = self.grid.cell + float(np.abs(configuration.displacement).max(initial=0.0))
         inertia = float(np.linalg.norm(self.mass * w))
         elastic = self._theta_dt * self.modulus * length * np.sqrt(w.size)
         return float(20.0 * np.finfo(float).eps * (elastic + inertia))
 
-    def matrix(self, at: Configuration, *, projected: bool = False) -> sp.bsr_array:
-        """A = M + theta^2 dt^2 K; in a quasi-static step the springs or the drag of floating bodies replace M.
+    def matrix(self, configuration: Configuration, *, projected: bool = False) -> sp.bsr_array:
+        """A = M + theta^2 dt^2 K; in a quasi-static step springs or the proximal weight of floating bodies replace M.
 
-        In an explicit step dt^2 K is the ghost penalty on accelerations.
+        If `projected`, K is positive semi-definite (`Bulk.stiffness`). In an explicit step dt^2 K is the ghost
+        penalty on accelerations.
         """
         assembly = self.bulk.assembly
-        K = self.material_response.stiffness(at, projected=projected)
+        K = self.material_response.stiffness(configuration, projected=projected)
         if self.scheme.inertia:
             return assembly.matrix(K, self._theta_dt**2)
         if self.proximal is not None:
-            return assembly.matrix(K, self._theta_dt**2, self.proximal.drag.reshape(-1, 2, 1) * np.eye(2))
-        return assembly.matrix(K, self._theta_dt**2, self.grid.pins(SPRING_STIFFNESS * self.shear_stiffness))
+            return assembly.matrix(K, self._theta_dt**2, self.proximal.weight.reshape(-1, 2, 1) * np.eye(2))
+        return assembly.matrix(K, self._theta_dt**2, self.grid.pins(SPRING_STIFFNESS * self.scaled_shear_modulus))
 
     @property
-    def shear_stiffness(self) -> Array:
+    def scaled_shear_modulus(self) -> Array:
         """Shear moduli of floating bodies times theta^2 dt^2, zero for others, (bodies,) [kg/m]."""
         grid, modulus = self.grid, np.zeros(self.floating.size)
         for material, points in self.bulk.materials:
             modulus[grid.cell_body[grid.cell_of_point[points]]] = material.lame[1]
         return np.asarray(self._theta_dt**2 * modulus * self.floating)
 
-    def with_proximal_point(self, w: Array, share: float) -> Increment:
-        """The same step with a proximal term about w for floating bodies, of a share of their shear modulus."""
+    def with_proximal_centre(self, w: Array, relative_stiffness: float) -> Increment:
+        """The same step with a proximal term about w for floating bodies, of their shear modulus times a factor."""
         grid, mass = self.grid, self.bulk.assembly.lumped
         total = grid.sums(mass[None, ::2])[0]
-        drag = np.repeat((share * self.shear_stiffness / np.maximum(total, 1e-300))[grid.node_body], 2) * mass
-        return replace(self, proximal=Proximal(drag, w))
+        rate = relative_stiffness * self.scaled_shear_modulus / np.maximum(total, 1e-300)
+        return replace(self, proximal=Proximal(np.repeat(rate[grid.node_body], 2) * mass, w))

@@ -2,27 +2,27 @@
 
 A solver is a function (A, blocks, rigid_motions) -> solve. `solve(b)` returns A^-1 b, and `solve.delassus(H)` returns
 H A^-1 H^T, the Delassus operator of constraints H. `blocks` (bodies + 1,) are the first unknowns of the bodies and
-`rigid_motions` (n, 3) the rigid-body motions of all bodies. `default` selects `banded` or `amg` by the size of bodies.
+`rigid_motions` (n, 3) the rigid-body motions of all bodies. `default` selects `banded` or `amg` by size.
 """
 
+from skmpm.linear.added_inertia import AddedInertia
 from skmpm.linear.band import Banded, banded
 from skmpm.linear.choice import CROSSOVER, default
 from skmpm.linear.delassus import Delassus
 from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
-from skmpm.linear.added_inertia import AddedInertia
 from skmpm.linear.solver import Linear, Solver, half_bandwidth
 from skmpm.linear.threads import one_thread
 
 __all__ = [
     "CROSSOVER",
+    "AddedInertia",
     "Amg",
     "Banded",
     "Delassus",
     "Diagonal",
     "Direct",
-    "AddedInertia",
     "Linear",
     "Solver",
     "amg",

@@ -58,9 +58,9 @@ def budget_of(
     With inertia the work is that of the forces in the balance of momentum, so that the budget of the time scheme
     closes. A quasi-static step takes the mean of the forces at both its ends (trapezoidal rule, second order).
     """
-    bulk, w, at_anchor = increment.bulk, solution.w, _at_anchor(increment.bulk)
+    bulk, w, reference_energy = increment.bulk, solution.w, _energy_of_reference_stress(increment.bulk)
     inertia = increment.scheme.inertia
-    elastic = [bulk.energy(at) + at_anchor for at in (increment.at_start, end.at)]
+    elastic = [bulk.energy(at) + reference_energy for at in (increment.at_start, end.configuration)]
     kinetic = [kinetic_energy(bulk.assembly, v) if inertia else 0.0 for v in (increment.v0, end.velocity)]
     external = float(increment.force @ w * increment.dt - solution.reaction @ increment.prescribed)
     viscous = increment.dissipated(w)
@@ -136,7 +136,7 @@ def report_of(
     )
 
 
-def _at_anchor(bulk: Bulk) -> float:
+def _energy_of_reference_stress(bulk: Bulk) -> float:
     """Elastic energy of linear materials when the body grids were built, 1/2 stress : C^-1 : stress [J/m]."""
     total = 0.0
     for law, points, _ in bulk.groups:

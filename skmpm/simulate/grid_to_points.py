@@ -22,15 +22,15 @@ def end_state(
 ) -> State:
     """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
     dt, own = increment.dt, scene.deformable[state.body]
-    bulk, grid, at = increment.bulk, increment.grid, end.at
+    bulk, grid, configuration = increment.bulk, increment.grid, end.configuration
 
     x, v, F, C, stress, weight = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress, state.weight))
-    x[:, own] = state.x_anchor[:, own] + grid.at_points(at.displacement)
+    x[:, own] = state.x_anchor[:, own] + grid.at_points(configuration.displacement)
     transfer = increment.scheme.transfer if increment.scheme.inertia else apic
     v[:, own], C[:, :, own] = transfer(grid, increment.v0, end.velocity, state.v[:, own])
-    F[:, :, own] = product(at.F, state.F_anchor[:, :, own])
-    stress[:, :, own] = bulk.cauchy(at)
-    weight[own] = bulk.assembly.volume * determinant(at.F)
+    F[:, :, own] = product(configuration.F, state.F_anchor[:, :, own])
+    stress[:, :, own] = bulk.cauchy(configuration)
+    weight[own] = bulk.assembly.volume * determinant(configuration.F)
     rigid = state.body[~own]
     x[:, ~own] += dt * motions.rigid[:, rigid]
     v[:, ~own] = motions.rigid_at_end[:, rigid]
@@ -45,7 +45,7 @@ def end_state(
         stress=stress,
         volume=scene.initial_volumes * determinant(F),
         weight=weight,
-        displacement=at.displacement,
+        displacement=configuration.displacement,
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
         support_force=solution.reaction.reshape(-1, 2) / dt,

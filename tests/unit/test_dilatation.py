@@ -134,7 +134,9 @@ def test_regridding_in_the_same_cells_changes_nothing():
     )
     relative = product(end, np.repeat(np.linalg.inv(G)[:, :, None], n, axis=2))
     early, late = (
-        Configuration(U, F, bulk._mean(np.concatenate([dilatation.volumes(g.law, g.of(F)) for g in bulk.groups], -1)))
+        Configuration(
+            U, F, bulk._cell_means(np.concatenate([dilatation.volumes(g.law, g.of(F)) for g in bulk.groups], -1))
+        )
         for bulk, F in ((first, end), (anew, relative))
     )
     assert_close(late.dilatation, early.dilatation, 1e-12)

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.optimize import nnls
 
-from skmpm.implicit.equilibrium import RigidContacts, mechanism, motion
+from skmpm.implicit.equilibrium import RigidContacts, describe, mechanism
 
 FIXED = -1
 WEIGHT, UP = np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0])
@@ -45,7 +45,7 @@ def test_a_block_on_an_incline_slides_where_friction_is_less_than_the_slope(angl
     for few in (False, True):
         q = mechanism(pull(angle), contacts, few=few)
         assert q[0] > 0.0
-        assert motion(q, contacts).verb == "slides"
+        assert describe(q, contacts).verb == "slides"
 
 
 @pytest.mark.parametrize("angle", [0.1, 0.5, 1.0])
@@ -55,7 +55,7 @@ def test_a_tall_block_topples_where_its_centre_is_beyond_its_corner(angle):
     assert mechanism(pull(angle), block(100.0, width=1.01 * slope)) is None
     contacts = block(100.0, width=0.95 * slope)
     q = mechanism(pull(angle), contacts, few=True)
-    found = motion(q, contacts)
+    found = describe(q, contacts)
     assert q[2] < 0.0 and (found.body, found.verb, found.contact) == (0, "rotates", 1)
 
 
@@ -64,7 +64,7 @@ def test_a_disc_has_no_equilibrium_on_any_slope_and_rolls():
     assert mechanism(pull(0.0), contacts) is None
     q = mechanism(pull(0.01), contacts, few=True)
     assert q[0] == pytest.approx(-q[2], rel=1e-6)
-    assert motion(q, contacts).verb == "rotates"
+    assert describe(q, contacts).verb == "rotates"
 
 
 @pytest.mark.parametrize("angle", [0.6, 1.0, 1.3])
@@ -96,8 +96,8 @@ def test_an_arch_of_two_rods_pushes_outwards_by_half_the_cotangent(angle):
 def test_a_body_without_contacts_falls_and_what_supports_stop_does_not():
     free = touching([])
     q = mechanism(WEIGHT, free)
-    assert motion(q, free) == motion(-q, free)
-    assert motion(q, free).verb == "falls with no contact nearby"
+    assert describe(q, free) == describe(-q, free)
+    assert describe(q, free).verb == "falls with no contact nearby"
     assert mechanism(WEIGHT, touching([], supports=[0.0, 1.0, 0.0])) is None
     assert mechanism(np.zeros(3), free) is None
 
@@ -106,7 +106,7 @@ def test_the_message_names_the_moving_body_and_not_the_one_that_carries_it():
     """A block slides on another one, which lies on a rough floor: body 1, on body 0."""
     floor = [(0, FIXED, (s, -0.5), None, (0, 1), 1.0) for s in (-5.0, 5.0)]
     contacts = touching([*floor, *[(1, 0, (s, -0.5), (s, 0.5), (0, 1), 0.2) for s in (-0.5, 0.5)]], bodies=2)
-    found = motion(mechanism(np.tile(pull(0.3), 2), contacts, few=True), contacts)
+    found = describe(mechanism(np.tile(pull(0.3), 2), contacts, few=True), contacts)
     assert (found.body, found.verb) == (1, "slides") and found.contact in (2, 3)
 
 

@@ -25,8 +25,8 @@ from skmpm import (
     step,
 )
 from skmpm.implicit import Bulk, ContactProblem, Increment, contact_problem, frozen_geometry
+from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.matrix import solver_of
-from skmpm.implicit.mixing import Mixing
 
 R = 1e-3
 
@@ -116,9 +116,9 @@ def test_anderson_acceleration_converges_where_plain_iteration_diverges():
     basis = np.linalg.qr(rng.normal(size=(20, 20)))[0]
     values = np.repeat([-1.5, 0.9, 0.3, -0.2], 5)
     G, fixed = basis @ (values[:, None] * basis.T), rng.normal(size=20)
-    w, mixing = np.zeros(20), Mixing(np.ones(20))
+    w, acceleration = np.zeros(20), AndersonAcceleration(np.ones(20))
     for _ in range(6):
-        w = w + mixing.mixed(w, G @ (w - fixed) + fixed - w, 1.0, wanted=True)[0]
+        w = w + acceleration.accelerate(w, G @ (w - fixed) + fixed - w, 1.0, wanted=True)[0]
     assert np.abs(w - fixed).max() < 1e-9
 
 
@@ -202,10 +202,10 @@ def test_momentum_is_corrected_against_the_last_contact_solve_or_not_at_all():
     moving = np.repeat(grid.node_body == 1, 2) * 1.0
     kick = assembly.lumped * moving  # the impulse that balances its momentum
     assert step.drift(moving, impulse, impulse) == pytest.approx([0.0, np.sqrt(2.0) * 8e-6 / scene.cell])
-    assert step.momentum_corrected(moving, impulse, impulse) is None, "too far for a correction"
+    assert step.with_balanced_momentum(moving, impulse, impulse) is None, "too far for a correction"
     assert step.drift(moving, impulse, kick).max() < 1e-12
-    assert step.momentum_corrected(moving, impulse, kick) == pytest.approx(moving, rel=1e-12)
-    assert step.momentum_corrected(moving, impulse, 0.9999 * kick) == pytest.approx(0.9999 * moving, rel=1e-12)
+    assert step.with_balanced_momentum(moving, impulse, kick) == pytest.approx(moving, rel=1e-12)
+    assert step.with_balanced_momentum(moving, impulse, 0.9999 * kick) == pytest.approx(0.9999 * moving, rel=1e-12)
 
 
 def test_the_tolerated_energy_gain_is_relative_to_the_energy_exchanged_in_the_step():
@@ -250,7 +250,7 @@ def test_without_inertia_the_smallest_share_of_projection_that_makes_the_matrix_
     least = int(np.argmax(lowest > 0.0))
     assert lowest[-1] < 0.0 and least < 4
     b = np.random.default_rng(0).normal(size=still.size)
-    solution = solver_of(step, at, projected=False, touches=True)(b)
+    solution = solver_of(step, at, projected=False, in_contact=True)(b)
     assert mixed[least] @ (kept.T @ solution)[free] == pytest.approx((kept.T @ b)[free], rel=1e-6, abs=1e-6)
 
 

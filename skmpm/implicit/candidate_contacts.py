@@ -1,4 +1,4 @@
-"""Selection of the contacts that enter the contact problem: those that may close and whose gap can change."""
+"""Candidate contacts: those that enter the contact problem, since they may close and their gap can change."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from skmpm.implicit.errors import NotConverged, pair
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# [cells] Largest gap of a contact in the contact problem: more than an iteration moves a boundary point.
-MAX_ACTIVE_GAP = 0.08
+# [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
+# closes from a larger gap is one in the next.
+MAX_CANDIDATE_GAP = 0.08
 # [cells] Largest penetration of a supported point, a fifth of what `simulate.acceptance` accepts at walls.
 MAX_SUPPORTED_PENETRATION = 0.01
 ZERO_COMPONENT = 1e-9  # component of a unit normal that counts as zero
@@ -22,8 +23,10 @@ MIN_RESPONSE = 1e-12  # over the median diagonal entry of W: round-off of a cont
 BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
 
 
-def active(constraints: Constraints, grid: BodyGrids, supports: Elimination | None, supported: Bools) -> Constraints:
-    """The contacts that may close in an iteration and whose gap can change.
+def candidates(
+    constraints: Constraints, grid: BodyGrids, supports: Elimination | None, supported: Bools
+) -> Constraints:
+    """The contacts, closed or not, with gaps below `MAX_CANDIDATE_GAP` that can change.
 
     `supported` (2, n) are the velocity components of the points that supports prescribe.
 
@@ -32,7 +35,7 @@ def active(constraints: Constraints, grid: BodyGrids, supports: Elimination | No
     NotConverged
         if a point that cannot move penetrates what it touches
     """
-    constraints = constraints.among(constraints.gap < MAX_ACTIVE_GAP * grid.cell)
+    constraints = constraints.among(constraints.gap < MAX_CANDIDATE_GAP * grid.cell)
     if supports is None or constraints.size == 0:
         return constraints
     movable = _movable(constraints, grid, supports, supported)
