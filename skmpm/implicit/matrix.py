@@ -59,7 +59,7 @@ def _convexified(increment: Increment, A: sp.bsr_array, configuration: Configura
 def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Solver:
     """A solver with additional inertia for bodies under pressure whose rotation is unstable without contacts.
 
-    A body under pressure p that rotates by alpha while its loads keep their directions loses the energy p V alpha^2,
+    A body under pressure p that rotates by phi while its loads keep their directions loses the energy p V phi^2,
     which exceeds its rotational energy in long steps. Translations keep their inertia, so that an iteration balances
     the momentum of the body; in scenes with supports, whose reactions enter that balance, they do not.
     """

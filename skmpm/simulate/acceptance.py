@@ -50,10 +50,11 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
 def _check_energy(scheme: Scheme, after: State, budget: Budget) -> None:
     """Raise NotConverged if the bodies gain more energy than the work done on them and the tolerance.
 
-    In a solved step of backward Euler the energy changes by the work of loads, walls and supports minus
-    1/2 |v1 - v0|_M^2 + R, R = E(u0) - E(u1) + dt E'(u1) w, contacts included. R is half the second derivative of the
-    potential in the direction of the displacement increment: negative where bodies under pressure rotate or a column
-    buckles, and a share of the energy exchanged that decreases with dt.
+    In a solved step of backward Euler the energy changes by the work of loads, walls and supports, minus
+    1/2 |v1 - v0|_M^2, minus R = E_s(u0) - E_s(u1) + dt dE_s/du(u1) . w, E_s the stored energy, contacts included.
+    R is half the second derivative of E_s along the displacement increment: negative, so that energy is gained, where
+    bodies under pressure rotate or a column buckles. Such a gain is a fraction of the energy exchanged that decreases
+    with dt.
     """
     if scheme.explicit:
         limit, of = EXPLICIT_TOLERANCE * budget.largest, f"{_percent(budget.surplus, budget.largest)} of their energy"
@@ -116,11 +117,11 @@ def _tunnelling(state: State, point: int, cells: float) -> NotConverged:
 
 def _check_walls(scene: Scene, after: State) -> None:
     """Raise NotConverged if a point lies behind a wall; contact constrains boundary points only."""
-    own = scene.deformable[after.body]
+    deformable = scene.deformable[after.body]
     for i, (normal, point) in enumerate(zip(scene.normals.T, after.walls, strict=True)):
-        depth = -(normal @ (after.x - point[:, None]))[own] / scene.cell
+        depth = -(normal @ (after.x - point[:, None]))[deformable] / scene.cell
         if float(depth.max()) > MAX_WALL_PENETRATION:
-            b = after.body[own][np.argmax(depth)]
+            b = after.body[deformable][np.argmax(depth)]
             raise NotConverged(
                 f"body {b} and wall {i}",
                 f"a point lies {depth.max():.3g} cells behind the wall",

@@ -18,7 +18,7 @@ from skmpm.simulate.forces import equilibrium_depends_on_dt, external_force, int
 from skmpm.simulate.grid_to_points import end_state, kept_solver
 from skmpm.simulate.initial_state import can_touch, check_explicit, check_scheme
 from skmpm.simulate.regrid import assembly_of, bulk_of, check_connected, derived_of, regridded_state
-from skmpm.simulate.rigid_edges import indenting_edge
+from skmpm.simulate.rigid_edges import indenting_edge_message
 from skmpm.transfer import to_nodes
 
 LOAD_STEPS = "apply loads in steps, as functions of time, or use inertia; not a smaller dt"
@@ -43,8 +43,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
-    own = scene.deformable[state.body]
-    v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
+    deformable = scene.deformable[state.body]
+    v0 = to_nodes(assembly_of(state), state.mass[deformable], state.v[:, deformable], state.C[:, :, deformable])
     if not scheme.inertia:  # the initial guess moves only bodies that contacts or supports act on
         v0 *= np.repeat(interacting_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
     force, motions = (
@@ -100,19 +100,19 @@ def _failure(scene: Scene, start: State, increment: Increment, error: Exception)
 
     A shorter step has other equations, or at least another initial guess, which is the velocity at its start.
     """
-    reason = _overflow(start) if isinstance(error, FloatingPointError) else str(error)
-    edge = "" if increment.scheme.inertia else indenting_edge(scene, start.contacts)
+    reason = _floating_point_failure(start, error) if isinstance(error, FloatingPointError) else str(error)
+    edge = "" if increment.scheme.inertia else indenting_edge_message(scene, start.contacts)
     depends_on_dt = increment.depends_on_dt or bool(start.v.any())
     remedy = reason if depends_on_dt else reason.replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
     message = f"the step from t = {start.t:.6g} s with dt = {increment.dt:.3g} s failed: {remedy}{edge}"
     return StepFailed(message, start, retryable=depends_on_dt and getattr(error, "retryable", True))
 
 
-def _overflow(state: State) -> str:
-    """The message of a floating-point overflow, with the fastest body."""
+def _floating_point_failure(state: State, error: FloatingPointError) -> str:
+    """The message of an overflow, a division by zero or an invalid operation, with the fastest body."""
     fastest = int(np.argmax(np.abs(state.v).max(axis=0)))
     b = state.body[fastest]
-    return f"body {b}, the fastest of all: floating-point overflow; use a smaller dt or check its velocity"
+    return f"body {b}, the fastest of all: floating-point error ({error}); use a smaller dt or check its velocity"
 
 
 def check_time(name: str, value: object, lowest: float, expected: str) -> None:

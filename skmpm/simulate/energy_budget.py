@@ -30,10 +30,10 @@ class Budget:
     kinetic: float
     elastic: float
     external: float  # work of loads, supports, walls and rigid bodies
-    push_out: float  # work of contact forces on initial overlaps that the step removes
+    push_out: float  # penetration correction: work of contact forces on initial overlaps that the step removes
     viscous: float  # dissipated by the viscosity of materials
     noise: float  # round-off of energies
-    exchanged: float  # kinetic, elastic, external and viscous, one with another
+    exchanged: float  # sum of the magnitudes of the changes of kinetic and elastic energy, work and dissipation
     tolerated: float  # work of contact forces on open gaps, within `gap_tol`
     rounding: float  # kinetic energy of gap velocities that are round-off
 
@@ -137,7 +137,7 @@ def report_of(
 
 
 def _energy_of_reference_stress(bulk: Bulk) -> float:
-    """Elastic energy of linear materials when the body grids were built, 1/2 stress : C^-1 : stress [J/m]."""
+    """Elastic energy of linear materials in the reference configuration, 1/2 stress : C^-1 : stress [J/m]."""
     total = 0.0
     for law, points, _ in bulk.groups:
         if law.linear and law.stress_anchor is not None:

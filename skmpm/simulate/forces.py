@@ -1,4 +1,4 @@
-"""External forces: gravity and loads; and the bodies that contacts or supports act on."""
+"""External forces, gravity and loads, and properties of the loading that quasi-static steps need."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def external_force(scene: Scene, state: State, t: float) -> Array:
     assembly = assembly_of(state)
     if not (_has_gravity(scene) or scene.loads):
         return np.zeros(2 * assembly.grid.nodes)
-    own = scene.deformable[state.body]
-    at_points = state.mass * _gravity(scene, own, t) if _has_gravity(scene) else np.zeros_like(state.x)
+    deformable = scene.deformable[state.body]
+    at_points = state.mass * _gravity(scene, deformable, t) if _has_gravity(scene) else np.zeros_like(state.x)
     for loaded, force in zip(scene.loaded, scene.forces(t), strict=True):
         at_points[:, loaded.points] += force[:, None] * loaded.share
-    return np.asarray(assembly.grid.interpolation.T @ at_points[:, own].T).ravel()
+    return np.asarray(assembly.grid.interpolation.T @ at_points[:, deformable].T).ravel()
 
 
 def _has_gravity(scene: Scene) -> bool:
@@ -31,14 +31,14 @@ def _has_gravity(scene: Scene) -> bool:
     return callable(scene.gravity) or bool(np.any(scene.gravity))
 
 
-def _gravity(scene: Scene, own: NDArray[np.bool_], t: float) -> Array:
+def _gravity(scene: Scene, deformable: NDArray[np.bool_], t: float) -> Array:
     """Acceleration of the points of deformable bodies, (2, n) [m/s2]."""
-    g = np.zeros((2, own.size))
+    g = np.zeros((2, deformable.size))
     if callable(scene.gravity):
-        X = scene.initial_positions[:, own]
-        g[:, own] = field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X, t), X)
+        X = scene.initial_positions[:, deformable]
+        g[:, deformable] = field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X, t), X)
     else:
-        g[:, own] = np.asarray(scene.gravity, dtype=float)[:, None]
+        g[:, deformable] = np.asarray(scene.gravity, dtype=float)[:, None]
     return g
 
 
@@ -58,7 +58,10 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
 
 
 def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
-    """Which bodies contact forces or supports act on, (bodies,); without inertia no others move."""
+    """The bodies that contact forces of the last step or supports act on, (bodies,).
+
+    In a quasi-static step the initial guess of the velocities of other bodies is zero; they may move all the same.
+    """
     interacting = np.zeros(len(scene.bodies), dtype=bool)
     loaded = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
     interacting[loaded[loaded >= 0]] = True

@@ -50,10 +50,10 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         report=Report(),
     )
     state, _ = regridded_state(scene, state, scheme)
-    assembly, own = assembly_of(state), scene.deformable[body]
-    nodal = to_nodes(assembly, state.mass[own], v[:, own], C[:, :, own])
+    assembly, deformable = assembly_of(state), scene.deformable[body]
+    nodal = to_nodes(assembly, state.mass[deformable], v[:, deformable], C[:, :, deformable])
     weight = volume.copy()
-    weight[own] = assembly.volume
+    weight[deformable] = assembly.volume
     state = replace(state, weight=weight)
     at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
     return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
@@ -98,10 +98,10 @@ def initial_motion(scene: Scene) -> tuple[Array, Array]:
             v.append(np.repeat(motion(body.velocity, 0.0)[:, None], x.shape[1], axis=1))
             C.append(np.zeros((2, 2, x.shape[1])))
             continue
-        field, slope = _field(body.velocity, x, 1e-4 * scene.cell)
+        field, gradient = _field(body.velocity, x, 1e-4 * scene.cell)
         arm = x - (x @ weight / weight.sum())[:, None]
         v.append(field + body.spin * np.stack([-arm[1], arm[0]]))
-        C.append(slope + body.spin * np.array([[0.0, -1.0], [1.0, 0.0]])[:, :, None])
+        C.append(gradient + body.spin * np.array([[0.0, -1.0], [1.0, 0.0]])[:, :, None])
     return np.concatenate(v, axis=1), np.concatenate(C, axis=2)
 
 

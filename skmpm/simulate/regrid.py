@@ -1,4 +1,9 @@
-"""Building of body grids at the points of a state, and the bulk energy on them."""
+"""Building of body grids at the points of a state, and the bulk energy on them.
+
+The grids are built in a reference configuration, the anchor (`Scheme.anchor`): `State.x_anchor`, `F_anchor` and
+`stress_anchor` are the positions, deformation gradients and stresses that the points had there. Regridding makes the
+current configuration the reference configuration.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +27,12 @@ Array = NDArray[np.float64]
 
 
 def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, bool]:
-    """The state with body grids, and whether they were rebuilt, as deformation since then exceeds `scheme.anchor`."""
-    regridding = state.displacement.size == 0 or _deformed_beyond_anchor(state, scheme)
+    """The state with body grids, and whether the reference configuration was updated.
+
+    It is updated if the deformation from it exceeds `scheme.anchor`. Grids that belong to another scene or scheme are
+    rebuilt in the same reference configuration.
+    """
+    regridding = state.displacement.size == 0 or _reference_is_outdated(state, scheme)
     if not regridding and _still_valid(scene, state, scheme):
         return state, False
     if regridding:
@@ -60,17 +69,17 @@ def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
 
 
 def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
-    """Body grids at the anchor positions, and all data that depend on nothing else."""
-    own, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
+    """Body grids in the reference configuration, and the data that depend only on it."""
+    deformable, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
     x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
-    grid = build_grids(x[:, own], state.body[own], scene.cell, len(scene.bodies), inward[:, own])
-    volume = (scene.initial_volumes * determinant(state.F_anchor))[own]
+    grid = build_grids(x[:, deformable], state.body[deformable], scene.cell, len(scene.bodies), inward[:, deformable])
+    volume = (scene.initial_volumes * determinant(state.F_anchor))[deformable]
     weights = _weights(scene, grid, volume, x) if scheme.moment_fitting else volume
     return Derived(
-        assembly=prepare(grid, weights, state.mass[own], modulus),
+        assembly=prepare(grid, weights, state.mass[deformable], modulus),
         ghost=modulus,
         moment_fitting=scheme.moment_fitting,
-        supports=_supports(scene, grid, np.cumsum(own) - 1),
+        supports=_supports(scene, grid, np.cumsum(deformable) - 1),
         supporting=scene.supporting,
     )
 
@@ -125,8 +134,8 @@ def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
     return modulus
 
 
-def _deformed_beyond_anchor(state: State, scheme: Scheme) -> bool:
-    """Whether deformation since the grids were built exceeds `scheme.anchor`; always true if that is 0."""
+def _reference_is_outdated(state: State, scheme: Scheme) -> bool:
+    """Whether deformation from the reference configuration exceeds `scheme.anchor`; true after t = 0 if that is 0."""
     if not np.isfinite(scheme.anchor) or state.t == 0.0:
         return False
     if scheme.anchor == 0.0:
@@ -158,12 +167,12 @@ def assembly_of(state: State) -> Assembly:
 
 def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
     """The deformable bodies' energy, grouped by material."""
-    own = scene.deformable[state.body]
-    body = state.body[own]
+    deformable = scene.deformable[state.body]
+    body = state.body[deformable]
     of_body = [b.material for b in scene.bodies]
     kinds = dict.fromkeys(m for m in of_body if not isinstance(m, Rigid))
     groups = [(kind, np.flatnonzero(np.array([m == kind for m in of_body])[body])) for kind in kinds]
-    F, stress = state.F_anchor[:, :, own], state.stress_anchor[:, :, own]
+    F, stress = state.F_anchor[:, :, deformable], state.stress_anchor[:, :, deformable]
     undeformed = bool((np.eye(2)[:, :, None] == F).all())
-    at_anchor = (None if undeformed else F, stress if stress.any() else None)
-    return Bulk(assembly_of(state), groups, *at_anchor, tuple(averages_dilatation(scheme, kind) for kind in kinds))
+    reference = (None if undeformed else F, stress if stress.any() else None)
+    return Bulk(assembly_of(state), groups, *reference, tuple(averages_dilatation(scheme, kind) for kind in kinds))

@@ -1,4 +1,8 @@
-"""Sharp edges of rigid bodies that indent deformable ones, where stress is unbounded."""
+"""Sharp edges of rigid bodies, as those of a flat punch, that indent deformable bodies, where stress is unbounded.
+
+An edge is a boundary point where the boundary bends with less than a given radius; in plane strain it is an edge of
+the body. Corners, also of deformable bodies, are turns of an outline by more than 50 degrees (`outline.curve`).
+"""
 
 from __future__ import annotations
 
@@ -18,10 +22,10 @@ CHORD_FACTOR = 1.05  # of the rotation of the tangent over a chord to that over 
 MIN_EDGE_RADIUS = 0.5
 
 
-def indenting_edge(scene: Scene, contacts: Contacts) -> str:
-    """A message on the rigid edge that carries the largest contact force; empty if none does.
+def indenting_edge_message(scene: Scene, contacts: Contacts) -> str:
+    """The text on the rigid edge that carries the largest contact force, for error messages; empty if none does.
 
-    Rigid bodies contribute boundary points to contacts only at edges, as the first body.
+    Rigid bodies contribute boundary points to contacts only at edges, as the first body of a contact.
     """
     if contacts.gap.size == 0:
         return ""
@@ -66,7 +70,7 @@ def _ahead(scene: Scene, point: Ints, normal: Array, v: Array) -> Bools:
 
 def _beside(scene: Scene, point: Ints) -> Bools:
     """Whether a deformable body has the nearest point to points (k,), within a cell, (k, bodies)."""
-    x, own = scene.initial_positions, np.flatnonzero(scene.deformable[scene.owner])
-    distance, nearest = (np.asarray(a) for a in cKDTree(x[:, own].T).query(x[:, point].T))
+    x, deformable = scene.initial_positions, np.flatnonzero(scene.deformable[scene.owner])
+    distance, nearest = (np.asarray(a) for a in cKDTree(x[:, deformable].T).query(x[:, point].T))
     bodies = np.arange(len(scene.bodies))
-    return np.asarray((distance[:, None] < scene.cell) & (scene.owner[own[nearest]][:, None] == bodies))
+    return np.asarray((distance[:, None] < scene.cell) & (scene.owner[deformable[nearest]][:, None] == bodies))

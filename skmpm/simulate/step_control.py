@@ -11,7 +11,7 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
-PARTS = 2**MAX_HALVINGS  # of a full step: the length of every step is a multiple of a part
+PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
 SUCCESSES_BEFORE_DOUBLING = 4  # steps
 TIME_TOLERANCE = 1e-9  # over a step: round-off of times, by which the last step may miss `until`
 
