@@ -18,7 +18,7 @@ motion in one iteration and do not enter the residual.
 
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem
-from skmpm.implicit.errors import NotConverged
+from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import End, Increment
 from skmpm.implicit.statics import advance
@@ -30,8 +30,8 @@ __all__ = [
     "ContactProblem",
     "End",
     "Increment",
-    "NotConverged",
     "Solution",
+    "StepRejected",
     "Timer",
     "advance",
 ]

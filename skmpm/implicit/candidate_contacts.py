@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skmpm.constraint_elimination import Elimination
 from skmpm.contact import Constraints
 from skmpm.grid import BodyGrids
-from skmpm.implicit.errors import NotConverged, pair
+from skmpm.implicit.errors import StepRejected, pair
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -32,7 +32,7 @@ def candidates(
 
     Raises
     ------
-    NotConverged
+    StepRejected
         if a point that cannot move penetrates what it touches
     """
     constraints = constraints.among(constraints.gap < MAX_CANDIDATE_GAP * grid.cell)
@@ -42,7 +42,7 @@ def candidates(
     penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
     if penetrating.size:
         bodies = constraints.bodies[:, penetrating[0]]
-        raise NotConverged(pair(bodies), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
+        raise StepRejected(pair(bodies), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
     return constraints.among(movable)
 
 
@@ -56,9 +56,9 @@ def _movable(constraints: Constraints, grid: BodyGrids, supports: Elimination, s
 
 
 def check_response(constraints: Constraints, normal: Array, supports: Elimination | None) -> None:
-    """Raise NotConverged if a contact cannot respond along its normal; `normal` (k,) are entries of diag W [1/kg]."""
+    """Raise StepRejected if a contact cannot respond along its normal; `normal` (k,) are entries of diag W [1/kg]."""
     if supports is None:
         return
     stiffest = int(np.argmin(normal))
     if not normal[stiffest] > MIN_RESPONSE * float(np.median(normal)):
-        raise NotConverged(pair(constraints.bodies[:, stiffest]), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
+        raise StepRejected(pair(constraints.bodies[:, stiffest]), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)

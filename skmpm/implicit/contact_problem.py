@@ -15,7 +15,7 @@ from skmpm.contact import Constraints, Linearise
 from skmpm.implicit.candidate_contacts import candidates, check_response
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness, sticking
-from skmpm.implicit.errors import NotConverged, pair
+from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.timer import Timer
 from skmpm.linear import Delassus, Solver
@@ -200,7 +200,7 @@ class ContactProblem:
         """Direction and contact impulse without the geometric stiffness of contact."""
         impulses = self._impulses(W, known_increment, None)
         if impulses is None:
-            raise NotConverged(
+            raise StepRejected(
                 pair(self.constraints.bodies[:, self.worst_contact]),
                 f"the contact solver did not converge for {self.constraints.size} contacts:"
                 f" residual {self.solver_residual:.2g} (tolerance {self.increment.scheme.contact_tol:g}) here",

@@ -12,7 +12,7 @@ from skmpm.grid import BodyGrids
 SMALLER = "use a smaller dt"
 
 
-class NotConverged(RuntimeError):  # noqa: N818
+class StepRejected(RuntimeError):  # noqa: N818
     """The equations of a step were not solved, or its result was rejected: where, why, and the remedy."""
 
     def __init__(self, where: str, problem: str, remedy: str = SMALLER, *, retryable: bool = True) -> None:
@@ -26,13 +26,13 @@ def worst_body(grid: BodyGrids, imbalance: NDArray[np.float64]) -> str:
     return f"body {int(np.argmax(grid.sums(square.reshape(-1, 2).T).sum(axis=0)))}"
 
 
-def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> NotConverged:
+def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
     """The error of a failed Cholesky factorisation; LAPACK names the unknown of the first negative pivot."""
     found = re.match(r"(\d+)-th leading minor", str(error))
     if found is None:
-        return NotConverged("all bodies", str(error))
+        return StepRejected("all bodies", str(error))
     b = int(np.searchsorted(grid.blocks, int(found[1]) - 1, side="right")) - 1
-    return NotConverged(
+    return StepRejected(
         f"body {b}",
         "its matrix is not positive definite, even with the material tangent projected on positive semi-definite",
         "use a smaller dt, a smaller spacing of its points or a larger Scheme.ghost",

@@ -15,7 +15,7 @@ from skmpm.contact import Constraints
 from skmpm.contact.constraints import component_along
 from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.equilibrium import RigidContacts
-from skmpm.implicit.errors import NotConverged
+from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.frozen_geometry import force_scale
 from skmpm.implicit.residual import Increment
 
@@ -128,12 +128,12 @@ def excess_cells(increment: Increment, bodies: FloatingBodies, w: Array) -> Arra
 
 
 def check_step_motion(increment: Increment, bodies: FloatingBodies, w: Array) -> None:
-    """Raise NotConverged if a body has moved by more than `MAX_STEP_MOTION` outside the prescribed range."""
+    """Raise StepRejected if a body has moved by more than `MAX_STEP_MOTION` outside the prescribed range."""
     excess = excess_cells(increment, bodies, w)
     b = int(np.argmax(excess))
     if excess[b] > MAX_STEP_MOTION:
         smaller = "use a smaller dt, " if increment.depends_on_dt else ""
-        raise NotConverged(
+        raise StepRejected(
             f"body {bodies.bodies[b]}",
             f"no equilibrium was found within {excess[b]:.2g} cells of rigid motion",
             f"{smaller}add a Support or friction, apply loads in steps, or use inertia",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
-from skmpm.implicit.errors import NotConverged, indefinite, worst_body
+from skmpm.implicit.errors import StepRejected, indefinite, worst_body
 from skmpm.implicit.matrix import solver_of
 from skmpm.implicit.residual import MAX_DRIFT, Increment
 from skmpm.linear import Solver
@@ -51,7 +51,7 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
 
     Raises
     ------
-    NotConverged
+    StepRejected
         instead of a start from rest in scenes with supports, whose prescribed velocities exclude it
     """
     w = increment.initial_guess()
@@ -72,7 +72,7 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
         return rest, configuration
     worst = int(np.argmin(determinant(trial.F)))
     b = int(increment.grid.cell_body[increment.grid.cell_of_point[worst]])
-    raise NotConverged(f"body {b}", "the supports move so far in one step that points are inverted (det F <= 0)")
+    raise StepRejected(f"body {b}", "the supports move so far in one step that points are inverted (det F <= 0)")
 
 
 def needs_refactorisation(
@@ -148,7 +148,7 @@ def unmet_criteria(
     return unmet
 
 
-def not_converged(limit: int, unmet: list[tuple[str, str]]) -> NotConverged:
+def not_converged(limit: int, unmet: list[tuple[str, str]]) -> StepRejected:
     """The error after `limit` iterations, with the criteria that are not met."""
     criteria = ", ".join(f"{problem} at {where}" for where, problem in unmet)
-    return NotConverged(unmet[0][0], f"no convergence in {limit} Newton iterations: {criteria}")
+    return StepRejected(unmet[0][0], f"no convergence in {limit} Newton iterations: {criteria}")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.errors import NotConverged, worst_body
+from skmpm.implicit.errors import StepRejected, worst_body
 from skmpm.implicit.residual import Increment
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ def _search(
         if merit <= start + SUFFICIENT_DECREASE * length * decrease + round_off:
             return trial, trial_configuration
         length *= 0.5
-    raise NotConverged(
+    raise StepRejected(
         worst_body(increment.grid, gradient),
         "the line search found no step length that lowers the energy and keeps det F > 0 at all points",
     )

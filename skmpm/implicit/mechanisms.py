@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skmpm.contact import Constraints
 from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.equilibrium import LOAD_TOLERANCE, RigidContacts, describe, mechanism
-from skmpm.implicit.errors import NotConverged
+from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import FloatingBodies, rigid_contacts
 from skmpm.implicit.residual import Increment
 from skmpm.outline.curve import CORNER_COSINE
@@ -35,7 +35,7 @@ def rigid_initial_guess(
 
     Raises
     ------
-    NotConverged
+    StepRejected
         if the contacts cannot carry the loads after a motion of `MAX_FALL`
     """
     w = increment.prescribed_only()
@@ -69,8 +69,8 @@ def _carried(
 
 
 def diagnose(
-    increment: Increment, contact: ContactProblem, bodies: FloatingBodies, error: NotConverged
-) -> NotConverged:
+    increment: Increment, contact: ContactProblem, bodies: FloatingBodies, error: StepRejected
+) -> StepRejected:
     """The error that describes the mechanism of the last iteration's contacts, or `error` if there is none."""
     if not bodies.loaded or not hasattr(contact, "constraints"):
         return error
@@ -86,7 +86,7 @@ def no_equilibrium(
     bodies: FloatingBodies,
     constraints: Constraints,
     verdict: str = "there is no equilibrium",
-) -> NotConverged | None:
+) -> StepRejected | None:
     """The error that describes the mechanism of the closest contacts; None if they can carry the loads."""
     closest = _closest(constraints, GAP_MARGIN * increment.grid.cell)
     contacts = rigid_contacts(increment, bodies, closest)
@@ -101,7 +101,7 @@ def no_equilibrium(
         verb = "topples" if _at_corner(increment, closest, found.contact, b) else "rolls"
     where = "" if found.contact < 0 else f" {_on(closest, found.contact, b, increment.grid.cell)}"
     force = bodies.resultant[3 * found.body : 3 * found.body + 2]
-    return NotConverged(
+    return StepRejected(
         f"body {b}",
         f"{verdict}: it {verb}{where}; its load is ({force[0]:.3g}, {force[1]:.3g}) N/m",
         f"add a Support, a wall{remedy}, or use inertia",

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.contact_problem import ContactProblem
-from skmpm.implicit.errors import NotConverged
+from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import null_space
 from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
@@ -41,7 +41,7 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     that includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity; it
     is refactorised where convergence is slow. Near a limit point of the contacts there may be no solution: then the
     contact geometry is frozen (`frozen_geometry`), and replaced by that of a later iterate where it makes a moment.
-    NotConverged is raised after `max_newton` iterations, in a dynamic step with contacts after
+    StepRejected is raised after `max_newton` iterations, in a dynamic step with contacts after
     `MAX_ITERATIONS_WITH_CONTACT`, and if the contact solver or the line search fails.
     """
     if contact is None:
@@ -98,7 +98,7 @@ def _evaluate(
 
 
 def _check_resultants(increment: Increment) -> None:
-    """Raise NotConverged where the loads have a resultant on a rigid-body mode of a floating body."""
+    """Raise StepRejected where the loads have a resultant on a rigid-body mode of a floating body."""
     if not increment.floating.any():
         return
     grid, motions = increment.grid, increment.grid.rigid_motions()
@@ -109,7 +109,7 @@ def _check_resultants(increment: Increment) -> None:
         free = null_space(violation[owner == b].T @ violation[owner == b])
         size, resultant = np.abs(increment.force[dofs]).sum(), increment.force[dofs] @ motions[dofs]
         if np.abs(free.T @ resultant).max(initial=0.0) > 1e-6 * size * np.sqrt(dofs.stop - dofs.start):
-            raise NotConverged(
+            raise StepRejected(
                 f"body {b}",
                 "its loads have a resultant that no support or contact balances:"
                 f" ({resultant[0]:.3g}, {resultant[1]:.3g}) N/m",

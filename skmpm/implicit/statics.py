@@ -13,7 +13,7 @@ from skmpm.implicit import newton
 from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
-from skmpm.implicit.errors import NotConverged
+from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import (
     FloatingBodies,
     check_step_motion,
@@ -57,7 +57,7 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
 
     Raises
     ------
-    NotConverged
+    StepRejected
         if there is no equilibrium, which limit analysis finds before the first iteration as far as it can, or if none
         is found
     """
@@ -69,7 +69,7 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     try:
         start = first_velocity(increment) if guess is None else (guess, increment.at(guess))
         return _newton(increment, contact, bodies, start, kept, timer)
-    except NotConverged as error:
+    except StepRejected as error:
         raise diagnose(increment, contact, bodies, error) from error
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact import point_to_curve
-from skmpm.implicit import NotConverged
+from skmpm.implicit import StepRejected
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme
@@ -27,14 +27,14 @@ EXPLICIT_TOLERANCE = 0.05  # over the largest energy: gain in an explicit step, 
 
 
 def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> float:
-    """Overlap area over the area of all bodies after a step; NotConverged if the step violates a check."""
+    """Overlap area over the area of all bodies after a step; StepRejected if the step violates a check."""
     if not (np.isfinite(budget.elastic) and float(after.volume.min()) > 0.0):
         b = int(after.body[np.argmin(determinant(after.F))])
         material = scene.bodies[b].material
         linear = not isinstance(material, Rigid) and is_linear(material)
         small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
         remedy = f"use a smaller dt{small}"
-        raise NotConverged(f"body {b}", "points are inverted (det F <= 0) at the end of the step", remedy)
+        raise StepRejected(f"body {b}", "points are inverted (det F <= 0) at the end of the step", remedy)
     if scheme.inertia and scheme.theta == 1.0:
         _check_energy(scheme, after, budget)
     _check_crossings(scene, after)
@@ -48,7 +48,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
 
 
 def _check_energy(scheme: Scheme, after: State, budget: Budget) -> None:
-    """Raise NotConverged if the bodies gain more energy than the work done on them and the tolerance.
+    """Raise StepRejected if the bodies gain more energy than the work done on them and the tolerance.
 
     In a solved step of backward Euler the energy changes by the work of loads, walls and supports, minus
     1/2 |v1 - v0|_M^2, minus R = E_s(u0) - E_s(u1) + dt dE_s/du(u1) . w, E_s the stored energy, contacts included.
@@ -64,7 +64,7 @@ def _check_energy(scheme: Scheme, after: State, budget: Budget) -> None:
     if budget.surplus > limit:
         b = after.body[np.argmin(determinant(after.F))]
         tolerance = _percent(EXPLICIT_TOLERANCE if scheme.explicit else CURVATURE_TOLERANCE, 1.0)
-        raise NotConverged(f"body {b}", f"the bodies gain energy without work, {of} (tolerance {tolerance})")
+        raise StepRejected(f"body {b}", f"the bodies gain energy without work, {of} (tolerance {tolerance})")
 
 
 def _percent(value: float, of: float) -> str:
@@ -72,7 +72,7 @@ def _percent(value: float, of: float) -> str:
 
 
 def _check_crossings(scene: Scene, after: State) -> None:
-    """Raise NotConverged if the outline of a deformable body crosses itself: self-contact is not modelled."""
+    """Raise StepRejected if the outline of a deformable body crosses itself: self-contact is not modelled."""
     boundary = scene.outlines
     if boundary.size == 0:
         return
@@ -83,7 +83,7 @@ def _check_crossings(scene: Scene, after: State) -> None:
     length = outline.apart(boundary, x, *pairs)
     i, j = pairs[:, np.argmax(length)]
     local = float(length.max()) <= UNRESOLVED_FOLD * scene.cell
-    raise NotConverged(
+    raise StepRejected(
         f"body {boundary.body[i]}",
         f"its outline crosses itself near ({x[0, i]:.6g}, {x[1, i]:.6g}) and ({x[0, j]:.6g}, {x[1, j]:.6g}) m",
         "it folds there: use smaller loads, a finer cell or rounder corners"
@@ -93,7 +93,7 @@ def _check_crossings(scene: Scene, after: State) -> None:
 
 
 def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> None:
-    """Raise NotConverged if a point moves so far, relative to the mean or a wall, that contact may go undetected.
+    """Raise StepRejected if a point moves so far, relative to the mean or a wall, that contact may go undetected.
 
     With outlines, bodies that tunnel by less than their thickness overlap, which `_check_overlap` detects.
     """
@@ -110,19 +110,19 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> Non
             raise _tunnelling(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
 
 
-def _tunnelling(state: State, point: int, cells: float) -> NotConverged:
+def _tunnelling(state: State, point: int, cells: float) -> StepRejected:
     where = f"body {state.body[point]}"
-    return NotConverged(where, f"a point moves {cells:.3g} cells past others in one step, and may pass through them")
+    return StepRejected(where, f"a point moves {cells:.3g} cells past others in one step, and may pass through them")
 
 
 def _check_walls(scene: Scene, after: State) -> None:
-    """Raise NotConverged if a point lies behind a wall; contact constrains boundary points only."""
+    """Raise StepRejected if a point lies behind a wall; contact constrains boundary points only."""
     deformable = scene.deformable[after.body]
     for i, (normal, point) in enumerate(zip(scene.normals.T, after.walls, strict=True)):
         depth = -(normal @ (after.x - point[:, None]))[deformable] / scene.cell
         if float(depth.max()) > MAX_WALL_PENETRATION:
             b = after.body[deformable][np.argmax(depth)]
-            raise NotConverged(
+            raise StepRejected(
                 f"body {b} and wall {i}",
                 f"a point lies {depth.max():.3g} cells behind the wall",
                 "use a smaller dt or cell, or compress less",
@@ -140,5 +140,5 @@ def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
     depth = outline.lens_depth(shared, size[pairs]) / scene.cell
     if exact and float(depth.max(initial=0.0)) > MAX_BODY_PENETRATION:
         a, b = pairs[:, np.argmax(depth)]
-        raise NotConverged(f"bodies {a} and {b}", f"they overlap by {depth.max():.3g} cells")
+        raise StepRejected(f"bodies {a} and {b}", f"they overlap by {depth.max():.3g} cells")
     return float(shared.sum() / size.sum())

@@ -7,7 +7,7 @@ from numbers import Real
 
 import numpy as np
 
-from skmpm.implicit import ContactProblem, Increment, NotConverged, Timer, advance
+from skmpm.implicit import ContactProblem, Increment, StepRejected, Timer, advance
 from skmpm.implicit.errors import SMALLER
 from skmpm.linear import Delassus, one_thread
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
@@ -70,7 +70,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             timer.lap("report")
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
-    except (NotConverged, np.linalg.LinAlgError, FloatingPointError) as error:
+    except (StepRejected, np.linalg.LinAlgError, FloatingPointError) as error:
         raise _failure(scene, start, increment, error) from error
     report = report_of(start.report.energy, increment, solution, budget, overlap, regridded=regridded)
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))

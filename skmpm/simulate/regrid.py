@@ -17,7 +17,7 @@ from skmpm import outline
 from skmpm.assembly import Assembly, prepare
 from skmpm.constraint_elimination import Elimination, eliminate
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.implicit import Bulk, NotConverged
+from skmpm.implicit import Bulk, StepRejected
 from skmpm.material import Rigid, bounded_modulus, determinant, inverse, product
 from skmpm.moment_fitting import fitted_weights
 from skmpm.scene import Derived, Scene, SceneError, State
@@ -85,12 +85,12 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
 
 
 def check_connected(scene: Scene, state: State) -> None:
-    """Raise NotConverged if the cells of a body form several components: nothing would connect its parts."""
+    """Raise StepRejected if the cells of a body form several components: nothing would connect its parts."""
     grid = assembly_of(state).grid
     parts = np.array([len(body.points.outline) or grid.cells for body in scene.bodies])
     disconnected = np.flatnonzero(grid.pieces > parts)
     if disconnected.size:
-        raise NotConverged(
+        raise StepRejected(
             f"body {disconnected[0]}",
             f"its cells form {grid.pieces[disconnected[0]]} pieces that share no node",
             "use a smaller spacing of its points or a larger cell",

@@ -11,7 +11,7 @@ from threading import current_thread, main_thread
 from time import perf_counter
 from types import FrameType
 
-from skmpm.implicit import NotConverged
+from skmpm.implicit import StepRejected
 from skmpm.io import save, writable
 from skmpm.progress import Progress
 from skmpm.scene import Scene, SceneError, State, check_fits
@@ -72,7 +72,7 @@ def _first(scene: Scene, scheme: Scheme) -> State:
     state = initial(scene, scheme=scheme)
     try:
         check_connected(scene, state)
-    except NotConverged as error:
+    except StepRejected as error:
         raise SceneError(str(error)) from error
     return state
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skmpm import Body, NeoHookean, Scene, SceneError, Scheme, Wall, disc, initial, preflight, simulate, step
-from skmpm.implicit import NotConverged
+from skmpm.implicit import StepRejected
 from skmpm.material import LinearElastic, Viscous, determinant, inverse, product
 from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.energy_budget import Budget
@@ -111,7 +111,7 @@ def test_what_viscosity_takes_does_not_hide_a_gain_of_energy():
     limits = {"tolerated": 0.0, "rounding": 0.0}
     budget = Budget(**energies, elastic=0.95, viscous=0.05, exchanged=0.1, **limits)
     assert check_step(scene, Scheme(), state, state, budget) == 0.0
-    with pytest.raises(NotConverged, match="the bodies gain energy without work"):
+    with pytest.raises(StepRejected, match="the bodies gain energy without work"):
         check_step(scene, Scheme(), state, state, replace(budget, elastic=1.0, exchanged=0.05))
 
 
