@@ -26,7 +26,7 @@ BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold 
 def candidates(
     constraints: Constraints, grid: BodyGrids, supports: Elimination | None, supported: Bools
 ) -> Constraints:
-    """The contacts, closed or not, with gaps below `MAX_CANDIDATE_GAP` that can change.
+    """The contacts, closed or not, whose gap is below `MAX_CANDIDATE_GAP` and can change.
 
     `supported` (2, n) are the velocity components of the points that supports prescribe.
 

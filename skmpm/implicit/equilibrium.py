@@ -43,10 +43,11 @@ class RigidContacts:
     @property
     def resisting(self) -> sp.csr_array:
         """Rows that must not be negative in a mechanism: n - mu t and n + mu t, or n without friction."""
-        rough = np.flatnonzero(self.friction > 0.0)
-        slope = sp.diags_array(self.friction[rough]) @ self.tangent[rough]
-        smooth = self.normal[np.flatnonzero(self.friction == 0.0)]
-        return sp.csr_array(sp.vstack([smooth, self.normal[rough] - slope, self.normal[rough] + slope]))
+        frictional = np.flatnonzero(self.friction > 0.0)
+        normal = self.normal[frictional]
+        tangential = sp.diags_array(self.friction[frictional]) @ self.tangent[frictional]
+        frictionless = self.normal[np.flatnonzero(self.friction == 0.0)]
+        return sp.csr_array(sp.vstack([frictionless, normal - tangential, normal + tangential]))
 
 
 def mechanism(load: Array, contacts: RigidContacts, *, few: bool = False) -> Array | None:

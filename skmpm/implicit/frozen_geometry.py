@@ -53,7 +53,7 @@ def unmet_moment(increment: Increment, contact: ContactProblem | None, w: Array)
     if moment.max() <= MAX_FROZEN_MOMENT:
         return []
     size = (
-        f"contacts near a limit point, whose frozen normals cause a moment of {moment.max():.2g} of the forces"
+        f"contacts near a limit point, whose frozen geometry causes a moment of {moment.max():.2g} of the forces"
         f" (tolerance {MAX_FROZEN_MOMENT:g})"
     )
     return [(f"body {np.argmax(moment)}", size)]

@@ -29,7 +29,7 @@ def rigid_initial_guess(
 ) -> Array | None:
     """The velocity (2 nodes,) that moves bodies along a collapse mechanism to contacts which can carry their loads.
 
-    It is None if the contacts of the prescribed motion alone, `constraints`, can carry the loads or there are none,
+    It is None if there are no loads, if the contacts of the prescribed motion alone, `constraints`, can carry them,
     and if `MAX_DETECTIONS` steps along the mechanism do not suffice. Bodies move as rigid bodies until they meet
     further contacts.
 

@@ -98,7 +98,7 @@ def _contact_problem(
 def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:
     """The failure of the step from a state; it is retryable if a shorter step is another problem.
 
-    A shorter step has other equations, or at least another initial guess, which is the velocity at its start.
+    It has other equations, or at least another initial guess: displacements by the velocity at its start.
     """
     reason = _floating_point_failure(start, error) if isinstance(error, FloatingPointError) else str(error)
     edge = "" if increment.scheme.inertia else indenting_edge_message(scene, start.contacts)

@@ -80,7 +80,7 @@ def check_scheme(name: str, scheme: object) -> None:
 
 
 def check_explicit(name: str, scene: Scene, scheme: Scheme) -> None:
-    """Raise ValueError where an explicit step meets viscous forces, which it does not know."""
+    """Raise ValueError if explicit steps are requested for viscous bodies: they do not include viscous forces."""
     for b, body in enumerate(scene.bodies if scheme.explicit else ()):
         if not isinstance(body.material, Rigid) and viscosity_of(body.material) > 0.0:
             raise ValueError(
