@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, bool]:
     """The state with body grids, and whether the reference configuration was updated.
 
-    It is updated if the deformation from it exceeds `scheme.anchor`. Grids that belong to another scene or scheme are
-    rebuilt in the same reference configuration.
+    It is updated if the deformation from it exceeds `scheme.anchor`, and set in a state without grids. Grids that
+    belong to another scene or scheme are rebuilt in the same reference configuration.
     """
     regridding = state.displacement.size == 0 or _reference_is_outdated(state, scheme)
     if not regridding and _still_valid(scene, state, scheme):
