@@ -8,7 +8,7 @@ from typing import Any
 
 from skmpm import linear as _linear
 from skmpm import transfer as _transfer
-from skmpm.contact import ContactLaw, point_to_curve, shared_grid
+from skmpm.contact import ContactLaw, acts_at_grid_nodes, point_to_curve, shared_grid
 from skmpm.linear import Linear
 from skmpm.material import Material, poisson_ratio
 from skmpm.transfer import Transfer
@@ -29,7 +29,7 @@ class Scheme:
     theta : Moreau-Jean parameter in [1/2, 1]: 1 is backward Euler, 1/2 the midpoint rule
     anchor : regrid when the strain or rotation since the last regridding, max |F - I|, exceeds this; inf: never
         (total Lagrangian), 0: at every step (updated Lagrangian, as in Nezamabadi et al. 2017)
-    contact : `contact.point_to_curve` or `contact.shared_grid`
+    contact : `contact.point_to_curve`, `contact.shared_grid` or another contact law (`skmpm.contact`)
     transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
     ghost : gamma, the coefficient of the ghost penalty on cells filled less than 0.6, relative to the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
@@ -100,7 +100,7 @@ class Scheme:
                 f"Scheme: explicit with inertia = {self.inertia}, theta = {self.theta}; explicit steps need"
                 " inertia = True and theta = 1"
             )
-        if self.contact is shared_grid and self.anchor != 0.0:
+        if acts_at_grid_nodes(self.contact) and self.anchor != 0.0:
             raise ValueError(
                 f"Scheme: contact = shared_grid with anchor = {self.anchor}; bodies share nodes only where"
                 " body grids are rebuilt at every step: use anchor = 0"

@@ -182,6 +182,15 @@ Linearise = Callable[[Array], Constraints]
 ContactLaw = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities], Linearise]
 
 
+def acts_at_grid_nodes(law: ContactLaw) -> bool:
+    """Whether a contact law acts at grid nodes that bodies share, by its optional attribute `at_grid_nodes`.
+
+    Such a law measures no gaps and needs body grids rebuilt at every step. Any other acts between outlines and is
+    held to the checks of its gaps, functions that call `point_to_curve` among them.
+    """
+    return bool(getattr(law, "at_grid_nodes", False))
+
+
 def _match(known: Ints, wanted: Ints) -> tuple[NDArray[np.bool_], Ints]:
     """For each wanted key, whether it is one of the known keys (unique) and at which index."""
     order = np.argsort(known)

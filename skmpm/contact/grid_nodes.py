@@ -37,33 +37,40 @@ class _Nodes:
     prescribed: Array  # (2, nodes) [m/s]
 
 
-def shared_grid(
-    scene: Scene,
-    state: State,
-    grid: BodyGrids,
-    dt: float,
-    theta: float = 1.0,
-    motions: PrescribedVelocities | None = None,
-) -> Linearise:
-    """Contact at grid nodes that bodies share; walls are slabs of rigid material points.
+@dataclass(frozen=True)
+class SharedGrid:
+    """Contact at grid nodes that bodies share; walls are slabs of rigid material points."""
 
-    `motions` are the prescribed velocities of the step, evaluated here if not given.
-    """
-    unknown = scene.deformable[state.body]
-    if not np.array_equal(state.x_anchor, state.x):
-        raise SceneError(
-            "shared_grid needs body grids rebuilt at every step; use Scheme(anchor=0) or Scheme.nezamabadi2017()"
+    at_grid_nodes: bool = True  # and not between outlines, see `acts_at_grid_nodes`
+
+    def __call__(
+        self,
+        scene: Scene,
+        state: State,
+        grid: BodyGrids,
+        dt: float,
+        theta: float = 1.0,
+        motions: PrescribedVelocities | None = None,
+    ) -> Linearise:
+        """The constraints, the same for all w; `motions` of the step are evaluated here if not given."""
+        unknown = scene.deformable[state.body]
+        if not np.array_equal(state.x_anchor, state.x):
+            raise SceneError(
+                "shared_grid needs body grids rebuilt at every step; use Scheme(anchor=0) or Scheme.nezamabadi2017()"
+            )
+        motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
+        nodes = joined(
+            [
+                _deformable(grid, state.mass[unknown]),
+                _rigid(scene, state, grid.cell, motions.rigid),
+                _walls(scene, state, grid.cell, motions.walls.T),
+            ]
         )
-    motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
-    nodes = joined(
-        [
-            _deformable(grid, state.mass[unknown]),
-            _rigid(scene, state, grid.cell, motions.rigid),
-            _walls(scene, state, grid.cell, motions.walls.T),
-        ]
-    )
-    constraints = _constraints(scene, nodes, *_pairs(nodes), grid)
-    return lambda w: constraints
+        constraints = _constraints(scene, nodes, *_pairs(nodes), grid)
+        return lambda w: constraints
+
+
+shared_grid = SharedGrid()
 
 
 def _deformable(grid: BodyGrids, mass: Array) -> _Nodes:

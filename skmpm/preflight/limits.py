@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.contact import shared_grid
+from skmpm.contact import acts_at_grid_nodes
 from skmpm.material import Rigid, is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
@@ -194,7 +194,7 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if scheme.theta < 1.0 and metrics.points.size + len(scene.walls) > 2:
         verified = "only collisions of two were verified, lasting contact with theta = 1"
         yield f"scheme: theta = {scheme.theta:g} with contact; {verified}; use theta = 1"
-    if scheme.contact is shared_grid:
+    if acts_at_grid_nodes(scheme.contact):
         verified = "contact begins one to two and a half cells too early"
         yield f"scheme: contact = shared_grid; {verified}; use contact.point_to_curve"
     if not scheme.inertia and initial_motion(scene)[0][:, scene.deformable[scene.owner]].any():
@@ -206,7 +206,7 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 
 def _edges(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    if scheme.inertia or scheme.contact is shared_grid:
+    if scheme.inertia or acts_at_grid_nodes(scheme.contact):
         return
     radius = MIN_EDGE_RADIUS * metrics.cell
     found = facing_edges(scene, initial_motion(scene)[0], radius)

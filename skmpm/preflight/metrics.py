@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm import linear
 from skmpm.assembly import ghost_facets
+from skmpm.contact import acts_at_grid_nodes
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import Rigid, is_linear
 from skmpm.outline import slit_width
@@ -93,7 +94,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         fall=loading.fall,
         rotation=rotation[own],
         touches=touches,
-        contact=getattr(scheme.contact, "__name__", type(scheme.contact).__name__).replace("_", " "),
+        contact=_contact_law(scheme),
         friction=float(max([scene.friction, *(wall.friction for wall in scene.walls)])) if touches else 0.0,
         linear=all(is_linear(material) for material in soft),
         inertia=scheme.inertia,
@@ -111,6 +112,13 @@ def _grid(scene: Scene, body: Ints) -> tuple[BodyGrids, int]:
     facets, _ = ghost_facets(grid, volume[soft])
     reach = max(int(np.ptp(nodes, axis=0).max(initial=0)) for nodes in (grid.nodes_of_cell, facets))
     return grid, 2 * reach + 1
+
+
+def _contact_law(scheme: Scheme) -> str:
+    """Name of the contact law in words."""
+    if acts_at_grid_nodes(scheme.contact):
+        return "shared grid"
+    return str(getattr(scheme.contact, "__name__", type(scheme.contact).__name__)).replace("_", " ")
 
 
 def _solver(scheme: Scheme, width: int) -> str:

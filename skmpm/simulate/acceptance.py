@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.contact import point_to_curve
+from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import StepRejected
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import Scene, State
@@ -40,7 +40,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     _check_crossings(scene, after)
     if not can_touch(scene):
         return 0.0
-    exact = scheme.contact is point_to_curve
+    exact = not acts_at_grid_nodes(scheme.contact)
     _check_travel(scene, before, after, exact)
     if exact:
         _check_walls(scene, after)

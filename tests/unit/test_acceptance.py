@@ -1,12 +1,18 @@
 """Acceptance checks of a solved step."""
 
 import sys
+from dataclasses import replace
+from functools import partial, wraps
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from skmpm import Body, NeoHookean, Rigid, Scene, StepFailed, Support, Wall, observe, simulate
+from skmpm import Body, NeoHookean, Rigid, Scene, Scheme, StepFailed, Support, Wall, disc, observe, simulate
+from skmpm.contact import point_to_curve, shared_grid
+from skmpm.implicit import NotConverged
+from skmpm.simulate.acceptance import check_step
+from skmpm.simulate.energy_budget import Budget
 
 sys.path.append(str(Path(__file__).parents[1] / "verification"))
 from sectors import sector
@@ -52,3 +58,36 @@ def test_a_rigid_body_may_be_bent():
     disc = Body(sector(0.2, 0.3, 0.1, 3.0, spacing=0.03), GUM)
     *_, state = simulate(Scene([hook, disc], cell=0.05), dt=1e-3, until=5e-3)
     assert state.t == 5e-3
+
+
+# What every step fulfils that changes no energy.
+NO_GAIN = Budget(
+    before=1.0, kinetic=0.0, external=0.0, push_out=0.0, elastic=1.0, viscous=0.0, exchanged=0.0, noise=1e-300,
+    tolerated=0.0, rounding=0.0,
+)  # fmt: skip
+
+
+@wraps(point_to_curve)
+def wrapped(*arguments):
+    return point_to_curve(*arguments)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [point_to_curve, wrapped, partial(point_to_curve), lambda *arguments: point_to_curve(*arguments)],
+    ids=["itself", "wrapped", "partial", "lambda"],
+)
+def test_gaps_are_checked_whatever_a_contact_law_is_wrapped_in(law):
+    """A tenth of a cell behind a wall or half a cell in one another fails a step, with every law between outlines."""
+    discs = [Body(disc((x, 0.0), 1.0, spacing=0.125), GUM) for x in (0.0, 2.01)]
+    scene = Scene(discs, cell=0.25, walls=[Wall((0, -1.01), (0, 1))])
+    *_, state = simulate(scene, dt=1e-4, until=1e-4, scheme=Scheme(contact=law))
+    apart = np.where(state.body == 0, 0.5, -0.5) * 0.25 * np.array([[1.0], [0.0]])
+    for fault, moved in (
+        ("behind the wall", np.array([[0.0], [-0.035]])),
+        (r"bodies 0 and 1.*overlap by", apart),
+    ):
+        after = replace(state, x=state.x + moved)
+        with pytest.raises(NotConverged, match=fault):
+            check_step(scene, Scheme(contact=law), state, after, NO_GAIN)
+        check_step(scene, Scheme(contact=shared_grid, anchor=0.0), state, after, NO_GAIN)

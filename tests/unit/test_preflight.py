@@ -109,6 +109,7 @@ def test_bodies_walls_and_a_rigid_one():
     assert metrics.approach == pytest.approx(1e-6 / H * np.hypot(3.0 + 2.0 * R, up + 4.0), rel=1e-3)
     assert metrics.rotation == pytest.approx([0.0, 2e-6])
     assert metrics.friction == 0.7 and metrics.contact == "point to curve" and metrics.touches and not metrics.linear
+    assert examine(scene, 1e-6, Scheme.nezamabadi2017()).contact == "shared grid"
 
 
 @pytest.mark.parametrize("radius", [3.3, 12.0, 90.0])
