@@ -179,18 +179,18 @@ class BodyGrids:
         x, body = self.position, self.node_body
         centre = self.means(x)
         first = self.blocks[:-1] // 2
-        held = np.flatnonzero(stiffness > 0.0)
+        chosen = np.flatnonzero(stiffness > 0.0)
 
         def nearest(distance: Array) -> Ints:
-            return np.asarray(np.lexsort((distance, body))[first[held]])
+            return np.asarray(np.lexsort((distance, body))[first[chosen]])
 
         middle = nearest(np.hypot(*(x - centre[:, body])))
         pinned = np.zeros((2, self.bodies))
-        pinned[:, held] = x[:, middle]
+        pinned[:, chosen] = x[:, middle]
         outer = nearest(-np.hypot(*(x - pinned[:, body])))
         arm = x[:, outer] - x[:, middle]
         across = np.stack([-arm[1], arm[0]]) / np.hypot(*arm)
         springs = np.zeros((self.nodes, 2, 2))
-        springs[middle] = stiffness[held, None, None] * np.eye(2)
-        springs[outer] = stiffness[held, None, None] * np.einsum("ib,jb->bij", across, across)
+        springs[middle] = stiffness[chosen, None, None] * np.eye(2)
+        springs[outer] = stiffness[chosen, None, None] * np.einsum("ib,jb->bij", across, across)
         return springs

@@ -26,7 +26,7 @@ def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None,
     Only its excess over `newton_tol` times the largest force scale of all bodies counts, the tolerance of the
     balance. It is zero for bodies without free rigid-body modes, whose supports balance it.
     """
-    grid, held = increment.grid, 0.0 if increment.supports is None else increment.supports.holds
+    grid, restrained = increment.grid, 0.0 if increment.supports is None else increment.supports.holds
     if contact is None or contact.frozen is None:
         return np.zeros(grid.bodies)
     weight = increment.bulk.assembly.lumped[::2]
@@ -35,7 +35,7 @@ def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None,
     forces = force_scale(increment, contact)
     moment = np.abs(_sums(contact, contact.frozen_geometry_moments(w), grid.bodies))
     excess = moment / np.where(radius > 0.0, radius, np.inf) - increment.scheme.newton_tol * forces.max()
-    return np.asarray(np.where(held, 0.0, np.maximum(excess, 0.0) / np.maximum(forces, 1e-300)))
+    return np.asarray(np.where(restrained, 0.0, np.maximum(excess, 0.0) / np.maximum(forces, 1e-300)))
 
 
 def force_scale(increment: Increment, contact: ContactProblem) -> Array:

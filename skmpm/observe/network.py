@@ -101,8 +101,8 @@ def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int
     share = _share(*contacts.bodies[:, contact])
     contact, share = contact[share > 0.0], share[share > 0.0]
     c, (first, second) = index[contacts.point[contact]], contacts.bodies[:, contact]
-    held = _between(c, second - second.min(initial=0), forced(contacts)[contact], outlines)
-    closed = np.flatnonzero((contacts.gap[contact] < CLOSED * cell) | held)
+    enclosed = _between(c, second - second.min(initial=0), forced(contacts)[contact], outlines)
+    closed = np.flatnonzero((contacts.gap[contact] < CLOSED * cell) | enclosed)
     c, first, second, share = c[closed], first[closed], second[closed], share[closed]
     length = np.zeros(c.size)
     for neighbour in (outlines.next, outlines.previous):

@@ -133,20 +133,20 @@ def _check_supports(scene: Scene) -> None:
         if not isinstance(support, Support):
             raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
     holder = np.full((2, scene.offsets[-1]), -1)
-    for i, (prescribed, held) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
-        _check_not_empty(f"support {i}: where", scene, held)
+    for i, (prescribed, supported) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
+        _check_not_empty(f"support {i}: where", scene, supported)
         if np.isnan(prescribed).all():
             raise SceneError(
                 f"support {i}: velocity = (None, None) prescribes nothing; give a component or leave it out"
             )
         for axis in np.flatnonzero(~np.isnan(prescribed)):
-            taken = held.points[holder[axis, held.points] >= 0]
+            taken = supported.points[holder[axis, supported.points] >= 0]
             if taken.size:
                 raise SceneError(
                     f"supports {holder[axis, taken[0]]} and {i} both hold the {'xy'[axis]} component of the point at"
                     f" {scene.initial_positions[:, taken[0]]}; let `where` of one leave it out"
                 )
-            holder[axis, held.points] = i
+            holder[axis, supported.points] = i
 
 
 def _check_not_empty(name: str, scene: Scene, chosen: PointSet) -> None:

@@ -27,13 +27,13 @@ class PointSet:
     share: Array  # (m,) their sum is 1
 
 
-def held(scene: Scene, i: int, support: Support) -> PointSet:
-    """The points that support i holds, with equal shares."""
+def supported_points(scene: Scene, i: int, support: Support) -> PointSet:
+    """The points whose velocity support i prescribes, with equal shares."""
     points = _matching(scene, f"support {i}: where", support.where)
     return PointSet(points, np.full(points.size, 1.0 / max(points.size, 1)))
 
 
-def spread(scene: Scene, i: int, load: Load) -> PointSet:
+def loaded_points(scene: Scene, i: int, load: Load) -> PointSet:
     """The points that share load i: by boundary length if only boundary points match, otherwise by volume."""
     points = _matching(scene, f"load {i}: where", load.where)
     boundary = scene.outlines

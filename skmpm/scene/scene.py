@@ -13,7 +13,7 @@ from skmpm.material import Rigid
 from skmpm.outline import Outlines, outlines, thickness
 from skmpm.scene.check import check
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components
-from skmpm.scene.point_sets import PointSet, held, spread
+from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -103,8 +103,8 @@ class Scene:
 
     @cached_property
     def supported(self) -> Sequence[PointSet]:
-        """The points that each support holds."""
-        return tuple(held(self, i, support) for i, support in enumerate(self.supports))
+        """The points whose velocity each support prescribes."""
+        return tuple(supported_points(self, i, support) for i, support in enumerate(self.supports))
 
     @cached_property
     def free_components(self) -> NDArray[np.bool_]:
@@ -123,7 +123,7 @@ class Scene:
     @cached_property
     def loaded(self) -> Sequence[PointSet]:
         """The points that share each load."""
-        return tuple(spread(self, i, load) for i, load in enumerate(self.loads))
+        return tuple(loaded_points(self, i, load) for i, load in enumerate(self.loads))
 
     def support_velocities(self, t: float) -> Array:
         """Prescribed velocities at time t, (supports, 2) [m/s], nan where free; SceneError if one is invalid."""

@@ -298,8 +298,11 @@ def pulled(t):
 @pytest.mark.parametrize(
     "option, names",
     [
-        ({"loads": [Load(right, pulled)]}, ("point_sets.spread",)),
-        ({"supports": [Support(left)]}, ("point_sets.held", "Elimination.factorised", "Supported.__call__")),
+        ({"loads": [Load(right, pulled)]}, ("point_sets.loaded_points",)),
+        (
+            {"supports": [Support(left)]},
+            ("point_sets.supported_points", "Elimination.factorised", "Supported.__call__"),
+        ),
     ],
     ids=["loads", "supports"],
 )
