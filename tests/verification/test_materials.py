@@ -1,4 +1,4 @@
-"""Materials against textbook solutions: uniaxial, confined and shear tests, derivatives, objectivity.
+"""Materials against textbook solutions: uniaxial, equibiaxial, confined and shear tests, derivatives, objectivity.
 
 The tests load one grid cell full of material points, where the deformation is uniform: an error is one of the law,
 its tangent, the load or the supports. Quasi-static steps with a Newton tolerance of 1e-12.
@@ -105,6 +105,16 @@ def confined(solid, stretch):
     return mu * (stretch - 1 / stretch) + lam * np.log(stretch) / stretch, lam * np.log(stretch)
 
 
+def equibiaxial(solid, stretch):
+    """Nominal stress at F = diag(l, l), in plane strain."""
+    lam, mu = solid.lame
+    if is_rubber(solid):
+        return principal(solid, (stretch, stretch, 1.0))[0] / stretch
+    if is_linear(solid):
+        return 2 * (lam + mu) * (stretch - 1)
+    return mu * (stretch - 1 / stretch) + 2 * lam * np.log(stretch) / stretch
+
+
 def sheared(solid, shear):
     """Cauchy stress (2, 2) of simple shear."""
     _, mu = solid.lame
@@ -147,6 +157,19 @@ def uniaxial_error(solid, stretch, **options):
     return np.abs(found - (stretch, lateral)).max()
 
 
+def equibiaxial_error(solid, stretch, **options):
+    """Of the forces on four supports and of the Cauchy stress at the points, relative to the largest force.
+
+    Under loads instead of supports a square is unstable long before it is half as wide.
+    """
+    force = equibiaxial(solid, stretch)
+    pulls = [Support(edge(axis, 1.0), velocity=np.where(np.arange(2) == axis, stretch - 1, None)) for axis in (0, 1)]
+    state = one_cell(solid, (*SLIDING, *pulls), **options)
+    cauchy = np.eye(2)[:, :, None] * force / (1.0 if is_linear(solid) else stretch)
+    errors = state.support_force - force * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)]), state.stress - cauchy
+    return max(np.abs(error).max() for error in errors) / abs(force)
+
+
 def confined_error(solid, stretch, **options):
     """Of the forces on three supports, relative to the largest."""
     force, across = confined(solid, stretch)
@@ -170,6 +193,7 @@ def shear_error(solid, shear, **options):
 
 TESTS = {
     "uniaxial": (uniaxial_error, STRETCHES),
+    "equibiaxial": (equibiaxial_error, STRETCHES),
     "confined": (confined_error, STRETCHES),
     "shear": (shear_error, SHEARS),
 }
@@ -307,6 +331,11 @@ def test_a_stretched_body_that_is_turned_keeps_its_stress(options):
 def rows():
     names = {
         "uniaxial": ("Uniaxial stress under a load", "stretches 0.5, 0.8, 1.3, 2", "stretches"),
+        "equibiaxial": (
+            "Equibiaxial stretch by supports",
+            "stretches 0.5, 0.8, 1.3, 2",
+            "forces and stress over the force",
+        ),
         "confined": ("Uniaxial strain between supports", "stretches 0.5, 0.8, 1.3, 2", "forces over the largest"),
         "shear": ("Simple shear between supports", "shears 0.1, 0.5, 1.5", "forces and stress over mu"),
     }
