@@ -67,7 +67,7 @@ def save(figure: Figure, path: Path) -> None:
     """Write a picture, create its directory if needed, and print the path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     drawn = io.BytesIO()
-    figure.savefig(drawn, dpi=70)
+    figure.savefig(drawn, dpi=70, bbox_inches="tight", pad_inches=0.05)  # without the margin beside equal axes
     plt.close(figure)
     image = Image.open(drawn).convert("RGB")
     image.quantize(128, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)

@@ -49,7 +49,7 @@ def main(out: Path) -> tuple[skmpm.Scene, skmpm.State]:
     print(skmpm.check_material(laws[0]), skmpm.preflight(scene, dt=5e-5), sep="\n")
     *_, state = skmpm.simulate(scene, dt=5e-5, until=1.2 * R)
     axes = plot(scene, state, state.volume / scene.initial_volumes)
-    axes.figure.colorbar(axes.collections[0], label="J", orientation="horizontal")
+    axes.figure.colorbar(axes.collections[0], label="volume ratio J", orientation="horizontal")
     save(axes.figure, out / "own_material.png")
     return scene, state
 
