@@ -140,7 +140,7 @@ class ContactProblem:
         known_increment = constraints.at_contact_points(solver(self._contact_impulse() - gradient))
         self.timer.lap("linear")
         W, self.delassus = self._delassus_matrix(self.delassus, geometric)
-        self.timer.lap("compliance")
+        self.timer.lap("delassus")
         found = None if geometric is None else self._with_stiffness(solver, gradient, W, known_increment, geometric)
         if found is None:
             found = self._without_stiffness(solver, gradient, W, known_increment)

@@ -10,7 +10,7 @@ import pytest
 
 from skmpm import Body, NeoHookean, Rigid, Scene, Scheme, StepFailed, Support, Wall, disc, observe, simulate
 from skmpm.contact import point_to_curve, shared_grid
-from skmpm.implicit import NotConverged
+from skmpm.implicit import StepRejected
 from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.energy_budget import Budget
 
@@ -88,6 +88,6 @@ def test_gaps_are_checked_whatever_a_contact_law_is_wrapped_in(law):
         (r"bodies 0 and 1.*overlap by", apart),
     ):
         after = replace(state, x=state.x + moved)
-        with pytest.raises(NotConverged, match=fault):
+        with pytest.raises(StepRejected, match=fault):
             check_step(scene, Scheme(contact=law), state, after, NO_GAIN)
         check_step(scene, Scheme(contact=shared_grid, anchor=0.0), state, after, NO_GAIN)

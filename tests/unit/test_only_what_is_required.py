@@ -92,7 +92,7 @@ def test_one_body_without_walls_runs_no_function_of_contact_and_coulomb(material
 
 
 def test_a_wall_out_of_reach_brings_no_compliance_and_no_solve_more_than_convergence_needs():
-    """One solve an iteration, as without the wall; a body on a wall needs two, and the compliance of its boundary."""
+    """One solve an iteration, as without the wall; a body on a wall needs two, and a Delassus operator."""
     far, near = alone(walls=[Wall((0, -5 * R), (0, 1))]), squeezed()
     for scene, solves in ((alone(), 1), (far, 1), (near, 2)):
         calls, states = run(scene)

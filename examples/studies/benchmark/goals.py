@@ -12,7 +12,7 @@ Line = tuple[str, ...]
 STEPS = ("quasi-static", "dynamic")
 PHASES = {
     "detection": ("detection",),
-    "compliance": ("compliance",),
+    "Delassus": ("delassus",),
     "contact solve": ("contact",),
     "linear solves": ("linear",),
     "factorisation": ("factorisation",),

@@ -54,7 +54,7 @@ class Timed:
         self.recorded.solve += process_time() - began
         return x
 
-    def compliance(self, H):
+    def delassus(self, H):
         """H A^-1 H'."""
         return self.recorded.solver.delassus(H)
 
@@ -87,7 +87,7 @@ def advance(scene: skmpm.Scene, inertia: bool) -> dict[str, float]:
     dt = time_step(scene)
     began = process_time()
     start = skmpm.initial(scene, scheme=scheme)
-    laid = process_time()
+    built = process_time()
     state = skmpm.step(scene, start, dt, scheme=scheme)
     done = process_time()
 
@@ -98,10 +98,10 @@ def advance(scene: skmpm.Scene, inertia: bool) -> dict[str, float]:
         "points": state.x.shape[1],
         "unknowns": solver.unknowns,
         "iterations": max(solver.iterations),
-        "lay": laid - began,
+        "build": built - began,
         "set up": solver.setup,
         "solve": solver.solve,
-        "rest": done - laid - solver.setup - solver.solve,
+        "rest": done - built - solver.setup - solver.solve,
         "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         "sag": float(start.x[1].min() - state.x[1].min()),
         "balance": float(np.abs(balance).max() / weight),
@@ -118,7 +118,7 @@ def main(options: argparse.Namespace) -> dict[str, dict[str, float]]:
         taken[name] = found = advance(scene, inertia=name == "dynamic")
         print(
             f"{name:12s} {found['points']:9d} {found['unknowns']:9d} {found['iterations']:10d}"
-            f" {found['lay']:21.2f} {found['set up']:7.2f} {found['solve']:7.2f} {found['rest']:7.2f}"
+            f" {found['build']:21.2f} {found['set up']:7.2f} {found['solve']:7.2f} {found['rest']:7.2f}"
             f" {found['memory']:8.0f} {found['balance']:8.0e}",
             flush=True,
         )

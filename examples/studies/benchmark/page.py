@@ -26,7 +26,7 @@ over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} 
 (`examples/studies/benchmark/scenes.py` says why that is a motion): every size does the same work per disc, so
 growth is that of the implementation alone. *Free* discs touch nothing and oscillate by 1 %.
 
-The contact phases are detection, Delassus operator (compliance), contact solve and linear solves; the last are
+The contact phases are detection, Delassus operator, contact solve and linear solves; the last are
 counted in full, although a step without contact has some, too.
 """
 GROWTH = """The matrix is block diagonal with one block per disc, so one LU does the same work per point for any
