@@ -28,7 +28,7 @@ def test_commands(study, monkeypatch, tmp_path):
     results = sorted((tmp_path / "out" / "cantilever").glob("*.json"))
     assert len(results) == 5
     costs = [json.loads(path.read_text())["cost"] for path in results]
-    assert [c["newton"] for c in costs if c["points"] == 896.0] == [1.0]  # of `balanced`, in every place
+    assert [c["newton"] for c in costs if c["points"] == 896.0] == [1.0]  # of `balanced`, at every position
     times = [path.stat().st_mtime_ns for path in results]
     module.main(options)
     assert [path.stat().st_mtime_ns for path in results] == times
@@ -211,7 +211,7 @@ def test_laws_are_found_again(study):
             runs[results.key(run.setting)] = run
     for way in (0.01, 0.03):
         setting = parameters.DEFAULT | {"pace": way}
-        steps = fits.place(results.Run("lid 2", setting, frozenset(), "", {"steps": 1.0}, {}))[1] / way
+        steps = fits.resolution(results.Run("lid 2", setting, frozenset(), "", {"steps": 1.0}, {}))[1] / way
         about = (frozenset({"speed"}), "finished", {"seconds": 1.0, "steps": steps}, {"largest": 0.7 * way})
         runs_of_lid = {results.key(setting): results.Run("lid 2", setting, *about)}
     found = results.Found({"collision": runs, "lid 2": runs_of_lid})

@@ -306,7 +306,7 @@ def pulled(t):
     ],
     ids=["loads", "supports"],
 )
-def test_without_loads_and_supports_no_place_is_looked_for(option, names):
+def test_without_loads_and_supports_no_point_set_is_found(option, names):
     """No function of theirs is called, in the run or where the scene is made."""
 
     def counts(**options):

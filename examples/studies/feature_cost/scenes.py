@@ -63,8 +63,8 @@ def centre(cells: float) -> np.ndarray:
 
 def large(cells: float, law: str = "NeoHookean", shift: float = 0.0, **motion: Any) -> skmpm.Body:
     """A disc of so many cells per radius, shifted upwards [m]."""
-    place = centre(cells) + np.array([0.0, shift])
-    return skmpm.Body(skmpm.disc(place, RADIUS, spacing=SPACING * RADIUS / cells), material(law), **motion)
+    middle = centre(cells) + np.array([0.0, shift])
+    return skmpm.Body(skmpm.disc(middle, RADIUS, spacing=SPACING * RADIUS / cells), material(law), **motion)
 
 
 def alone(cells: float, law: str = "NeoHookean", **options: Any) -> Variant:
@@ -125,11 +125,11 @@ def slabbed(planes: Variant) -> Variant:
     """The same packing between walls that are bodies of rigid points."""
     scene, state, first = planes.scene, planes.start(), [wall.point for wall in planes.scene.walls]
     width, height, t = first[3][0], first[1][1], SLAB * scene.cell
-    places = [((0, -t), (width, t)), ((0, height), (width, t)), ((-t, -t), (t, height + 2 * t)),
+    boxes = [((0, -t), (width, t)), ((0, height), (width, t)), ((-t, -t), (t, height + 2 * t)),
               ((width, -t), (t, height + 2 * t))]  # fmt: skip
     slabs = [
-        skmpm.Body(skmpm.box(*place, spacing=SPACING * scene.cell), material("Rigid"), velocity=wall.velocity)
-        for place, wall in zip(places, scene.walls, strict=True)
+        skmpm.Body(skmpm.box(*box, spacing=SPACING * scene.cell), material("Rigid"), velocity=wall.velocity)
+        for box, wall in zip(boxes, scene.walls, strict=True)
     ]
     whole = replace(scene, bodies=[*scene.bodies, *slabs], walls=())
     begin, n = skmpm.initial(whole), state.body.size
@@ -164,7 +164,7 @@ def _contact(discs: int, cells: float, size: float) -> list[Feature]:
         Feature("contact with one body / none", "disc squeezed / alone", none,
                 (enters, "contacts", "rows of W", "Newton", "solves"), never, squeezed(size), alone(size)),
         Feature("friction 0.5 / 0", "packing", "tangential unknowns and rows",
-                ("contacts", "rows of W", "rows of turning", "Newton", "contact iterations"),
+                ("contacts", "rows of W", "rows of geometric stiffness", "Newton", "contact iterations"),
                 ("test_friction_0_leaves_no_tangential_unknown",), dense, packing(discs, cells, 0.0)),
         Feature("walls of rigid points / planes", "packing, rough walls",
                 "boundaries and curves of walls (neither has unknowns)",
@@ -212,23 +212,23 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
 
 def _outside(size: float) -> list[Feature]:
     """Gravity, loads, supports."""
-    place, off = centre(size), alone(size, "LinearElastic")
+    middle, off = centre(size), alone(size, "LinearElastic")
 
     def edge(axis: int, side: float) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda x: side * (x[axis] - place[axis]) > 0.9 * RADIUS
+        return lambda x: side * (x[axis] - middle[axis]) > 0.9 * RADIUS
 
     heavy = alone(size, "LinearElastic", gravity=(0.0, -9.81))
     loaded = alone(size, "LinearElastic", loads=[skmpm.Load(edge(0, 1.0), (1.0, 0.0))])
     held = [alone(size, supports=[skmpm.Support(edge(axis, -1.0))]) for axis in (1, 0)]
     nothing = "test_without_gravity_and_loads_no_force_is_brought_to_the_nodes"
-    places = "test_without_loads_and_supports_no_place_is_looked_for"
+    found = "test_without_loads_and_supports_no_point_set_is_found"
     spared = ("search for its points, elimination", ("eliminations", "half bandwidth", "Newton", "factorisations"),
-              ("test_a_scene_without_supports_eliminates_nothing", places))  # fmt: skip
+              ("test_a_scene_without_supports_eliminates_nothing", found))  # fmt: skip
     return [
         Feature("gravity", "linear disc alone", "its force", ("gravity evaluated",),
                 ("test_zero_gravity_forms_nothing", nothing), heavy, off),
         Feature("a load", "linear disc alone", "search for its points, its force", ("loads evaluated",),
-                (nothing, places), loaded, off),
+                (nothing, found), loaded, off),
         Feature("a support along rows of nodes", "disc held at the bottom / alone", *spared, held[0], alone(size)),
         Feature("a support across rows of nodes", "disc held at the left / alone", *spared, held[1], alone(size)),
     ]  # fmt: skip
@@ -237,7 +237,7 @@ def _outside(size: float) -> list[Feature]:
 def _grid(discs: int, cells: float, size: float) -> list[Feature]:
     """How often Body grids are built, and what that takes."""
     spared = "body grids, weights and patterns after the first step"
-    counts = ("body grids laid", "weights fitted", "patterns made", "Newton")
+    counts = ("body grids built", "weights fitted", "patterns made", "Newton")
     tests = ("test_without_regridding_grids_are_built_fitted_and_numbered_once_in_a_run",)
     dense, anew = packing(discs, cells), alone(size).solved(anchor=0.0)
     linear = alone(size, "LinearElastic").solved(anchor=0.0)

@@ -49,7 +49,7 @@ class Counts:
     calls: Counter[str] = field(default_factory=Counter)
     states: list[skmpm.State] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)  # of contact problems
-    turning: list[int] = field(default_factory=list)  # of them, those by which loaded contacts turn
+    geometric: list[int] = field(default_factory=list)  # of them, those of the geometric stiffness of contacts
     bands: list[int] = field(default_factory=list)  # of matrices: half bandwidths
 
     def note(self, frame: FrameType, event: str, argument: Any) -> None:
@@ -60,9 +60,9 @@ class Counts:
         name = f"{module}.{frame.f_code.co_qualname}"
         self.calls[name] += 1
         if name == "skmpm.coulomb.search.solve":
-            turns = frame.f_locals["bilateral"]
+            bilateral = frame.f_locals["bilateral"]
             self.rows.append(int(np.size(frame.f_locals["q"])))
-            self.turning.append(0 if turns is None else turns.q.size)
+            self.geometric.append(0 if bilateral is None else bilateral.q.size)
         if name == "skmpm.linear.choice.default":
             self.bands.append(half_bandwidth(frame.f_locals["A"]))
 
@@ -97,7 +97,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "blocks of A": lambda c: c.blocks,
     "contacts": lambda c: mean([state.contacts.gap.size for state in c.states]),
     "rows of W": lambda c: mean(c.rows),
-    "rows of turning": lambda c: mean(c.turning),
+    "rows of geometric stiffness": lambda c: mean(c.geometric),
     "half bandwidth": lambda c: mean(c.bands),
     "Newton": lambda c: c.reported("newton"),
     "contact iterations": lambda c: c.reported("contact"),
@@ -106,7 +106,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "line searches": lambda c: c.named("line_search._search"),
     "gravity evaluated": lambda c: c.named("forces._gravity"),
     "loads evaluated": lambda c: c.named("Scene.forces"),
-    "body grids laid": lambda c: c.named("building.build_grids"),
+    "body grids built": lambda c: c.named("building.build_grids"),
     "weights fitted": lambda c: c.named("moment_fitting.fitted_weights"),
     "outlines cut by cells": lambda c: c.named("cells.cell_moments"),
     "patterns made": lambda c: c.named("assembly.prepare"),
@@ -119,8 +119,8 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
 
 # What a count that is larger by half on one side tells, by feature.
 NOTES = {
-    "friction 0.5 / 0": ("rows of turning", "without friction contacts slide, and their forces turn with the"
-                         " surface: two rows more for each."),
+    "friction 0.5 / 0": ("rows of geometric stiffness", "without friction contacts slide, and their forces"
+                         " rotate with the surface: two rows more for each."),
     "ghost 0.005 / 0": ("half bandwidth", "the penalty couples nodes two cells apart. At the boundary only, but"
                         " a band is as wide as its widest row."),
     "fitted": ("blocks of A", "with volumes for weights cells inside bodies look poorly filled, too, and the ghost"

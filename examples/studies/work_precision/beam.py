@@ -22,15 +22,15 @@ Array = NDArray[np.float64]
 Measured = dict[str, Any]
 
 LENGTH, DEPTH, FORCE = 4.0, 1.0, -10.0  # [m], [m], [N/m]: the tip sinks by 2e-3 m, and both laws agree to 1e-4
-PLACES = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.11, 0.83, 0.0), (0.87, 0.55, 0.9))  # offset [cells], angle
+POSITIONS = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.11, 0.83, 0.0), (0.87, 0.55, 0.9))  # offset [cells], angle
 AWAY = 0.5  # of the clamp and of the loaded end, where stresses are compared [m]
 SWING = 2.0 * np.pi / (3.516 * np.sqrt(E / (1.0 - NU**2) / (12.0 * DENSITY)) * DEPTH / LENGTH**2)  # period [s]
 RAMP = 1.5  # of the load for explicit steps [periods]
 
 
-def cantilever(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Measured:
+def cantilever(setting: Setting, position: int, meter: Meter, folder: Path | None) -> Measured:
     """Tip deflection, and the rms of the error of stress away from clamp and load over that of the stress."""
-    cell, (*offset, angle) = 0.5 * DEPTH / setting["cells"], PLACES[place]
+    cell, (*offset, angle) = 0.5 * DEPTH / setting["cells"], POSITIONS[position]
     straight, shift = skmpm.box((0, 0), (LENGTH, DEPTH), spacing=setting["spacing"] * cell), cell * np.array(offset)
     beam = skmpm.Body(turned(straight, angle, shift), law(setting, "linear"))
 
@@ -72,7 +72,7 @@ class Elements:
 
     @cached_property
     def finder(self) -> Any:
-        """Which cells hold places."""
+        """Which cells contain points."""
         return self.basis.mesh.element_finder()
 
     @cached_property
@@ -81,7 +81,7 @@ class Elements:
         return float((self.basis.probes(np.array([[LENGTH], [DEPTH / 2]])) @ self.u)[1])
 
     def at(self, x: Array) -> tuple[Array, Array]:
-        """Displacement (2, n) and stress (2, 2, n) at places (2, n)."""
+        """Displacement (2, n) and stress (2, 2, n) at points (2, n)."""
         mesh, mapping = self.basis.mesh, self.basis.mapping
         cells = self.finder(*x)
         rule = (mapping.invF(x[:, :, None], tind=cells), np.ones((cells.size, 1)))

@@ -23,7 +23,7 @@ R, E, NU, DENSITY, SPEED, FRICTION = 0.2, 1000.0, 0.3, 1000.0, 0.1, 0.3
 LAWS = {"finite": skmpm.NeoHookean(E, NU, DENSITY), "linear": skmpm.LinearElastic(E, NU, DENSITY)}
 COLLISION_DT = 0.02  # [s]
 PARTED = 2.2  # [s]
-PLACES = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.9))  # offset on the grid [cells], angle
+POSITIONS = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.9))  # offset on the grid [cells], angle
 
 # The packing: the main job in small.
 DISCS, START, END, LID, FRICTIONAL = 30, 0.70, 0.92, 2.0, 0.5
@@ -55,9 +55,9 @@ def own(laws: dict[str, Any], setting: Setting) -> Any:
     return laws["finite" if setting["material"] == "own" else "linear"]
 
 
-def collision(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Measured:
+def collision(setting: Setting, position: int, meter: Meter, folder: Path | None) -> Measured:
     """Velocity of the first disc along and across the line of approach over its speed, and R omega over it."""
-    cell, (*offset, angle) = R / setting["cells"], PLACES[place]
+    cell, (*offset, angle) = R / setting["cells"], POSITIONS[position]
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     material, apart = own(LAWS, setting), 2.0 * R * np.sqrt(0.75) + 0.02 * R
     bodies = []
@@ -77,7 +77,7 @@ def collision(setting: Setting, place: int, meter: Meter, folder: Path | None) -
     return {"along": float(along), "across": float(across), "spin": R * spin / SPEED, "touching": contact}
 
 
-def collision_errors(measured: Measured, reference: Measured, place: int) -> dict[str, float]:
+def collision_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
     """Of the change of velocity, along and across, and of the spin, over the reference's; infinite if not apart."""
     apart = 0.0 if measured["touching"] == 0.0 else float("inf")
     before = {"along": 1.0, "across": 0.0, "spin": 0.0}
@@ -87,7 +87,7 @@ def collision_errors(measured: Measured, reference: Measured, place: int) -> dic
     }
 
 
-def packing(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Measured:
+def packing(setting: Setting, position: int, meter: Meter, folder: Path | None) -> Measured:
     """Curves against the nominal solid fraction: pressure, force of the lid, and from time to time aspect ratios."""
     cell = MEAN / setting["cells"]
     scene, height, width = box_of_discs(setting, cell)
@@ -166,14 +166,14 @@ def planes(width: float, height: float) -> list[skmpm.Wall]:
 def slabs(width: float, height: float, cell: float, spacing: float) -> list[skmpm.Body]:
     """The same walls of material points."""
     thick = THICKNESS * cell
-    places = (
+    boxes = (
         ((-thick, -thick), (width + 2.0 * thick, thick)),
         ((0.02 * cell, height), (width - 0.04 * cell, thick)),
         ((-thick, 0.02 * cell), (thick, 1.1 * height)),
         ((width, 0.02 * cell), (thick, 1.1 * height)),
     )
     rigid = skmpm.Rigid(SOFT["density"])
-    clouds = [skmpm.box(corner, size, spacing=spacing) for corner, size in places]
+    clouds = [skmpm.box(corner, size, spacing=spacing) for corner, size in boxes]
     return [skmpm.Body(c, rigid, velocity=(0.0, -LID * (k == 1))) for k, c in enumerate(clouds)]
 
 
@@ -207,7 +207,7 @@ def pressures(scene: skmpm.Scene, state: skmpm.State, fraction: float) -> dict[s
     return {"pressure": -0.5 * trace / area, "lid": float(force[1] @ (1.0 * lid[0] - lid[1]))}
 
 
-def packing_errors(measured: Measured, reference: Measured, place: int) -> dict[str, float]:
+def packing_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
     """Relative errors of the lid's work up to `WORK`, and of pressure and alpha - 1 above.
 
     Of the last two, the sum of differences between means over intervals of 0.01, over the sum of the reference's.

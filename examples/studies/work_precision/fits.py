@@ -70,7 +70,7 @@ def plain(run: Run) -> bool:
     return not coarse and {name for name in names if not name.endswith("_tol")} <= set(STEERED) and not looser
 
 
-def place(run: Run) -> tuple[float, float]:
+def resolution(run: Run) -> tuple[float, float]:
     """R/h and the length of a step."""
     n, step_control = SIZES.get(run.scene, 1.0) * run.setting["cells"], run.setting["pace"]
     if run.scene == "collision":
@@ -91,14 +91,14 @@ def driven_time(found: Found) -> float:
     runs = [
         run for lid in LIDS for run in found.why(lid, "speed") if not run.setting["explicit"] and run.error > BEST
     ]
-    return float(np.exp(np.mean([np.log(run.error / place(run)[1]) for run in runs]))) if runs else float("nan")
+    return float(np.exp(np.mean([np.log(run.error / resolution(run)[1]) for run in runs]))) if runs else float("nan")
 
 
 def fitted(runs: list[Run], spacing: float, time: float | None = None) -> Fit | None:
     """Least squares of logarithms; None of fewer runs than constants."""
     if len(runs) < 4 or (time is not None and np.isnan(time)):
         return None
-    n, s = np.array([place(run) for run in runs]).T
+    n, s = np.array([resolution(run) for run in runs]).T
     error = np.array([run.error for run in runs])
 
     def law(p: Array) -> Law:

@@ -22,13 +22,13 @@ Measured = dict[str, Any]
 DEPTHS = (0.01, 0.02, 0.05)  # of each plate, d/R
 TABLE = {0.01: (0.9993, 0.998), 0.02: (0.9985, 0.996), 0.05: (0.9946, 0.989)}  # FEM over formula: force, half-width
 STROKE, HOLD = 40.0, 8.0  # of the plates for explicit steps: times of motion and of rest [R/c]
-SEED = 5  # of the places: offset on the grid, direction of the plates, angle of the disc's points
+SEED = 5  # of the positions: offset on the grid, direction of the plates, angle of the disc's points
 REACH, THICKNESS = 0.6, 3.0  # of plates made of points: half their length [R], their thickness [cells]
 
 
-def hertz(setting: Setting, place: int, meter: Meter, folder: Path | None) -> Measured:
+def hertz(setting: Setting, position: int, meter: Meter, folder: Path | None) -> Measured:
     """Force at each depth, and half-width of the contact at the largest, by its second moment."""
-    cell, explicit, rng = 1.0 / setting["cells"], setting["explicit"], np.random.default_rng([SEED, place])
+    cell, explicit, rng = 1.0 / setting["cells"], setting["explicit"], np.random.default_rng([SEED, position])
     offset, (angle, phase) = rng.random(2), 2.0 * np.pi * rng.random(2)
     middle, normal = cell * offset, rotation(angle)[:, 1]
     stroke, hold = (STROKE / WAVE, HOLD / WAVE) if explicit else (1.0, 0.0)
@@ -89,7 +89,7 @@ def between_plates(
 
 
 def pressed(scene: skmpm.Scene, state: skmpm.State, middle: Array, normal: Array) -> tuple[float, float]:
-    """Force along the normal, mean of both plates [N/m], and four times the second moment of its places [m2]."""
+    """Force along the normal, mean of both plates [N/m], and four times the second moment along the contact [m2]."""
     found, across = state.contacts, np.array([-normal[1], normal[0]])
     tangent = np.stack([-found.normal[1], found.normal[0]])
     push = np.abs(normal @ (found.force[0] * found.normal + found.force[1] * tangent))

@@ -78,7 +78,8 @@ def write(study: Path, docs: Path) -> None:
 
 TEXT = {
     "ran": "What has been run:",
-    "counts": "Counts, mean of the places; `work`: unknowns times half bandwidth squared, of all factorisations.",
+    "counts": "Counts, mean over the positions on the grid; `work`: unknowns times half bandwidth squared, of all"
+    " factorisations.",
     "prices": "The cheapest of all runs within an error, lucky ones among them; nothing where there is none.",
     "parameters": "Error, and cost over that of the default. Nothing where a parameter has no effect or was not run.",
     "limits": "d ln(error) / d ln(parameter) at the presets; of h, dt, spacing, `contact_tol`.",

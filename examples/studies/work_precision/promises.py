@@ -35,7 +35,7 @@ Resolution = tuple[float, float, float]  # cell [m], spacing [m], dt [s]
 Errors = dict[str, float]
 
 PROMISE = 2.0
-PLACES = ((0.3, 0.4, 0.2), (0.62, 0.17, 1.1), (0.11, 0.83, 2.5), (0.87, 0.55, 0.7))  # offset [cells], angle
+POSITIONS = ((0.3, 0.4, 0.2), (0.62, 0.17, 1.1), (0.11, 0.83, 2.5), (0.87, 0.55, 0.7))  # offset [cells], angle
 
 # A block twice as long as high, held at its left end, bends under its own weight.
 BLOCK, WEIGHT = (2.0, 1.0), 1e-3  # [m]; gravity over E / (density height)
@@ -53,7 +53,7 @@ def block(at: Resolution) -> Errors:
     cell, spacing, _ = at
     g = WEIGHT * E / DENSITY / BLOCK[1]
     found = []
-    for *offset, angle in PLACES[:2]:
+    for *offset, angle in POSITIONS[:2]:
         shift, turn = cell * np.array(offset), rotation(angle)
         cloud = skmpm.box((0, 0), BLOCK, spacing=spacing)
 
@@ -97,7 +97,7 @@ def rubber(at: Resolution) -> Errors:
 
     known = [float(brentq(off, 1e-9, 0.3, (approach,))) for approach in APPROACHES]
     found = []
-    for *offset, angle in PLACES:
+    for *offset, angle in POSITIONS:
         middle, normal = cell * np.array(offset), rotation(angle)[:, 1]
         body = skmpm.Body(turned(skmpm.disc((0, 0), SMALL, spacing=spacing), 0.7 * angle, middle), RUBBER)
         walls = [
@@ -115,10 +115,10 @@ def rubber(at: Resolution) -> Errors:
 
 @cache
 def flung(at: Resolution, scheme: skmpm.Scheme | None = None) -> dict[str, Array]:
-    """Velocity after the floor, along and across it, and R omega, each in two places, over the speed of fall."""
+    """Velocity after the floor, along and across it, and R omega, each at two positions, over the speed of fall."""
     cell, spacing, dt = at
     found = []
-    for *offset, _ in PLACES[:2]:
+    for *offset, _ in POSITIONS[:2]:
         shift = cell * np.array(offset)
         cloud = skmpm.disc((shift[0], shift[1] + 1.02 * FLUNG), FLUNG, spacing=spacing)
         body = skmpm.Body(cloud, FOAM, velocity=SPEED, spin=SPIN)
@@ -177,7 +177,7 @@ def squeezed(at: Resolution) -> Errors:
 
 
 def together(found: list[Errors]) -> Errors:
-    """Root mean square over places."""
+    """Root mean square over positions."""
     return {name: float(np.sqrt(np.mean([one[name] ** 2 for one in found]))) for name in found[0]}
 
 

@@ -6,7 +6,7 @@
 (d) `packing`: 30 discs squeezed by a lid, with friction; work of the lid, pressure and aspect ratio.
 
 A run returns the measured quantities. Errors are computed later, against the reference of the scene, so that a finer
-reference requires no new runs. Scenes (a) to (c) are run at several positions on the grid, called *places*: the error
+reference requires no new runs. Scenes (a) to (c) are run at several positions on the grid: the error
 of a setting is the root mean square over them, quantity by quantity, and then the largest of the quantities.
 """
 
@@ -31,11 +31,11 @@ ALL = frozenset(DEFAULT)
 class Case:
     """A scene of the study."""
 
-    run: Callable[[Setting, int, Meter, Path | None], Measured]  # in one place
-    errors: Callable[[Measured, Measured, int], dict[str, float]]  # of a run, against the reference, in one place
+    run: Callable[[Setting, int, Meter, Path | None], Measured]  # at one position on the grid
+    errors: Callable[[Measured, Measured, int], dict[str, float]]  # of a run, against the reference, at one of them
     parameters: frozenset[str]  # that make a difference
     inertia: bool  # of implicit steps
-    places: int
+    positions: int
     limit: float  # processor time [s] after which a run is stopped
     reference: Setting | None  # the run that is the reference; None: it is known without
     second: Setting | None  # as fine or nearly, for the floor: what the reference itself is uncertain by
@@ -49,7 +49,7 @@ CASES = {
         statics.known_errors,
         ALL - CONTACT - {"walls", "perturbed"},
         inertia=False,
-        places=4,
+        positions=4,
         limit=200.0,
         reference=None,
         second=None,
@@ -59,7 +59,7 @@ CASES = {
         statics.known_errors,
         ALL - {"perturbed"},
         inertia=False,
-        places=12,
+        positions=12,
         limit=200.0,
         reference=None,
         second=None,
@@ -69,7 +69,7 @@ CASES = {
         discs.collision_errors,
         ALL - {"walls", "perturbed"},
         inertia=True,
-        places=2,
+        positions=2,
         limit=100.0,
         reference=DEFAULT | {"cells": 20.0, "spacing": 0.5, "pace": 1 / 8, "theta": 0.5},
         second=DEFAULT | {"cells": 14.0, "spacing": 0.5, "pace": 1 / 4, "theta": 0.5},
@@ -79,7 +79,7 @@ CASES = {
         discs.packing_errors,
         ALL,
         inertia=True,
-        places=1,
+        positions=1,
         limit=200.0,
         reference=DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 1 / 8},
         second=DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 1 / 8, "perturbed": 1e-9},
@@ -91,7 +91,7 @@ CASES |= {
         speeds.squeeze_errors,
         ALL,
         inertia=True,
-        places=1,
+        positions=1,
         limit=400.0,
         reference=DEFAULT | {"pace": speeds.finest(speed)},
         second=DEFAULT | {"pace": 2.0 * speeds.finest(speed)},
@@ -108,15 +108,15 @@ def setting_on(name: str, setting: Setting) -> Setting:
 
 
 def run(name: str, setting: Setting, meter: Meter, folder: Path | None = None) -> list[Measured]:
-    """What a setting measures on a scene, place by place; `folder` keeps checkpoints of long runs."""
+    """What a setting measures on a scene, position by position; `folder` keeps checkpoints of long runs."""
     case = CASES[name]
-    return [case.run(setting, place, meter, folder) for place in range(case.places)]
+    return [case.run(setting, position, meter, folder) for position in range(case.positions)]
 
 
 def errors_of(name: str, measured: list[Measured], reference: list[Measured] | None) -> dict[str, float]:
-    """Relative errors by quantity, root mean square over the places, and the largest of them."""
+    """Relative errors by quantity, root mean square over the positions, and the largest of them."""
     case = CASES[name]
-    known = reference or [{}] * case.places
-    each = [case.errors(m, r, place) for place, (m, r) in enumerate(zip(measured, known, strict=True))]
+    known = reference or [{}] * case.positions
+    each = [case.errors(m, r, position) for position, (m, r) in enumerate(zip(measured, known, strict=True))]
     found = {name: float(np.sqrt(np.mean([one[name] ** 2 for one in each]))) for name in each[0]}
     return found | {"largest": max(found.values())}

@@ -68,7 +68,7 @@ def at_rest(setting: Setting, folder: Path | None) -> skmpm.State:
     return state
 
 
-def squeeze(setting: Setting, place: int, meter: Meter, folder: Path | None, *, speed: float) -> Measured:
+def squeeze(setting: Setting, position: int, meter: Meter, folder: Path | None, *, speed: float) -> Measured:
     """Pressure, and force of the lid, against its way over the height."""
     scene, *_ = packing(setting, speed)
     start = at_rest(setting, folder)
@@ -93,7 +93,7 @@ def squeeze(setting: Setting, place: int, meter: Meter, folder: Path | None, *, 
     return {"way": way, "pressure": pressure, "lid": lid, "share": share}
 
 
-def squeeze_errors(measured: Measured, reference: Measured, place: int) -> dict[str, float]:
+def squeeze_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
     """Sum of differences of mean pressures over `BINS` parts of the stroke over their sum, and error of the work.
 
     A step's force acts all along its way. A run that was cut short is compared as far as it came.

@@ -41,7 +41,7 @@ def rotation(angle: float) -> Array:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def known_errors(measured: Measured, reference: Measured, place: int) -> dict[str, float]:
+def known_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
     """The run itself has compared with what is known."""
     return dict(measured["errors"])
 

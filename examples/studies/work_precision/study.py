@@ -34,7 +34,7 @@ from .parameters import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at
 PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 SHARE = {"packing": 0.5}  # of the sample, where runs are long
 LATE = ("sample", "law", "slope", "second")  # what comes last there
-SIZES = ("unknowns", "points", "overlap")  # the largest of the places, not their mean
+SIZES = ("unknowns", "points", "overlap")  # the largest of the positions, not their mean
 SHORT, REPEATS = 0.5, 2  # runs of less processor time [s] are repeated, for the clock is not that good
 KINDS = ("reference", "preset", "one", "perturbed", "speed", *LATE)
 
@@ -110,8 +110,8 @@ def measure(member: Member, out: Path) -> dict[str, Any]:
     cost = meter.cost()
     if result["status"] == "finished" and cost["seconds"] < SHORT:
         cost["seconds"] = min(cost["seconds"], *(again(member) for _ in range(REPEATS)))
-    places = scenes.CASES[member.scene].places
-    mean = {name: value if name in SIZES else value / places for name, value in cost.items()}
+    positions = scenes.CASES[member.scene].positions
+    mean = {name: value if name in SIZES else value / positions for name, value in cost.items()}
     return result | {"cost": mean, "library": library()}
 
 
