@@ -120,7 +120,7 @@ TITLES = {
     "closing": "closing speed / c",
     "points": "points per cell",
     "cells": "R / h",
-    "offset": "place on the grid",
+    "offset": "position on the grid",
     "fraction": "nominal solid fraction at the end",
     "bodies": "bodies",
 }

@@ -45,7 +45,7 @@ def polygons(scene, state):
 
 
 def depth(x, polygon):
-    """How deep places x (2, k) are inside a polygon (2, m), zero outside; by crossing numbers."""
+    """How deep points x (2, k) are inside a polygon (2, m), zero outside; by crossing numbers."""
     a, b = polygon[:, None], np.roll(polygon, -1, axis=1)[:, None]
     edge, y = b - a, x[:, :, None]
     crosses = (a[1] > y[1]) != (b[1] > y[1])

@@ -43,7 +43,7 @@ def draw_column(file):
     left.plot([-40.0, 0.0], [0.0, 50.0], "k-", lw=0.8, label="exact")
     ticks(right, 1.0 / np.array(CELLS), [f"1/{n}" for n in CELLS])
     left.set(xlabel="vertical stress [kPa]", ylabel="initial height [m]", title="32 cells")
-    right.set(xlabel="cell size / height", ylabel="error of the stress", title="body grids laid ...")
+    right.set(xlabel="cell size / height", ylabel="error of the stress", title="body grids built ...")
     for panel in (left, right):
         panel.legend(fontsize=6)
     keep(figure, file)

@@ -78,10 +78,10 @@ class Compression:
     inertial: np.ndarray  # (n,) strain rate x mean diameter x sqrt(density / pressure)
 
 
-def compress(discs, cells, *, start, until, speed, dt=32e-6, seeds_way=False):
-    """Lower a slow lid on smooth discs; `seeds_way` with the shared-node law, a new grid a step, and a linear law."""
-    material = skmpm.LinearElastic if seeds_way else skmpm.NeoHookean
-    scheme = skmpm.Scheme.nezamabadi2017() if seeds_way else skmpm.Scheme()
+def compress(discs, cells, *, start, until, speed, dt=32e-6, shared_grid=False):
+    """Lower a slow lid on smooth discs; `shared_grid` as Nezamabadi et al. (2017), with a linear law."""
+    material = skmpm.LinearElastic if shared_grid else skmpm.NeoHookean
+    scheme = skmpm.Scheme.nezamabadi2017() if shared_grid else skmpm.Scheme()
     scene, filled = packed(discs, 0.0, cells, start=start, speed=speed, material=material)
     first = skmpm.initial(scene, scheme=scheme)
     found, height = [], first.walls[1, 1]
@@ -112,8 +112,8 @@ MEMBERS = {
         )
     },
     **{
-        f"jamming_seed_r{cells}": (
-            compress, (100, cells), {"start": 0.55, "until": 0.84, "speed": 0.5, "seeds_way": True},
+        f"jamming_shared_grid_r{cells}": (
+            compress, (100, cells), {"start": 0.55, "until": 0.84, "speed": 0.5, "shared_grid": True},
         )
         for cells in (6, 8, 10)
     },

@@ -33,7 +33,7 @@ class PointSet:
     offset: tuple[float, float]  # [cells]
 
 
-def places(count, seed=4):
+def positions(count, seed=4):
     draw = np.random.default_rng(seed)
     return [PointSet(draw.uniform(0.0, 2.0 * np.pi), tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(count)]
 
@@ -42,20 +42,22 @@ def rotation(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def bodies(centres, velocities, material, place, cell):
+def bodies(centres, velocities, material, position, cell):
     """Discs at centres (2, k) with velocities (2, k), both along and across the line of centres."""
-    turn, points = rotation(place.turn), disc((0.0, 0.0), R, spacing=0.5 * cell)
-    at = turn @ centres + cell * np.array(place.offset)[:, None]
+    turn, points = rotation(position.turn), disc((0.0, 0.0), R, spacing=0.5 * cell)
+    at = turn @ centres + cell * np.array(position.offset)[:, None]
     clouds = [Points(turn @ points.x + c[:, None], points.volume, points.outline) for c in at.T]
     return [Body(cloud, material, velocity=v) for cloud, v in zip(clouds, (turn @ velocities).T, strict=True)]
 
 
-def pair(*, cells=5, impact=0.0, friction=0.0, place, speed=SPEED, gap=0.02):
+def pair(*, cells=5, impact=0.0, friction=0.0, position, speed=SPEED, gap=0.02):
     """Two NeoHookean discs that approach along x at twice the speed, off centre by `impact` radii."""
     cell, apart = R / cells, 2.0 * R * np.sqrt(1.0 - 0.25 * impact**2) + gap * R
     centres = np.array([[0.0, apart], [0.0, impact * R]])
     velocities = np.array([[speed, -speed], [0.0, 0.0]])
-    return Scene(bodies(centres, velocities, NeoHookean(E, NU, DENSITY), place, cell), cell=cell, friction=friction)
+    return Scene(
+        bodies(centres, velocities, NeoHookean(E, NU, DENSITY), position, cell), cell=cell, friction=friction
+    )
 
 
 def second_moments(state, cell):
@@ -86,9 +88,9 @@ class Collision:
 
 
 @cache
-def collide(place, *, cells=5, dt=0.01, impact=0.0, friction=0.0, theta=0.5, speed=SPEED, solver="banded"):
+def collide(position, *, cells=5, dt=0.01, impact=0.0, friction=0.0, theta=0.5, speed=SPEED, solver="banded"):
     """Two discs through their collision and a little beyond; APIC."""
-    scene = pair(cells=cells, impact=impact, friction=friction, place=place, speed=speed)
+    scene = pair(cells=cells, impact=impact, friction=friction, position=position, speed=speed)
     scheme, cell = Scheme(theta=theta, linear=SOLVERS[solver]), R / cells
     states = [initial(scene, scheme=scheme)]
     states += simulate(scene, dt=dt, until=0.01 * R / speed + 1.7, scheme=scheme, start=states[0])
@@ -101,7 +103,7 @@ def collide(place, *, cells=5, dt=0.01, impact=0.0, friction=0.0, theta=0.5, spe
     energy = [s.report.energy for s in states]
     kinetic = energy[0].kinetic
     holes = [e.kinetic + e.elastic + e.dissipated - e.push_out - e.external - kinetic for e in energy]
-    along = rotation(place.turn)[:, 0]
+    along = rotation(position.turn)[:, 0]
     relative = [along @ (s.v[:, first] @ mass[first] - s.v[:, ~first] @ mass[~first]) for s in (start, end)]
     lost = np.diff([e.dissipated for e in energy])
     return Collision(
@@ -129,7 +131,7 @@ def test_collision_keeps_momentum_and_closes_its_energy_budget(kind, solver):
     is a positive share.
     """
     impact, friction = KINDS[kind]
-    hit = collide(places(1)[0], impact=impact, friction=friction, solver=solver)
+    hit = collide(positions(1)[0], impact=impact, friction=friction, solver=solver)
     assert hit.momentum < (1e-12 if solver == "banded" else 1e-8)
     assert hit.budget < 1e-12
     assert hit.turning < 5e-4
@@ -142,42 +144,46 @@ def test_collision_keeps_momentum_and_closes_its_energy_budget(kind, solver):
 CHAIN, CHAIN_CELLS, CHAIN_SPEED = 5, 10, 0.004
 
 
-def row(count, place, velocities, **options):
+def row(count, position, velocities, **options):
     """Discs that just touch."""
     centres = np.stack([2.0 * R * np.arange(count), np.zeros(count)])
     cell = R / CHAIN_CELLS
     v = np.stack([np.asarray(velocities), np.zeros(count)])
-    return Scene(bodies(centres, v, LinearElastic(E, NU, DENSITY), place, cell), cell=cell, **options)
+    return Scene(bodies(centres, v, LinearElastic(E, NU, DENSITY), position, cell), cell=cell, **options)
 
 
-def centres_of(state, count, place):
+def centres_of(state, count, position):
     """Positions along the line, (count,) [m]."""
-    along = rotation(place.turn)[:, 0] @ state.x
+    along = rotation(position.turn)[:, 0] @ state.x
     return np.bincount(state.body, state.mass * along, count) / np.bincount(state.body, state.mass, count)
 
 
 @cache
-def force_law(place, largest=0.006, steps=24):
+def force_law(position, largest=0.006, steps=24):
     """Approach of two discs' centres (k,) [m], the force between them (k,) [N/m], and its reach [m2/N].
 
     Gravity presses them upon each other, uniformly as inertia does, and rises slowly in steps of backward Euler. The
     reach is by how much the far boundary of a disc moves out from its centre of mass, per force.
     """
-    line, middle, rise = rotation(place.turn)[:, 0], R, 15.0  # so short that they have no time to roll off each other
-    shift = R / CHAIN_CELLS * np.array(place.offset)
+    line, middle, rise = (
+        rotation(position.turn)[:, 0],
+        R,
+        15.0,
+    )  # so short that they have no time to roll off each other
+    shift = R / CHAIN_CELLS * np.array(position.offset)
 
     def gravity(X, t):
         side = np.sign(middle - line @ (X - shift[:, None]))
         return largest * (t / rise) ** 2 * line[:, None] * side
 
-    scene = row(2, place, [0.0, 0.0], gravity=gravity)
+    scene = row(2, position, [0.0, 0.0], gravity=gravity)
     start = initial(scene)
-    apart, found = np.diff(centres_of(start, 2, place))[0], [(0.0, 0.0)]
+    apart, found = np.diff(centres_of(start, 2, position))[0], [(0.0, 0.0)]
     far = int(np.argmin(line @ start.x))
     for state in simulate(scene, dt=rise / steps, until=rise, start=start):
         force = state.contacts.force[0] @ np.abs(line @ state.contacts.normal)
-        found.append((apart - np.diff(centres_of(state, 2, place))[0], force))
-    moved = line @ (state.x - start.x)[:, far] - (centres_of(state, 2, place) - centres_of(start, 2, place))[0]
+        found.append((apart - np.diff(centres_of(state, 2, position))[0], force))
+    moved = line @ (state.x - start.x)[:, far] - (centres_of(state, 2, position) - centres_of(start, 2, position))[0]
     return np.array(found).T, float(-moved / force)
 
 
@@ -201,14 +207,14 @@ def one_dimensional(law, reach, until):
 
 
 @cache
-def chain(place, dt=0.05, until=12.0):
+def chain(position, dt=0.05, until=12.0):
     """Final velocities of the discs and of the one-dimensional chain, over that of the impact, (2, CHAIN); APIC."""
-    scene, scheme = row(CHAIN, place, [CHAIN_SPEED, 0.0, 0.0, 0.0, 0.0]), Scheme(theta=0.5)
+    scene, scheme = row(CHAIN, position, [CHAIN_SPEED, 0.0, 0.0, 0.0, 0.0]), Scheme(theta=0.5)
     *_, state = simulate(scene, dt=dt, until=until, scheme=scheme)
     assert state.contacts.force[0].max(initial=0.0) == 0.0
-    along = rotation(place.turn)[:, 0] @ state.v
+    along = rotation(position.turn)[:, 0] @ state.v
     discs = np.bincount(state.body, state.mass * along) / np.bincount(state.body, state.mass)
-    return np.stack([discs, one_dimensional(*force_law(place), until)]) / CHAIN_SPEED
+    return np.stack([discs, one_dimensional(*force_law(position), until)]) / CHAIN_SPEED
 
 
 @pytest.mark.slow
@@ -218,7 +224,7 @@ def test_chain_of_five_discs_moves_as_one_dimension_says():
     Reference: point masses with the discs' own quasi-static force law and its reach through a disc; final velocities
     within 3 % of that of the impact. Vibrations of the discs keep 4 % of the energy, which one dimension has not.
     """
-    discs, exact = chain(places(1)[0])
+    discs, exact = chain(positions(1)[0])
     assert np.abs(discs - exact).max() < 0.03
     assert discs.sum() == pytest.approx(1.0, abs=1e-12)
     assert exact.sum() == pytest.approx(1.0, abs=1e-6)
@@ -226,10 +232,10 @@ def test_chain_of_five_discs_moves_as_one_dimension_says():
 
 def test_restitution_tends_to_one_under_refinement_and_backward_euler_loses_more():
     """Head-on, speeds of 0.1 m/s: the nodal law takes velocity of boundary nodes only, less mass on finer grids."""
-    place = places(1)[0]
-    coarse, fine = (collide(place, cells=cells, dt=0.02).restitution for cells in (4, 8))
+    position = positions(1)[0]
+    coarse, fine = (collide(position, cells=cells, dt=0.02).restitution for cells in (4, 8))
     assert 0.85 < coarse < fine < 1.0
-    assert collide(place, dt=0.02, theta=1.0).restitution < collide(place, dt=0.02).restitution
+    assert collide(position, dt=0.02, theta=1.0).restitution < collide(position, dt=0.02).restitution
 
 
 # The table and its figures.
@@ -245,17 +251,20 @@ def rows():
     """What docs/verification.md shows of this module."""
     table, kept = [], "test_collision_keeps_momentum_and_closes_its_energy_budget"
     for kind, (impact, friction) in KINDS.items():
-        hits = [collide(p, dt=0.02, impact=impact, friction=friction) for p in places(CASES)]
+        hits = [collide(p, dt=0.02, impact=impact, friction=friction) for p in positions(CASES)]
         text = (
             f"momentum {worst(hits, 'momentum'):.1g}, angular {worst(hits, 'turning'):.1g}, energy budget"
             f" {worst(hits, 'budget'):.1g}; dissipated {numbers([np.mean([h.dissipated for h in hits])])}"
         )
         goal = f"momentum 1e-12: {'met' if worst(hits, 'momentum') <= 1e-12 else 'missed'}; budgets: shown"
         name = f"two discs collide, {kind}, theta = 1/2"
-        table.append(Row(name, "conservation", f"R/h = 5, {CASES} places", text, "-", goal, kept))
-    place, refined = places(1)[0], "test_restitution_tends_to_one_under_refinement_and_backward_euler_loses_more"
-    by_grid = [collide(place, cells=cells, dt=0.02).restitution for cells in GRIDS]
-    by_step = [[collide(place, dt=dt, theta=theta).restitution for dt in STEPS] for theta in (0.5, 1.0)]
+        table.append(Row(name, "conservation", f"R/h = 5, {CASES} positions", text, "-", goal, kept))
+    position, refined = (
+        positions(1)[0],
+        "test_restitution_tends_to_one_under_refinement_and_backward_euler_loses_more",
+    )
+    by_grid = [collide(position, cells=cells, dt=0.02).restitution for cells in GRIDS]
+    by_step = [[collide(position, dt=dt, theta=theta).restitution for dt in STEPS] for theta in (0.5, 1.0)]
     table.append(
         Row(
             "restitution of two discs, head-on, v = 0.09 c",
@@ -267,14 +276,14 @@ def rows():
             refined,
         )
     )
-    chains = np.array([np.subtract(*chain(p)) for p in places(CHAINS)])
+    chains = np.array([np.subtract(*chain(p)) for p in positions(CHAINS)])
     largest = np.abs(chains).max(axis=1)
     met = largest.mean() <= 0.03 and largest.max() <= 0.09
     table.append(
         Row(
             "chain of five discs: final velocities over that of the impact",
             "1D chain with their own force law",
-            f"R/h = {CHAIN_CELLS}, {CHAINS} places",
+            f"R/h = {CHAIN_CELLS}, {CHAINS} positions",
             f"mean of largest {largest.mean():.2g}, worst {largest.max():.2g}",
             "-",
             f"3 %, with the law's reach through a disc: {'met' if met else 'missed'}",
@@ -291,19 +300,19 @@ def figures(folder):
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    place = places(1)[0]
+    position = positions(1)[0]
     fig, (left, middle, right) = plt.subplots(1, 3, figsize=(9, 3.2), layout="constrained")
     for speed in (SPEED, 0.2 * SPEED):
-        found = [collide(place, cells=cells, dt=0.02, speed=speed).restitution for cells in GRIDS]
+        found = [collide(position, cells=cells, dt=0.02, speed=speed).restitution for cells in GRIDS]
         left.plot(GRIDS, found, "o-", label=f"{speed:g} m/s")
     left.set(xlabel="R/h", ylabel="restitution")
     left.legend(fontsize=7)
     for theta in (0.5, 1.0):
-        found = [collide(place, dt=dt, theta=theta).restitution for dt in STEPS]
+        found = [collide(position, dt=dt, theta=theta).restitution for dt in STEPS]
         middle.plot(1e3 * np.array(STEPS), found, "o-", label=f"theta = {theta:g}")
     middle.set(xlabel="dt [ms]")
     middle.legend(fontsize=7)
-    discs, exact = chain(place)
+    discs, exact = chain(position)
     number = np.arange(1, CHAIN + 1)
     right.bar(number - 0.2, discs, 0.4, label="discs")
     right.bar(number + 0.2, exact, 0.4, label="one dimension")

@@ -4,7 +4,7 @@ A corner is pressed into a face and a wall, corners meet tip to tip, a disc sett
 heap of polygons, convex and not, is squeezed until it fills its box, and discs of unlike size and resolution touch.
 Bars of every step: bodies share at most 0.05 % of their area, no boundary point lies deeper than 0.05 cells in
 another body (on the polygons through the boundary points), and Newton takes at most 3 iterations on average, never
-all it may (8 with inertia, 60 without). Grid offset, direction and place are random; every other place has friction
+all it may (8 with inertia, 60 without). Position on the grid and direction are random; every other case has friction
 0.5, the others none.
 """
 
@@ -40,28 +40,28 @@ from ledger import Row, numbers
 
 from skmpm import Body, LinearElastic, Scene, Scheme, StepFailed, initial, simulate
 
-PLACES = 20  # of the table
+POSITIONS = 20  # of the table
 OVERLAP, GAP, NEWTON = 5e-4, -0.05, 3.0
 QUASI_STATIC = Scheme.accurate(inertia=False)
 SHORT = ("hexagon", "L", "star", "C")
 OFFSETS = (0.0, 0.01, 0.1, 0.5)  # of tips that meet [cells]
 
 
-def place(k):
-    """Generator and friction of a place."""
+def position(k):
+    """Generator and friction at a position."""
     return np.random.default_rng(100 + k), 0.5 * (k % 2)
 
 
 @cache
 def pressed(k, on):
-    rng, friction = place(k)
+    rng, friction = position(k)
     return run(press(rng, friction=friction, on=on), 0.05, 1.0, QUASI_STATIC)
 
 
 @cache
 def met(k, offset=None):
     """Through the impact, which takes about 2 R / c; in dt = 0.2 ms tips travel 0.013 cells each."""
-    rng, friction = place(k)
+    rng, friction = position(k)
     offset = OFFSETS[k // 2 % len(OFFSETS)] if offset is None else offset
     return run(meet(rng, friction=friction, offset=offset), 2e-4, 9e-3)
 
@@ -75,13 +75,13 @@ def head_on(friction):
 
 @cache
 def nested(k):
-    rng, friction = place(k)
+    rng, friction = position(k)
     return run(notch(rng, friction=friction), 0.02, 0.4)
 
 
 @cache
 def filled(k):
-    rng, friction = place(k)
+    rng, friction = position(k)
     return run(slot(rng, friction=friction), 1.0, 40.0, QUASI_STATIC)
 
 
@@ -303,7 +303,7 @@ def of_all(name, problem, runs, reference, test, extra=""):
     ]
     text = (
         f"overlap {100 * overlap:.1g} % of the area (at the end, by clipping: {100 * clipped:.1g} %), lowest gap"
-        f" {gap:.2g} h; Newton {mean:.3g} on average, {most} at most, normals kept in {frozen} of {newton.size}"
+        f" {gap:.2g} h; Newton {mean:.3g} on average, {most} at most, normals frozen in {frozen} of {newton.size}"
         f" steps, {halved} halved{extra}"
     )
     goal = "0.05 %, -0.05 h, 3, never its cap: " + ("missed: " + ", ".join(missed) if missed else "met")
@@ -317,23 +317,23 @@ def witness(found):
 
 def rows():
     """What docs/verification.md shows of this module."""
-    where, table = f"R/h = 5, {PLACES} places", []
+    where, table = f"R/h = 5, {POSITIONS} positions", []
     for on in ("face", "wall"):
-        runs = [pressed(k, on) for k in range(PLACES)]
+        runs = [pressed(k, on) for k in range(POSITIONS)]
         extra = f"; balance of forces {max(map(imbalance, runs)):.1g}"
         name = "test_a_corner_pressed_into_a_face_or_a_wall_stays_outside"
         table.append(of_all(where, f"corner pressed into a {on}, quasi-static", runs, "no overlap", name, extra))
-    runs = [met(k) for k in range(PLACES)]
+    runs = [met(k) for k in range(POSITIONS)]
     extra = f"; momentum {max(map(drift, runs)):.1g}, energy gained {max(r.gain for r in runs):.1g}"
     name = "test_tips_that_meet_pass_or_push_each_other_back"
     problem = "squares fly at each other tip to tip, offsets 0, 0.01, 0.1, 0.5 h"
     table.append(of_all(where, problem, runs, "no overlap; momentum, energy", name, extra))
-    runs = [nested(k) for k in range(PLACES)]
+    runs = [nested(k) for k in range(POSITIONS)]
     wrong = max(np.abs(flanks(r) / np.sqrt(0.5) - 1.0).max() for r in runs[::2])
     extra = f"; flank forces without friction within {wrong:.2g}"
     name = "test_a_disc_in_a_notch_leans_on_both_flanks"
     table.append(of_all(where, "disc in a notch", runs, "N = W / (2 sin 45 deg)", name, extra))
-    runs = [filled(k) for k in range(PLACES)]
+    runs = [filled(k) for k in range(POSITIONS)]
     extra = f"; balance of forces {max(map(imbalance, runs)):.1g}"
     name = "test_a_peg_fills_a_slot"
     table.append(of_all(where, "peg driven to the bottom of a slot, quasi-static", runs, "no overlap", name, extra))
@@ -349,16 +349,16 @@ def rows():
 def unlike():
     """Rows of bodies of unlike size and resolution."""
     table, name = [], "test_unlike_discs_touch_where_their_circles_do"
-    for kind, count, sizes in (("R ratio 20", 5, "R/h = 2 and 40"), ("spacing ratio 4", PLACES, "R/h = 5")):
+    for kind, count, sizes in (("R ratio 20", 5, "R/h = 2 and 40"), ("spacing ratio 4", POSITIONS, "R/h = 5")):
         onset, change = np.abs([touch(kind, k) for k in range(count)]).T
         text = f"|distance| at the first force [cells]: mean {onset.mean():.2g}, worst {onset.max():.2g}; momentum"
         goal = f"0.3 cells, 1e-12: {'met' if onset.max() <= 0.3 and change.max() <= 1e-12 else 'missed'}"
-        goal += "" if count == PLACES else f" ({count} places only: 21,000 points)"
+        goal += "" if count == POSITIONS else f" ({count} positions only: 21,000 points)"
         problem = f"onset of contact, discs of {kind}"
         text += f" {change.max():.1g}"
-        table.append(Row(problem, "distance of circles", f"{sizes}, {count} places", text, "-", goal, name))
-    found = [compressed("spacing ratio 4", k) for k in range(PLACES)]
-    like = np.array([compressed("spacing ratio 1", k)[0] for k in range(PLACES)])
+        table.append(Row(problem, "distance of circles", f"{sizes}, {count} positions", text, "-", goal, name))
+    found = [compressed("spacing ratio 4", k) for k in range(POSITIONS)]
+    like = np.array([compressed("spacing ratio 1", k)[0] for k in range(POSITIONS)])
     ratios = np.array([f[0] for f in found])
     mean, of_like = (numbers(np.nanmean(a, axis=0)[[1, 4, 9]], 3) for a in (ratios, like))
     failed = int(np.isnan(ratios[:, -1]).sum())
@@ -369,7 +369,7 @@ def unlike():
     goal = "shown: as like discs; R/h = 5 is stiff, see Hertz"
     name = "test_discs_of_unlike_resolution_obey_hertz_as_those_of_like_do"
     problem = "two discs of spacing ratio 4 between plates"
-    table.append(Row(problem, "Hertz (Johnson 1985, 5.57)", f"R/h = 5, {PLACES} places", text, "-", goal, name))
+    table.append(Row(problem, "Hertz (Johnson 1985, 5.57)", f"R/h = 5, {POSITIONS} positions", text, "-", goal, name))
     return table
 
 

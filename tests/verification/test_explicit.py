@@ -22,13 +22,13 @@ from skmpm.simulate import initial, simulate, step
 GEL = NeoHookean(10e6, 0.45, 990.0)
 WAVE = np.sqrt((GEL.lame[0] + 2.0 * GEL.lame[1]) / GEL.density)
 RADIUS, CELL = 1e-3, 0.2e-3
-PLACES = [(0.0, 0.0), (0.137, 0.291), (0.5, 0.5), (0.99, 0.01), (0.81, 0.91)]  # of the centre from a node [cells]
+POSITIONS = [(0.0, 0.0), (0.137, 0.291), (0.5, 0.5), (0.99, 0.01), (0.81, 0.91)]  # of the centre from a node [cells]
 STABLE = 0.7  # h/c
 
 
-def swinging(place, speed=1.0):
+def swinging(position, speed=1.0):
     """A disc whose boundary first moves by speed [m/s] outwards along x and inwards along y."""
-    centre = CELL * np.array(place)
+    centre = CELL * np.array(position)
 
     def velocity(x):
         return speed / RADIUS * np.stack([x[0] - centre[0], centre[1] - x[1]])
@@ -36,9 +36,9 @@ def swinging(place, speed=1.0):
     return Scene([Body(disc(centre, RADIUS, spacing=0.74 * CELL), GEL, velocity=velocity)], cell=CELL)
 
 
-def largest_energy(place, courant, steps=300, **options):
+def largest_energy(position, courant, steps=300, **options):
     """Kinetic and elastic energy over the kinetic one at the start, the largest of a free swing; inf if it fails."""
-    scene, scheme = swinging(place), Scheme(explicit=True, **options)
+    scene, scheme = swinging(position), Scheme(explicit=True, **options)
     state, dt, found = initial(scene, scheme=scheme), courant * CELL / WAVE, 0.0
     start = state.report.energy.kinetic
     for _ in range(steps):
@@ -73,13 +73,13 @@ def test_the_bars_period_is_that_of_symplectic_euler(dt):
     assert swing == pytest.approx(2.0 * np.pi / PERIOD * dt, rel=1e-2)
 
 
-@pytest.mark.parametrize("place", PLACES)
-def test_one_limit_of_the_step_wherever_the_disc_lies(place):
+@pytest.mark.parametrize("position", POSITIONS)
+def test_one_limit_of_the_step_wherever_the_disc_lies(position):
     """A swinging disc, R/h = 5, dt = 0.7 h/c, 300 steps: its energy stays below 1.05 of the first.
 
     Without the penalty on accelerations nearly empty nodes need a seventh of that (the next test).
     """
-    assert largest_energy(place, STABLE) < 1.05
+    assert largest_energy(position, STABLE) < 1.05
 
 
 def test_nearly_empty_nodes_need_the_ghost_penalty():
@@ -189,7 +189,9 @@ def rows():
     steps = (0.6, 0.3, 0.15)
     found, _ = zip(*(difference(courant) for courant in steps), strict=True)
     periods = {dt: (measured_period(dt)[0], slowed(1.0, dt)) for dt in (0.02, 0.05)}
-    stable = {courant: max(largest_energy(place, courant) for place in PLACES) for courant in (0.5, 0.7, 0.8)}
+    stable = {
+        courant: max(largest_energy(position, courant) for position in POSITIONS) for courant in (0.5, 0.7, 0.8)
+    }
     return [
         Row(
             problem=f"fixed-free bar, explicit, 25 cells over {L:g} m, period over the continuum's",
@@ -201,7 +203,7 @@ def rows():
             test="test_the_bars_period_is_that_of_symplectic_euler",
         ),
         Row(
-            problem="swinging disc, explicit, 300 steps of 0.5, 0.7, 0.8 h/c, worst of five places on the grid",
+            problem="swinging disc, explicit, 300 steps of 0.5, 0.7, 0.8 h/c, worst of five positions on the grid",
             reference="its first energy",
             h="R/h = 5",
             error=f"largest energy over it: {numbers(stable.values())}",

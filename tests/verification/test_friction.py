@@ -40,16 +40,16 @@ ALIGNED = PointSet(0.0, (0.0, 0.0))
 INCLINED = PointSet(-SLOPE, (0.37, 0.81))  # gravity is vertical
 
 
-def places(count, seed=3):
+def positions(count, seed=3):
     """Aligned, inclined, and others at random."""
     draw = np.random.default_rng(seed)
     others = [PointSet(draw.uniform(0.0, 2.0 * np.pi), tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(count - 2)]
     return [ALIGNED, INCLINED, *others]
 
 
-def incline(points, material, *, cell, friction, place, ramp):
+def incline(points, material, *, cell, friction, position, ramp):
     """A body on a wall; the part of gravity along the wall rises from nothing in the times `ramp` [s]."""
-    turn, offset = rotation(place.turn), cell * np.array(place.offset)
+    turn, offset = rotation(position.turn), cell * np.array(position.offset)
     along, down = turn @ [G * np.sin(SLOPE), 0.0], turn @ [0.0, -G * np.cos(SLOPE)]
 
     def gravity(X, t):
@@ -75,9 +75,9 @@ class Motion:
         return np.polyfit(self.t[i], np.stack([*self.v, self.spin])[:, i].T, 1)[0]
 
 
-def follow(scene, place, stages, **options):
+def follow(scene, position, stages, **options):
     """The motion through stages (dt, until, options)."""
-    back, last, found = rotation(place.turn).T, initial(scene, scheme=Scheme(**options)), []
+    back, last, found = rotation(position.turn).T, initial(scene, scheme=Scheme(**options)), []
     share = last.mass / last.mass.sum()
     for dt, until, more in stages:
         for state in simulate(scene, dt=dt, until=until, scheme=Scheme(**{**options, **more}), start=last):
@@ -96,7 +96,7 @@ TIGHT = {"newton_tol": 1e-10, "contact_tol": 1e-9, "gap_tol": 1e-8}
 
 
 @cache
-def block(friction, place, solver="banded"):
+def block(friction, position, solver="banded"):
     """LinearElastic, 0.3 s at rest and 0.3 s after gravity along the wall has set in; backward Euler, dt = 5 ms."""
     points = box((0.0, 0.0), (0.2, 0.1), spacing=0.75 * BLOCK_CELL)
     scene = incline(
@@ -104,10 +104,10 @@ def block(friction, place, solver="banded"):
         LinearElastic(1e6, 0.3, DENSITY),
         cell=BLOCK_CELL,
         friction=friction,
-        place=place,
+        position=position,
         ramp=(0.3, 0.35),
     )
-    return follow(scene, place, [(5e-3, 0.6, {})], linear=SOLVERS[solver], **TIGHT)
+    return follow(scene, position, [(5e-3, 0.6, {})], linear=SOLVERS[solver], **TIGHT)
 
 
 def block_slides(friction):
@@ -126,23 +126,23 @@ def slide_error(motion, friction):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("place", [*places(5)], ids=["aligned", "inclined", *"abc"])
-def test_block_slides_without_lift(place, solver):
+@pytest.mark.parametrize("position", [*positions(5)], ids=["aligned", "inclined", *"abc"])
+def test_block_slides_without_lift(position, solver):
     """Friction 0.3 on 30 degrees: a = g (sin - mu cos) within 1 %, normal velocity below 1e-8 of the sliding speed.
 
     Asserted to 1e-6: Coulomb's law holds in every contact, so it holds in their sum to the contact tolerance (1e-9).
     """
-    motion = block(SLIDES, place, solver)
+    motion = block(SLIDES, position, solver)
     assert abs(slide_error(motion, SLIDES)) < 1e-6
     assert lift(motion) < 1e-8
     assert motion.v[0, -1] > 0.5
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("place", [*places(3)], ids=["aligned", "inclined", "a"])
-def test_block_sticks(place, solver):
+@pytest.mark.parametrize("position", [*positions(3)], ids=["aligned", "inclined", "a"])
+def test_block_sticks(position, solver):
     """Friction 1.1 tan(slope): at rest, its speed below 1e-6 of what it would have fallen to along the wall."""
-    motion = block(STICKS, place, solver)
+    motion = block(STICKS, position, solver)
     assert np.abs(motion.v[:, motion.t > 0.5]).max() < 1e-6 * G * np.sin(SLOPE) * 0.25
     assert motion.force[0, -1] == pytest.approx(-0.02 * DENSITY * G * np.sin(SLOPE), rel=1e-6)
 
@@ -155,7 +155,7 @@ ROLLS, SLIPS, NEAR = 0.5, 0.1, 0.97 * np.tan(SLOPE) / 3.0
 
 
 @cache
-def round_body(friction, place, solver="banded", cells=10, young=1e6):
+def round_body(friction, position, solver="banded", cells=10, young=1e6):
     """NeoHookean; midpoint rule once gravity along the wall sets in, over 20 ms, dt = 2.5 ms, 0.25 s."""
     cell = RADIUS / cells
     scene = incline(
@@ -163,11 +163,11 @@ def round_body(friction, place, solver="banded", cells=10, young=1e6):
         NeoHookean(young, 0.3, DENSITY),
         cell=cell,
         friction=friction,
-        place=place,
+        position=position,
         ramp=(REST, REST + 0.02),
     )
     stages = [(0.02, REST, {}), (2.5e-3, REST + 0.25, {"theta": 0.5})]
-    return follow(scene, place, stages, linear=SOLVERS[solver])
+    return follow(scene, position, stages, linear=SOLVERS[solver])
 
 
 def disc_exact(friction):
@@ -206,16 +206,16 @@ def test_disc_slides():
     assert -0.05 < errors[1] < 0.0
 
 
-def slip(friction, place):
+def slip(friction, position):
     """Acceleration of the disc's boundary along the wall over that of rolling."""
-    along, _, spin = round_body(friction, place).acceleration(REST + 0.1)
+    along, _, spin = round_body(friction, position).acceleration(REST + 0.1)
     return float((along + RADIUS * spin) / disc_exact(1.0)[0])
 
 
-def stick_limit(place):
+def stick_limit(position):
     """The friction at which slip vanishes, from two discs that slide, over tan(slope) / 3."""
     friction = np.array([SLIPS, NEAR])
-    slips = np.array([slip(mu, place) for mu in friction])
+    slips = np.array([slip(mu, position) for mu in friction])
     return float((friction[1] - slips[1] * np.diff(friction) / np.diff(slips))[0] / LIMIT)
 
 
@@ -246,14 +246,14 @@ def verdict(goal, values, bar):
 
 def rows():
     """What docs/verification.md shows of this module."""
-    where = places(CASES)
-    slides, sticks = ([block(mu, place) for place in where] for mu in (SLIDES, STICKS))
+    where = positions(CASES)
+    slides, sticks = ([block(mu, position) for position in where] for mu in (SLIDES, STICKS))
     rolls, slips = (np.array([disc_errors(round_body(mu, p), mu) for p in where]) for mu in (ROLLS, SLIPS))
-    limits = np.array([stick_limit(place) for place in where]) - 1.0
+    limits = np.array([stick_limit(position) for position in where]) - 1.0
     errors = [slide_error(motion, SLIDES) for motion in slides]
     lifts = [lift(motion) for motion in slides]
     drift = [np.abs(m.v[:, m.t > 0.5]).max() / (G * np.sin(SLOPE) * 0.25) for m in sticks]
-    block_grid, disc_grid = f"10 x 5 cells, {CASES} places", f"R/h = 10, {CASES} places"
+    block_grid, disc_grid = f"10 x 5 cells, {CASES} positions", f"R/h = 10, {CASES} positions"
     limited = "test_the_limit_of_rolling_is_a_third_of_the_slope"
     return [
         Row("block slides on an incline: acceleration", "g (sin - mu cos)", block_grid, spread(errors), "-",

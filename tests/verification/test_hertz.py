@@ -119,7 +119,7 @@ class Contact:
     depth: float  # d/R
     force: float  # [E* R]
     shear: float  # over the force
-    place: np.ndarray  # (k,) of the boundary points, in the undeformed body, along the contact [R]
+    position: np.ndarray  # (k,) of the boundary points, in the undeformed body, along the contact [R]
     share: np.ndarray  # (k,) of the force
     spacing: float  # of the boundary points [R]
     arcs: bool = False  # whether the far side is held on an arc
@@ -132,13 +132,13 @@ class Contact:
     @property
     def by_moment(self):
         """Half-width less the reference [R]."""
-        place = self.place - self.share @ self.place
-        return 2.0 * np.sqrt(self.share @ place**2) - reference(self.depth, self.arcs)[1]
+        position = self.position - self.share @ self.position
+        return 2.0 * np.sqrt(self.share @ position**2) - reference(self.depth, self.arcs)[1]
 
     @property
     def by_extent(self):
         """Half-width less the reference [R]."""
-        loaded = self.place[self.share > 1e-6]
+        loaded = self.position[self.share > 1e-6]
         return 0.5 * (np.ptp(loaded) + self.spacing) - half_width(reference(self.depth, self.arcs)[0])
 
     def pressure(self, width):
@@ -148,11 +148,11 @@ class Contact:
         nodes, fine = width * np.arange(-count, count + 1), np.linspace(-a, a, 2001)
         scale = np.pi * a / (2.0 * width)
 
-        def averaged(place, share):
-            return scale * share @ np.clip(1.0 - np.abs(place[:, None] - nodes) / width, 0.0, None)
+        def averaged(position, share):
+            return scale * share @ np.clip(1.0 - np.abs(position[:, None] - nodes) / width, 0.0, None)
 
         ellipse = np.sqrt(1.0 - (fine / a) ** 2)
-        return nodes, averaged(self.place, self.share), averaged(fine, ellipse / ellipse.sum())
+        return nodes, averaged(self.position, self.share), averaged(fine, ellipse / ellipse.sum())
 
 
 def cloud(size, rng, centre, every):
@@ -163,7 +163,7 @@ def cloud(size, rng, centre, every):
 
 
 def frame(size, rng):
-    """A place on the grid, the direction of the pressure, and the one across."""
+    """A position on the grid, the direction of the pressure, and the one across."""
     angle = rng.uniform(0.0, 2.0 * np.pi)
     normal = np.array([np.cos(angle), np.sin(angle)])
     return R / size * rng.random(2), normal, np.array([-normal[1], normal[0]])
@@ -197,8 +197,8 @@ def contact(scene, state, pair, centre, across, depth, spacing, *, arcs=False):
     force, normal = found.force[:, k], found.normal[:, k]
     total = force[0] @ normal.T + force[1] @ np.stack([-normal[1], normal[0]]).T
     shear = across @ total / np.hypot(*total)
-    place = across @ (scene.initial_positions[:, found.point[k]] - centre(found.bodies[0, k]))
-    return Contact(depth, np.hypot(*total) / MODULUS, shear, place / R, force[0] / force[0].sum(), spacing, arcs)
+    position = across @ (scene.initial_positions[:, found.point[k]] - centre(found.bodies[0, k]))
+    return Contact(depth, np.hypot(*total) / MODULUS, shear, position / R, force[0] / force[0].sum(), spacing, arcs)
 
 
 def between_plates(size, rng, solver, every):
@@ -467,7 +467,7 @@ def _pressure_row():
 
 
 def figures(folder):
-    """Errors of the force over the half-width in cells, and pressures over the place in the contact."""
+    """Errors of the force over the half-width in cells, and pressures over the position in the contact."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -477,7 +477,7 @@ def figures(folder):
         "hertz_force.png": "Error of Hertz's force over the half-width of the contact in cells: mean and range over"
         " 20 offsets and directions, d/R = 0.02, 0.05, 0.1 from left to right. Below 1.2 cells (dotted) no goal is"
         " set; dashed: goals at R/h = 5, 10, 20. Open symbols: every other boundary point taken out of the outline.",
-        "hertz_pressure.png": "Pressure in a disc between plates at d/R = 0.1 over the place in the contact. Dots:"
+        "hertz_pressure.png": "Pressure in a disc between plates at d/R = 0.1 over the position in the contact. Dots:"
         " forces of the boundary points over their spacing; circles: averaged by hat functions one cell apart; line:"
         " Hertz's ellipse. Left: all boundary points, right: every other one in the outline.",
     }
@@ -520,13 +520,13 @@ def _draw_pressure(file):
     for ax, (every, size) in zip(axes.ravel(), ((e, n) for e in (1, 2) for n in SIZES), strict=True):
         for one in flat(measured("disc between plates", size, every=every)[0][-1][:4]):
             a = half_width(one.force)
-            ax.plot(one.place / a, one.share / one.spacing * np.pi * a / 2, ".", color="silver", ms=3)
+            ax.plot(one.position / a, one.share / one.spacing * np.pi * a / 2, ".", color="silver", ms=3)
             nodes, found, _ = one.pressure(1.0 / size)
             ax.plot(nodes / a, found, "o", color="C0", ms=2.5)
         ax.plot(s, np.sqrt(1 - s**2), color="black", lw=1)
         ax.set_title(f"R/h = {size}, {'all' if every == 1 else 'every other one'}", fontsize=9)
     for ax in axes[-1]:
-        ax.set_xlabel("place / half-width")
+        ax.set_xlabel("position / half-width")
     for ax in axes[:, 0]:
         ax.set_ylabel("pressure / p0")
     axes[0, 0].set_xlim(-1.6, 1.6)

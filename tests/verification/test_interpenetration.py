@@ -22,7 +22,7 @@ def test_discs_neither_overlap_nor_spin(friction):
 
     The bars are met a hundred times over. A frictionless disc should turn by at most 0.02 rad in a step; the smallest
     (R/h = 3.8) turn by up to 0.04, less on finer grids. Inferred, not shown: their stiffness changes as they turn
-    against their cut cells, and the pressure drives them round.
+    against their cut cells, and the pressure rotates them.
     """
     run = packings.squeeze(12, friction, 5, start=0.68, until=0.85)
     assert run.overlap.max() < OVERLAP / 2.0
@@ -32,6 +32,14 @@ def test_discs_neither_overlap_nor_spin(friction):
     assert run.pressure[-1] > 5e4
     if friction == 0.0:
         assert run.spin.max() < 2.0 * SPIN
+
+
+def test_stored_tables_can_be_read():
+    """Each belongs to a member and has the columns that the member would write."""
+    names = [path.stem for path in packings.TABLES.glob("*.csv")]
+    assert len(names) >= 13 and set(names) <= set(packings.MEMBERS)
+    for name in names:
+        packings.read(name)
 
 
 def rows():
@@ -69,7 +77,7 @@ def _newton_row(runs, cells):
     mean, most, kept = np.array([(r.newton.mean(), r.newton.max(), r.frozen.sum()) for r in runs.values()]).T
     return Row(
         f"the same, R/h = {cells}: Newton iterations", "-", _frictions(runs),
-        f"mean {numbers(mean, 3)}; most {numbers(most)} (cap 8); steps with normals kept: {numbers(kept)}", "-",
+        f"mean {numbers(mean, 3)}; most {numbers(most)} (cap 8); steps with normals frozen: {numbers(kept)}", "-",
         f"3 on average, never at the cap: {'met' if mean.max() <= NEWTON else 'missed'}",
         "test_discs_neither_overlap_nor_spin",
     )  # fmt: skip
@@ -78,16 +86,16 @@ def _newton_row(runs, cells):
 def _spin_row(run, cells):
     spin = run.spin.max()
     return Row(
-        f"the same, R/h = {cells}, without friction: turn of the fastest disc in a step", "none", "8 us",
+        f"the same, R/h = {cells}, without friction: rotation of the fastest disc in a step", "none", "8 us",
         f"{spin:.3f} rad", "-",
         "0.02: met" if spin <= SPIN else "0.02: missed: less with finer cells, not with more points or smaller steps;"
-        " probably cut cells make a small disc stiffer one way than another, and pressure drives it round",
+        " probably cut cells make a small disc stiffer in one direction than in another, and pressure rotates it",
         "test_discs_neither_overlap_nor_spin",
     )  # fmt: skip
 
 
 def figures(folder):
-    """Draw overlap, turning and iterations against solid fraction."""
+    """Draw overlap, rotation and iterations against solid fraction."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -102,10 +110,10 @@ def figures(folder):
             for axis, values in zip(axes, (100.0 * run.overlap, run.spin, smooth), strict=True):
                 axis.plot(run.fraction[5:-5], values[5:-5], f"C{colour}{style}", lw=1, label=label)
     for axis, name in zip(
-        axes, ("overlap [% of the area]", "fastest turn [rad a step]", "Newton, mean of 9"), strict=True
+        axes, ("overlap [% of the area]", "largest rotation [rad per step]", "Newton, mean of 9"), strict=True
     ):
         axis.set(xlabel="nominal solid fraction", ylabel=name)
     axes[0].legend(fontsize=6)
     fig.savefig(folder / "interpenetration.png", dpi=120)
     plt.close(fig)
-    return {"interpenetration.png": "100 discs squeezed at 2 m/s in steps of 8 us: overlap, turning and iterations."}
+    return {"interpenetration.png": "100 discs squeezed at 2 m/s in steps of 8 us: overlap, rotation and iterations."}

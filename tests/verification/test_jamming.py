@@ -21,7 +21,7 @@ JAMMED = 0.842
 ONSET = 3e-4, 4e-3  # pressures over E* between which the line is laid
 HIGHER = 4e-3, 1.1e-2  # of the runs of Nezamabadi et al. (2017), chosen in hindsight: decides nothing
 ONSET_GAP = 1.9  # cells between bodies at their first force at shared nodes, see test_onset
-NEW, SEED = (5, 8), (6, 8, 10)
+NEW, SHARED = (5, 8), (6, 8, 10)
 SPEEDS = {"fast_": 0.5, "": 0.1, "slow_": 0.05}  # of the lid over R/h = 5 [m/s]
 SMOOTH = 9  # samples in running means of the coordination
 ABOVE = np.array([0.005, 0.01, 0.02, 0.04])  # solid fractions above that of jamming, and P / E* there in mean field
@@ -70,7 +70,7 @@ def test_a_gap_of_one_cell_jams_early():
     """
     options = {"start": 0.60, "until": 0.76, "speed": 4.0, "dt": 32e-6}
     ours = packings.compress(40, 4, **options)
-    early = packings.compress(40, 4, **options, seeds_way=True)
+    early = packings.compress(40, 4, **options, shared_grid=True)
     assert early.pressure[-1] > 5.0 * max(ours.pressure[-1], 1e-3)
 
 
@@ -88,7 +88,7 @@ def test_the_jamming_fraction_is_that_of_the_line():
 
 def rows():
     """What docs/verification.md shows of this module."""
-    by_outlines, by_nodes = measured(NEW, "jamming_r{}"), measured(SEED, "jamming_seed_r{}")
+    by_outlines, by_nodes = measured(NEW, "jamming_r{}"), measured(SHARED, "jamming_shared_grid_r{}")
     by_speed = {
         speed: run for name, speed in SPEEDS.items() for run in measured((5,), f"jamming_{name}r{{}}").values()
     }
@@ -141,7 +141,7 @@ def figures(folder):
     from matplotlib import pyplot as plt
 
     fig, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-    for i, (cells, run) in enumerate(measured(SEED, "jamming_seed_r{}").items()):
+    for i, (cells, run) in enumerate(measured(SHARED, "jamming_shared_grid_r{}").items()):
         left.plot(run.nominal, run.pressure, f"C{i}:", lw=1, label=f"shared nodes, R/h = {cells}")
         left.axvline(too_early(cells), color=f"C{i}", lw=0.5)
     for i, (cells, run) in enumerate(measured(NEW, "jamming_r{}").items()):

@@ -19,7 +19,7 @@ R, H = 1e-3, 2e-4  # [m]
 RADII = np.random.default_rng(3).uniform(0.7e-3, 1.2e-3, 12)
 WIDTH, START, END = 7e-3, 0.62, 0.90  # of the box [m]; nominal solid fractions
 STROKE = 0.4 * R  # of the lid on two discs
-PLACES = np.linspace(0.3, 1.0, 15)  # of the stroke, where forces are compared
+POSITIONS = np.linspace(0.3, 1.0, 15)  # of the stroke, where forces are compared
 
 
 def boxed(width, height, speed, gravity=0.0):
@@ -55,11 +55,11 @@ def twelve(seed):
 
 @cache
 def pressed(make, mach, way):
-    """Force on the lid at PLACES [N/m], retries, and dt c / h; the lid moves at mach c, by `way` cells a step."""
+    """Force on the lid at POSITIONS [N/m], retries, and dt c / h; the lid moves at mach c, by `way` cells a step."""
     scene, until = make(mach * WAVE)
     dt = until / np.ceil(until * mach * WAVE / (way * H))
     states = list(simulate(scene, dt=dt, until=until))
-    force = np.interp(PLACES, [s.t / until for s in states], [s.wall_force[1, 1] for s in states])
+    force = np.interp(POSITIONS, [s.t / until for s in states], [s.wall_force[1, 1] for s in states])
     return force, sum(s.report.retries for s in states), dt * WAVE / H
 
 

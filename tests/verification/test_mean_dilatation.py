@@ -19,7 +19,7 @@ from skmpm.scheme import NEARLY_INCOMPRESSIBLE
 
 NU = (0.3, 0.35, 0.4, 0.45, 0.49)
 CELLS = {"cook": (6.0, 3.0), "disc": (1 / 5, 1 / 10), "plates": (1 / 5, 1 / 10)}
-PLACES = ((0.13, 0.29), (0.5, 0.5), (0.81, 0.07))  # of the centre of the disc between plates [cells]
+POSITIONS = ((0.13, 0.29), (0.5, 0.5), (0.81, 0.07))  # of the centre of the disc between plates [cells]
 DEPTH = 0.05  # approach of a plate over R
 ON, OFF, BY_MATERIAL = True, False, None
 NAMES = {"cook": "Cook's membrane", "disc": "disc pressed over two arcs", "plates": "disc between plates"}
@@ -29,16 +29,16 @@ NAMES = {"cook": "Cook's membrane", "disc": "disc pressed over two arcs", "plate
 def ratios(problem, nu, cell, mean_dilatation):
     """Stiffness and peak pressure over those of the reference."""
     if problem == "plates":
-        return tuple(np.mean([between_plates(nu, cell, mean_dilatation, place) for place in PLACES], axis=0))
+        return tuple(np.mean([between_plates(nu, cell, mean_dilatation, position) for position in POSITIONS], axis=0))
     _, _, state = measure(problem, nu, cell, mean_dilatation=mean_dilatation)
     u, exact, stress, weight = compared(problem, nu, state)
     stiffness = np.sum(weight * exact**2) / np.sum(weight * exact * u)
     return stiffness, pressure(state.stress).max() / pressure(stress).max()
 
 
-def between_plates(nu, cell, mean_dilatation, place):
+def between_plates(nu, cell, mean_dilatation, position):
     """A unit disc between plates that come closer by 2 DEPTH: force over that of finite elements, peak over p0."""
-    centre = cell * np.array(place)
+    centre = cell * np.array(position)
     body = Body(disc(centre, 1.0, spacing=cell / 2), LinearElastic(E, nu, 1000.0))
     walls = [Wall(centre + np.array([0, s]), (0, -s), velocity=(0, -s * DEPTH)) for s in (1, -1)]
     scheme = Scheme(inertia=False, mean_dilatation=mean_dilatation)
@@ -74,7 +74,8 @@ def test_below_it_nothing_is_averaged():
     """Bit for bit, at 0.399 and for a disc between plates; from 0.4 on all is, in both."""
     for nu in (0.3, 0.399, NEARLY_INCOMPRESSIBLE):
         default, on, off = (
-            np.array(between_plates(nu, CELLS["plates"][0], choice, PLACES[0])) for choice in (BY_MATERIAL, ON, OFF)
+            np.array(between_plates(nu, CELLS["plates"][0], choice, POSITIONS[0]))
+            for choice in (BY_MATERIAL, ON, OFF)
         )
         assert np.array_equal(default, on if nu == NEARLY_INCOMPRESSIBLE else off)
         assert not np.array_equal(on, off)

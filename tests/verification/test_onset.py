@@ -72,7 +72,7 @@ def square(h):
 
 
 def two_discs(h, apart, rng):
-    """Both move; they meet at a random place of the grid."""
+    """Both move; they meet at a random position on the grid."""
     normal, way = directions(rng)
     first, apart = h * rng.random(2), apart * h / (normal @ way)
     second = first + 2 * R * normal + apart * way
@@ -83,9 +83,9 @@ def two_discs(h, apart, rng):
 def disc_and_wall(h, apart, rng):
     """Both move."""
     normal, way = directions(rng)
-    centre, place = h * rng.random(2), (R + apart * h) * normal
+    centre, position = h * rng.random(2), (R + apart * h) * normal
     bodies = [round_body(centre, h, rng, velocity=SPEED / 2 * way)]
-    walls = [Wall(centre + place, -normal, velocity=-SPEED / 2 * way)]
+    walls = [Wall(centre + position, -normal, velocity=-SPEED / 2 * way)]
     return Approach(Scene(bodies, cell=h, walls=walls), lambda t: apart * h - SPEED * t * (way @ normal))
 
 
@@ -229,8 +229,8 @@ def figures(folder):
         for k, (problem, marker) in enumerate(zip(GOALS, "osv^", strict=True)):
             for i, size in enumerate(SIZES):
                 found = measured(problem, size, law=law)
-                place = i + (k - 1.5) * 0.2 + np.linspace(-0.06, 0.06, found.size)
-                ax.plot(place, found, marker, ms=2.5, color=f"C{k}", label=problem if i == 0 else None)
+                position = i + (k - 1.5) * 0.2 + np.linspace(-0.06, 0.06, found.size)
+                ax.plot(position, found, marker, ms=2.5, color=f"C{k}", label=problem if i == 0 else None)
         ax.axhline(0.0, color="black", lw=0.6)
         ax.set_xticks(range(len(SIZES)), SIZES)
         ax.set_xlabel("R/h")

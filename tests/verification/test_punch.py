@@ -56,10 +56,10 @@ def pressed(scene, depth, *, steps):
     return list(simulate(scene, dt=0.4 / steps, until=depth, scheme=Scheme(inertia=False, mean_dilatation=False)))
 
 
-PLACES = ({}, {"offset": (0.3, 0.4), "shift": 0.37}, {"offset": (0.1, 0.7), "shift": 0.6})
+POSITIONS = ({}, {"offset": (0.3, 0.4), "shift": 0.37}, {"offset": (0.1, 0.7), "shift": 0.6})
 VARIANTS = [
-    *({"friction": mu, **place} for place in PLACES for mu in (0.0, 0.3)),
-    *({"friction": mu, "averaged": True, **place} for place in PLACES[:2] for mu in (0.0, 0.3)),
+    *({"friction": mu, **position} for position in POSITIONS for mu in (0.0, 0.3)),
+    *({"friction": mu, "averaged": True, **position} for position in POSITIONS[:2] for mu in (0.0, 0.3)),
     *({"friction": mu, "averaged": True, "nu": 0.49} for mu in (0.0, 0.3)),
     {"friction": 0.0, "nu": 0.3},
     {"friction": 0.3, "cells": 16},
@@ -83,12 +83,14 @@ def reached(case, radius):
 
 def table():
     """The rows of `docs/stability.md`: `python tests/verification/test_punch.py`, ten minutes."""
-    yield "| nu | friction | mean dilatation | place | H/h |" + "".join(f" r = {r:g} h |" for r in RADII)
+    yield "| nu | friction | mean dilatation | position | H/h |" + "".join(f" r = {r:g} h |" for r in RADII)
     yield "|---|---|---|---|---|" + "---|" * len(RADII)
     for case in VARIANTS:
-        place = PLACES.index({k: v for k, v in case.items() if k in ("offset", "shift")}) + 1
+        position = POSITIONS.index({k: v for k, v in case.items() if k in ("offset", "shift")}) + 1
         cure = "yes" if case.get("averaged") else "no"
-        row = f"| {case.get('nu', 0.45):g} | {case['friction']:g} | {cure} | {place} | {case.get('cells', CELLS)} |"
+        row = (
+            f"| {case.get('nu', 0.45):g} | {case['friction']:g} | {cure} | {position} | {case.get('cells', CELLS)} |"
+        )
         for radius in RADII:
             t, retries, newton = reached(case, radius)
             row += f" {t:.2f}, {retries}, {newton:.1f} |"

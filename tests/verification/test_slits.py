@@ -1,7 +1,7 @@
 """Blocks with a slit of 0.5 to 3 cells, pulled open: what the check says of slits, by how far they open.
 
 Two arms eight cells high and long on a block of that length, nu = 0.3, two points along the side of a cell, dead
-loads on the ends of the arms, one static step, on places of the grid. Reference: the same with cells eight times as
+loads on the ends of the arms, one static step, at positions on the grid. Reference: cells eight times as
 fine, where the narrowest slit is four cells wide.
 """
 
@@ -18,7 +18,7 @@ from skmpm.preflight import limits as verified
 WIDTHS = (0.5, 1.0, 1.5, 2.0, 3.0)  # [cells]
 ARM = 8.0  # height and length [cells]
 FINE = 8
-PLACES = (
+POSITIONS = (
     (0.0, 0.0),
     *map(tuple, np.random.default_rng(0).random((7, 2)).tolist()),
 )  # of a corner on the grid [cells]
@@ -35,12 +35,12 @@ def rows_of(width, spacing):
 
 
 def shares(values):
-    """What belongs to every one of these places: half the way to its neighbours."""
+    """What belongs to every one of these positions: half the way to its neighbours."""
     half = 0.5 * np.diff(values)
     return np.append(half, 0.0) + np.insert(half, 0, 0.0)
 
 
-def slit_block(width, place, finer=1):
+def slit_block(width, position, finer=1):
     """A block open to the right, in cells of the coarse grid; `finer` times as many points and cells."""
     x, (y, below) = np.linspace(0.0, 2 * ARM, round(4 * ARM * finer) + 1), rows_of(width, 0.5 / finer)
     inside, end = x.size // 2, x.size - 1  # the column where the slit ends
@@ -62,8 +62,8 @@ def slit_block(width, place, finer=1):
         ]
     )
     volume = (shares(x)[column] * shares(y)[row])[solid]
-    points = np.stack([x[column[solid]], y[row[solid]]]) + np.reshape(place, (2, 1))
-    first, last, middle = place[0] + 1e-9, place[0] + 2 * ARM - 1e-9, place[1] + ARM + 0.5 * width
+    points = np.stack([x[column[solid]], y[row[solid]]]) + np.reshape(position, (2, 1))
+    first, last, middle = position[0] + 1e-9, position[0] + 2 * ARM - 1e-9, position[1] + ARM + 0.5 * width
     pulls = [Load(lambda x, s=s: (x[0] > last) & (s * (x[1] - middle) > 0.0), (0.0, s * FORCE)) for s in (1.0, -1.0)]
     return Scene(
         [Body(Points(points, volume, (loop,)), STEEL)],
@@ -74,25 +74,25 @@ def slit_block(width, place, finer=1):
 
 
 @cache
-def opening(width, place, finer=1):
+def opening(width, position, finer=1):
     """Of the mouth [cells]."""
-    scene, scheme = slit_block(width, place, finer), Scheme(inertia=False)
+    scene, scheme = slit_block(width, position, finer), Scheme(inertia=False)
     state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
-    end = scene.initial_positions[0] > place[0] + 2 * ARM - 1e-9
-    upper = scene.initial_positions[1] > place[1] + ARM + 0.5 * width
+    end = scene.initial_positions[0] > position[0] + 2 * ARM - 1e-9
+    upper = scene.initial_positions[1] > position[1] + ARM + 0.5 * width
     moved = state.x[1] - scene.initial_positions[1]
     return float(moved[end & upper].mean() - moved[end & ~upper].mean())
 
 
 @cache
-def openings(width, places=PLACES):
-    """Over that on the fine grid, less one, (places,)."""
-    fine = opening(width, PLACES[0], FINE)
-    return np.array([opening(width, place) for place in places]) / fine - 1.0
+def openings(width, positions=POSITIONS):
+    """Over that on the fine grid, less one, (positions,)."""
+    fine = opening(width, POSITIONS[0], FINE)
+    return np.array([opening(width, position) for position in positions]) / fine - 1.0
 
 
 def test_what_the_check_says_of_slits_is_what_is_measured():
-    """The worst of 64 places (4 x 16 of a cell), to half a percent of the opening, and no other exceeds it."""
+    """The worst of 64 positions (4 x 16 of a cell), to half a percent of the opening, and no other exceeds it."""
     said = [
         float(n) / 100 for n in re.search(r"open by up to ([\d., ]+) %", verified.SLIT.where).group(1).split(", ")
     ]
@@ -105,13 +105,13 @@ def test_what_the_check_says_of_slits_is_what_is_measured():
 
 def test_the_reference_is_fine_enough():
     """Half as fine it is 0.5 % off, a twentieth of what is said of wide slits."""
-    coarse, fine = (opening(0.5, PLACES[0], finer) for finer in (FINE // 2, FINE))
+    coarse, fine = (opening(0.5, POSITIONS[0], finer) for finer in (FINE // 2, FINE))
     assert coarse == pytest.approx(fine, rel=0.01)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_check_warns_of_slits_below_two_cells(width):
-    text = preflight(slit_block(width, PLACES[1]), 1.0, scheme=Scheme(inertia=False))
+    text = preflight(slit_block(width, POSITIONS[1]), 1.0, scheme=Scheme(inertia=False))
     assert ("across its narrowest slit" in text) == (width < 2)
     assert f"{width:g} the narrowest slit" in text
 
@@ -120,7 +120,8 @@ def rows():
     found = 100 * np.array([openings(width) for width in WIDTHS])
     return [
         Row(
-            problem="slit of 0.5, 1, 1.5, 2, 3 cells opens: % of the opening, mean of 8 places on the grid (worst)",
+            problem="slit of 0.5, 1, 1.5, 2, 3 cells opens: % of the opening, mean of 8 positions on the grid"
+            " (worst)",
             reference="cells eight times as fine",
             h="1/8 of an arm",
             error=f"{numbers(found.mean(axis=1), 3)} ({numbers(found.min(axis=1), 3)})",

@@ -1,7 +1,7 @@
 """Strips of 1, 2, 4 and 8 cells: limits of the preflight check for thin parts, by their deflection under an end load.
 
 Ten times as long as thick, nu = 0.3, two points along the side of a cell, a dead load on the far end, one static
-step, on eight places of the grid. Reference: Timoshenko's beam in plane strain, P L^3 / 3 E* I + 6 P L / 5 G A.
+step, at eight positions on the grid. Reference: Timoshenko's beam in plane strain, P L^3 / 3 E* I + 6 P L / 5 G A.
 """
 
 import re
@@ -16,15 +16,15 @@ from skmpm.preflight import limits as verified
 
 CELLS = (1, 2, 4, 8)
 LENGTH = 10.0  # over the thickness, which is 1 m
-PLACES = ((0.0, 0.0), *np.random.default_rng(0).random((7, 2)))  # of a corner on the grid [cells]
-WORST = {1: (0.0, 0.3), 2: (0.25, 0.7), 4: (0.25, 0.7), 8: (0.25, 0.25)}  # of 20 x 20 places, for so many cells
+POSITIONS = ((0.0, 0.0), *np.random.default_rng(0).random((7, 2)))  # of a corner on the grid [cells]
+WORST = {1: (0.0, 0.3), 2: (0.25, 0.7), 4: (0.25, 0.7), 8: (0.25, 0.25)}  # of 20 x 20 positions, for so many cells
 FORCE = 0.1  # [N/m]: slopes of 1e-4
 STEEL = LinearElastic(1e6, 0.3, 1000.0)
 
 
-def strip(cells, place):
+def strip(cells, position):
     h = 1.0 / cells
-    points, shift = box((0.0, 0.0), (LENGTH, 1.0), spacing=h / 2), h * np.reshape(place, (2, 1))
+    points, shift = box((0.0, 0.0), (LENGTH, 1.0), spacing=h / 2), h * np.reshape(position, (2, 1))
     first, last = shift[0, 0] + 1e-9, shift[0, 0] + LENGTH - 1e-9
     return Scene(
         [Body(Points(points.x + shift, points.volume, points.outline), STEEL)],
@@ -35,13 +35,13 @@ def strip(cells, place):
 
 
 @cache
-def deflections(cells, places=PLACES):
-    """Of the far end over the beam's, less one, (places,)."""
+def deflections(cells, positions=POSITIONS):
+    """Of the far end over the beam's, less one, (positions,)."""
     modulus, shear = STEEL.E / (1.0 - STEEL.nu**2), STEEL.lame[1]
     exact = FORCE * (LENGTH**3 / (3.0 * modulus / 12.0) + 6.0 * LENGTH / (5.0 * shear))
     out = []
-    for place in places:
-        scene, scheme = strip(cells, place), Scheme(inertia=False)
+    for position in positions:
+        scene, scheme = strip(cells, position), Scheme(inertia=False)
         state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
         end = scene.initial_positions[0] > scene.initial_positions[0].max() - 1e-9
         out.append((state.x - scene.initial_positions)[1, end].mean() / exact - 1.0)
@@ -49,7 +49,7 @@ def deflections(cells, places=PLACES):
 
 
 def test_what_the_check_says_of_strips_is_what_is_measured():
-    """The worst of 400 places, to 1 % of itself, and no other exceeds it; at eight cells those are right to 2.5 %."""
+    """The worst of 400 positions, to 1 % of itself, no other exceeds it; at eight cells those are right to 2.5 %."""
     said = [
         float(n) / 100 for n in re.search(r"bend by up to ([\d., ]+) %", verified.THIN.where).group(1).split(", ")
     ]
@@ -63,7 +63,7 @@ def test_what_the_check_says_of_strips_is_what_is_measured():
 
 @pytest.mark.parametrize("cells", CELLS)
 def test_the_check_warns_of_strips_below_four_cells(cells):
-    text = preflight(strip(cells, PLACES[1]), 1.0, scheme=Scheme(inertia=False))
+    text = preflight(strip(cells, POSITIONS[1]), 1.0, scheme=Scheme(inertia=False))
     assert ("across its thinnest part" in text) == (cells < 4)
     assert f"{cells} cells across the thinnest part" in text
 
@@ -72,7 +72,7 @@ def rows():
     found = 100 * np.array([deflections(cells) for cells in CELLS])
     return [
         Row(
-            problem="strip of 1, 2, 4, 8 cells bends: % of deflection, mean of 8 places on the grid (worst)",
+            problem="strip of 1, 2, 4, 8 cells bends: % of deflection, mean of 8 positions on the grid (worst)",
             reference="Timoshenko's beam",
             h="1, 1/2, 1/4, 1/8 of the thickness",
             error=f"{numbers(found.mean(axis=1), 3)} ({numbers(found.min(axis=1), 3)})",
