@@ -144,8 +144,8 @@ def compaction(discs, ratio, friction, fraction, dt, *, start=0.55, law=skmpm.Ne
     return run(scene, dt, 2, scheme, state)
 
 
-def seed(discs, ratio, friction, fraction, dt):
-    """The same with the shared of Nezamabadi et al. (2017) nodes."""
+def shared(discs, ratio, friction, fraction, dt):
+    """The same with the shared-grid contact of Nezamabadi et al. (2017)."""
     return compaction(
         discs, ratio, friction, fraction, dt, law=skmpm.LinearElastic, scheme=skmpm.Scheme.nezamabadi2017()
     )
@@ -256,11 +256,11 @@ def random_bodies(bodies, contacts, friction, gap, seed):
 
 
 def plain(make):
-    """The run's problems without the linear unknowns of contacts that turn."""
+    """The run's problems without the bilateral unknowns of geometric stiffness."""
     return [replace(problem, bilateral=None) for problem in make()]
 
 
-SEED, RIMS, ANEW = skmpm.Scheme.nezamabadi2017(), skmpm.Scheme(), skmpm.Scheme(anchor=0.0, contact_tol=1e-10)
+SHARED, CURVES, ANEW = skmpm.Scheme.nezamabadi2017(), skmpm.Scheme(), skmpm.Scheme(anchor=0.0, contact_tol=1e-10)
 TIMES = {"0.5us": 0.5e-6, "5us": 5e-6, "50us": 50e-6}
 RUNS = {
     **{
@@ -275,16 +275,16 @@ RUNS = {
     },
     "dense_mu0.5_30": partial(compaction, 30, 5, 0.5, 0.8, 50e-6, start=0.68),
     "dense_mu0.0_100": partial(plain, partial(compaction, 100, 5, 0.0, 0.8, 5e-6, start=0.72)),
-    **{f"seed_mu{mu}_R{ratio}h": partial(seed, 3, ratio, mu, 0.8, 5e-6) for mu, ratio in ((0.5, 5), (0.0, 8))},
+    **{f"shared_mu{mu}_R{ratio}h": partial(shared, 3, ratio, mu, 0.8, 5e-6) for mu, ratio in ((0.5, 5), (0.0, 8))},
     **{
         f"{kind.replace(' ', '_')}_{name}_mu{mu}_R{ratio}h": partial(boxes, kind, shift, mu, scheme, ratio=ratio)
         for kind in CORNERS
         for name, scheme, mu, ratio, shift in (
-            ("nodes", SEED, 0.5, 5, (0.3, 0.7)),
-            ("nodes", SEED, 0.0, 5, (0.3, 0.7)),
-            ("nodes", SEED, 0.5, 8, (0.0, 0.0)),
-            ("boundaries", RIMS, 0.5, 5, (0.3, 0.7)),
-            ("boundaries", RIMS, 0.0, 5, (0.3, 0.7)),
+            ("nodes", SHARED, 0.5, 5, (0.3, 0.7)),
+            ("nodes", SHARED, 0.0, 5, (0.3, 0.7)),
+            ("nodes", SHARED, 0.5, 8, (0.0, 0.0)),
+            ("boundaries", CURVES, 0.5, 5, (0.3, 0.7)),
+            ("boundaries", CURVES, 0.0, 5, (0.3, 0.7)),
         )
     },
     "block_anew_1ms": partial(block, (0.0, 0.0), (0.0, -10.0), 1e-3, ANEW),

@@ -326,9 +326,9 @@ GROUPS = {
     "discs": "packings, R/h = 5, solid fractions 0.65 to 0.97, dt = 0.5, 5, 50 us",
     "fine": "packings, R/h = 8, solid fractions 0.80 and 0.95, dt = 5 and 50 us",
     "dense": "packings of 30 and 100 discs, solid fraction 0.80, dt = 50 and 5 us",
-    "seed": "packings on shared nodes, R/h = 5 and 8",
+    "shared": "packings with shared-grid contact, R/h = 5 and 8",
     "nodes": "two to four boxes at one node or in a wall corner, shared nodes, R/h = 5 and 8",
-    "rims": "the same, boundaries against outlines (W singular)",
+    "boundaries": "the same, boundaries against outlines (W singular)",
     "block": "a block on a wall (W singular or nearly so)",
     "heavy": "a disc on one or two that are 1e4 times lighter, dt = 10 and 20 ms",
     "ride": "a disc carried along by four plates, body grid rebuilt at every step (W singular)",
@@ -339,9 +339,9 @@ STEPS = {  # at most so many Newton steps, from either start: about half as much
     "discs": 300,
     "fine": 150,
     "dense": 25,
-    "seed": 15,
+    "shared": 15,
     "nodes": 30,
-    "rims": 300,
+    "boundaries": 300,
     "block": 100,
     "heavy": 90,
     "ride": 90,
@@ -379,7 +379,7 @@ def solved(name, warm):
 def test_library(name, warm):
     """Saved problems of real runs, cold and from the run's own impulses: to 1e-10, the laws themselves to 1e-9.
 
-    Newton steps stay below those of STEPS. Some have the linear unknowns of contacts that turn.
+    Newton steps stay below those of STEPS. Some have the bilateral unknowns of geometric stiffness.
     """
     _, steps, _, converged, worst, _ = solved(name, warm)
     assert converged
@@ -480,8 +480,8 @@ def figures(folder):
     for i, name in enumerate(GROUPS):
         for found, marker, label in zip(measured(name), ("o", "x"), ("cold", "warm"), strict=True):
             steps = [max(x[1], 0.8) for x in found]
-            place = i + np.linspace(-0.25, 0.25, len(steps)) if len(steps) > 1 else [i]
-            axis.semilogy(place, steps, marker, color="C0" if marker == "o" else "C1", ms=5, mfc="none", label=label)
+            at = i + np.linspace(-0.25, 0.25, len(steps)) if len(steps) > 1 else [i]
+            axis.semilogy(at, steps, marker, color="C0" if marker == "o" else "C1", ms=5, mfc="none", label=label)
         axis.hlines(STEPS[name], i - 0.4, i + 0.4, color="k", lw=1, ls=":")
     axis.set(xticks=range(len(GROUPS)), xticklabels=GROUPS, ylabel="Newton steps to 1e-10")
     axis.legend(*(x[:2] for x in axis.get_legend_handles_labels()), fontsize=8, loc=(0.36, 0.85))
