@@ -442,7 +442,7 @@ def spin_rows():
 
 
 def stress_rows():
-    """Stress of the turning disc."""
+    """Stress of the rotating disc."""
     sizes, theta = (5, 10, 20), np.array([0.01, 0.05, 0.3])
     ends = [turning(NeoHookean, 1.5, cells=cells)[:, -1] for cells in sizes]
     _, turned, largest, _, _, _ = turning(NeoHookean, 6.4)
@@ -451,8 +451,8 @@ def stress_rows():
     swelling = midpoint_stress(steps) / ((sum(NeoHookean(1e4, 0.3, 1.0).lame)) * steps**2 / 4.0)
     return [
         Row(
-            "a NeoHookean disc that turns freely: Cauchy stress, backward Euler",
-            "steadily turning disc, plane strain",
+            "a NeoHookean disc that rotates freely: Cauchy stress, backward Euler",
+            "steadily rotating disc, plane strain",
             "R/h = 5, 10, 20",
             f"{numbers(error)} (L2); mean {numbers(pressure)}",
             f"{rate(1.0 / np.array(sizes), error):.2f}; {rate(1.0 / np.array(sizes), pressure):.1f}",
@@ -470,7 +470,7 @@ def stress_rows():
             "test_a_linear_elastic_disc_sees_a_false_strain_and_flies_apart",
         ),
         Row(
-            "a NeoHookean disc that turns freely, midpoint rule: mean false tension at the ends of steps",
+            "a NeoHookean disc that rotates freely, midpoint rule: mean false tension at the ends of steps",
             "(lambda + mu) (omega dt)^2 / 4",
             f"omega dt = {numbers(steps)}",
             f"{numbers(swelling, 3)} of it",
@@ -496,9 +496,9 @@ def figures(folder):
         "dynamics_spin.png": "Angular momentum of a freely spinning disc. Left, the loss per step against (omega"
         " dt)^2 (line: a rigid disc under backward Euler). Right, with the midpoint rule, by stiffness; and with what"
         " APIC forgets returned to C.",
-        "dynamics_stress.png": "A NeoHookean disc that turns freely (R/h = 10). Left, its largest stress, and the one"
-        " that a strain linear in the displacement would see in the rotation. Right, the stress at the points after"
-        " 6.3 rad and, as lines, of a steadily turning disc.",
+        "dynamics_stress.png": "A NeoHookean disc that rotates freely (R/h = 10). Left, its largest stress, and the"
+        " one that a strain linear in the displacement would see in the rotation. Right, the stress at the points"
+        " after 6.3 rad and, as lines, of a steadily rotating disc.",
     }
 
 
@@ -552,15 +552,15 @@ def draw_spin(path):
 
 
 def draw_stress(path):
-    """Stress of the turning disc."""
+    """Stress of the rotating disc."""
     from matplotlib import pyplot as plt
 
     fig, (left, right) = plt.subplots(1, 2, figsize=(9, 4))
     _, turned, largest, _, _, _ = turning(NeoHookean, 6.4, cells=10)
-    left.semilogy(turned, largest, label="NeoHookean, turning freely")
+    left.semilogy(turned, largest, label="NeoHookean, rotating freely")
     false = 2.0 * sum(NeoHookean(1e3, 0.3, 1.0).lame) * (1.0 - np.cos(np.minimum(turned, np.pi)))
     left.semilogy(turned, np.maximum(false, 1e-3), "--", label="false stress of a linear strain")
-    left.axhline((3.0 - 0.6) / (8.0 * 0.7), color="k", lw=0.8, label="steadily turning disc")
+    left.axhline((3.0 - 0.6) / (8.0 * 0.7), color="k", lw=0.8, label="steadily rotating disc")
     left.set(xlabel="angle [rad]", ylabel="largest stress / rho omega^2 R^2", ylim=(1e-1, 1e4))
     *_, state = simulate(spinning(1e3, cells=10), dt=0.01, until=6.4)
     arm = state.x - (state.x @ state.mass / state.mass.sum())[:, None]
