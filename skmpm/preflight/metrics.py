@@ -14,11 +14,12 @@ from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import Rigid, is_linear
 from skmpm.outline import slit_width
 from skmpm.preflight.loading import loading_of
+from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.initial_state import can_touch, check_explicit, driven, fastest_wave, initial_motion
-from skmpm.simulate.regrid import inward_normals
+from skmpm.simulate.regrid import inward_normals, torn_bodies
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,6 +34,8 @@ class SceneMetrics:
     around: dict[str, int]  # numbers of walls, supports, loads
     own: Ints  # (deformable,) indices among the bodies
     points_per_cell: Array  # (deformable,) points over area in cells
+    softening: Array  # (deformable,) estimated error of a uniform stress; nan without outline
+    torn: dict[int, int]  # bodies whose cells fall apart: number of pieces
     resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
     across: Array  # (deformable,) cells across the thinnest part; nan without outline
     slit: Array  # (deformable,) cells across the narrowest slit or hole; inf without one
@@ -79,6 +82,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         around={"walls": len(scene.walls), "supports": len(scene.supports), "loads": len(scene.loads)},
         own=own,
         points_per_cell=count[own] / area,
+        softening=stress_errors(scene)[own],
+        torn={b: int(grid.pieces[b]) for b in torn_bodies(scene, grid).tolist()},
         resolution=np.sqrt(area / np.pi),
         across=scene.thickness[own] / scene.cell,
         slit=slit_width(boundary, scene.initial_positions[:, boundary.point], count.size)[own] / scene.cell,

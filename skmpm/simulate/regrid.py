@@ -24,6 +24,7 @@ from skmpm.scene import Derived, Scene, SceneError, State
 from skmpm.scheme import Scheme, averages_dilatation
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, bool]:
@@ -84,15 +85,20 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
     )
 
 
+def torn_bodies(scene: Scene, grid: BodyGrids) -> Ints:
+    """Bodies with an outline, which bounds one piece, whose cells form several: nothing connects their parts."""
+    bounded = np.array([len(body.points.outline) > 0 for body in scene.bodies])
+    return np.flatnonzero(bounded & (grid.pieces > 1))
+
+
 def check_connected(scene: Scene, state: State) -> None:
-    """Raise StepRejected if the cells of a body form several components: nothing would connect its parts."""
+    """Raise StepRejected if the cells of a body form several components."""
     grid = assembly_of(state).grid
-    parts = np.array([len(body.points.outline) or grid.cells for body in scene.bodies])
-    disconnected = np.flatnonzero(grid.pieces > parts)
-    if disconnected.size:
+    torn = torn_bodies(scene, grid)
+    if torn.size:
         raise StepRejected(
-            f"body {disconnected[0]}",
-            f"its cells form {grid.pieces[disconnected[0]]} pieces that share no node",
+            f"body {torn[0]}",
+            f"its cells form {grid.pieces[torn[0]]} pieces that share no node",
             "use a smaller spacing of its points or a larger cell",
             retryable=False,
         )

@@ -1,0 +1,82 @@
+"""How well the points of a body represent it on its grid: the estimated error of a uniform stress."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.forms import reference_gradient
+from skmpm.grid import BodyGrids, build_grids
+from skmpm.moment_fitting import fitted_weights
+from skmpm.outline import cell_moments
+from skmpm.scene import Scene
+from skmpm.simulate.regrid import inward_normals
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+COMPLIANCE = 3.0 / 8.0  # of a node: one over 4 (2/3), the diagonal entry of the Laplacian of Q1 elements
+
+
+def stress_errors(scene: Scene) -> Array:
+    """Estimated relative error of the force of a uniform strain on each body, (bodies,); nan without an outline.
+
+    A body is too soft for two reasons. Its parts in cells without points carry no stress: they count by their share
+    of the area. And where the fitted weights of the points do not integrate the gradients of the shape functions as
+    the exact parts of the cells do, a uniform stress leaves a force g [cells x stress] at a node, and the body
+    deforms until these vanish; the first sweep of Jacobi's method lowers the energy by 3/8 sum |g|^2 per filled cell.
+    `docs/preflight.md` compares this with measured errors.
+    """
+    boundary = scene.outlines
+    bounded = scene.deformable & np.isin(np.arange(len(scene.bodies)), boundary.body)
+    if not bounded.any():
+        return np.full(bounded.size, np.nan)
+    grid, volume = _grid(scene, bounded[scene.owner])
+    whole, cell = _whole(grid, np.flatnonzero(bounded))
+    x = scene.initial_positions[:, boundary.point]
+    exact = cell_moments(boundary, x, grid.cell, whole.cell_index, whole.cell_body)[:3]
+    misfit = exact.copy()
+    misfit[:, cell] -= _moments(grid, fitted_weights(grid, volume, exact[:, cell]))
+    area, lost = (np.bincount(whole.cell_body, m, grid.bodies) for m in (exact[0], misfit[0]))
+    imbalance = np.bincount(whole.node_body, _imbalance(whole, misfit), grid.bodies)
+    filled = np.where(bounded, area, np.nan)
+    return np.asarray((lost + COMPLIANCE * imbalance) / filled)
+
+
+def _grid(scene: Scene, chosen: NDArray[np.bool_]) -> tuple[BodyGrids, Array]:
+    """Body grids of the chosen points, and the volumes of these [m2].
+
+    A point inside a body that lies on a grid line to round-off belongs to the upper cell, in any unit of length.
+    """
+    x = scene.initial_positions
+    inward = inward_normals(scene, x)
+    inward[:, (inward == 0.0).all(axis=0)] = 1.0
+    grid = build_grids(x[:, chosen], scene.owner[chosen], scene.cell, len(scene.bodies), inward[:, chosen])
+    return grid, scene.initial_volumes[chosen]
+
+
+def _whole(grid: BodyGrids, chosen: Ints) -> tuple[BodyGrids, Ints]:
+    """Grids of all cells in the bounding boxes of the chosen bodies, and the number there of each given cell."""
+    low, high = np.zeros((2, 2, grid.bodies), dtype=np.int64)
+    low[:], high[:] = np.iinfo(np.int64).max, np.iinfo(np.int64).min
+    for axis in (0, 1):
+        np.minimum.at(low[axis], grid.cell_body, grid.cell_index[axis])
+        np.maximum.at(high[axis], grid.cell_body, grid.cell_index[axis])
+    boxes = [low[:, [b]] + np.indices(tuple((high[:, b] - low[:, b] + 1).tolist())).reshape(2, -1) for b in chosen]
+    owner = np.concatenate([grid.cell_body, np.repeat(chosen, [box.shape[1] for box in boxes])])
+    centres = grid.cell * (np.concatenate([grid.cell_index, *boxes], axis=1) + 0.5)
+    whole = build_grids(centres, owner, grid.cell, grid.bodies)
+    return whole, whole.cell_of_point[: grid.cells]
+
+
+def _moments(grid: BodyGrids, weight: Array) -> Array:
+    """Moments of 1, xi, eta by the weights (n,) [m2] of the points, (3, cells) [cell areas]."""
+    share = weight / grid.cell**2
+    return np.stack([np.bincount(grid.cell_of_point, share * f, grid.cells) for f in (1.0, *grid.local)])
+
+
+def _imbalance(grid: BodyGrids, moments: Array) -> Array:
+    """Squared nodal integrals of shape function gradients over regions of such moments, (nodes,) [cells^2]."""
+    at_corners = np.einsum("mIa,mc->Iac", reference_gradient(), moments)
+    total = [np.bincount(grid.nodes_of_cell.ravel(), g.ravel(), grid.nodes) for g in at_corners]
+    return np.asarray(total[0] ** 2 + total[1] ** 2)
