@@ -6,7 +6,7 @@ the mean dilatation of cells, `viscous` Kelvin-Voigt viscosity; `check` compares
 
 from skmpm.material import dilatation
 from skmpm.material.anchored import Anchored, projected
-from skmpm.material.check import check_material, lacking
+from skmpm.material.check import check_material
 from skmpm.material.invariants import Hyperelastic
 from skmpm.material.law import (
     Isotropic,
@@ -22,6 +22,7 @@ from skmpm.material.law import (
 )
 from skmpm.material.linear import LinearElastic
 from skmpm.material.neohookean import NeoHookean
+from skmpm.material.requirements import lacking
 from skmpm.material.rigid import Rigid
 from skmpm.material.rubber import MooneyRivlin, Ogden, Yeoh
 from skmpm.material.viscous import Viscous

@@ -9,48 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material.law import FUNCTIONS, NEEDED, Material, is_linear, poisson_ratio, product, youngs_modulus
+from skmpm.material.law import Material, is_linear, poisson_ratio, product, youngs_modulus
+from skmpm.material.requirements import lacking
 
 Array = NDArray[np.float64]
 
-SHAPES: dict[str, tuple[int, ...]] = {"energy": (), "stress": (2, 2), "tangent": (2, 2, 2, 2)}
 STATES = 200
 COMPLEX = 1e-30  # step; no difference is formed, so that any is good that does not underflow
 REAL = 1e-6  # step of central differences: their error is its square, their rounding 1e-16 over it
 EXACT, DIFFERENCES = 1e-9, 1e-5  # of the largest entry: derivatives by complex steps and by differences
-
-
-def lacking(material: object) -> str:
-    """What keeps an object from being a material, in words; "" if nothing does."""
-    missing = [name for name in NEEDED if not hasattr(material, name)]
-    missing += [f"{name}(F)" for name in FUNCTIONS if name not in missing and not callable(getattr(material, name))]
-    if isinstance(material, type):
-        return "it is a class; make one of it by its constants"
-    if missing:
-        return f"it lacks {', '.join(missing)}"
-    try:
-        hash(material)
-    except TypeError:
-        return "it is not hashable; make it a frozen dataclass of numbers and tuples"
-    return _misshapen(material)  # type: ignore[arg-type]
-
-
-def _misshapen(material: Material) -> str:
-    """What is wrong with the numbers of a material at rest."""
-    lam, mu = np.asarray(material.lame, dtype=float).ravel() if np.size(material.lame) == 2 else (np.nan, np.nan)
-    if not (np.isfinite([lam, mu]).all() and mu > 0.0 and 3.0 * lam + 2.0 * mu > 0.0):
-        return f"lame = {material.lame!r}; give (lambda, mu) in Pa with mu > 0 and 3 lambda + 2 mu > 0"
-    viscosity = getattr(material, "viscosity", 0.0)
-    if not (np.ndim(viscosity) == 0 and np.isreal(viscosity) and 0.0 <= viscosity < np.inf):
-        return f"viscosity = {viscosity!r}; give one in Pa s, zero or more"
-    F = np.repeat(np.eye(2)[:, :, None], 3, axis=2)
-    for name, shape in SHAPES.items():
-        value = np.asarray(getattr(material, name)(F))
-        if value.shape != (*shape, 3):
-            return f"{name}(F) has shape {value.shape} at 3 points; give {(*shape, 3)}"
-        if not np.isfinite(value).all():
-            return f"{name}(F) is not finite at F = I"
-    return ""
+LARGEST = 0.35  # logarithm of the stretches
+SMALLEST = 0.01  # range of logarithmic stretches within which every law must be defined
 
 
 def check_material(material: Material) -> str:
@@ -58,8 +27,10 @@ def check_material(material: Material) -> str:
 
     The stress is compared with the derivative of the energy and the tangent with that of the stress (by complex steps
     where the functions take complex F, else by central differences), the tangent with its transpose, energy and
-    stress with those of the turned body (small-strain laws, `linear`, are exempt and do turn wrong), stress and
-    energy with zero at F = I, `lame` with the tangent there.
+    stress with those of the turned body (small-strain laws, `linear`, are exempt and do turn wrong; their tangent is
+    to be constant), stress and energy with zero at F = I, `lame` with the tangent there, which must be isotropic. The
+    energy of others must be inf where J <= 0. A `stress_zz` must turn with the body and begin as lambda tr(F - I).
+    Where the energy of a law is inf at the deformations of the check, these are made smaller.
 
     Raises
     ------
@@ -69,10 +40,10 @@ def check_material(material: Material) -> str:
     name = type(material).__name__
     if problem := lacking(material):
         raise ValueError(f"{name}: {problem}")
-    F, linear = _states(material), is_linear(material)
-    lam, mu = material.lame
-    scale = lam + 2.0 * mu
+    F, linear = _states(name, material), is_linear(material)
     lines = [f"{name}: E = {youngs_modulus(material):.4g} Pa, nu = {poisson_ratio(material):.4g} at small strain"]
+    if not linear and (largest := float(np.linalg.norm(F, 2, axis=(0, 1)).max())) < np.exp(0.5 * LARGEST):
+        lines.append(f"checked for stretches up to {largest:.4g}; the energy is infinite at larger ones")
     for what, of, by in (
         ("stress", "energy", material.energy),
         ("tangent", "stress", material.stress),
@@ -84,27 +55,128 @@ def check_material(material: Material) -> str:
     C = material.tangent(F)
     off = _compared(name, "tangent and its transpose", C, C.transpose(2, 3, 0, 1, 4), F, EXACT)
     lines.append(f"tangent is symmetric: to {off:.1e}")
-    lines.append("objectivity: exempt, a law of small strain" if linear else _turned(name, material, F))
-    rest = np.eye(2)[:, :, None]
-    at_rest = max(np.abs(material.stress(rest)).max(), np.abs(material.energy(rest)).max()) / scale
-    if not at_rest <= EXACT:
-        raise ValueError(f"{name}: stress or energy at F = I is {at_rest:.2e} of lambda + 2 mu; it should be zero")
-    one = np.eye(2)
-    hooke = mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
-    hooke += lam * np.einsum("ij,kl->ijkl", one, one)
-    off = _compared(name, "lame and the tangent at F = I", hooke[..., None], material.tangent(rest), rest, 1e-6)
-    lines.append(f"no stress and no energy at rest; lame is the tangent there: to {off:.1e}")
+    lines.append(_constant(name, material, F) if linear else _turned(name, material, F))
+    if not linear:
+        lines.append(_inverted(name, material, F))
+    lines.append(_at_rest(name, material))
+    if hasattr(material, "stress_zz"):
+        lines.append(_across(name, material, F))
     return "\n  ".join(lines)
 
 
-def _states(material: Material) -> Array:
-    """Rotation, stretches from 0.7 to 1.4 and rotation, (2, 2, n); at most 5 % without rotation if linear."""
+def _at_rest(name: str, material: Material) -> str:
+    """Stress and energy at F = I, which should be zero, and the tangent, which should be isotropic with `lame`."""
+    (lam, mu), rest, one = material.lame, np.eye(2)[:, :, None], np.eye(2)
+    at_rest = max(np.abs(material.stress(rest)).max(), np.abs(material.energy(rest)).max()) / (lam + 2.0 * mu)
+    if not at_rest <= EXACT:
+        raise ValueError(f"{name}: stress or energy at F = I is {at_rest:.2e} of lambda + 2 mu; it should be zero")
+
+    def hooke(lam: float, mu: float) -> Array:
+        C = mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
+        return np.asarray(C + lam * np.einsum("ij,kl->ijkl", one, one))[..., None]
+
+    C = np.asarray(material.tangent(rest))
+    own = float(C[0, 0, 1, 1, 0]), float(C[0, 1, 0, 1, 0])
+    found = f"that of lambda = {own[0]:.6g}, mu = {own[1]:.6g} Pa; give these"
+    if not np.abs(C - hooke(*own)).max() <= 1e-6 * np.abs(C).max():
+        entries = f"{C[0, 0, 0, 0, 0]:.6g}, {C[1, 1, 1, 1, 0]:.6g}, {own[0]:.6g}, {own[1]:.6g} Pa"
+        found = f"not isotropic (C_xxxx, C_yyyy, C_xxyy, C_xyxy = {entries}); use a law that is isotropic at F = I"
+    remedy = f"lame = ({lam:.6g}, {mu:.6g}) Pa, and the tangent there is {found}"
+    off = _compared(name, "lame and the tangent at F = I", hooke(lam, mu), C, rest, 1e-6, remedy)
+    return f"no stress and no energy at rest; lame is the tangent there: to {off:.1e}"
+
+
+def _states(name: str, material: Material) -> Array:
+    """Rotation, stretches from 0.7 to 1.4 and rotation, (2, 2, n); at most 5 % without rotation if linear.
+
+    The logarithms of stretches are halved until the energy is finite everywhere.
+    """
     rng = np.random.default_rng(0)
     if is_linear(material):
         return np.asarray(np.eye(2)[:, :, None] + rng.uniform(-0.05, 0.05, (2, 2, STATES)))
-    stretch = np.zeros((2, 2, STATES))
-    stretch[0, 0], stretch[1, 1] = np.exp(rng.uniform(-0.35, 0.35, (2, STATES)))
-    return product(product(_rotations(rng), stretch), _rotations(rng))
+    stretch, largest = np.zeros((2, 2, STATES)), LARGEST
+    logarithms, first, second = rng.uniform(-1.0, 1.0, (2, STATES)), _rotations(rng), _rotations(rng)
+    while True:
+        stretch[0, 0], stretch[1, 1] = np.exp(largest * logarithms)
+        F = product(product(first, stretch), second)
+        with np.errstate(all="ignore"):
+            energy = np.asarray(material.energy(F), dtype=float)
+        if np.isfinite(energy).all():
+            return _finite(name, material, F)
+        bad = int(np.argmin(np.isfinite(energy)))
+        if not (energy[~np.isfinite(energy)] == np.inf).all():
+            bad = int(np.argmax(np.isnan(energy) | (energy == -np.inf)))
+            raise ValueError(f"{name}: energy is {energy[bad]} {_at(F, bad)}; give inf outside of the law's domain")
+        largest *= 0.5
+        if largest < SMALLEST:
+            raise ValueError(f"{name}: energy is inf {_at(F, bad)}, at strains of 2 %; a law must be defined there")
+
+
+def _finite(name: str, material: Material, F: Array) -> Array:
+    """F, if stress and tangent are finite there, as the energy is."""
+    for what in ("stress", "tangent"):
+        finite = np.isfinite(getattr(material, what)(F)).reshape(-1, F.shape[-1]).all(axis=0)
+        if not finite.all():
+            raise ValueError(f"{name}: {what} is not finite {_at(F, int(np.argmin(finite)))}, but the energy is")
+    return F
+
+
+def _at(F: Array, worst: int) -> str:
+    return "at F = " + np.array2string(F[..., worst], precision=4).replace("\n", "")
+
+
+def _constant(name: str, material: Material, F: Array) -> str:
+    """Whether the stress of a `linear` law is linear: its tangent is that at F = I."""
+    rest = np.broadcast_to(material.tangent(np.eye(2)[:, :, None]), (2, 2, 2, 2, F.shape[-1]))
+    remedy = "the stress is not linear in F; leave `linear` out"
+    _compared(
+        name,
+        "tangent and that at F = I of a law that says linear = True",
+        material.tangent(F),
+        rest,
+        F,
+        EXACT,
+        remedy,
+    )
+    return "objectivity: exempt, a law of small strain, linear as it says"
+
+
+def _inverted(name: str, material: Material, F: Array) -> str:
+    """Whether the energy is inf where J <= 0: mirrored deformations, and flat ones."""
+    flat = np.array([[[1.0], [0.0]], [[0.0], [0.0]]])
+    mirrored = np.concatenate([F * np.array([1.0, -1.0])[None, :, None], flat], axis=2)
+    with np.errstate(all="ignore"):
+        energy = np.asarray(material.energy(mirrored), dtype=float)
+    if not (energy == np.inf).all():
+        bad = int(np.argmin(energy == np.inf))
+        raise ValueError(
+            f"{name}: energy is {energy[bad]:.4g} {_at(mirrored, bad)}, where J <= 0; give inf there, so that line"
+            " searches turn back"
+        )
+    return "energy is inf where J <= 0"
+
+
+def _across(name: str, material: Material, F: Array) -> str:
+    """Whether `stress_zz` has a value per point, turns with the body and is lambda tr(F - I) at small strain."""
+    stress_zz: Callable[[Array], Array] = material.stress_zz  # type: ignore[attr-defined]
+    lam, mu = material.lame
+    rest, turn, step = np.eye(2)[:, :, None], _rotations(np.random.default_rng(1)), 1e-6
+    found = np.asarray(stress_zz(F))
+    if found.shape != F.shape[2:] or not np.isfinite(found).all():
+        raise ValueError(f"{name}: stress_zz(F) is not one finite number per point, {F.shape[2:]}, of F {F.shape}")
+    if not is_linear(material):
+        _compared(name, "stress_zz(Q F) and stress_zz(F)", stress_zz(product(turn, F)), found, F, EXACT)
+    at_rest = float(np.abs(stress_zz(rest)).max()) / (lam + 2.0 * mu)
+    if not at_rest <= EXACT:
+        raise ValueError(f"{name}: stress_zz at F = I is {at_rest:.2e} of lambda + 2 mu; it should be zero")
+    slopes = np.array([stress_zz(rest + d) - stress_zz(rest - d) for d in _directions(step)]) / (2.0 * step)
+    off = float(np.abs(slopes[:, 0] - lam * np.array([1.0, 0.0, 0.0, 1.0])).max()) / (lam + 2.0 * mu)
+    if not off <= DIFFERENCES:
+        raise ValueError(
+            f"{name}: stress_zz at small strain is not lambda tr(F - I), lambda = {lam:.6g} Pa of `lame`, but"
+            f" {slopes[0, 0]:.6g} (F_xx - 1) + {slopes[3, 0]:.6g} (F_yy - 1); give the out-of-plane Cauchy stress"
+        )
+    return f"stress_zz turns with the body and is lambda tr(F - I) at small strain: to {off:.1e}"
 
 
 def _rotations(rng: np.random.Generator) -> Array:
@@ -141,14 +213,14 @@ def _turned(name: str, material: Material, F: Array) -> str:
     return f"energy and stress turn with the body: to {max(offs):.1e}"
 
 
-def _compared(name: str, what: str, found: Array, expected: Array, F: Array, tolerance: float) -> float:
+def _compared(
+    name: str, what: str, found: Array, expected: Array, F: Array, tolerance: float, remedy: str = ""
+) -> float:
     """Largest difference over the largest entry; ValueError where that is beyond the tolerance."""
     size = float(np.abs(expected).max())
     off = np.abs(found - expected).reshape(-1, F.shape[-1]).max(axis=0) / max(size, 1e-300)
     worst = int(np.argmax(np.nan_to_num(off, nan=np.inf)))
     if not off[worst] <= tolerance:
-        at = np.array2string(F[..., worst], precision=4).replace("\n", "")
-        raise ValueError(
-            f"{name}: {what} differ by {off[worst]:.2e} of the largest entry (at most {tolerance:g}), at F = {at}"
-        )
+        by = f"differ by {off[worst]:.2e} of the largest entry (at most {tolerance:g})"
+        raise ValueError(f"{name}: {what} {by}, {_at(F, worst)}" + (f"; {remedy}" if remedy else ""))
     return float(off[worst])

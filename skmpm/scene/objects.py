@@ -143,8 +143,10 @@ def field_values(name: str, value: ArrayLike, x: Array) -> Array:
 
 
 def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
-    """The value as an array of floats; SceneError if it cannot be converted."""
+    """The value as an array of floats; SceneError if it cannot be converted, or is text."""
     try:
+        if np.asarray(value).dtype.kind in "US":
+            raise TypeError("text")
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise SceneError(f"{name} = {value!r} is not a number or an array of numbers; {remedy}") from None

@@ -1,11 +1,12 @@
 """What is accepted as a material, and what `check_material` finds in one that is wrong."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from skmpm import Body, NeoHookean, Scene, SceneError, check_material, disc, initial, save, simulate
+from skmpm import Body, NeoHookean, Rigid, Scene, SceneError, check_material, disc, initial, save, simulate
 from skmpm.io import load
 from skmpm.io.paraview import _stress_zz
 
@@ -64,6 +65,102 @@ FAULTS = {
     "lame": "Own: lame and the tangent at F = I differ by",
     "shape": r"Own: stress\(F\) has shape \(3,\) at 3 points; give \(2, 2, 3\)",
 }
+
+
+def changed(**attributes):
+    return dataclass(frozen=True)(type("Changed", (Own,), attributes))()
+
+
+def plane(F):
+    """Stress across the plane of the neo-Hookean law."""
+    return GEL.stress_zz(F)
+
+
+CHANGED = {
+    "linear by name only": (
+        {"linear": True},
+        r"tangent and that at F = I of a law that says linear = True differ by .*, at F = \[.*; the stress is not"
+        r" linear in F; leave `linear` out"),
+    "another lambda": (
+        {"lame": (1.1 * GEL.lame[0], GEL.lame[1])},
+        r"lame and the tangent at F = I differ by .*; lame = \(634615, 384615\) Pa, and the tangent there is that of"
+        r" lambda = 576923, mu = 384615 Pa; give"),
+    "fibres": ({"energy": lambda self, F: GEL.energy(F) + 5e4 * (F[0, 0] ** 2 + F[1, 0] ** 2 - 1) ** 2,
+                "stress": lambda self, F: GEL.stress(F) + fibre_stress(F),
+                "tangent": lambda self, F: by_complex_steps(lambda G: GEL.stress(G) + fibre_stress(G), F)},
+               r"the tangent there is not isotropic \(C_xxxx, C_yyyy, .*\); use a law that is isotropic at F = I"),
+    "finite energy of a mirrored body": (
+        {"energy": lambda self, F: np.where(np.isfinite(W := GEL.energy(F)), W, 1e9)},
+        r"energy is 1e\+09 at F = \[.*, where J <= 0; give inf there, so that line searches turn back"),
+    "nan outside its domain": ({"energy": lambda self, F: np.where(F[0, 0] > 1.2, np.nan, GEL.energy(F))},
+                               r"energy is nan at F = \[.*; give inf outside of the law's domain"),
+    "no domain": ({"energy": lambda self, F: np.where(stretched(F, 1e-4), np.inf, GEL.energy(F))},
+                  r"energy is inf at F = \[.*, at strains of 2 %; a law must be defined there"),
+    "stress nan": ({"stress": lambda self, F: np.where(F[0, 0] > 1.2, np.nan, GEL.stress(F))},
+                   r"stress is not finite at F = \[.*, but the energy is"),
+    "stress_zz of one number": (
+        {"stress_zz": lambda self, F: 1e9},
+        r"stress_zz\(F\) has shape \(\) at 3 points; give"),
+    "stress_zz raises": (
+        {"stress_zz": lambda self, F: 1 / 0},
+        r"stress_zz\(F\) raises ZeroDivisionError: division by"),
+    "stress_zz is None": ({"stress_zz": None}, r"stress_zz\(F\) raises TypeError"),
+    "stress_zz of a frame": (
+        {"stress_zz": lambda self, F: plane(F) + 1e3 * F[0, 1]},
+        r"stress_zz\(Q F\) and stress_zz"),
+    "stress_zz at rest": (
+        {"stress_zz": lambda self, F: plane(F) + 1e3},
+        r"stress_zz at F = I is .* of lambda \+ 2 mu"),
+    "stress_zz twice": ({"stress_zz": lambda self, F: 2 * plane(F)},
+                        r"stress_zz at small strain is not lambda tr.*, lambda = 576923 Pa of `lame`, but 1\.15"),
+    "no viscosity": ({"viscosity": None}, r"viscosity = None; give one in Pa s, zero or more"),
+    "negative viscosity": ({"viscosity": -1.0}, r"viscosity = -1.0; give one in Pa s"),
+    **{f"density {value!r}": ({"density": value}, rf"density = {re.escape(repr(value))}; give a finite number")
+       for value in ("1000", None, 0.0, -1.0, np.nan, np.inf)},
+    "lame of text": ({"lame": ("1e6", "1e6")}, r"lame = \('1e6', '1e6'\); give \(lambda, mu\) in Pa"),
+}  # fmt: skip
+
+
+def stretched(F, by):
+    return np.abs(np.einsum("jip,jkp->ikp", F, F) - np.eye(2)[:, :, None]).max(axis=(0, 1)) > by
+
+
+def fibre_stress(F):
+    P = np.zeros_like(F)
+    P[:, 0] = 2e5 * (F[0, 0] ** 2 + F[1, 0] ** 2 - 1) * F[:, 0]
+    return P
+
+
+def by_complex_steps(stress, F):
+    steps = [1e-30j * np.eye(4)[k].reshape(2, 2, 1) for k in range(4)]
+    return np.moveaxis([stress(F + d).imag / 1e-30 for d in steps], 0, 2).reshape(2, 2, 2, 2, -1)
+
+
+@pytest.mark.parametrize("case", CHANGED)
+@pytest.mark.filterwarnings("error")
+def test_what_is_wrong_of_a_law_changed_in_one_place_is_named(case):
+    """In one sentence, without warnings of NumPy."""
+    attributes, message = CHANGED[case]
+    material = Own(density=attributes["density"]) if "density" in attributes else changed(**attributes)
+    with pytest.raises(ValueError, match=message):
+        check_material(material)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_law_with_a_limited_domain_is_checked_within_it():
+    """Energy inf beyond strains of 20 %: the stretches of the check are halved twice; J <= 0 is outside, too."""
+    report = check_material(changed(energy=lambda self, F: np.where(stretched(F, 0.2), np.inf, GEL.energy(F))))
+    assert "checked for stretches up to 1.091; the energy is infinite at larger ones" in report.splitlines()[1]
+    assert "checked for" not in check_material(Own())
+    assert "stress_zz turns with the body" in check_material(GEL)
+
+
+@pytest.mark.parametrize("value", ["1000", None, np.nan, -1.0])
+def test_scenes_refuse_densities_that_are_no_numbers(value):
+    for material in (replace(GEL, density=value), Own(density=value), Rigid(value)):
+        bodies = [Body(BALL, GEL), Body(disc((9e-3, 0.0), 1e-3, spacing=0.25e-3), material)]
+        with pytest.raises(SceneError, match=rf"body 1: .*density = {value!r}(; give a| is not a number)"):
+            Scene(bodies, cell=0.25e-3)
 
 
 @pytest.mark.parametrize("fault", FAULTS)

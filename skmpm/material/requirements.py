@@ -1,0 +1,61 @@
+"""What an object must have to be a material, at rest: what every scene asks of its materials."""
+
+from __future__ import annotations
+
+from numbers import Real
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material.law import FUNCTIONS, NEEDED, Material
+
+Array = NDArray[np.float64]
+
+SHAPES: dict[str, tuple[int, ...]] = {"energy": (), "stress": (2, 2), "tangent": (2, 2, 2, 2)}
+
+
+def lacking(material: object) -> str:
+    """What keeps an object from being a material, in words; "" if nothing does."""
+    missing = [name for name in NEEDED if not hasattr(material, name)]
+    missing += [f"{name}(F)" for name in FUNCTIONS if name not in missing and not callable(getattr(material, name))]
+    if isinstance(material, type):
+        return "it is a class; make one of it by its constants"
+    if missing:
+        return f"it lacks {', '.join(missing)}"
+    try:
+        hash(material)
+    except TypeError:
+        return "it is not hashable; make it a frozen dataclass of numbers and tuples"
+    return _misshapen(material)  # type: ignore[arg-type]
+
+
+def _misshapen(material: Material) -> str:
+    """What is wrong with the numbers of a material at rest."""
+    density, viscosity = material.density, getattr(material, "viscosity", 0.0)
+    if not (_is_number(density) and density > 0.0):
+        return f"density = {density!r}; give a finite number in kg/m3, greater than zero"
+    if not (_is_number(viscosity) and viscosity >= 0.0):
+        return f"viscosity = {viscosity!r}; give one in Pa s, zero or more"
+    lame = material.lame
+    lam, mu = lame if np.shape(lame) == (2,) and all(map(_is_number, lame)) else (np.nan, np.nan)
+    if not (mu > 0.0 and 3.0 * lam + 2.0 * mu > 0.0):
+        return f"lame = {lame!r}; give (lambda, mu) in Pa with mu > 0 and 3 lambda + 2 mu > 0"
+    return _wrong_values(material, np.repeat(np.eye(2)[:, :, None], 3, axis=2))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and bool(np.isfinite(float(value)))
+
+
+def _wrong_values(material: Material, F: Array) -> str:
+    """What is wrong with the shapes and values of a material's functions at F = I, (2, 2, 3)."""
+    for name, shape in {**SHAPES, **({"stress_zz": ()} if hasattr(material, "stress_zz") else {})}.items():
+        try:
+            value = np.asarray(getattr(material, name)(F))
+        except Exception as error:  # whatever a function of the user raises
+            return f"{name}(F) raises {type(error).__name__}: {error}, at F = I of shape {F.shape}"
+        if value.shape != (*shape, 3):
+            return f"{name}(F) has shape {value.shape} at 3 points; give {(*shape, 3)}"
+        if not np.isfinite(value).all():
+            return f"{name}(F) is not finite at F = I"
+    return ""
