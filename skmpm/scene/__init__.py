@@ -1,6 +1,6 @@
 """The scene (`Scene`), its state (`State`), and the checks of both."""
 
-from skmpm.scene.fits import check_fits
+from skmpm.scene.fits import check_fits, check_initial_positions
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_velocities
 from skmpm.scene.scene import Scene
@@ -22,6 +22,7 @@ __all__ = [
     "Support",
     "Wall",
     "check_fits",
+    "check_initial_positions",
     "field_values",
     "motion",
     "prescribed_velocities",

@@ -44,6 +44,21 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
         )
 
 
+def check_initial_positions(scene: Scene, state: State, name: str) -> None:
+    """Raise SceneError if a body of the scene is not where that of the state was at t = 0.
+
+    The state knows that as long as its body grids are those of t = 0, with undeformed and unstressed points.
+    """
+    undeformed = bool((state.F_anchor == np.eye(2)[:, :, None]).all()) and not state.stress_anchor.any()
+    moved = np.hypot(*(state.x_anchor - scene.initial_positions))
+    if undeformed and moved.any():
+        b = int(state.body[np.argmax(moved)])
+        raise SceneError(
+            f"{name}: a point of body {b} of the scene lies {moved.max():.3g} m from where that of the state began;"
+            f" {_ITS_OWN}, or begin a run without `start`"
+        )
+
+
 def _check_order(scene: Scene, state: State, name: str) -> None:
     """Raise SceneError if walls with the same normal, or bodies with as many points, are in another order."""
     offset = [np.einsum("iw,wi->w", scene.normals, p) for p in (state.walls, _wall_points(scene))]

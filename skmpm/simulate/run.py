@@ -11,10 +11,12 @@ from threading import current_thread, main_thread
 from time import perf_counter
 from types import FrameType
 
+import numpy as np
+
 from skmpm.implicit import StepRejected
 from skmpm.io import save, writable
 from skmpm.progress import Progress
-from skmpm.scene import Scene, SceneError, State, check_fits
+from skmpm.scene import Scene, SceneError, State, check_fits, check_initial_positions
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.initial_state import check_scheme, initial
@@ -43,7 +45,11 @@ def simulate(
     others between them after a failure. `state.report.dt` and `.retries` hold the length of the step and its
     failures; the logger "skmpm" reports every retry at level INFO and one warning at the end of the run.
 
-    `start` continues from a state; `progress` shows step, time, ETA, residual and retries on a terminal; `checkpoint`
+    `start` continues from a state of this scene, which may have other velocities of walls and supports, loads,
+    friction, gravity and moduli than before. Bodies and walls are where the state has them, also where the scene's
+    `Wall.point` is another: a wall goes on from there.
+
+    `progress` shows step, time, ETA, residual and retries on a terminal; `checkpoint`
     is a file that keeps the last state, written every half minute and when the run ends: at `until`, by an error,
     because the caller's loop does, or by SIGTERM (unless the caller handles that signal).
 
@@ -52,7 +58,9 @@ def simulate(
     StepFailed
         if the shortest step fails; its `state` is the last one that was yielded
     SceneError
-        if `start` belongs to another scene, or a velocity, load or gravity is not finite
+        if a velocity, load or gravity is not finite, or if `start` belongs to another scene: if numbers of points,
+        walls, supports or grid nodes, the body or mass of a point, or the normal or order of walls differ, or
+        (unless `scheme.anchor` is finite) the positions of points at t = 0
     ValueError
         if dt is not positive, until is negative or scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
@@ -63,6 +71,8 @@ def simulate(
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:
         check_fits(scene, start, "start")
+        if np.isinf(scheme.anchor):  # else the body grids may have been built again where the bodies were
+            check_initial_positions(scene, start, "start")
     first = with_step(_first(scene, scheme) if start is None else start, float(dt))
     return _run(scene, first, until, scheme, progress, None if checkpoint is None else writable(checkpoint))
 

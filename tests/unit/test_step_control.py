@@ -338,6 +338,28 @@ def test_walls_and_bodies_that_changed_places_are_refused_on_restart():
         next(simulate(replace(scene, bodies=scene.bodies[::-1]), dt=DT, until=4 * DT, start=state))
 
 
+def test_bodies_of_the_scene_that_were_moved_are_refused_on_restart(tmp_path):
+    """A state knows where its points began; walls go on from where it has them, whatever the scene says."""
+    scene = squeeze()
+    save(tmp_path / "run", ended(scene, 2 * DT))
+    state = load(tmp_path / "run")
+    apart = Body(replace(scene.bodies[1].points, x=scene.bodies[1].points.x + [[0.0], [5e-4 * CELL]]), SOFT)
+    moved = replace(scene, bodies=[scene.bodies[0], apart])
+    with pytest.raises(
+        SceneError, match=rf"start: a point of body 1 of the scene lies {5e-4 * CELL:.3g} m from where"
+    ):
+        next(simulate(moved, dt=DT, until=4 * DT, start=state))
+    with pytest.raises(SceneError, match="start: a point of body 1"):
+        next(simulate(scene, dt=DT, until=4 * DT, start=ended(moved, 2 * DT)))
+    walls = [replace(wall, point=np.asarray(wall.point) - 0.1 * R * np.asarray(wall.normal)) for wall in scene.walls]
+    identical(
+        ended(replace(scene, walls=walls), 4 * DT, start=state), ended(scene, 4 * DT, start=load(tmp_path / "run"))
+    )
+    often = Scheme(anchor=1e-9)
+    *_, rebuilt = simulate(scene, dt=DT, until=4 * DT, scheme=often)
+    next(simulate(scene, dt=DT, until=6 * DT, start=rebuilt))
+
+
 def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):
     save(tmp_path / "run", ended(IMPACT, 2 * DT))
     with np.load(tmp_path / "run", allow_pickle=False) as archive:
