@@ -32,10 +32,13 @@ def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
     if found is None:
         return StepRejected("all bodies", str(error))
     b = int(np.searchsorted(grid.blocks, int(found[1]) - 1, side="right")) - 1
+    count = np.bincount(grid.cell_of_point, minlength=grid.cells)[grid.cell_body == b]
     return StepRejected(
         f"body {b}",
-        "its matrix is not positive definite, even with the material tangent projected on positive semi-definite",
-        "use a smaller dt, a smaller spacing of its points or a larger Scheme.ghost",
+        "its matrix is not positive definite, even with the material tangent projected on positive semi-definite;"
+        f" {(count == 1).sum()} of its {count.size} cells hold one point, which leaves motions without stiffness",
+        "use a smaller spacing of its points, a larger cell or a larger Scheme.ghost, or a smaller dt where it is"
+        " deformed much",
     )
 
 

@@ -242,6 +242,21 @@ def test_a_linear_solver_that_gives_up_is_a_failed_step():
             step(scene, initial(scene), DT, scheme=scheme)
 
 
+def test_too_few_points_are_named_where_the_matrix_is_not_positive_definite():
+    """At t = 0, undeformed, without inertia: no smaller dt would help."""
+    turn = np.array([[np.sqrt(0.75), -0.5], [0.5, np.sqrt(0.75)]])
+    block, corner = box((0, 0), (10.0, 10.0), spacing=1.5), np.array([[0.3], [0.37]])
+    points = Points(turn @ block.x + corner, block.volume, block.outline)
+    held = Support(lambda x: turn[:, 1] @ (x - corner) < 0.01)
+    scene = Scene([Body(points, SOFT)], cell=1.0, supports=[held], gravity=(0.0, -1e-3))
+    message = (
+        r"body 0: its matrix is not positive definite, .*; \d\d of its \d\d cells hold one point, which leaves motions"
+        r" without stiffness; use a smaller spacing of its points, a larger cell"
+    )
+    with pytest.raises(StepFailed, match=message):
+        step(scene, initial(scene), 1.0, scheme=Scheme(inertia=False))
+
+
 def indefinite(A, blocks, motions):
     return banded(-A, blocks, motions)
 

@@ -343,7 +343,7 @@ def test_bodies_of_the_scene_that_were_moved_are_refused_on_restart(tmp_path):
     scene = squeeze()
     save(tmp_path / "run", ended(scene, 2 * DT))
     state = load(tmp_path / "run")
-    apart = Body(replace(scene.bodies[1].points, x=scene.bodies[1].points.x + [[0.0], [5e-4 * CELL]]), SOFT)
+    apart = Body(replace(scene.bodies[1].points, x=scene.bodies[1].points.x + np.array([[0.0], [5e-4 * CELL]])), SOFT)
     moved = replace(scene, bodies=[scene.bodies[0], apart])
     with pytest.raises(
         SceneError, match=rf"start: a point of body 1 of the scene lies {5e-4 * CELL:.3g} m from where"
