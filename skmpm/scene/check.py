@@ -35,7 +35,7 @@ def check(scene: Scene) -> None:
         _check_body(f"body {i}", body)
     if not scene.deformable.any():
         raise SceneError(
-            f"all {len(scene.bodies)} bodies are Rigid; give at least one LinearElastic or NeoHookean body"
+            f"all {len(scene.bodies)} bodies are Rigid; give at least one of a deformable material, as NeoHookean"
         )
     if callable(scene.gravity):
         X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)

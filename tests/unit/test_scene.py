@@ -118,7 +118,7 @@ BAD = {
     "no bodies": (lambda: Scene([], cell=CELL), "no bodies.*at least one"),
     "points as body": (lambda: Scene([ROUND], cell=CELL), "body 0 is a Points.*skmpm.Body"),
     "body alone": (lambda: Scene(Body(ROUND, GEL), cell=CELL), "bodies: expected a list, got a Body"),
-    "all Rigid": (lambda: scene(material=Rigid(1.0)), "all 1 bodies are Rigid.*at least one"),
+    "all Rigid": (lambda: scene(material=Rigid(1.0)), "all 1 bodies are Rigid; give at least one of a deformable"),
 }
 
 
