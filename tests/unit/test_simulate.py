@@ -250,8 +250,8 @@ def test_too_few_points_are_named_where_the_matrix_is_not_positive_definite():
     held = Support(lambda x: turn[:, 1] @ (x - corner) < 0.01)
     scene = Scene([Body(points, SOFT)], cell=1.0, supports=[held], gravity=(0.0, -1e-3))
     message = (
-        r"body 0: its matrix is not positive definite, .*; \d\d of its \d\d cells hold one point, which leaves motions"
-        r" without stiffness; use a smaller spacing of its points, a larger cell"
+        r"body 0: its matrix is not positive definite, .*; \d\d of its \d\d cells hold one point, which leaves"
+        r" motions without stiffness; use a smaller spacing of its points, a larger cell"
     )
     with pytest.raises(StepFailed, match=message):
         step(scene, initial(scene), 1.0, scheme=Scheme(inertia=False))
