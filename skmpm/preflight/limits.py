@@ -81,9 +81,9 @@ def _down(value: float) -> str:
 
 
 def _worst(metrics: SceneMetrics, values: NDArray[np.float64], beyond: NDArray[np.bool_]) -> str:
-    """The deformable body with the smallest value, and the number of others beyond the limit."""
-    others = int(beyond.sum()) - 1
-    return f"body {metrics.own[np.argmin(values)]}" + (f" and {others} more" if others > 0 else "")
+    """The deformable body with the smallest value, and the number of bodies beyond the limit."""
+    count = int(beyond.sum())
+    return f"body {metrics.own[np.argmin(values)]}" + (f", the worst of {count}" if count > 1 else "")
 
 
 def _resolution(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -95,7 +95,7 @@ def _resolution(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 
 def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    across = np.where(np.isnan(metrics.across), np.inf, metrics.across)
+    across = np.where(np.isnan(metrics.across), np.inf, metrics.across) + metrics.chords
     if _below(least := float(across.min()), THIN):
         who, width = _worst(metrics, across, THIN.value > across), least * metrics.cell
         remedy = f"use cell = {_down(width / THIN.value)} m or less"
@@ -103,8 +103,8 @@ def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 
 def _slit(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    if _below(least := float(metrics.slit.min()), SLIT):
-        who, width = _worst(metrics, metrics.slit, SLIT.value > metrics.slit), least * metrics.cell
+    if _below(least := float((slit := metrics.slit + metrics.chords).min()), SLIT):
+        who, width = _worst(metrics, slit, SLIT.value > slit), least * metrics.cell
         remedy = f"use cell = {_down(width / SLIT.value)} m or less, or close it"
         yield f"{who}: {_text(least, SLIT)} cells across its narrowest slit of {width:.3g} m; {SLIT.where}; {remedy}"
 

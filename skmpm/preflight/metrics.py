@@ -13,6 +13,7 @@ from skmpm.contact import acts_at_grid_nodes
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import Rigid, is_linear
 from skmpm.outline import slit_width
+from skmpm.outline.curve import CORNER_COSINE
 from skmpm.preflight.loading import loading_of
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene
@@ -38,6 +39,7 @@ class SceneMetrics:
     torn: dict[int, int]  # bodies whose cells fall apart: number of pieces
     resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
     across: Array  # (deformable,) cells across the thinnest part; nan without outline
+    chords: Array  # (deformable,) by which chords of a smooth outline cut off from a width at most [cells]
     slit: Array  # (deformable,) cells across the narrowest slit or hole; inf without one
     cells: int
     unknowns: int
@@ -86,6 +88,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         torn={b: int(grid.pieces[b]) for b in torn_bodies(scene, grid).tolist()},
         resolution=np.sqrt(area / np.pi),
         across=scene.thickness[own] / scene.cell,
+        chords=_chords(scene)[own] / scene.cell,
         slit=slit_width(boundary, scene.initial_positions[:, boundary.point], count.size)[own] / scene.cell,
         cells=grid.cells,
         unknowns=2 * grid.nodes,
@@ -108,6 +111,22 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         solver=solver,
         memory=memory_of(int(count.sum()), 2 * grid.nodes, boundary.size if touches else 0, width, solver),
     )
+
+
+def _chords(scene: Scene) -> Array:
+    """Twice the largest sagitta of the chords between boundary points, (bodies,) [m]; sides between corners have none.
+
+    A chord of length e of an arc that turns by phi has the sagitta e/2 tan(phi/4).
+    """
+    boundary, sagitta = scene.outlines, np.zeros(len(scene.bodies))
+    x = scene.initial_positions[:, boundary.point]
+    ahead = x[:, boundary.next] - x
+    back = ahead[:, boundary.previous]
+    turn = np.abs(np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0)))
+    turn = np.where(np.cos(turn) < CORNER_COSINE, 0.0, turn)
+    turn = np.maximum(turn, turn[boundary.next])
+    np.maximum.at(sagitta, boundary.body, 0.5 * np.hypot(*ahead) * np.tan(0.25 * turn))
+    return 2.0 * sagitta
 
 
 def _grid(scene: Scene, body: Ints) -> tuple[BodyGrids, int]:

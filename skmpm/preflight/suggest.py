@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, floor, log10
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,12 +88,18 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
     found = [best for law in laws if (best := _cheapest(law, error)) is not None]
     if not found:
         least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
-        raise ValueError(f"suggest: error = {error!r}; use one between {1.01 * least:.2g} and {LARGEST}")
+        raise ValueError(f"suggest: error = {error!r}; use one between {_up(1.01 * least)} and {LARGEST}")
     _, n, spacing, stride = min(found)
     cell = min(size / n, _coarsest(scene))
     dt = min(stride * size / loading.speed, _longest(scene, loading, cell))
     paced = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
     return Suggestion(cell, spacing * cell, dt, loading.kind, f"{loading.why}, so {paced}")
+
+
+def _up(value: float) -> str:
+    """Two digits, rounded up, so that the value itself is accepted."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return f"{ceil(value / unit) * unit:.2g}"
 
 
 def _measured_as(scene: Scene, kind: str) -> str:

@@ -111,6 +111,14 @@ def test_errors_that_were_not_measured_are_refused(error):
         suggest(discs(1), error=error)
 
 
+@pytest.mark.parametrize("scene", [discs(1), discs(2), discs(2, spin=1.0), discs(7, walls=[LID])], ids=LAWS)
+def test_the_least_error_that_is_named_is_accepted(scene):
+    with pytest.raises(ValueError, match="use one between") as refused:
+        suggest(scene, error=1e-6)
+    least = re.search(r"between (\S+) and", str(refused.value)).group(1)
+    assert suggest(scene, error=float(least)).cell > 0.0
+
+
 @pytest.mark.parametrize(
     ("name", "scene", "factor"), [("bending", "cantilever", 2 / 3**0.5), ("pressing", "hertz", 1)]
 )
@@ -173,6 +181,18 @@ def ring(spacing=0.01):
     volume = np.full(x.shape[1], 0.51 * np.pi * R**2 / x.shape[1])
     loops = (number[boundary], np.arange(keep.sum(), x.shape[1])[::-1])
     return Points(x + np.array([[0.0], [R]]), volume, loops)
+
+
+@pytest.mark.parametrize("spacing", [0.005, 0.01, 0.02])
+def test_what_is_suggested_for_a_ring_is_not_warned_of_for_its_chords(spacing):
+    """Its thickness sets the cell; with other points its polygon is thinner, but its curve is not."""
+    found = suggest(Scene([Body(ring(0.003), SOFT)], cell=0.01), error=0.2)
+    assert found.cell == pytest.approx(0.3 * R / 4.0, rel=1e-3)
+    scene = Scene([Body(ring(spacing), SOFT)], cell=found.cell)
+    across, chords = (f[0] for f in (examine(scene, 1e-9, Scheme()).across, examine(scene, 1e-9, Scheme()).chords))
+    assert across < 4.0 <= across + chords < 4.0 + 0.5 * spacing**2 / (R * found.cell)
+    assert "thinnest part of" not in preflight(scene, 1e-9)
+    assert "thinnest part of" in preflight(replace(scene, cell=1.01 * found.cell * (across + chords) / 4.0), 1e-9)
 
 
 def lid(speed):
