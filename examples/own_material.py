@@ -48,6 +48,8 @@ def main(out: Path) -> tuple[skmpm.Scene, skmpm.State]:
     scene = skmpm.Scene(bodies, cell=R / 5, walls=[skmpm.Wall((0, 0), (0, 1)), LID])
     print(skmpm.check_material(laws[0]), skmpm.preflight(scene, dt=5e-5), sep="\n")
     *_, state = skmpm.simulate(scene, dt=5e-5, until=1.2 * R)
+    kept = np.bincount(state.body, state.volume) / np.bincount(state.body, scene.initial_volumes)
+    print("area kept: foam {:.4f}, rubber {:.4f}".format(*kept))
     axes = plot(scene, state, state.volume / scene.initial_volumes)
     axes.figure.colorbar(axes.collections[0], label="volume ratio J", orientation="horizontal")
     save(axes.figure, out / "own_material.png")

@@ -10,11 +10,12 @@ from examples import own_material
 PAGE = Path(__file__).parents[2] / "docs" / "own_material.md"
 
 
-def test_own_material(tmp_path):
+def test_own_material(tmp_path, capsys):
     """The foam keeps more of its volume than rubber of the same small-strain constants, at the same height."""
     scene, state = own_material.main(tmp_path)
     left, right = (state.volume[state.body == b].sum() / scene.bodies[b].points.volume.sum() for b in (0, 1))
     assert left > right + 0.01
+    assert f"area kept: foam {left:.4f}, rubber {right:.4f}" in capsys.readouterr().out
     assert right == pytest.approx(0.87, abs=0.01)
     assert (tmp_path / "own_material.png").stat().st_size > 1000
 
