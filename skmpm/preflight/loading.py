@@ -43,7 +43,8 @@ def loading_of(scene: Scene) -> Loading:
     own = float(np.linalg.norm(v[:, scene.deformable[scene.owner]], axis=0).max())
     height = free_height(scene) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * height))
-    kind, why, speed = _kind(scene, own, prescribed, fall, name)
+    drop = fall if fall > _settling(scene) else 0.0
+    kind, why, speed = _kind(scene, own, prescribed, drop, name)
     passing = np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1))
     return Loading(
         kind,
@@ -70,6 +71,19 @@ def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -
     if prescribed > 0.0:
         return "packing" if several else "pressing", moved, prescribed
     return "pressing", "bodies can touch and nothing moves at t = 0", 0.0
+
+
+def _settling(scene: Scene) -> float:
+    """Speed g L / c at which a body of height L settles by its own weight when gravity is switched on [m/s].
+
+    A fall that ends slower, from less than half of rho g L^2 / (lambda + 2 mu), moves it less than that.
+    """
+    g = gravity_of(scene)
+    along = g @ scene.initial_positions
+    low, high = np.full(len(scene.bodies), np.inf), np.full(len(scene.bodies), -np.inf)
+    np.minimum.at(low, scene.owner, along)
+    np.maximum.at(high, scene.owner, along)
+    return float((high - low)[scene.deformable].max()) / fastest_wave(scene)
 
 
 def gravity_of(scene: Scene) -> Array:

@@ -49,8 +49,8 @@ class SceneMetrics:
     waves: bool  # whether steps must resolve waves
     lid: float  # displacement of the fastest wall, rigid body or support in a step [cells]
     lid_name: str  # its name
-    approach: float  # bound on the relative displacement in a step [cells]
-    fall: float  # free height, 0 without gravity [m]
+    approach: float  # bound on the relative displacement in a step [cells]; 0 without inertia
+    fall: float  # free height, 0 without gravity or inertia [m]
     rotation: Array  # (deformable,) largest rotation of points in a step [rad]
     touches: bool  # whether contact is possible
     contact: str  # law
@@ -98,8 +98,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         waves=scheme.inertia and loading.waves,
         lid=lid * step,
         lid_name=lid_name,
-        approach=loading.approach * step if touches else 0.0,
-        fall=loading.fall,
+        approach=loading.approach * step if touches and scheme.inertia else 0.0,
+        fall=loading.fall if scheme.inertia else 0.0,
         rotation=rotation[own],
         touches=touches,
         contact=_contact_law(scheme),
@@ -114,7 +114,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
 
 
 def _chords(scene: Scene) -> Array:
-    """Twice the largest sagitta of the chords between boundary points, (bodies,) [m]; sides between corners have none.
+    """Twice the largest sagitta of the chords between boundary points, (bodies,) [m]; none at straight sides.
 
     A chord of length e of an arc that turns by phi has the sagitta e/2 tan(phi/4).
     """

@@ -53,6 +53,8 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
 def _motion(metrics: SceneMetrics) -> str:
     if not metrics.touches:
         return "nothing can touch"
+    if not metrics.inertia:
+        return "from equilibrium to equilibrium, nothing falls without inertia"
     after = f", after falling by {metrics.fall:.3g} m" if metrics.fall else ""
     return f"{metrics.approach:.3g} h a step past each other{after}"
 

@@ -401,6 +401,16 @@ def test_locking_is_cured_and_large_quasi_static_steps_are_no_waves():
     assert preflight(pair(friction=0.1), 1.0, scheme=Scheme(inertia=False)).endswith(FINE)
 
 
+def test_nothing_falls_without_inertia():
+    """A step of a second would be 7,000 h by a fall; the line says so with inertia only."""
+    scene = replace(pair(walls=[Wall((0, -100 * R), (0, 1), friction=0.3)], friction=0.3), gravity=(0.0, -9.81))
+    moving = [line for line in preflight(scene, 1.0).splitlines() if line.startswith("motion")]
+    assert re.search(r"h a step past each other, after falling by 0\.0991 m$", moving[0])
+    still = preflight(scene, 1.0, scheme=Scheme(inertia=False))
+    assert "motion    from equilibrium to equilibrium, nothing falls without inertia" in still
+    assert "falling" not in still and still.endswith(FINE)
+
+
 def test_a_body_alone_needs_no_warning_of_contact():
     """Friction, a fast support, linear elasticity, midpoint rule: nothing can touch."""
     fast = Support(lambda x: x[1] > R, velocity=(H / DT, 0.0))

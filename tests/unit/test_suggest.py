@@ -271,6 +271,22 @@ def test_dt_of_a_slow_lid_and_of_a_pour_is_not_limited_by_waves():
     assert low.dt * np.sqrt(2 * 9.81 * 1.0) / low.cell <= APPROACH.value * (1 + 1e-9)
 
 
+def test_a_body_on_its_floor_vibrates_and_one_above_it_falls():
+    """Not by whether a gap is zero: a fall counts if it ends faster than the body settles, at g L / c."""
+    settled = 9.81 * (2.0 * R / WAVE) ** 2 / 2.0
+    for height, falls in (
+        (0.0, False),
+        (1e-12, False),
+        (15e-6, False),
+        (0.5 * settled, False),
+        (1.5 * settled, True),
+    ):
+        for body in (discs(1).bodies[0], Body(box((0, 0), (2 * R, 2 * R), spacing=0.03), SOFT)):
+            scene = Scene([body], cell=0.05, walls=[Wall((0, -height), (0, 1))], gravity=(0.0, -9.81))
+            assert ("dt c/h = 20;" in preflight(scene, 20.0 * scene.cell / WAVE)) != falls
+            assert loading_of(scene).kind == ("pour" if falls else "pressing")
+
+
 def test_dt_of_free_or_vibrating_bodies_is_limited_by_waves():
     """The check warns of dt c / h there only: not under a slow lid, in a pour, or without inertia."""
     for scene, warned in (
