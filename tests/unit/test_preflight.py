@@ -226,8 +226,9 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
     "R/h": (limits.RESOLUTION, r"body 0, the worst of 2: R/h = 3\.1997;",
             lambda v: replace(pair(), cell=R / v), None, {}),
     "R/h alone": (limits.SMALLEST, r"body 0: R/h = 0\.9999;", lambda v: small(20, v), None, {}),
-    "thin": (limits.THIN, r"body 0, the worst of 2: 3\.9996 cells across its thinnest part of 0.001 m;", lambda v: Scene(
-        [Body(box((x, 0.0), (9 * R, R), spacing=R / 12), GEL) for x in (0.0, 10 * R)], cell=R / v), None, {}),
+    "thin": (limits.THIN, r"body 0, the worst of 2: 3\.9996 cells across its thinnest part of 0.001 m;",
+             lambda v: Scene([Body(box((x, 0.0), (9 * R, R), spacing=R / 12), GEL) for x in (0.0, 10 * R)], cell=R / v),
+             None, {}),
     "slit": (limits.SLIT, r"body 0: 1\.9998 cells across its narrowest slit of 2 m;",
              lambda v: Scene([Body(slotted(), GEL)], cell=2.0 / v), None, {}),
     "points": (limits.FEWEST, r"body 0: 1\.7998 points per cell of material;",
