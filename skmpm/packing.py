@@ -33,12 +33,20 @@ class PackingError(ValueError):
 
 @dataclass(frozen=True)
 class Packing:
-    """Discs in the box [0, width] x [0, height]."""
+    """Discs in the box [0, width] x [0, height].
 
-    centres: Array  # (2, N) [m]
-    radii: Array  # (N,) [m]
-    width: float  # [m]
-    height: float  # [m]
+    Attributes
+    ----------
+    centres : (2, N) [m]
+    radii : (N,) [m]
+    width : of the box [m]
+    height : of the box, by the solid fraction [m]
+    """
+
+    centres: Array
+    radii: Array
+    width: float
+    height: float
 
 
 def packing(

@@ -39,14 +39,24 @@ _MAX_PATH_ROWS = 1500  # of larger problems, with half of the rows active, the w
 
 @dataclass(frozen=True)
 class Info:
-    """Statistics of a solve; ``residual`` is the natural-map residual relative to |q~| or to `reference`."""
+    """Statistics of a solve.
 
-    iterations: int  # Newton steps
+    Attributes
+    ----------
+    iterations : Newton steps
+    sweeps : before them
+    residual : of the natural map, relative to |q~| or to `reference`
+    converged : whether that is within the tolerance
+    bilateral : the bilateral unknowns, (m,)
+    pieces : of the paths of Lemke's method, the last resort
+    """
+
+    iterations: int
     sweeps: int
     residual: float
     converged: bool
-    bilateral: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (m,) the bilateral unknowns
-    pieces: int = 0  # of the paths of Lemke's method, the last resort
+    bilateral: Array = field(default_factory=lambda: np.zeros(0), compare=False)
+    pieces: int = 0
 
 
 def solve(

@@ -25,7 +25,9 @@ def _moduli(shear: float, bulk: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class MooneyRivlin(Hyperelastic):
-    """W_iso = c10 (I1 - 3) + c01 (I2 - 3), I of J^-1/3 F (Holzapfel 2000, eqs 6.127 and 6.146); mu = 2 (c10 + c01).
+    """W = c10 (I1 - 3) + c01 (I2 - 3) + kappa/4 (J^2 - 1 - 2 ln J), I of J^-1/3 F with F33 = 1; mu = 2 (c10 + c01).
+
+    Holzapfel, Nonlinear Solid Mechanics, 2000, eqs 6.127 and 6.146.
 
     Parameters
     ----------
@@ -68,7 +70,9 @@ class MooneyRivlin(Hyperelastic):
 
 @dataclass(frozen=True)
 class Yeoh(Hyperelastic):
-    """W_iso = sum of c_i0 (I1 - 3)^i, i = 1, 2, 3, I1 of J^-1/3 F (Yeoh, Rubber Chem. Technol. 66, 1993); mu = 2 c10.
+    """W = sum of c_i0 (I1 - 3)^i + kappa/4 (J^2 - 1 - 2 ln J), i = 1, 2, 3, I1 of J^-1/3 F with F33 = 1; mu = 2 c10.
+
+    Yeoh, Rubber Chem. Technol. 66, 1993.
 
     Parameters
     ----------
@@ -118,9 +122,10 @@ class Yeoh(Hyperelastic):
 
 @dataclass(frozen=True)
 class Ogden(Hyperelastic):
-    """W_iso = sum of mu_p / alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3), l the stretches of J^-1/3 F.
+    """W = sum of mu_p / alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3) + kappa/4 (J^2 - 1 - 2 ln J).
 
-    Ogden, Proc. R. Soc. A 328, 1972; Holzapfel 2000, eqs 6.119 and 6.139; mu = sum of mu_p alpha_p / 2. In the plane
+    l are the stretches of J^-1/3 F with F33 = 1; the shear modulus at zero strain is the sum of mu_p alpha_p / 2.
+    Ogden, Proc. R. Soc. A 328, 1972; Holzapfel, Nonlinear Solid Mechanics, 2000, eqs 6.119 and 6.139. In the plane
     l1^alpha + l2^alpha = 2 J^(alpha/6) T(y), T(y) = cosh(alpha/2 arccosh y), y = 1 + A / 2 J, smooth at y = 1.
 
     Parameters

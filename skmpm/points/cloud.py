@@ -21,12 +21,18 @@ class Points:
     `outline` holds closed loops of indices of the points on the boundary, in order: outer loops counter-clockwise,
     holes clockwise; the last point of a loop is joined to its first. Bodies touch at smooth curves through
     the boundary points, with corners where the boundary turns by more than 50 degrees. Arrays are copied and their
-    types converted; they are not checked: see `check`.
+    types converted; a `Scene` checks them.
+
+    Attributes
+    ----------
+    x : positions, (2, n) [m]
+    volume : (n,) [m2 per metre of thickness]
+    outline : loops of indices of points, one (m,) each
     """
 
-    x: Floats  # (2, n) [m]
-    volume: Floats  # (n,) [m2 per metre of thickness]
-    outline: tuple[Integers, ...] = ()  # one (m,) per loop
+    x: Floats
+    volume: Floats
+    outline: tuple[Integers, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "x", np.array(self.x, dtype=np.float64))

@@ -50,13 +50,22 @@ LAWS = {
 
 @dataclass(frozen=True)
 class Suggestion:
-    """Cell, spacing of points and time step for a wanted error, and the kind of the scene."""
+    """Cell, spacing of points and time step for a wanted error, and the kind of the scene; printed as a sentence.
 
-    cell: float  # [m]
-    spacing: float  # of material points [m]
-    dt: float  # [s]
-    kind: str  # "bending", "pressing", "impact", "packing" or "pour"
-    why: str  # the reason for the kind and the time step
+    Attributes
+    ----------
+    cell : side of the grid cells, for `Scene.cell` [m]
+    spacing : of material points, for `disc` and `box` [m]
+    dt : time step [s]
+    kind : "bending", "pressing", "impact", "packing" or "pour"
+    why : the reason for the kind and the time step
+    """
+
+    cell: float
+    spacing: float
+    dt: float
+    kind: str
+    why: str
 
     def __str__(self) -> str:
         """The suggestion as a sentence."""
