@@ -1,8 +1,8 @@
 """The estimate of `preflight` for points that represent their body badly, and errors that such bodies have.
 
 A block of 10 x 10 cells is compressed by 0.1 % between plates, without friction and inertia; the force is compared
-with that of plane strain. Its points are those of `box` or of meshes, at three angles and positions on the grid. `table` makes
-the one of `docs/preflight.md`: `python tests/verification/test_sampling.py`.
+with that of plane strain. Its points are those of `box` or of meshes, at three angles and positions on the grid.
+`table` makes the one of `docs/preflight.md`: `python tests/verification/test_sampling.py`.
 """
 
 import sys
