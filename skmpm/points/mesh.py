@@ -32,8 +32,8 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
 
     With `order` 2 edges of the mesh should be about 1.2 cells of the scene long, in both directions: a uniform stress
     is then right to 2 %. With edges of 2 cells some cells have no points, the body may be 10 to 50 % too soft, and
-    with longer ones it may fall apart; a higher order adds points to inner cells of the mesh, but none to those on the
-    boundary. `preflight` warns of it.
+    with longer ones it may fall apart; a higher order adds points to inner cells of the mesh, but none to those on
+    the boundary. `preflight` warns of it.
 
     Parameters
     ----------
