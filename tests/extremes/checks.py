@@ -255,12 +255,20 @@ class Watch:
         if self.case.scheme.theta == 1.0 and self.case.scheme.inertia:  # other rules may gain
             self._limit("energy gained", (kinetic + elastic - allowed) / scale, ENERGY, new, "energy gained")
             fell = old.report.energy.dissipated - energy.dissipated
-            if self.stack:  # what backward Euler may gain (docs/method.md)
+            if self.stack or self._concave():  # what backward Euler may gain (docs/method.md)
                 fell -= CURVED * self._exchanged(old, new, before)
             self._limit("dissipation undone", fell / scale, ENERGY, new, "dissipated energy came back")
         missing = max(abs(energy.external - self.external) - self.rounded, 0.0)
         self._limit("external", missing / scale, ENERGY, new, "external work is not")
         self.worst["push-out"] = max(self.worst.get("push-out", 0.0), energy.push_out / scale)
+
+    def _concave(self) -> bool:
+        """Whether compression makes the energy of a material concave: Lame's lambda below zero.
+
+        At F = a I the energy density mu (a^2 - 1 - 2 ln a) + 2 lam (ln a)^2 has the second derivative
+        2 mu + 2 mu / a^2 + 4 lam (1 - ln a) / a^2; with nu = -1/2, lam = -mu / 2, it is negative for a < 0.65.
+        """
+        return min(getattr(b.material, "nu", 0.0) for b in self.scene.bodies) < 0.0
 
     def _averages(self) -> bool:
         """Whether bodies take mean dilatations of cells, so that points alone do not tell their energy."""
