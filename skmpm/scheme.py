@@ -8,7 +8,7 @@ from typing import Any
 
 from skmpm import linear as _linear
 from skmpm import transfer as _transfer
-from skmpm.contact import ContactLaw, acts_at_grid_nodes, point_to_curve, shared_grid
+from skmpm.contact import ContactFormulation, acts_at_grid_nodes, point_to_curve, shared_grid
 from skmpm.linear import Linear
 from skmpm.material import Material, poisson_ratio
 from skmpm.transfer import Transfer
@@ -29,7 +29,7 @@ class Scheme:
     theta : Moreau-Jean parameter in [1/2, 1]: 1 is backward Euler, 1/2 the midpoint rule
     anchor : regrid when the strain or rotation since the last regridding, max |F - I|, exceeds this; inf: never
         (total Lagrangian), 0: at every step (updated Lagrangian, as in Nezamabadi et al. 2017)
-    contact : `contact.point_to_curve`, `contact.shared_grid` or another contact law (`skmpm.contact`)
+    contact : `contact.point_to_curve`, `contact.shared_grid` or another formulation (`skmpm.contact`)
     transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
     ghost : gamma, the coefficient of the ghost penalty on cells filled less than 0.6, relative to the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
@@ -48,7 +48,7 @@ class Scheme:
 
     theta: float = 1.0
     anchor: float = float("inf")
-    contact: ContactLaw = field(default=point_to_curve)
+    contact: ContactFormulation = field(default=point_to_curve)
     transfer: Transfer = field(default=_transfer.apic)
     ghost: float = 0.005
     moment_fitting: bool = True

@@ -1,11 +1,11 @@
 """Point-to-curve contact: boundary points against outlines and walls, in the configuration at the end of the step.
 
 A boundary point c of one body is projected on the smooth outline of another body (`outline.Curve`). The foot of the
-projection is a combination of four boundary points with weights z(s). The row of the contact Jacobian is
-N(c) w_a - sum_m z_m N(m) w_b along the normal of the curve, the exact derivative of the gap: momentum is conserved
-exactly, the two contact forces act on one line, and frictionless contact is conservative. One body of a pair
-contributes its boundary points (a deformable body before a rigid one, then the body with the finer boundary, then by
-position), the other its curve and, as points, its corners.
+projection is a combination of four boundary points with weights z(s). The row of the contact Jacobian is N(c) w_a -
+sum_m z_m N(m) w_b along the normal of the curve, for theta = 1 the exact derivative of the gap: momentum is
+conserved exactly, the two contact forces act on one line, and frictionless contact is conservative. One body of a
+pair contributes its boundary points (a deformable body before a rigid one, then the body with the finer boundary,
+then by position), the other its curve and, as points, its corners.
 
 Gaps are those at the end of the step. Contact forces act along the normals of x + theta dt w, the configuration in
 which the stress is evaluated: a disc that rotates under a pressure p gains p V (omega dt)^2 per step from its stress
@@ -44,7 +44,7 @@ def point_to_curve(
     theta: float = 1.0,
     motions: PrescribedVelocities | None = None,
 ) -> Linearise:
-    """Contact of boundary points with outlines and walls (the default contact law).
+    """Contact of boundary points with outlines and walls (the default contact formulation).
 
     The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
     u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of

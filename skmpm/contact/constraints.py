@@ -179,11 +179,11 @@ def component_along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
 
 
 Linearise = Callable[[Array], Constraints]
-ContactLaw = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities], Linearise]
+ContactFormulation = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities], Linearise]
 
 
-def acts_at_grid_nodes(law: ContactLaw) -> bool:
-    """Whether a contact law acts at grid nodes that bodies share, by its optional attribute `at_grid_nodes`.
+def acts_at_grid_nodes(law: ContactFormulation) -> bool:
+    """Whether a contact formulation acts at grid nodes that bodies share, by its optional attribute `at_grid_nodes`.
 
     Such a law measures no gaps and needs body grids rebuilt at every step. Any other acts between outlines and is
     held to the checks of its gaps, functions that call `point_to_curve` among them.

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-MAX_DEPTH = 1.0  # [cells] a point at a greater depth is attributed to the opposite side of the body
+MAX_DEPTH = 1.0  # [cells] of a contact: a deeper point is closer to the opposite side of thin bodies
 MAX_NORMALS_COSINE = -0.3  # largest cosine between outward normals of surfaces in contact, ideally -1; 0 at corners
 # The edges beside a contact point may point into the other surface at an angle of up to this sine, or by this depth
 # [cells], whichever is more: compressed boundary points are so close that their heights do not define a slope.

@@ -85,7 +85,7 @@ def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int
     """Measure the boundary in contact of each body, (bodies,) [m]; nan for bodies that touch at grid nodes.
 
     A boundary point of the first body of a pair is in contact if its gap is below 0.02 cells or if it lies between
-    two forced contacts of the pair, on a stretch of boundary that stays within the reach of the contact law. Its
+    two forced contacts of the pair, on a stretch of boundary that stays within the reach of contact detection. Its
     length is half of its two segments, without one that turns away by more than 30 degrees (a corner).
     A segment in contact with several bodies is shared. The length counts for both bodies, at a wall for one.
 

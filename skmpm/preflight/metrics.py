@@ -139,7 +139,7 @@ def _grid(scene: Scene, body: Ints) -> tuple[BodyGrids, int]:
 
 
 def _contact_law(scheme: Scheme) -> str:
-    """Name of the contact law in words."""
+    """Name of the contact formulation in words."""
     if acts_at_grid_nodes(scheme.contact):
         return "shared grid"
     return str(getattr(scheme.contact, "__name__", type(scheme.contact).__name__)).replace("_", " ")
