@@ -7,7 +7,7 @@ from skmpm.outline.cells import cell_moments
 from skmpm.outline.crossings import apart, crossings, turns
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.curve import Curve, curve
-from skmpm.outline.measures import area, bend, centroid, dimensions, normals, perimeter, second_moments
+from skmpm.outline.measures import area, bend, centroid, chord_sagitta, dimensions, normals, perimeter, second_moments
 from skmpm.outline.near import candidates, closest, inside
 from skmpm.outline.overlaps import lens_depth, overlap
 from skmpm.outline.topology import Outlines, outlines
@@ -23,6 +23,7 @@ __all__ = [
     "candidates",
     "cell_moments",
     "centroid",
+    "chord_sagitta",
     "closest",
     "crossings",
     "curve",

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from skmpm.outline.measures import turning_angles
 from skmpm.outline.topology import Floats, Integers, Outlines
 
 # Total turns up to which a loop is taken to be free of self-intersections [rad]. Where a simple loop first touches
@@ -44,9 +45,7 @@ def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
 
 def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
     """Total left and right turns along the outline of each body, (bodies,) [rad]."""
-    ahead = x[:, outlines.next] - x
-    back = ahead[:, outlines.previous]
-    turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))
+    turn = turning_angles(outlines, x)
     left, right = (np.bincount(outlines.body, np.maximum(sign * turn, 0.0)) for sign in (1.0, -1.0))
     return np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
 

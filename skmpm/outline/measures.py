@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.topology import Floats, Outlines
 
 
@@ -40,11 +41,29 @@ def normals(outlines: Outlines, x: Floats) -> Floats:
 
 def bend(outlines: Outlines, x: Floats) -> Floats:
     """Return the convex curvature (m,) [1/m] of the boundary: left turn over the shorter segment, else zero."""
+    length = np.hypot(*(x[:, outlines.next] - x))
+    shorter = np.minimum(length, length[outlines.previous])
+    return np.asarray(np.maximum(turning_angles(outlines, x), 0.0) / np.maximum(shorter, 1e-300))
+
+
+def turning_angles(outlines: Outlines, x: Floats) -> Floats:
+    """Return the left turns of the boundary at its points (m,), in [-pi, pi] [rad]."""
     ahead = x[:, outlines.next] - x
     back = ahead[:, outlines.previous]
-    turn = np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0))
-    length = np.minimum(np.hypot(*ahead), np.hypot(*back))
-    return np.asarray(np.maximum(turn, 0.0) / np.maximum(length, 1e-300))
+    return np.asarray(np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0)))
+
+
+def chord_sagitta(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+    """Return the largest sagitta of the chords of each body (bodies,) [m]; corners and straight sides have none.
+
+    A chord of length e of an arc that turns by phi has the sagitta e/2 tan(phi/4).
+    """
+    sagitta, turn = np.zeros(bodies), np.abs(turning_angles(outlines, x))
+    turn = np.where(np.cos(turn) < CORNER_COSINE, 0.0, turn)
+    turn = np.maximum(turn, turn[outlines.next])
+    length = np.hypot(*(x[:, outlines.next] - x))
+    np.maximum.at(sagitta, outlines.body, 0.5 * length * np.tan(0.25 * turn))
+    return sagitta
 
 
 def dimensions(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats, Floats]:

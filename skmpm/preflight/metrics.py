@@ -12,8 +12,7 @@ from skmpm.assembly import ghost_facets
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import Rigid, is_linear
-from skmpm.outline import slit_width
-from skmpm.outline.curve import CORNER_COSINE
+from skmpm.outline import chord_sagitta, slit_width
 from skmpm.preflight.loading import loading_of
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene
@@ -77,7 +76,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     loading, (_, C) = loading_of(scene), initial_motion(scene)
     rotation = np.zeros(count.size)
     np.maximum.at(rotation, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
-    boundary = scene.outlines
+    boundary, x = scene.outlines, scene.initial_positions[:, scene.outlines.point]
     return SceneMetrics(
         points=count,
         rigid=count.size - own.size,
@@ -88,8 +87,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         torn={b: int(grid.pieces[b]) for b in torn_bodies(scene, grid).tolist()},
         resolution=np.sqrt(area / np.pi),
         across=scene.thickness[own] / scene.cell,
-        chords=_chords(scene)[own] / scene.cell,
-        slit=slit_width(boundary, scene.initial_positions[:, boundary.point], count.size)[own] / scene.cell,
+        chords=2.0 * chord_sagitta(boundary, x, count.size)[own] / scene.cell,
+        slit=slit_width(boundary, x, count.size)[own] / scene.cell,
         cells=grid.cells,
         unknowns=2 * grid.nodes,
         cell=scene.cell,
@@ -111,22 +110,6 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         solver=solver,
         memory=memory_of(int(count.sum()), 2 * grid.nodes, boundary.size if touches else 0, width, solver),
     )
-
-
-def _chords(scene: Scene) -> Array:
-    """Twice the largest sagitta of the chords between boundary points, (bodies,) [m]; none at straight sides.
-
-    A chord of length e of an arc that turns by phi has the sagitta e/2 tan(phi/4).
-    """
-    boundary, sagitta = scene.outlines, np.zeros(len(scene.bodies))
-    x = scene.initial_positions[:, boundary.point]
-    ahead = x[:, boundary.next] - x
-    back = ahead[:, boundary.previous]
-    turn = np.abs(np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0)))
-    turn = np.where(np.cos(turn) < CORNER_COSINE, 0.0, turn)
-    turn = np.maximum(turn, turn[boundary.next])
-    np.maximum.at(sagitta, boundary.body, 0.5 * np.hypot(*ahead) * np.tan(0.25 * turn))
-    return 2.0 * sagitta
 
 
 def _grid(scene: Scene, body: Ints) -> tuple[BodyGrids, int]:
