@@ -141,7 +141,7 @@ def _create(file: Any, scene: Scene) -> None:
         cells["Offsets"] = offsets
         cells["Connectivity"] = np.concatenate([np.zeros(0, dtype=np.int64), *loops])
     _growing(vtk, "Points", (3,), np.float64, n)
-    vtk["PointData/body"] = _bodies(scene)
+    vtk["PointData/body"] = scene.owner
     for name, shape in FIELDS.items():
         _growing(vtk, f"PointData/{name}", shape, np.float32, n)
     steps = vtk.create_group("Steps")
@@ -194,15 +194,11 @@ def _has_hole(x: Array, loops: tuple[Ints, ...]) -> bool:
     return False
 
 
-def _bodies(scene: Scene) -> Ints:
-    return np.repeat(np.arange(len(scene.bodies)), np.diff(scene.offsets))
-
-
 def _check(path: Path, file: Any, scene: Scene) -> None:
     """Raise ValueError unless the file is a recording of this scene."""
     try:
         vtk = file["VTKHDF"]
-        same = np.array_equal(vtk["PointData/body"], _bodies(scene))
+        same = np.array_equal(vtk["PointData/body"], scene.owner)
         whole = set(FIELDS) <= set(vtk["PointData"]) and "NSteps" in vtk["Steps"].attrs
     except KeyError as error:
         raise ValueError(f"{path}: not a recording ({error}); record to a new file with append=False") from error

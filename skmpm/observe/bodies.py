@@ -47,9 +47,8 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
     mass = np.add.reduceat(state.mass, start)
     centre = np.add.reduceat(state.mass * state.x, start, axis=1) / mass
     diameter = 2.0 * np.sqrt(initial / np.pi)
-    outlined = np.array([bool(body.points.outline) for body in scene.bodies])
     smooth = outline.curve(boundary, scene.initial_positions[:, boundary.point]).through(x)
-    area = np.where(outlined, smooth.area(n), np.nan)
+    area = np.where(scene.outlined, smooth.area(n), np.nan)
     long, short, angle = outline.dimensions(boundary, x, n)
     isotropic = _isotropic(boundary, x, n)
     length = contact_length(state.contacts, boundary, x, n, scene.cell)
@@ -61,7 +60,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
         area=area,
         volume_ratio=volume / initial,
         coordination=coordination(state.contacts, n, scene.cell),
-        contact_surface=np.where(outlined, length, np.nan) / (np.pi * diameter),
+        contact_surface=np.where(scene.outlined, length, np.nan) / (np.pi * diameter),
         aspect_ratio=np.where(isotropic, 1.0, long / short),
         angle=np.where(isotropic, np.nan, angle),
         overlap=_shared(boundary, x, n) / area,

@@ -66,11 +66,10 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
     check_time("preflight: dt", dt, SHORTEST, "a time step greater than zero")
     check_explicit("preflight", scene, scheme)
-    own, count = np.flatnonzero(scene.deformable), np.diff(scene.offsets)
-    body = np.repeat(np.arange(count.size), count)
+    own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
     soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
-    wave, (grid, width) = fastest_wave(scene), _grid(scene, body)
+    wave, (grid, width) = fastest_wave(scene), _grid(scene)
     solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
     lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
     loading, (_, C) = loading_of(scene), initial_motion(scene)
@@ -112,10 +111,12 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     )
 
 
-def _grid(scene: Scene, body: Ints) -> tuple[BodyGrids, int]:
+def _grid(scene: Scene) -> tuple[BodyGrids, int]:
     """The first body grids, and the half bandwidth of their matrix, with ghost facets and without supports."""
-    soft, x, volume = scene.deformable[body], scene.initial_positions, scene.initial_volumes
-    grid = build_grids(x[:, soft], body[soft], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, soft])
+    soft, x, volume = scene.deformable[scene.owner], scene.initial_positions, scene.initial_volumes
+    grid = build_grids(
+        x[:, soft], scene.owner[soft], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, soft]
+    )
     facets, _ = ghost_facets(grid, volume[soft])
     reach = max(int(np.ptp(nodes, axis=0).max(initial=0)) for nodes in (grid.nodes_of_cell, facets))
     return grid, 2 * reach + 1

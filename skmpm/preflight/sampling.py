@@ -28,7 +28,7 @@ def stress_errors(scene: Scene) -> Array:
     `docs/preflight.md` compares this with measured errors.
     """
     boundary = scene.outlines
-    bounded = scene.deformable & np.isin(np.arange(len(scene.bodies)), boundary.body)
+    bounded = scene.deformable & scene.outlined
     if not bounded.any():
         return np.full(bounded.size, np.nan)
     grid, volume = _grid(scene, bounded[scene.owner])

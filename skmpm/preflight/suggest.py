@@ -140,13 +140,12 @@ def _longest(scene: Scene, loading: Loading, cell: float) -> float:
 
 def _smallest(scene: Scene) -> float:
     """Radius of the smallest deformable body [m]: twice its smallest radius of gyration, which is a disc's radius."""
-    count = np.diff(scene.offsets)
-    body = np.repeat(np.arange(count.size), count)
+    bodies, body = len(scene.bodies), scene.owner
     volume, x = scene.initial_volumes, scene.initial_positions
 
     def mean(values: Array) -> Array:
-        total = np.bincount(body, volume * values, count.size)
-        return np.asarray(total / np.bincount(body, volume, count.size))
+        total = np.bincount(body, volume * values, bodies)
+        return np.asarray(total / np.bincount(body, volume, bodies))
 
     arm = x - np.stack([mean(x[0]), mean(x[1])])[:, body]
     xx, xy, yy = mean(arm[0] ** 2), mean(arm[0] * arm[1]), mean(arm[1] ** 2)

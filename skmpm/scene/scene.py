@@ -82,6 +82,11 @@ class Scene:
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
 
     @cached_property
+    def outlined(self) -> NDArray[np.bool_]:
+        """Which bodies have an outline, (bodies,)."""
+        return np.array([bool(body.points.outline) for body in self.bodies], dtype=bool)
+
+    @cached_property
     def outlines(self) -> Outlines:
         """The outlines of all bodies, as indices into the arrays of a state."""
         return outlines([body.points.outline for body in self.bodies], self.offsets)

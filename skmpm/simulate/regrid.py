@@ -87,8 +87,7 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
 
 def torn_bodies(scene: Scene, grid: BodyGrids) -> Ints:
     """Bodies with an outline, which bounds one piece, whose cells form several: nothing connects their parts."""
-    bounded = np.array([len(body.points.outline) > 0 for body in scene.bodies])
-    return np.flatnonzero(bounded & (grid.pieces > 1))
+    return np.flatnonzero(scene.outlined & (grid.pieces > 1))
 
 
 def check_connected(scene: Scene, state: State) -> None:
@@ -107,7 +106,7 @@ def check_connected(scene: Scene, state: State) -> None:
 def _weights(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> Array:
     """Quadrature weights (n,) of the points by moment fitting; the volumes for bodies without outline."""
     boundary = scene.outlines
-    bounded = np.isin(grid.cell_body, boundary.body)[grid.cell_of_point]
+    bounded = scene.outlined[grid.cell_body][grid.cell_of_point]
     if not bounded.any():
         return volume
     moments = outline.cell_moments(boundary, x[:, boundary.point], scene.cell, grid.cell_index, grid.cell_body)
