@@ -8,6 +8,7 @@ reproduce the published results and as the reference for point-to-curve contact.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -41,7 +42,7 @@ class _Nodes:
 class SharedGrid:
     """Contact at grid nodes that bodies share; walls are slabs of rigid material points."""
 
-    at_grid_nodes: bool = True  # and not between outlines, see `acts_at_grid_nodes`
+    at_grid_nodes: ClassVar[bool] = True  # and not between outlines, see `acts_at_grid_nodes`
 
     def __call__(
         self,

@@ -74,11 +74,8 @@ def diagnose(
     """The error that describes the mechanism of the last iteration's contacts, or `error` if there is none."""
     if not bodies.loaded or not hasattr(contact, "constraints"):
         return error
-    found = no_equilibrium(increment, bodies, contact.constraints, "no equilibrium was found")
-    if found is None:
-        return error
-    found.retryable = increment.depends_on_dt
-    return found
+    verdict, retryable = "no equilibrium was found", increment.depends_on_dt
+    return no_equilibrium(increment, bodies, contact.constraints, verdict, retryable=retryable) or error
 
 
 def no_equilibrium(
@@ -86,6 +83,8 @@ def no_equilibrium(
     bodies: FloatingBodies,
     constraints: Constraints,
     verdict: str = "there is no equilibrium",
+    *,
+    retryable: bool = False,
 ) -> StepRejected | None:
     """The error that describes the mechanism of the closest contacts; None if they can carry the loads."""
     closest = _closest(constraints, GAP_MARGIN * increment.grid.cell)
@@ -105,7 +104,7 @@ def no_equilibrium(
         f"body {b}",
         f"{verdict}: it {verb}{where}; its load is ({force[0]:.3g}, {force[1]:.3g}) N/m",
         f"add a Support, a wall{remedy}, or use inertia",
-        retryable=False,
+        retryable=retryable,
     )
 
 
