@@ -86,11 +86,11 @@ def point_to_curve(
 
 
 def _check_outlines(scene: Scene) -> None:
-    for b, body in enumerate(scene.bodies):
-        if not body.points.outline:
-            raise SceneError(
-                f"body {b} has no outline; give its Points an outline or use Scheme(contact=shared_grid, anchor=0)"
-            )
+    if not scene.outlined.all():
+        raise SceneError(
+            f"body {np.argmin(scene.outlined)} has no outline; give its Points an outline or use"
+            " Scheme(contact=shared_grid, anchor=0)"
+        )
 
 
 def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundary: Outlines) -> sp.csr_array:

@@ -54,7 +54,7 @@ def _matching(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> I
             f"{name} returned {inside.dtype} of shape {inside.shape}; return {x.shape[1:]} booleans,"
             " one for each position"
         )
-    return np.flatnonzero(inside & np.repeat(scene.deformable, np.diff(scene.offsets)))
+    return np.flatnonzero(inside & scene.deformable[scene.owner])
 
 
 def _lengths(boundary: Outlines, x: Array, points: Ints) -> Array:
