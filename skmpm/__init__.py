@@ -1,13 +1,14 @@
 """skmpm: implicit material point method on scikit-fem with Contact Dynamics, for packings of soft bodies.
 
 Build a `Scene` of `Body`s and `Wall`s, print its `preflight` check, then loop over `simulate(scene, dt=...,
-until=...)`; `observe` evaluates the states it yields, `record` writes them for ParaView.
+until=...)`; `observe`, `network` and `contact_pressure` evaluate the states it yields, `record` writes them for
+ParaView.
 """
 
 from skmpm import contact, coulomb, linear, outline, transfer
 from skmpm.io import CheckpointError, load, record, save
 from skmpm.material import LinearElastic, Material, MooneyRivlin, NeoHookean, Ogden, Rigid, Yeoh, check_material
-from skmpm.observe import Observables, observe
+from skmpm.observe import Network, Observables, Traction, contact_pressure, network, observe
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.preflight import Suggestion, preflight, suggest
@@ -25,6 +26,7 @@ __all__ = [
     "Material",
     "MooneyRivlin",
     "NeoHookean",
+    "Network",
     "Observables",
     "Ogden",
     "Packing",
@@ -38,17 +40,20 @@ __all__ = [
     "StepFailed",
     "Suggestion",
     "Support",
+    "Traction",
     "Wall",
     "Yeoh",
     "box",
     "check_material",
     "contact",
+    "contact_pressure",
     "coulomb",
     "disc",
     "from_mesh",
     "initial",
     "linear",
     "load",
+    "network",
     "observe",
     "outline",
     "packing",

@@ -14,14 +14,19 @@ and loses the same amount at its contacts. The two cancel only if normals and st
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.contact.closest_points import closest_points
+from skmpm.contact.cohesion import opening, tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
 from skmpm.contact.projection import Neighbours, Roles, neighbours
+from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids
 from skmpm.outline import Outlines
@@ -33,6 +38,8 @@ Ints = NDArray[np.int64]
 # Largest gap of a detected contact [cells]: a point that approaches further within a Newton iteration is detected in
 # the next one.
 DETECTION_DISTANCE = 0.25
+# The same over the range of cohesion: a gap that opens out of range within a step bears its tension to its end.
+COHESION_DETECTION = 1.5
 PUSH_OUT = 0.2  # fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies
 
 
@@ -43,13 +50,14 @@ def point_to_curve(
     dt: float,
     theta: float = 1.0,
     motions: PrescribedVelocities | None = None,
+    inertia: bool = True,
 ) -> Linearise:
     """Contact of boundary points with outlines and walls (the default contact formulation).
 
     The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
     u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of
-    the step may keep 0.8 of this overlap (`PUSH_OUT`). `motions` are the prescribed velocities of the step, evaluated
-    here if not given.
+    the step may keep 0.8 of this overlap (`PUSH_OUT`). With `inertia`, light contacts act at the closest points of
+    smooth outlines. `motions` are the prescribed velocities of the step, evaluated here if not given.
 
     Raises
     ------
@@ -62,10 +70,13 @@ def point_to_curve(
     motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
     prescribed, wall_velocities = motions.rigid[:, boundary.body], motions.walls
     initial = scene.initial_positions[:, boundary.point]
-    roles, reach, start = _roles(scene, boundary, initial), DETECTION_DISTANCE * grid.cell, state.x[:, boundary.point]
+    roles, reach, start = _roles(scene, boundary, initial), _reach(scene, grid.cell), state.x[:, boundary.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
     curve = outline.curve(boundary, initial, start)
-    close = neighbours(scene, curve, roles, start, grid.cell, reach, margin)
+    own = SelfContact.of(scene, state)
+    close = neighbours(scene, curve, roles, own, start, grid.cell, reach, margin)
+    if inertia:
+        close = _with_closest_points(scene, state, close, roles, prescribed, wall_velocities, dt)
 
     def contact(near: Neighbours, moved: Array) -> ContactPairs:
         walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
@@ -76,13 +87,32 @@ def point_to_curve(
     def linearise(w: Array) -> Constraints:
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + prescribed)
         needed = 2.0 * float(np.abs(moved).max(initial=0.0))
-        wide = needed > close.margin
-        near = neighbours(scene, curve, roles, start, grid.cell, reach, needed) if wide else close
-        return _constraints(
-            scene, contact(near, moved), start + moved, interpolation, w, prescribed, wall_velocities, dt
-        )
+        near = close
+        if needed > near.margin:
+            near = replace(neighbours(scene, curve, roles, own, start, grid.cell, reach, needed), shifts=close.shifts)
+        found = contact(near, moved)
+        strength = tensile_strength(scene, boundary, start, found, roles.rank) if scene.cohesive else 0.0 * found.gap
+        return _constraints(scene, found, strength, start + moved, interpolation, w, prescribed, wall_velocities, dt)
 
     return linearise
+
+
+def _with_closest_points(
+    scene: Scene, state: State, near: Neighbours, roles: Roles, prescribed: Array, walls: Array, dt: float
+) -> Neighbours:
+    """The candidates with contact points shifted to the closest points at the end of a step of constant velocities.
+
+    Only with inertia: a round body on one point has no equilibrium against rotation.
+    """
+    boundary = scene.outlines
+    velocity = np.where(scene.deformable[boundary.body], state.v[:, boundary.point], prescribed)
+    ahead, walls_ahead = near.curve.through(near.start.x + dt * velocity), state.walls + dt * walls
+    return replace(near, shifts=closest_points(scene, near, roles, ahead, walls_ahead, state.contacts))
+
+
+def _reach(scene: Scene, cell: float) -> float:
+    """Largest gap of a detected contact [m]."""
+    return max(DETECTION_DISTANCE * cell, COHESION_DETECTION * scene.cohesion_range if scene.cohesive else 0.0)
 
 
 def _check_outlines(scene: Scene) -> None:
@@ -124,6 +154,7 @@ def _roles(scene: Scene, boundary: Outlines, x: Array) -> Roles:
 def _constraints(
     scene: Scene,
     found: ContactPairs,
+    strength: Array,
     x: Array,
     interpolation: sp.csr_array,
     w: Array,
@@ -133,9 +164,11 @@ def _constraints(
 ) -> Constraints:
     """Constraints of the contact pairs, linearised about w, which moves the boundary points to x (2, m)."""
     k = np.arange(found.gap.size)
-    data = np.concatenate([np.ones(k.size), -found.weights.ravel()])
-    row_and_column = (np.tile(k, 5), np.concatenate([found.point, found.stencil.ravel()]))
-    relative = sp.csr_array((data, row_and_column), shape=(k.size, x.shape[1]))
+    own, kept = np.tile(k, 4), found.own_weights.ravel() != 0.0
+    data = np.concatenate([found.own_weights.ravel()[kept], -found.weights.ravel()])
+    row = np.concatenate([own[kept], own])
+    column = np.concatenate([found.own.ravel()[kept], found.stencil.ravel()])
+    relative = sp.csr_array((data, (row, column)), shape=(k.size, x.shape[1]))
     prescribed = (relative @ prescribed.T).T
     on_wall = found.bodies[1] < 0
     prescribed[:, on_wall] -= walls[-1 - found.bodies[1, on_wall]].T
@@ -144,10 +177,10 @@ def _constraints(
     )
     tangent_shares.eliminate_zeros()
     now = np.einsum("ik,ki->k", found.normal, relative @ (interpolation @ w.reshape(-1, 2)))
-    allowed = (1.0 - PUSH_OUT) * np.minimum(found.before, 0.0)
+    allowed = np.maximum(np.minimum((1.0 - PUSH_OUT) * found.before, -found.kept), np.minimum(found.before, 0.0))
     return Constraints(
         bodies=found.bodies,
-        x=x[:, found.point],
+        x=np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own]),
         normal=found.normal,
         gap=found.gap,
         friction=found.friction,
@@ -160,4 +193,6 @@ def _constraints(
         prescribed=prescribed,
         offset_normal=(found.gap - allowed) / dt - now,
         pushed_out=np.where(found.before < 0.0, np.maximum(np.minimum(found.gap, 0.0) - found.before, 0.0), 0.0),
+        tensile_strength=strength,
+        opening=opening(found, strength) if scene.cohesive else np.zeros(found.gap.size),
     )

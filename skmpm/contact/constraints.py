@@ -22,10 +22,11 @@ Ints = NDArray[np.int64]
 class Constraints:
     """The constraints of k contacts; their relative velocity (first minus second body) is u = H w + offset.
 
-    The contact law is 0 <= u_n perp r_n >= 0 with Coulomb friction. The m contact points are the boundary points or,
-    for shared-grid contact, the grid nodes. The contact Jacobian H = D (base x I) interpolates nodal velocities to
-    contact points (`base`) and takes their differences along normals and tangents (`D`); `prescribed` is the part of
-    the relative velocity that prescribed motions contribute, and `offset` contains gaps as well.
+    The contact law is 0 <= u_n perp r_n >= 0 with Coulomb friction, for `lifted` impulses r. The m contact points
+    are the boundary points or, for shared-grid contact, the grid nodes. The contact Jacobian H = D (base x I) maps
+    nodal velocities to contact points (`base`) and takes their differences along normals and tangents (`D`);
+    `prescribed` is the part of the relative velocity that prescribed motions contribute, and `offset` contains gaps
+    as well.
     """
 
     bodies: Ints  # (2, k); walls are -1, -2, ...
@@ -42,6 +43,8 @@ class Constraints:
     prescribed: Array  # (2, k) prescribed part of the relative velocity [m/s]
     offset_normal: Array  # (k,) [m/s]
     pushed_out: Array  # (k,) part of an initial overlap that this step removes [m]
+    tensile_strength: Array  # (k,) largest tension c l that the contact bears in this step [N/m]
+    opening: Array  # (k,) change of the positive part of the gap of cohesive contacts in this step [m]
 
     @property
     def size(self) -> int:
@@ -52,6 +55,11 @@ class Constraints:
     def tangential(self) -> bool:
         """Whether any contact has friction; without friction there are no tangential rows."""
         return bool(self.friction.any())
+
+    @property
+    def cohesive(self) -> bool:
+        """Whether any contact bears tension."""
+        return bool(self.tensile_strength.any())
 
     @property
     def tangent(self) -> Array:
@@ -125,11 +133,14 @@ class Constraints:
     def with_frames_of(self, earlier: Constraints, w: Array) -> Constraints:
         """These constraints about w with the normals and contact points of `earlier` constraints of the same key.
 
-        When contact of a corner with a side becomes contact of two corners, the two bodies may exchange their roles.
+        When contact of a corner with a side becomes contact of two corners, the two may exchange their roles: then
+        another body comes first, or of one body another point.
         """
         found, where = _match(earlier.key, self.key)
         i = np.flatnonzero(found)
-        sign = np.where(earlier.bodies[0, where] == self.bodies[0], 1.0, -1.0)
+        same = earlier.bodies[0, where] == self.bodies[0]
+        itself = self.bodies[0] == self.bodies[1]
+        sign = np.where(same & ~(itself & (earlier.point[where] != self.point)), 1.0, -1.0)
         taken = sp.csr_array((sign[i], (i, where[i])), shape=(self.size, earlier.size))
         kept = sp.diags_array((~found).astype(float))
         normal = np.where(found, sign * earlier.normal[:, where], self.normal)
@@ -152,6 +163,25 @@ class Constraints:
         kept = np.flatnonzero(chosen)
         some = {f.name: _some(getattr(self, f.name), kept) for f in fields(self) if f.name != "base"}
         return replace(self, **some)
+
+    def lifted(self, r: Array, dt: float) -> Array:
+        """Impulses r + c l dt n [N s/m], which obey the law without cohesion, from impulses r [N s/m]."""
+        return self._plus(r, dt * self.tensile_strength) if self.cohesive else r
+
+    def lowered(self, r: Array, dt: float) -> Array:
+        """The inverse of `lifted`."""
+        return self._plus(r, -dt * self.tensile_strength) if self.cohesive else r
+
+    def without_excess_tension(self, r: Array, dt: float) -> Array:
+        """Impulses r [N s/m] without the tension that exceeds the strength, as that of broken contacts."""
+        excess = np.maximum(-dt * self.tensile_strength - r[:: 2 if self.tangential else 1], 0.0)
+        return self._plus(r, excess) if excess.any() else r
+
+    def _plus(self, r: Array, normal: Array) -> Array:
+        """Impulses r with `normal` (k,) added to their normal components."""
+        out = r.copy()
+        out[:: 2 if self.tangential else 1] += normal
+        return out
 
     def forces(self, r: Array, dt: float) -> Array:
         """Mean forces over the step, normal and tangential (2, k) [N/m], from impulses r [N s/m]."""
@@ -179,7 +209,7 @@ def component_along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
 
 
 Linearise = Callable[[Array], Constraints]
-ContactFormulation = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities], Linearise]
+ContactFormulation = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities, bool], Linearise]
 
 
 def acts_at_grid_nodes(law: ContactFormulation) -> bool:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.contact.projection import Neighbours, foot_points, project, tangent_shares
+from skmpm.contact.projection import Neighbours, foot_points, project, tangent_shares, wall_keys
+from skmpm.contact.shifts import guard_keys
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
@@ -19,7 +20,9 @@ class ContactPairs:
     """The contact pairs of a configuration."""
 
     bodies: Ints  # (2, k) walls are -1, -2, ...
-    point: Ints  # (k,) boundary point
+    point: Ints  # (k,) boundary point nearest to the contact point
+    own: Ints  # (4, k) boundary points that define the contact point
+    own_weights: Array  # (4, k) their weights in it
     key: Ints  # (k,) identity of the contact, the same in all steps
     stencil: Ints  # (4, k) boundary points that define the curve at the foot; unused for walls
     weights: Array  # (4, k) their weights in the foot; zero for walls
@@ -29,6 +32,7 @@ class ContactPairs:
     gap: Array  # (k,) at the end of the step [m]
     before: Array  # (k,) gap at the start of the step [m]
     friction: Array  # (k,) Coulomb coefficients
+    kept: Array  # (k,) overlap at the start of the step that remains [m]
 
 
 def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved: Array, theta: float) -> ContactPairs:
@@ -37,11 +41,14 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     now = curve.through(start + moved)
     end, begin = foot_points(near, now)
     at = now if theta == 1.0 else curve.through(start + theta * moved)
-    driving = end if theta == 1.0 else project(near, at, end.point, end.segment, end.s, end.corner_pair)
+    driving = end if theta == 1.0 else project(near, at, end.point, end.segment, end.s, end.corner_pair, end.guard)
     shares, curvature = tangent_shares(at, driving)
+    own, own_s = curve.shifted(end.point, end.shift)
     return ContactPairs(
         bodies=boundary.body[np.stack([end.point, end.segment])],
         point=end.point,
+        own=curve.stencil(own),
+        own_weights=curve.weights(own, own_s),
         key=end.key,
         stencil=curve.stencil(driving.segment),
         weights=curve.weights(driving.segment, driving.s),
@@ -52,6 +59,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         # A point that was beyond the end of a side did not overlap with it.
         before=np.where(begin.beside, np.maximum(begin.gap, 0.0), begin.gap),
         friction=np.full(end.point.size, float(scene.friction)),
+        kept=near.shifts.kept_overlap(end.key),
     )
 
 
@@ -64,16 +72,26 @@ def contacts_with_wall(
     before = normal @ (start - point[:, None])
     gap = before + normal @ (moved - step[:, None])
     c = np.flatnonzero((gap < near.reach) & scene.deformable[boundary.body])
+    key = wall_keys(curve, i, c)
+    shift = near.shifts.of(key)
+    guarded = shift != 0.0
+    c, shift = np.append(c, c[guarded]), np.append(shift, np.zeros(np.count_nonzero(guarded)))
+    key = np.append(key, guard_keys(key[guarded]))
+    segment, s = curve.shifted(c, shift)
+    own, weights = curve.stencil(segment), curve.weights(segment, s)
     return ContactPairs(
         bodies=np.stack([boundary.body[c], np.full(c.size, -1 - i)]),
         point=c,
-        key=boundary.size * (curve.sides + i) + c,
+        own=own,
+        own_weights=weights,
+        key=key,
         stencil=np.repeat(c[None], 4, axis=0),
         weights=np.zeros((4, c.size)),
         tangent_shares=np.zeros((4, c.size)),
         curvature=np.zeros(c.size),
         normal=np.repeat(normal[:, None], c.size, axis=1),
-        gap=gap[c],
-        before=before[c],
+        gap=np.einsum("jk,jk->k", weights, gap[own]),
+        before=np.einsum("jk,jk->k", weights, before[own]),
         friction=np.full(c.size, float(wall.friction)),
+        kept=near.shifts.kept_overlap(key),
     )

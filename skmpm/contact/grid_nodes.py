@@ -52,6 +52,7 @@ class SharedGrid:
         dt: float,
         theta: float = 1.0,
         motions: PrescribedVelocities | None = None,
+        inertia: bool = True,
     ) -> Linearise:
         """The constraints, the same for all w; `motions` of the step are evaluated here if not given."""
         unknown = scene.deformable[state.body]
@@ -166,6 +167,8 @@ def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids)
         prescribed=prescribed,
         offset_normal=np.einsum("ik,ik->k", normal, prescribed),
         pushed_out=np.zeros(k.size),
+        tensile_strength=np.zeros(k.size),
+        opening=np.zeros(k.size),
     )
 
 

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact.corner_contact import dot, wedge
+from skmpm.contact.self_contact import SelfContact
+from skmpm.contact.shifts import NO_SHIFTS, Shifts, guard_keys
 from skmpm.contact.tables import among, joined
 from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
@@ -48,10 +50,9 @@ class Roles:
     spacing: Array  # (bodies,) mean distance of boundary points [m]
     bend: Array  # (m,) curvature of the boundaries of rigid bodies [1/m], zero elsewhere
 
-    def give(self, point: Ints, first: Ints, second: Ints) -> Bools:
-        """Whether points (k,) of the first bodies (k,) are projected on the curves of the second bodies (k,)."""
-        edge = self.bend[point] * self.spacing[second] > SHARP_TURN
-        return np.asarray((self.rank[first] < self.rank[second]) | edge)
+    def edges(self, point: Ints, second: Ints) -> Bools:
+        """Whether points (k,) of rigid bodies are edges, which are projected on the second bodies (k,) as corners."""
+        return np.asarray(self.bend[point] * self.spacing[second] > SHARP_TURN)
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,9 @@ class Neighbours:
     point: Ints  # (n,) sorted by point, then by side
     segment: Ints  # (n,)
     begins: Ints  # (groups,) first candidate of each combination of point and side
-    corner_pairs: Ints  # (2, k) pairs of convex corners of two bodies
+    corner_pairs: Ints  # (2, k) pairs of convex corners of two bodies, or of parts of one
+    own: SelfContact
+    shifts: Shifts = NO_SHIFTS  # to the closest points of the curves
 
     @property
     def none(self) -> bool:
@@ -79,22 +82,29 @@ class Neighbours:
 
 
 def neighbours(
-    scene: Scene, curve: Curve, roles: Roles, x: Array, cell: float, reach: float, margin: float
+    scene: Scene, curve: Curve, roles: Roles, own: SelfContact, x: Array, cell: float, reach: float, margin: float
 ) -> Neighbours:
-    """Candidates for contact: all points of the body that contributes them, the corners of the other body."""
+    """Candidates for contact: all points of the body that contributes them, the corners of the other body.
+
+    Of two parts of one body that which comes first along the outline contributes the points.
+    """
     boundary = curve.outlines
-    point, segment = outline.candidates(boundary, x, reach + margin)
+    others, itself = outline.candidates(boundary, x, reach + margin), own.facing(x, reach + margin)
+    point, segment = (np.concatenate(parts) for parts in zip(others, itself, strict=True))
     first, second = boundary.body[point], boundary.body[segment]
-    contributes, free = roles.rank[first] < roles.rank[second], scene.deformable[first] | scene.deformable[second]
+    contributes = np.where(first == second, point < segment, roles.rank[first] < roles.rank[second])
+    free = scene.deformable[first] | scene.deformable[second]
     ends = np.concatenate([np.stack([point, end]) for end in (segment, boundary.next[segment])], axis=1)
     corner_pairs = np.unique(ends[:, np.tile(contributes & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
-    kept = (roles.give(point, first, second) | curve.sharp[point]) & free
+    kept = (contributes | roles.edges(point, second) | curve.sharp[point]) & free
     point, segment = point[kept], segment[kept]
     order = np.lexsort((curve.side[segment], point))
     point, segment = point[order], segment[order]
     begins = np.ones(point.size, dtype=bool)
     begins[1:] = (point[1:] != point[:-1]) | (np.diff(curve.side[segment]) != 0)
-    return Neighbours(curve.through(x), cell, reach, margin, point, segment, np.flatnonzero(begins), corner_pairs)
+    return Neighbours(
+        curve.through(x), cell, reach, margin, point, segment, np.flatnonzero(begins), corner_pairs, own
+    )
 
 
 @dataclass(frozen=True)
@@ -102,9 +112,11 @@ class FootPoints:
     """Projected boundary points and their feet on sides or corners of other bodies."""
 
     point: Ints  # (k,) boundary point
+    shift: Array  # (k,) of the contact point from it along the outline [segments]
     segment: Ints  # (k,) segment of the foot
     s: Array  # (k,) parameter of the foot on its segment
     corner_pair: Bools  # (k,) whether two corners are in contact; the segment begins at the second one
+    guard: Bools  # (k,) whether the contact of a shifted contact point is kept at the boundary point, too
     normal: Array  # (2, k) outward unit normal of the surface at the foot
     gap: Array  # (k,) [m]
     beside: Bools  # (k,) whether the point lies beyond the end of the side, or outside the wedge of the corner
@@ -113,22 +125,34 @@ class FootPoints:
 
 def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, FootPoints]:
     """Contacts within reach in the configuration `now`, and their projections at the start of the step."""
-    point, segment, s = _nearest(near, now.x)
-    found = project(near, now, point, segment, s, np.zeros(point.size, dtype=bool))
+    point, segment, s = nearest(near, now.x)
+    neither = np.zeros(point.size, dtype=bool)
+    found = project(near, now, point, segment, s, neither, neither)
     close = (found.gap > -MAX_DEPTH * near.cell) & (found.gap < near.reach)
     found = among(found, np.flatnonzero(~found.beside & close))
-    before = project(near, near.start, found.point, found.segment, found.s, found.corner_pair)
-    chosen = np.flatnonzero(_faces(near, before))
+    before = _again(near, near.start, found)
+    chosen = np.flatnonzero(_faces(near, before) & near.own.across_gap(before.point, before.segment, before.gap))
     chosen = chosen[_outermost(near.curve, among(found, chosen))]
     corner_pairs = _corner_pairs(near, now)
     chosen = chosen[~_superseded(near.curve, among(found, chosen), corner_pairs)]
-    tips_before = project(
-        near, near.start, corner_pairs.point, corner_pairs.segment, corner_pairs.s, corner_pairs.corner_pair
-    )
-    return joined([among(found, chosen), corner_pairs]), joined([among(before, chosen), tips_before])
+    found = joined([among(found, chosen), corner_pairs])
+    guards = _guards(near, now, found)
+    found = joined([found, guards])
+    return found, _again(near, near.start, found)
 
 
-def _nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
+def _again(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:
+    """Contacts projected in the configuration `shape`."""
+    return project(near, shape, found.point, found.segment, found.s, found.corner_pair, found.guard)
+
+
+def _guards(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:
+    """Contacts at the boundary points from which contact points are shifted."""
+    own = among(found, found.shift != 0.0)
+    return project(near, shape, own.point, own.segment, own.s, own.corner_pair, np.ones(own.point.size, dtype=bool))
+
+
+def nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
     """For each point and each side near it, the nearest segment and the parameter of the nearest point on it."""
     c, i = near.point, near.segment
     s, distance = outline.closest(x[:, c], x[:, i], x[:, near.curve.outlines.next[i]])
@@ -142,14 +166,18 @@ def _nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
     return c[kept], i[kept], s[kept]
 
 
-def project(near: Neighbours, shape: Cubics, c: Ints, segment: Ints, s: Array, corner_pair: Bools) -> FootPoints:
+def project(
+    near: Neighbours, shape: Cubics, c: Ints, segment: Ints, s: Array, corner_pair: Bools, guard: Bools
+) -> FootPoints:
     """Project points c (k,) on the sides of segments (k,), from initial guesses s, or on corners for corner pairs."""
     curve, x = near.curve, shape.x
-    foot_segment, foot_s = shape.project(x[:, c], segment, s)
+    shift = np.where(guard, 0.0, near.shifts.of(c * curve.sides + curve.side[segment]))
+    y = shape.at(*curve.shifted(c, shift))
+    foot_segment, foot_s = shape.project(y, segment, s)
     segment, s = np.where(corner_pair, segment, foot_segment), np.where(corner_pair, 0.0, foot_s)
     slope = shape.at(segment, s, 1)
     speed = np.maximum(np.hypot(*slope), 1e-300)
-    apart, normal = x[:, c] - shape.at(segment, s), np.stack([slope[1], -slope[0]]) / speed
+    apart, normal = y - shape.at(segment, s), np.stack([slope[1], -slope[0]]) / speed
     gap = dot(apart, normal)
     along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
     key = c * curve.sides + curve.side[segment]
@@ -164,13 +192,19 @@ def project(near: Neighbours, shape: Cubics, c: Ints, segment: Ints, s: Array, c
         ~corner_pairs.seen,
         corner_pairs.key,
     )
-    return FootPoints(c, segment, s, corner_pair, normal, gap, beside, key)
+    key = np.where(guard, guard_keys(key), key)
+    return FootPoints(c, shift, segment, s, corner_pair, guard, normal, gap, beside, key)
 
 
 def _on_corner(curve: Curve, segment: Ints, s: Array) -> Bools:
     """Whether feet are at convex corners, (k,)."""
     start, end = curve.convex[segment], curve.convex[curve.outlines.next[segment]]
     return np.asarray((start & (s <= END_TOLERANCE)) | (end & (s >= 1.0 - END_TOLERANCE)))
+
+
+def wall_keys(curve: Curve, i: int, c: Ints) -> Ints:
+    """Identities of the contacts of boundary points c (k,) with wall i."""
+    return np.asarray(curve.outlines.size * (curve.sides + i) + c)
 
 
 def tangent_shares(shape: Cubics, at: FootPoints) -> tuple[Array, Array]:
@@ -218,7 +252,7 @@ def _outermost(curve: Curve, found: FootPoints) -> Bools:
 def _corner_pairs(near: Neighbours, now: Cubics) -> FootPoints:
     """Contacts of two convex corners within reach."""
     c, j = near.corner_pairs
-    found = project(near, now, c, j, np.zeros(c.size), np.ones(c.size, dtype=bool))
+    found = project(near, now, c, j, np.zeros(c.size), np.ones(c.size, dtype=bool), np.zeros(c.size, dtype=bool))
     return among(found, ~found.beside & (np.abs(found.gap) < near.reach))
 
 

@@ -26,7 +26,7 @@ BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold 
 def candidates(
     constraints: Constraints, grid: BodyGrids, supports: Elimination | None, supported: Bools
 ) -> Constraints:
-    """The contacts, closed or not, whose gap is below `MAX_CANDIDATE_GAP` and can change.
+    """The contacts, closed or not, whose gap is below `MAX_CANDIDATE_GAP` and can change, and those in tension.
 
     `supported` (2, n) are the velocity components of the points that supports prescribe.
 
@@ -35,7 +35,8 @@ def candidates(
     StepRejected
         if a point that cannot move penetrates what it touches
     """
-    constraints = constraints.among(constraints.gap < MAX_CANDIDATE_GAP * grid.cell)
+    near = constraints.gap < MAX_CANDIDATE_GAP * grid.cell
+    constraints = constraints.among(near | (constraints.tensile_strength > 0.0))
     if supports is None or constraints.size == 0:
         return constraints
     movable = _movable(constraints, grid, supports, supported)

@@ -91,19 +91,8 @@ class ContactProblem:
         if self.scale is None:
             return "contacts not solved yet"
         diagonal = self.scale.diagonal_of(self.constraints)
-        residuals = coulomb.residuals(self.r, self.u, self.constraints.friction, diagonal)
+        residuals = coulomb.residuals(self._lifted(), self.u, self.constraints.friction, diagonal)
         return pair(self.constraints.bodies[:, np.argmax(residuals)])
-
-    def frozen_geometry_moments(self, w: Array) -> Array:
-        """Moments of the contact impulses, (k,) [kg m/s], due to the displacement of frozen contact points."""
-        if self.frozen is None or self.frozen.size == 0:
-            return np.zeros(self.constraints.size)
-        grid, (n, t) = self.increment.bulk.assembly.grid, (self.constraints.normal, self.constraints.tangent)
-        x = grid.position.T + (self.increment.start + self.increment.dt * w).reshape(-1, 2)
-        arm = ((self.constraints.difference - self.current.difference) @ (self.constraints.base @ x)).T
-        r = self.constraints.forces(self.r, 1.0)
-        force = r[0] * n + r[1] * t
-        return np.asarray(arm[0] * force[1] - arm[1] * force[0])
 
     def _known_impulses(self) -> Array:
         """The known impulses on the current constraints: contacts that stick keep the vector, others its components.
@@ -111,7 +100,7 @@ class ContactProblem:
         Components are those along the normal and the tangent, which change with the contact geometry.
         """
         constraints, dt = self.constraints, self.increment.dt
-        r = constraints.impulses(self.key, self.force, dt)
+        r = constraints.without_excess_tension(constraints.impulses(self.key, self.force, dt), dt)
         if not constraints.tangential or self.force_normal is None:
             return r
         n, t = self.force_normal, np.stack([-self.force_normal[1], self.force_normal[0]])
@@ -119,7 +108,9 @@ class ContactProblem:
         same_vector = np.stack(
             [np.einsum("ik,ik->k", a, vector) for a in (constraints.normal, constraints.tangent)], axis=1
         ).ravel()
-        sticks = sticking(r, constraints.friction) & sticking(same_vector, constraints.friction)
+        sticks = np.logical_and(
+            *(sticking(constraints.lifted(a, dt), constraints.friction) for a in (r, same_vector))
+        )
         return np.where(np.repeat(sticks, 2), same_vector, r)
 
     def solve(self, solver: Solver, gradient: Array) -> tuple[Array, Array]:
@@ -216,7 +207,7 @@ class ContactProblem:
 
         `known_increment` is the velocity increment of the contact points under the known impulses.
         """
-        constraints, known = self.constraints, self.r
+        constraints, known, dt = self.constraints, self._lifted(), self.increment.dt
         contacts, k = W[: known.size, : known.size], known.size
         q, bilateral = self.u + constraints.D @ known_increment - contacts @ known, None
         if geometric is not None:
@@ -224,7 +215,9 @@ class ContactProblem:
             bilateral = coulomb.Bilateral(W[k:, :k], W[k:, k:] + geometric.compliance, p, W[:k, k:])
         diagonal = contacts.diagonal()
         check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], self.increment.supports)
-        self.scale = contact_scale(constraints, diagonal, q, self.speed_round_off / self.increment.scheme.gap_tol)
+        free = q + contacts @ (known - self.r) if constraints.cohesive else q
+        round_off = self.speed_round_off / self.increment.scheme.gap_tol
+        self.scale = contact_scale(constraints, diagonal, free, round_off, dt)
         tol, reference = self.increment.scheme.contact_tol, self.scale.reference
         options: dict[str, Any] = {} if bilateral is None else {"bilateral": bilateral, "iterations": MAX_STEPS}
         r, info = coulomb.solve(contacts, q, constraints.friction, r0=known, tol=tol, reference=reference, **options)
@@ -234,7 +227,7 @@ class ContactProblem:
             residuals = coulomb.residuals(r, contacts @ r + q, constraints.friction, contacts.diagonal())
             self.worst_contact = int(np.argmax(residuals))
             return None
-        return r, info.bilateral
+        return constraints.lowered(r, dt), info.bilateral
 
     def _contact_impulse(self) -> Array:
         return self.increment.scheme.theta * self.constraints.at_nodes(self.constraints.D.T @ self.r)
@@ -246,4 +239,8 @@ class ContactProblem:
         if scale is None:
             return float("inf")
         diagonal = scale.diagonal_of(constraints)
-        return coulomb.residual(self.r, self.u, constraints.friction, diagonal, reference=scale.reference)
+        return coulomb.residual(self._lifted(), self.u, constraints.friction, diagonal, reference=scale.reference)
+
+    def _lifted(self) -> Array:
+        """The impulses r + c l dt n, which obey the law without cohesion."""
+        return self.constraints.lifted(self.r, self.increment.dt)

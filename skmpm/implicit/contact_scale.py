@@ -30,18 +30,23 @@ class ContactScale:
         return diagonal.T.ravel() if constraints.tangential else diagonal[0]
 
 
-def contact_scale(constraints: Constraints, diagonal: Array, q: Array, round_off: float) -> ContactScale:
+def contact_scale(constraints: Constraints, diagonal: Array, q: Array, round_off: float, dt: float) -> ContactScale:
     """The scale of a contact problem with diag W and right-hand side q; `round_off` is the smallest speed [m/s].
 
     Open contacts do not count, since their gaps are not related to the size of the forces. Sliding speeds count as
-    far as friction can change them: not at all where a support prescribes the tangential velocity.
+    far as friction can change them: not at all where a support prescribes the tangential velocity. Cohesive contacts
+    that open count as far as their tension in dt [s] can prevent it.
     """
     responds = diagonal.reshape(constraints.size, -1).T > 0.0
     scaled = coulomb.row_scales(diagonal, constraints.size)
     responds[1:] &= (scaled == diagonal).reshape(constraints.size, -1).T[1:]
     scale = scaled.reshape(constraints.size, -1).T[[0, -1]]
     speed = np.abs(q).reshape(constraints.size, -1).T  # (1 or 2, k)
-    closing = np.where(q[:: len(speed)] < 0.0, speed, 0.0)
-    closing[1:] = np.minimum(closing[1:], constraints.friction * closing[0] * (scale[1] / scale[0]))
+    held = dt * constraints.tensile_strength * scale[0]
+    normal = q[:: len(speed)]
+    closing = speed.copy()
+    closing[0] = np.where(normal < 0.0, speed[0], np.minimum(speed[0], held))
+    pressed = np.maximum(held - normal, 0.0)
+    closing[1:] = np.minimum(speed[1:], constraints.friction * pressed * (scale[1] / scale[0]))
     size = np.maximum(closing, round_off) / np.sqrt(scale[: len(speed)])
     return ContactScale(constraints.key, scale, max(float(np.linalg.norm(np.where(responds, size, 0.0))), 1e-300))

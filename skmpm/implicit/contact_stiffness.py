@@ -16,7 +16,8 @@ m = 0 without friction; tau and beta are theta dt times their rates, the rows of
 m = r_t / r: its friction force rotates and moves too. Rotation adds m r phi along n, which for an impulse on the cone
 is equivalent to -m^2 r phi along t, and the displacement s of the friction force does work on the stretch of the
 curve, so that rho acts along the rows of `acting` instead of Z. These terms are unsymmetric, as friction has no
-potential. The force of a sticking contact is a constant vector and has no geometric stiffness.
+potential. The force of a sticking contact is a constant vector and has no geometric stiffness. Where cohesion acts, r
+may be negative and is not proportional to r_t: there m = 0, the rotation of friction alone is left to the iteration.
 
 The geometric stiffness couples bodies and is indefinite, so it is not added to A: rho are further unknowns of the
 contact problem, bilateral constraints whose compliance maps -rho to the rates of tau and beta; they vanish at
@@ -72,13 +73,13 @@ def contact_stiffness(constraints: Constraints, r: Array, dt: float, theta: floa
     """The geometric stiffness of contacts with impulses r; None if no contact has any."""
     chosen = loaded(constraints, r)
     if constraints.tangential:
-        chosen = chosen[~sticking(r, constraints.friction)[chosen]]
+        chosen = chosen[~sticking(constraints.lifted(r, dt), constraints.friction)[chosen]]
     if chosen.size == 0:
         return None
     normal, friction_ratio = r[chosen], np.zeros(chosen.size)
     if constraints.tangential:
         normal = r[2 * chosen]
-        friction_ratio = r[2 * chosen + 1] / normal
+        friction_ratio = np.where(constraints.tensile_strength[chosen] > 0.0, 0.0, r[2 * chosen + 1] / normal)
     slide, rotation, stretch = constraints.geometric(chosen)
     Z = sp.csr_array(sp.vstack([slide, rotation], format="csr"))
     acting = sp.csr_array(sp.vstack([slide, rotation + sp.diags_array(friction_ratio) @ stretch], format="csr"))
@@ -99,9 +100,10 @@ def _compliance(
 
 
 def loaded(constraints: Constraints, r: Array) -> Ints:
-    """The contacts on curved surfaces with an impulse above `MIN_IMPULSE`."""
+    """The contacts on curved surfaces with a normal impulse, tension or compression, above `MIN_IMPULSE`."""
     normal = r[::2] if constraints.tangential else r
-    return np.flatnonzero((normal > MIN_IMPULSE * normal.max(initial=0.0)) & constraints.curved)
+    size = np.abs(normal)
+    return np.flatnonzero((size > MIN_IMPULSE * size.max(initial=0.0)) & constraints.curved)
 
 
 def sticking(r: Array, friction: Array) -> NDArray[np.bool_]:

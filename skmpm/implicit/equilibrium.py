@@ -11,6 +11,8 @@ along which the loads do positive work and admissible contact forces do no negat
 cannot balance the loads. In the plane, where the cones are polyhedra, it follows
 from a linear programme (Livesley, Int. J. Numer. Methods Eng. 12 (1978) 1853-1871). The programme takes friction as
 associated; a mechanism excludes equilibrium for any flow rule, and however the bodies deform at these contacts.
+Cohesion shifts the cones by the tensile strengths p, r_n >= -p and |r_t| <= mu (r_n + p): the same programme with the
+loads f - J_n^T p, against which a mechanism that opens contacts does work.
 """
 
 from __future__ import annotations
@@ -39,6 +41,7 @@ class RigidContacts:
     tangent: sp.csr_array  # (k, 3 n) the same, tangential
     friction: Array  # (k,) Coulomb coefficients
     supports: sp.csr_array  # (m, 3 n) rows whose products with the velocities supports set to zero
+    tensile_strength: Array | None = None  # (k,) tension that contacts bear [N/m]
 
     @property
     def resisting(self) -> sp.csr_array:
@@ -62,8 +65,10 @@ def mechanism(load: Array, contacts: RigidContacts, *, few: bool = False) -> Arr
         return None
     unit = np.repeat(1.0 / np.maximum(size, MIN_LOAD * size.max()), 3)
     rows = [_scaled(sp.csr_array(r @ sp.diags_array(unit))) for r in (contacts.resisting, contacts.supports)]
-    q = (_fewest if few else _fastest)(load * unit, *rows)
-    if q is None or float(load * unit @ q) <= LOAD_TOLERANCE:  # no conclusion if the programme fails
+    strength = contacts.tensile_strength
+    work = load * unit if strength is None else (load - contacts.normal.T @ strength) * unit
+    q = (_fewest if few else _fastest)(work, *rows)
+    if q is None or float(work @ q) <= LOAD_TOLERANCE:  # no conclusion if the programme fails
         return None
     return np.asarray(q * unit / np.abs(q * unit).max())
 

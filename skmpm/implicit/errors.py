@@ -45,4 +45,6 @@ def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
 def pair(bodies: NDArray[np.int64]) -> str:
     """Two bodies (2,), of which walls are -1, -2, ..., as text."""
     a, b = bodies.tolist()
+    if a == b:
+        return f"body {a} against itself"
     return f"bodies {a} and {b}" if b >= 0 else f"body {a} and wall {-1 - b}"

@@ -113,13 +113,18 @@ def _prescribed_range(increment: Increment, constraints: Constraints, index: Int
 def rigid_contacts(increment: Increment, bodies: FloatingBodies, constraints: Constraints) -> RigidContacts:
     """The contacts and supports of the floating bodies as rigid bodies."""
     index = index_among(increment, bodies.bodies)
+    between = (
+        constraints.bodies[0] != constraints.bodies[1]
+    )  # rigid motions do not change contacts of a body with itself
     at_points = sp.csr_array(sp.kron(constraints.base, np.eye(2), format="csr") @ bodies.modes)
     normal, tangent = (
-        sp.csr_array(component_along(constraints.difference, d) @ at_points)
+        sp.csr_array(sp.diags_array(between * 1.0) @ component_along(constraints.difference, d) @ at_points)
         for d in (constraints.normal, constraints.tangent)
     )
     owners = index[np.maximum(constraints.bodies, -1)]
-    return RigidContacts(owners, normal, tangent, constraints.friction, bodies.supports)
+    owners[:, ~between] = -1
+    strength = constraints.tensile_strength if constraints.cohesive else None
+    return RigidContacts(owners, normal, tangent, constraints.friction, bodies.supports, strength)
 
 
 def excess_cells(increment: Increment, bodies: FloatingBodies, w: Array) -> Array:

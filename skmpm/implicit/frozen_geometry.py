@@ -33,9 +33,21 @@ def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None,
     arm = grid.arms(grid.position + increment.start.reshape(-1, 2).T, weight)
     radius = grid.radii_of_gyration(arm, weight)
     forces = force_scale(increment, contact)
-    moment = np.abs(_sums(contact, contact.frozen_geometry_moments(w), grid.bodies))
+    moment = np.abs(_sums(contact, _moments(contact, w), grid.bodies))
     excess = moment / np.where(radius > 0.0, radius, np.inf) - increment.scheme.newton_tol * forces.max()
     return np.asarray(np.where(restrained, 0.0, np.maximum(excess, 0.0) / np.maximum(forces, 1e-300)))
+
+
+def _moments(contact: ContactProblem, w: Array) -> Array:
+    """Moments of the contact impulses, (k,) [kg m/s], due to the displacement of frozen contact points."""
+    constraints, increment = contact.constraints, contact.increment
+    if contact.frozen is None or contact.frozen.size == 0:
+        return np.zeros(constraints.size)
+    x = increment.grid.position.T + (increment.start + increment.dt * w).reshape(-1, 2)
+    arm = ((constraints.difference - contact.current.difference) @ (constraints.base @ x)).T
+    r = constraints.forces(contact.r, 1.0)
+    force = r[0] * constraints.normal + r[1] * constraints.tangent
+    return np.asarray(arm[0] * force[1] - arm[1] * force[0])
 
 
 def force_scale(increment: Increment, contact: ContactProblem) -> Array:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.observe.network import contact_length, coordination, half_branches, moments
+from skmpm.observe.contact_length import contact_length, contact_lengths
+from skmpm.observe.network import coordination, half_branches, mass_centres, moments
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, State
 
@@ -44,14 +45,13 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
     x = state.x[:, boundary.point]
     initial = np.array([body.points.volume.sum() for body in scene.bodies])
     volume = np.add.reduceat(state.volume, start)
-    mass = np.add.reduceat(state.mass, start)
-    centre = np.add.reduceat(state.mass * state.x, start, axis=1) / mass
+    mass, centre = np.add.reduceat(state.mass, start), mass_centres(scene, state)
     diameter = 2.0 * np.sqrt(initial / np.pi)
     smooth = outline.curve(boundary, scene.initial_positions[:, boundary.point]).through(x)
     area = np.where(scene.outlined, smooth.area(n), np.nan)
     long, short, angle = outline.dimensions(boundary, x, n)
     isotropic = _isotropic(boundary, x, n)
-    length = contact_length(state.contacts, boundary, x, n, scene.cell)
+    lengths = contact_lengths(state.contacts, boundary, x, scene.cell)
     stress = moments(half_branches(state.contacts, centre, scene.deformable), 1.0, n) / volume
     return PerBody(
         counted=_counted(scene, state, centre, diameter, interior),
@@ -60,7 +60,8 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
         area=area,
         volume_ratio=volume / initial,
         coordination=coordination(state.contacts, n, scene.cell),
-        contact_surface=np.where(scene.outlined, length, np.nan) / (np.pi * diameter),
+        contact_surface=np.where(scene.outlined, contact_length(state.contacts, lengths, n), np.nan)
+        / (np.pi * diameter),
         aspect_ratio=np.where(isotropic, 1.0, long / short),
         angle=np.where(isotropic, np.nan, angle),
         overlap=_shared(boundary, x, n) / area,

@@ -1,4 +1,4 @@
-"""The contact network: coordination, contact length, and the stress of the contact forces."""
+"""The contact network: pairs of bodies in contact, coordination, and the stress of the contact forces."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.outline import Outlines
-from skmpm.scene import Contacts
+from skmpm.scene import Contacts, Scene, State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -16,7 +15,6 @@ Bools = NDArray[np.bool_]
 
 CLOSED = 0.02  # largest gap that counts as contact [cells]
 FORCED = 1e-9  # share of the largest force below which a force counts as zero
-SHARP = 0.5  # sine of the largest angle between boundary and contact plane within a contact
 
 
 def forced(contacts: Contacts) -> Bools:
@@ -26,23 +24,49 @@ def forced(contacts: Contacts) -> Bools:
     return result
 
 
-def coordination(contacts: Contacts, bodies: int, cell: float) -> Array:
-    """Count the distinct bodies and walls that touch each body, (bodies,).
+def touching(contacts: Contacts, cell: float) -> Bools:
+    """Whether bodies touch at the contacts, (k,): those with a force or, if there are none, with a closed gap.
 
-    Bodies touch if a contact carries a force. If no contact does, as before the first step, they touch if a gap is
-    below 0.02 cells; contacts at shared grid nodes have no gap and do not count then.
+    No contact carries a force before the first step. Contacts at shared grid nodes have no gap and do not count then.
     """
     contact = forced(contacts)
-    if not contact.any():
-        contact = (contacts.gap < CLOSED * cell) & (contacts.point >= 0)
-    # Walls are negative: shifted, a pair is one number.
-    walls = -int(contacts.bodies.min(initial=0))
-    width = bodies + walls
-    first, second = contacts.bodies[:, contact]
-    low, high = np.minimum(first, second) + walls, np.maximum(first, second) + walls
-    pair = np.unique(low * width + high)
-    ends = np.concatenate([pair // width, pair % width]) - walls
+    return contact if contact.any() else (contacts.gap < CLOSED * cell) & (contacts.point >= 0)
+
+
+def between(contacts: Contacts) -> Bools:
+    """Whether contacts are not those of a body with itself, (k,)."""
+    return np.asarray(contacts.bodies[0] != contacts.bodies[1])
+
+
+def pairs_of(bodies: Ints) -> tuple[Ints, Ints]:
+    """Distinct pairs (2, pairs) of the bodies (2, k) of contacts, and the pair of each contact (k,).
+
+    The first body of a pair is the one with the smaller index; walls (-1, -2, ...) are second.
+    """
+    number = np.where(bodies < 0, bodies.max(initial=0) - bodies, bodies)  # walls follow the bodies
+    width = int(number.max(initial=0)) + 1
+    names, of = np.unique(number.min(axis=0) * width + number.max(axis=0), return_inverse=True)
+    pair = np.stack([names // width, names % width])
+    return np.where(pair > bodies.max(initial=0), bodies.max(initial=0) - pair, pair), of
+
+
+def coordination(contacts: Contacts, bodies: int, cell: float) -> Array:
+    """Count the distinct bodies and walls that touch each body, (bodies,); a body is no neighbour of itself."""
+    ends = pairs_of(contacts.bodies[:, touching(contacts, cell) & between(contacts)])[0].ravel()
     return np.bincount(ends[ends >= 0], minlength=bodies).astype(np.float64)
+
+
+def mass_centres(scene: Scene, state: State) -> Array:
+    """Centres of mass of the bodies, (2, bodies) [m]."""
+    start = scene.offsets[:-1]
+    centre = np.add.reduceat(state.mass * state.x, start, axis=1) / np.add.reduceat(state.mass, start)
+    return np.asarray(centre)
+
+
+def force_vectors(contacts: Contacts) -> Array:
+    """Forces on the first bodies, (2, k) [N/m], in x and y."""
+    n = contacts.normal
+    return np.asarray(contacts.force[0] * n + contacts.force[1] * np.stack([-n[1], n[0]]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +84,7 @@ def half_branches(contacts: Contacts, centre: Array, deformable: Bools) -> HalfB
 
     Rigid bodies have no branch of their own, like walls, because their motion is prescribed.
     """
-    n = contacts.normal
-    f = contacts.force[0] * n + contacts.force[1] * np.stack([-n[1], n[0]])
+    f = force_vectors(contacts)
     body = contacts.bodies.ravel()
     own = np.flatnonzero((body >= 0) & deformable[np.maximum(body, 0)])
     x, force = np.tile(contacts.x, 2), np.concatenate([f, -f], axis=1)
@@ -79,76 +102,3 @@ def moments(branches: HalfBranches, weight: Array | float, bodies: int) -> Array
     for i, j in np.ndindex(2, 2):
         M[i, j] = np.bincount(branches.body, branches.force[i] * arm[j], bodies)
     return M
-
-
-def contact_length(contacts: Contacts, outlines: Outlines, x: Array, bodies: int, cell: float) -> Array:
-    """Measure the boundary in contact of each body, (bodies,) [m]; nan for bodies that touch at grid nodes.
-
-    A boundary point of the first body of a pair is in contact if its gap is below 0.02 cells or if it lies between
-    two forced contacts of the pair, on a stretch of boundary that stays within the reach of contact detection. Its
-    length is half of its two segments, without one that turns away by more than 30 degrees (a corner).
-    A segment in contact with several bodies is shared. The length counts for both bodies, at a wall for one.
-
-    Parameters
-    ----------
-    x : (2, m) positions of the boundary points [m]
-    """
-    at_node = contacts.point < 0
-    touched = contacts.bodies[:, at_node]
-    contact = np.flatnonzero(~at_node)
-    index = np.zeros(int(outlines.point.max(initial=-1)) + 1, dtype=np.int64)
-    index[outlines.point] = np.arange(outlines.size)
-    share = _share(*contacts.bodies[:, contact])
-    contact, share = contact[share > 0.0], share[share > 0.0]
-    c, (first, second) = index[contacts.point[contact]], contacts.bodies[:, contact]
-    enclosed = _between(c, second - second.min(initial=0), forced(contacts)[contact], outlines)
-    closed = np.flatnonzero((contacts.gap[contact] < CLOSED * cell) | enclosed)
-    c, first, second, share = c[closed], first[closed], second[closed], share[closed]
-    length = np.zeros(c.size)
-    for neighbour in (outlines.next, outlines.previous):
-        length += _halves(c, contacts.normal[:, contact[closed]], x[:, neighbour[c]] - x[:, c], outlines.size)
-    length, both = share * length, second >= 0
-    ends, twice = np.append(first, second[both]), np.append(length, length[both])
-    total = np.bincount(ends, twice, bodies).astype(np.float64)  # bincount of nothing is integer
-    total[touched[touched >= 0]] = np.nan
-    return total
-
-
-def _share(first: Ints, second: Ints) -> Array:
-    """1 for contacts at points of the body that gives most points of its pair, 0 for those of the other, (k,)."""
-    width = int(max(first.max(initial=0), second.max(initial=0))) + 1
-    wall = second < 0
-    pair, reverse = (np.where(wall, -1, a * width + b) for a, b in ((first, second), (second, first)))
-    there, count = np.unique(pair, return_counts=True)
-    at = np.minimum(np.searchsorted(there, reverse), max(there.size - 1, 0))
-    own = count[np.searchsorted(there, pair)]
-    other = np.where(there[at] == reverse, count[at], 0)
-    return np.where(wall, 1.0, 0.5 + 0.5 * np.sign(own - other))
-
-
-def _halves(c: Ints, normal: Array, edge: Array, m: int) -> Array:
-    """Half the edge length at each boundary point c, zero if it turns away; shared among contacts, (k,) [m]."""
-    length = np.hypot(*edge)
-    counts = np.einsum("ik,ik->k", normal, edge) <= SHARP * length
-    several = np.maximum(np.bincount(c[counts], minlength=m), 1)
-    return np.where(counts, length / 2.0, 0.0) / several[c]
-
-
-def _between(c: Ints, other: Ints, forced: Bools, outlines: Outlines) -> Bools:
-    """Whether contacts of boundary points c with `other` lie between forced ones on a stretch of contacts, (k,)."""
-    k = c.size
-    width = int(other.max(initial=0)) + 1
-    key = c * width + other
-    order = np.argsort(key)
-    found = []
-    for neighbour in (outlines.next, outlines.previous):
-        wanted = neighbour[c] * width + other
-        at = np.minimum(np.searchsorted(key[order], wanted), max(k - 1, 0))
-        jump = np.append(np.where(key[order[at]] == wanted, order[at], k), k)
-        reached = np.append(forced, False)
-        for _ in range(k.bit_length()):  # each pass reaches twice as far along the boundary
-            reached |= reached[jump]
-            jump = jump[jump]
-        found.append(reached[:k])
-    result: Bools = found[0] & found[1]
-    return result

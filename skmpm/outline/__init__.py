@@ -4,16 +4,30 @@ In every function `x` (2, m) [m] holds the current positions of the boundary poi
 """
 
 from skmpm.outline.cells import cell_moments
-from skmpm.outline.crossings import apart, crossings, turns
+from skmpm.outline.crossings import apart, crossings, depth, folded, turns
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.curve import Curve, curve
-from skmpm.outline.measures import area, bend, centroid, chord_sagitta, dimensions, normals, perimeter, second_moments
+from skmpm.outline.facing import facing
+from skmpm.outline.measures import (
+    TURNED_AWAY,
+    area,
+    bend,
+    centroid,
+    chord_sagitta,
+    dimensions,
+    half_segments,
+    normals,
+    perimeter,
+    second_moments,
+    turning_angles,
+)
 from skmpm.outline.near import candidates, closest, inside
 from skmpm.outline.overlaps import lens_depth, overlap
 from skmpm.outline.topology import Outlines, outlines
 from skmpm.outline.widths import slit_width, thickness
 
 __all__ = [
+    "TURNED_AWAY",
     "Cubics",
     "Curve",
     "Outlines",
@@ -27,7 +41,11 @@ __all__ = [
     "closest",
     "crossings",
     "curve",
+    "depth",
     "dimensions",
+    "facing",
+    "folded",
+    "half_segments",
     "inside",
     "lens_depth",
     "normals",
@@ -37,5 +55,6 @@ __all__ = [
     "second_moments",
     "slit_width",
     "thickness",
+    "turning_angles",
     "turns",
 ]

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm.outline.measures import turning_angles
+from skmpm.outline.near import closest, inside
 from skmpm.outline.topology import Floats, Integers, Outlines
 
 # Total turns up to which a loop is taken to be free of self-intersections [rad]. Where a simple loop first touches
@@ -14,6 +15,7 @@ from skmpm.outline.topology import Floats, Integers, Outlines
 # half of that allows for the discrete turns of a polygon and for one step beyond contact. A loop that folds at a
 # point turns forward by 2 pi more than a simple loop.
 MAX_BACKWARD_TURN, MAX_FORWARD_TURN = 0.5 * np.pi, 3.0 * np.pi
+JUST_OUTSIDE = 1e-6  # [segments] from a boundary point along its normal
 ROUND_OFF = 1e-12  # of coordinates, relative to the extent of all bodies
 
 
@@ -28,9 +30,7 @@ def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
     x : (2, m) positions of the boundary points [m]
     chosen : indices of bodies
     """
-    forward, backward = turns(outlines, x)
-    folded = np.flatnonzero((backward > MAX_BACKWARD_TURN) | (forward > MAX_FORWARD_TURN))
-    segment = np.flatnonzero(np.isin(outlines.body, np.intersect1d(folded, chosen)))
+    segment = np.flatnonzero(np.isin(outlines.body, np.intersect1d(folded(outlines, x), chosen)))
     if segment.size == 0:
         return np.zeros((2, 0), dtype=np.int64)
     start, end = x[:, segment], x[:, outlines.next[segment]]
@@ -41,6 +41,30 @@ def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
     i, j = i[apart], j[apart]
     cross = _separates(outlines, x, i, j) & _separates(outlines, x, j, i)
     return np.sort(np.stack([i[cross], j[cross]]), axis=0)
+
+
+def folded(outlines: Outlines, x: Floats) -> Integers:
+    """Bodies whose outlines turn so far that they may meet or cross themselves; convex ones never do."""
+    forward, backward = turns(outlines, x)
+    return np.flatnonzero((backward > MAX_BACKWARD_TURN) | (forward > MAX_FORWARD_TURN))
+
+
+def depth(outlines: Outlines, x: Floats, body: int) -> Floats:
+    """Depths (k,) [m] of the boundary points of a body that lie inside it, below the surface that they penetrate.
+
+    A point lies inside if the outline winds around a place just outside the outline there. Its depth is the distance
+    of the nearest segment whose outward normal opposes that of the point.
+    """
+    own = np.flatnonzero(outlines.body == body)
+    along = x[:, outlines.next[own]] - x[:, own]
+    length = np.maximum(np.hypot(*along), 1e-300)
+    both = along / length + (along / length)[:, outlines.previous[own] - own[0]]
+    normal = np.stack([both[1], -both[0]])  # between those of the two edges
+    c = np.flatnonzero(inside(outlines, x, body, x[:, own] + JUST_OUTSIDE * length.min() * normal))
+    k, j = np.repeat(c, own.size), np.tile(np.arange(own.size), c.size)
+    distance = closest(x[:, own[k]], x[:, own[j]], x[:, outlines.next[own[j]]])[1]
+    opposes = normal[0, k] * along[1, j] - normal[1, k] * along[0, j] < 0.0
+    return np.asarray(np.where(opposes, distance, np.inf).reshape(c.size, own.size).min(axis=1))
 
 
 def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:

@@ -44,6 +44,11 @@ class Curve:
         boundary, j = self.outlines, self.outlines.next[segment]
         return np.stack([boundary.previous[segment], segment, j, boundary.next[j]])
 
+    def shifted(self, point: Integers, shift: Floats) -> tuple[Integers, Floats]:
+        """Segments (k,) and parameters (k,) of the places beside boundary points by shifts in (-1, 1) [segments]."""
+        back = shift < 0.0
+        return np.where(back, self.outlines.previous[point], point), np.where(back, 1.0 + shift, shift)
+
     def weights(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
         """Weights (4, k) of the stencil in the curve at parameters s (k,) in [0, 1], or in its derivatives by s."""
         start, first, end, last = _hermite(s, derivative)

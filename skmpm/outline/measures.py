@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.topology import Floats, Outlines
+
+TURNED_AWAY = 0.5  # sine of the largest angle between a segment and the plane of a contact it belongs to
 
 
 def area(outlines: Outlines, x: Floats, bodies: int) -> Floats:
@@ -44,6 +47,22 @@ def bend(outlines: Outlines, x: Floats) -> Floats:
     length = np.hypot(*(x[:, outlines.next] - x))
     shorter = np.minimum(length, length[outlines.previous])
     return np.asarray(np.maximum(turning_angles(outlines, x), 0.0) / np.maximum(shorter, 1e-300))
+
+
+def half_segments(outlines: Outlines, x: Floats, c: NDArray[np.int64], normal: Floats) -> Floats:
+    """Return half the lengths of the segments after and before boundary points c (k,) in contact, (2, k) [m].
+
+    A segment that turns away from the contact plane with this `normal` (2, k) by more than 30 degrees, at a corner,
+    is not in contact and counts as zero. Several contacts at a point share its segments.
+    """
+    halves = []
+    for neighbour in (outlines.next, outlines.previous):
+        edge = x[:, neighbour[c]] - x[:, c]
+        length = np.hypot(*edge)
+        counts = np.einsum("ik,ik->k", normal, edge) <= TURNED_AWAY * length
+        several = np.maximum(np.bincount(c[counts], minlength=outlines.size), 1)
+        halves.append(np.where(counts, length / 2.0, 0.0) / several[c])
+    return np.stack(halves)
 
 
 def turning_angles(outlines: Outlines, x: Floats) -> Floats:

@@ -48,22 +48,32 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
     -------
     c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
     """
-    if outlines.size == 0:
-        return outlines.point, outlines.point
-    end = x[:, outlines.next]
-    length = np.maximum(np.linalg.norm(end - x, axis=0), np.finfo(np.float64).tiny)
+    c, j = pairs_by_midpoints(outlines, x, np.arange(outlines.size), reach)
+    other = outlines.body[c] != outlines.body[j]
+    return nearer(outlines, x, c[other], j[other], reach)
+
+
+def pairs_by_midpoints(outlines: Outlines, x: Floats, chosen: Integers, reach: float) -> tuple[Integers, Integers]:
+    """Pairs of boundary points and segments among those chosen, with all that are closer than `reach` [m]."""
+    if chosen.size == 0:
+        return chosen, chosen
+    start, end = x[:, chosen], x[:, outlines.next[chosen]]
+    length = np.maximum(np.linalg.norm(end - start, axis=0), np.finfo(np.float64).tiny)
     family = np.floor(np.log(length.max() / np.maximum(length, 1e-9 * length.max())) / np.log(LENGTH_RATIO))
-    tree = _tree(x)
+    tree = _tree(start)
     found = []
     for k in np.unique(family):
         members = np.flatnonzero(family == k)
-        middles = _tree((x[:, members] + end[:, members]) / 2)
+        middles = _tree((start[:, members] + end[:, members]) / 2)
         c, j = _pairs(tree, middles, reach + length[members].max() / 2)
         found.append((c, members[j]))
     c, j = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    other = outlines.body[c] != outlines.body[j]
-    c, j = c[other], j[other]
-    near = closest(x[:, c], x[:, j], end[:, j])[1] < reach
+    return chosen[c], chosen[j]
+
+
+def nearer(outlines: Outlines, x: Floats, c: Integers, j: Integers, reach: float) -> tuple[Integers, Integers]:
+    """Of pairs of boundary points c (k,) and segments j (k,) those closer than `reach` [m], sorted by c, then j."""
+    near = closest(x[:, c], x[:, j], x[:, outlines.next[j]])[1] < reach
     c, j = c[near], j[near]
     order = np.argsort(c * outlines.size + j)
     return c[order], j[order]

@@ -4,26 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from math import floor, log10
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.material import Rigid, is_linear, poisson_ratio, youngs_modulus
+from skmpm.preflight.cohesion import cohesion_warnings
+from skmpm.preflight.limit import Limit, above, below
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
 from skmpm.simulate.initial_state import initial_motion
 from skmpm.simulate.rigid_edges import MIN_EDGE_RADIUS, facing_edges
-
-
-class Limit(NamedTuple):
-    """The end of a verified range, and the reason for it."""
-
-    value: float
-    where: str
-
 
 # In the order of the checks; beside each limit, its test or page of docs/.
 RESOLUTION = Limit(3.2, "piles and packings were verified from 3.2 on, Hertz's force from 5 on")  # test_pile
@@ -50,7 +43,6 @@ ROTATION = Limit(
     0.05, "a rotation by 0.05 rad causes a spurious strain of 0.00125, which grows with its square"
 )  # test_dynamics
 STEPS = 1000  # over which the rotation of a spinning body is extrapolated
-LIMIT_TOLERANCE = 1e-9  # relative excess over a limit that is round-off
 
 Lines = Iterator[str]
 
@@ -58,14 +50,6 @@ Lines = Iterator[str]
 def warnings_of(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> list[str]:
     """A line for everything outside the verified range: object, value, what was verified, remedy."""
     return [line for check in CHECKS for line in check(scene, metrics, scheme)]
-
-
-def _above(value: float, limit: Limit) -> bool:
-    return value > limit.value * (1.0 + LIMIT_TOLERANCE)
-
-
-def _below(value: float, limit: Limit) -> bool:
-    return value < limit.value * (1.0 - LIMIT_TOLERANCE)
 
 
 def _text(value: float, limit: Limit) -> str:
@@ -89,21 +73,21 @@ def _worst(metrics: SceneMetrics, values: NDArray[np.float64], beyond: NDArray[n
 def _resolution(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     limit = RESOLUTION if metrics.touches else SMALLEST
     R, smallest = metrics.resolution, metrics.resolution.min()
-    if _below(smallest, limit):
+    if below(smallest, limit):
         remedy = f"use cell = {_down(metrics.cell * smallest / limit.value)} m or less"
         yield f"{_worst(metrics, R, limit.value > R)}: R/h = {_text(smallest, limit)}; {limit.where}; {remedy}"
 
 
 def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     across = np.where(np.isnan(metrics.across), np.inf, metrics.across) + metrics.chords
-    if _below(least := float(across.min()), THIN):
+    if below(least := float(across.min()), THIN):
         who, width = _worst(metrics, across, THIN.value > across), least * metrics.cell
         remedy = f"use cell = {_down(width / THIN.value)} m or less"
         yield f"{who}: {_text(least, THIN)} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
 
 
 def _slit(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    if _below(least := float((slit := metrics.slit + metrics.chords).min()), SLIT):
+    if below(least := float((slit := metrics.slit + metrics.chords).min()), SLIT):
         who, width = _worst(metrics, slit, SLIT.value > slit), least * metrics.cell
         remedy = f"use cell = {_down(width / SLIT.value)} m or less, or close it"
         yield f"{who}: {_text(least, SLIT)} cells across its narrowest slit of {width:.3g} m; {SLIT.where}; {remedy}"
@@ -111,7 +95,7 @@ def _slit(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     each, fewest = metrics.points_per_cell, metrics.points_per_cell.min()
-    if _below(fewest, FEWEST):
+    if below(fewest, FEWEST):
         who = _worst(metrics, each, FEWEST.value > each)
         remedy = f"use a spacing of {_down(0.74 * metrics.cell)} m or less"
         yield f"{who}: {_text(fewest, FEWEST)} points per cell of material; {FEWEST.where}; {remedy}"
@@ -124,7 +108,7 @@ def _sampling(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     remedy = f"use mesh edges of {edges} m (from_mesh, order 2), a spacing of {spacing} m or a larger cell"
     for b, pieces in metrics.torn.items():
         yield f"body {b}: its cells form {pieces} pieces that share no node; simulate refuses it; {remedy}"
-    if _above(worst := float(error.max()), SOFTENING):
+    if above(worst := float(error.max()), SOFTENING):
         who, excess = _worst(metrics, -error, error > SOFTENING.value), _text(worst, SOFTENING)
         problem = f"its points miss or misplace parts of cells, so a uniform stress is too small by about {excess}"
         yield f"{who}: {problem}; {SOFTENING.where}; {remedy}"
@@ -132,16 +116,16 @@ def _sampling(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 def _courant(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     limit = EXPLICIT if scheme.explicit else COURANT
-    if (scheme.explicit or metrics.waves) and _above(metrics.courant, limit):
+    if (scheme.explicit or metrics.waves) and above(metrics.courant, limit):
         remedy = f"use dt = {_down(limit.value * metrics.cell / metrics.wave)} s or less"
         yield f"step: dt c/h = {_text(metrics.courant, limit)}; {limit.where}; {remedy}"
 
 
 def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    if metrics.touches and _above(metrics.lid, LID):
+    if metrics.touches and above(metrics.lid, LID):
         remedy = f"use dt {_down(LID.value / metrics.lid)} times as long"
         yield f"{metrics.lid_name}: moves {_text(metrics.lid, LID)} h a step; {LID.where}; {remedy}"
-    if scheme.inertia and _above(metrics.approach, APPROACH):
+    if scheme.inertia and above(metrics.approach, APPROACH):
         remedy = f"use dt {_down(APPROACH.value / metrics.approach)} times as long"
         fallen = f" after falling by {metrics.fall:.3g} m" if metrics.fall else ""
         approach = _text(metrics.approach, APPROACH)
@@ -151,12 +135,12 @@ def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     soft = [(body.material, b) for b, body in enumerate(scene.bodies) if not isinstance(body.material, Rigid)]
     nu, b = max((poisson_ratio(material), b) for material, b in soft)
-    if not _below(nu, LOCKING) and scheme.mean_dilatation is False:
+    if not below(nu, LOCKING) and scheme.mean_dilatation is False:
         remedy = "use Scheme(mean_dilatation=None), the default"
         yield f"body {b}: nu = {nu:g} without mean dilatation; {LOCKING.where}; {remedy}"
-    elif _above(nu, POISSON):
+    elif above(nu, POISSON):
         yield f"body {b}: nu = {nu:.9g}; {POISSON.where}; use 0.49999 or less"
-    elif _above(nu, MULTIGRID) and metrics.solver == "amg":
+    elif above(nu, MULTIGRID) and metrics.solver == "amg":
         yield f"body {b}: nu = {nu:g}; {MULTIGRID.where}; use linear.banded"
 
 
@@ -167,7 +151,7 @@ def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
         ("density", DENSITY, [(m.density, b) for b, m in soft]),
     ):
         (low, a), (high, b) = min(values), max(values)
-        if _above(high / low, limit):
+        if above(high / low, limit):
             who, remedy = f"bodies {a} and {b}", f"use a ratio of at most {limit.value:g}"
             yield f"{who}: ratio of {name} {_text(high / low, limit)}; {limit.where}; {remedy}"
 
@@ -175,7 +159,7 @@ def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 def _friction(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     named = [(wall.friction, f"wall {i}") for i, wall in enumerate(scene.walls)]
     value, name = max([(scene.friction, "scene"), *named])
-    if metrics.touches and _above(value, FRICTION):
+    if metrics.touches and above(value, FRICTION):
         yield f"{name}: friction = {value:g}; {FRICTION.where}; use 2 or less, at 2 there is little slip"
 
 
@@ -185,7 +169,7 @@ def _small_strain(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     linear = [_is_linear(scene, b) for b in metrics.own]
     rotation = np.where(linear, metrics.rotation, 0.0)
     fastest, b = float(rotation.max()), int(metrics.own[np.argmax(rotation)])
-    if _above(STEPS * fastest, ROTATION):
+    if above(STEPS * fastest, ROTATION):
         turned = f"rotates by {ROTATION.value:g} rad in {ROTATION.value / fastest:.3g} steps"
         yield f"body {b}: {_name(scene, b)} {turned}; {ROTATION.where}; use NeoHookean"
     elif any(linear) and (metrics.friction > 0.0 or metrics.points.size > 2):
@@ -244,6 +228,7 @@ CHECKS: tuple[Callable[[Scene, SceneMetrics, Scheme], Lines], ...] = (
     _incompressible,
     _ratios,
     _friction,
+    cohesion_warnings,
     _small_strain,
     _scheme,
     _edges,

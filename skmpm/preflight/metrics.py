@@ -18,7 +18,14 @@ from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.initial_state import can_touch, check_explicit, driven, fastest_wave, initial_motion
+from skmpm.simulate.initial_state import (
+    can_touch,
+    check_cohesion,
+    check_explicit,
+    driven,
+    fastest_wave,
+    initial_motion,
+)
 from skmpm.simulate.regrid import inward_normals, torn_bodies
 
 Array = NDArray[np.float64]
@@ -54,6 +61,7 @@ class SceneMetrics:
     touches: bool  # whether contact is possible
     contact: str  # law
     friction: float  # largest coefficient
+    cohesion: float  # the largest [Pa]
     linear: bool  # whether a step without contact is one linear solve
     inertia: bool
     theta: float
@@ -66,6 +74,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
     check_time("preflight: dt", dt, SHORTEST, "a time step greater than zero")
     check_explicit("preflight", scene, scheme)
+    check_cohesion("preflight", scene, scheme)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
     soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
@@ -102,6 +111,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         touches=touches,
         contact=_contact_law(scheme),
         friction=float(max([scene.friction, *(wall.friction for wall in scene.walls)])) if touches else 0.0,
+        cohesion=float(max([scene.cohesion, *(wall.cohesion for wall in scene.walls)])) if touches else 0.0,
         linear=all(is_linear(material) for material in soft),
         inertia=scheme.inertia,
         theta=scheme.theta,

@@ -68,7 +68,10 @@ def _across(metrics: SceneMetrics) -> str:
 def _contact(metrics: SceneMetrics) -> str:
     if not metrics.touches:
         return "off"
-    return f"{metrics.contact}, {f'friction up to {metrics.friction:g}' if metrics.friction else 'frictionless'}"
+    friction = f"friction up to {metrics.friction:g}" if metrics.friction else "frictionless"
+    return f"{metrics.contact}, {friction}" + (
+        f", cohesion up to {metrics.cohesion:g} Pa" if metrics.cohesion else ""
+    )
 
 
 def _bytes(number: float) -> str:

@@ -30,7 +30,9 @@ def check(scene: Scene) -> None:
     if not scene.bodies:
         raise SceneError("the scene has no bodies; give at least one Body")
     _positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
-    _friction("friction between bodies", scene.friction)
+    _not_negative("friction between bodies", scene.friction, "a Coulomb coefficient")
+    _not_negative("cohesion between bodies", scene.cohesion, "a stress in Pa")
+    _not_negative("cohesion_range", scene.cohesion_range, "a length in metres")
     for i, body in enumerate(scene.bodies):
         _check_body(f"body {i}", body)
     if not scene.deformable.any():
@@ -125,7 +127,8 @@ def _check_wall(name: str, wall: Wall) -> None:
     if abs(length - 1.0) > 1e-9:
         raise SceneError(f"{name}: normal = {normal} has length {length:.6g}; divide it by its length")
     motion(wall.velocity, 0.0, f"{name}: velocity")
-    _friction(f"{name}: friction", wall.friction)
+    _not_negative(f"{name}: friction", wall.friction, "a Coulomb coefficient")
+    _not_negative(f"{name}: cohesion", wall.cohesion, "a stress in Pa")
 
 
 def _check_supports(scene: Scene) -> None:
@@ -215,6 +218,6 @@ def _positive(name: str, value: float, what: str) -> None:
         raise SceneError(f"{name} = {value}; give {what}, greater than zero")
 
 
-def _friction(name: str, value: float) -> None:
-    if _number(name, value, "give a Coulomb coefficient of zero or more") < 0.0:
-        raise SceneError(f"{name} = {value}; give a Coulomb coefficient of zero or more")
+def _not_negative(name: str, value: float, what: str) -> None:
+    if _number(name, value, f"give {what} of zero or more") < 0.0:
+        raise SceneError(f"{name} = {value}; give {what} of zero or more")

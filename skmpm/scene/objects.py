@@ -50,12 +50,14 @@ class Wall:
     normal : (2,)
     velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step
     friction : Coulomb coefficient against every body
+    cohesion : tension that contacts with bodies bear [Pa], see `Scene`
     """
 
     point: ArrayLike
     normal: ArrayLike
     velocity: ArrayLike | Motion = field(default=(0.0, 0.0), kw_only=True)
     friction: float = field(default=0.0, kw_only=True)
+    cohesion: float = field(default=0.0, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import Rigid
-from skmpm.outline import Outlines, outlines, thickness
+from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.scene.check import check
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
@@ -30,7 +30,12 @@ class Scene:
     walls : rigid half-planes
     supports : prescribed velocities
     loads : dead loads
-    friction : Coulomb coefficient between bodies
+    friction : Coulomb coefficient between bodies, and between parts of one
+    cohesion : tension c that contacts between bodies bear [Pa]; Coulomb's law then holds for the normal traction plus
+        c. It acts on gaps that are closed at the start of a step, and breaks where it is exceeded
+    cohesion_range : largest gap [m] that cohesion pulls, also at walls; zero for closed ones only. Flat surfaces come
+        off at c whatever the range. Round ones need one that several boundary points are within, or the force that
+        separates them is that of one boundary point and proportional to the spacing
     gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n), taken at t + theta dt of
         each step from t on
 
@@ -46,6 +51,8 @@ class Scene:
     supports: Sequence[Support] = field(default=(), kw_only=True)
     loads: Sequence[Load] = field(default=(), kw_only=True)
     friction: float = field(default=0.0, kw_only=True)
+    cohesion: float = field(default=0.0, kw_only=True)
+    cohesion_range: float = field(default=0.0, kw_only=True)
     gravity: ArrayLike | Callable[[Array, float], ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
 
     def __post_init__(self) -> None:
@@ -82,6 +89,16 @@ class Scene:
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
 
     @cached_property
+    def compliance(self) -> Array:
+        """(1 - nu^2) / E of the materials, by body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
+        result = np.zeros(len(self.bodies))
+        for i, body in enumerate(self.bodies):
+            if not isinstance(body.material, Rigid):
+                lam, mu = body.material.lame
+                result[i] = (lam + 2.0 * mu) / (4.0 * mu * (lam + mu))
+        return result
+
+    @cached_property
     def outlined(self) -> NDArray[np.bool_]:
         """Which bodies have an outline, (bodies,)."""
         return np.array([bool(body.points.outline) for body in self.bodies], dtype=bool)
@@ -95,6 +112,16 @@ class Scene:
     def thickness(self) -> Array:
         """Width of the thinnest part of each body at t = 0, (bodies,) [m]; nan without an outline."""
         return thickness(self.outlines, self.initial_positions[:, self.outlines.point], len(self.bodies))
+
+    def folded(self, x: Array) -> Ints:
+        """Deformable bodies that may touch themselves with points at x (2, n): their outlines turn back that far."""
+        bodies = folded(self.outlines, x[:, self.outlines.point])
+        return np.asarray(bodies[self.deformable[bodies]])
+
+    @cached_property
+    def cohesive(self) -> bool:
+        """Whether any contact has cohesion."""
+        return any(c > 0.0 for c in (self.cohesion, *(wall.cohesion for wall in self.walls)))
 
     @cached_property
     def normals(self) -> Array:

@@ -29,7 +29,7 @@ class StepFailed(RuntimeError):  # noqa: N818  (public name)
 class Contacts:
     """The contacts at the end of a step; walls are bodies -1, -2, ..."""
 
-    bodies: Ints  # (2, k)
+    bodies: Ints  # (2, k); the same twice where parts of one body touch
     x: Array  # (2, k) [m]
     normal: Array  # (2, k) unit, from the second to the first body
     force: Array  # (2, k) [N/m] on the first body, in (n, t), t = (-n_y, n_x)
@@ -52,6 +52,7 @@ class Energy:
     elastic: float = 0.0  # including the ghost penalty
     external: float = 0.0  # work of gravity, loads, walls and supports
     push_out: float = 0.0  # work of contacts that remove an overlap of an earlier step
+    cohesion: float = 0.0  # work of cohesive contacts on gaps that close, negative where they open
     regridding: float = 0.0  # change of the points' energy by regridding
     viscous: float = 0.0  # dissipated by the viscosity of materials
     dissipated: float = 0.0  # the remainder: friction, impacts, the time scheme, the transfer

@@ -15,12 +15,15 @@ from skmpm.simulate.energy_budget import Budget
 from skmpm.simulate.initial_state import can_touch
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 MAX_MOTION = 1.0  # [cells] of a point in one step; contact detection finds penetrations of less than a cell
 MAX_THICKNESS_SHARE = 0.25  # the same, over the thickness of the thinnest part of all bodies
 MAX_WALL_PENETRATION = 0.05  # [cells]
 MAX_BODY_PENETRATION = 0.25  # [cells]
 UNRESOLVED_FOLD = 2.0  # [cells] of outline between crossing segments: a shorter fold is hardly resolved by the grid
+FOLDS = "it folds there: use smaller loads, a finer cell or rounder corners"
+PASSES = "use a smaller dt, or a smaller cell if these parts were less than a cell apart at the start"
 ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round-off
 CURVATURE_TOLERANCE = 0.01  # over the energy exchanged in a step: gain by negative curvature of the potential
 EXPLICIT_TOLERANCE = 0.05  # over the largest energy: gain in an explicit step, whose energy oscillates
@@ -38,7 +41,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     if scheme.inertia and scheme.theta == 1.0:
         _check_energy(scheme, after, budget)
     _check_crossings(scene, after)
-    if not can_touch(scene):
+    if not (can_touch(scene) or after.contacts.gap.size):
         return 0.0
     exact = not acts_at_grid_nodes(scheme.contact)
     _check_travel(scene, before, after, exact)
@@ -72,7 +75,10 @@ def _percent(value: float, of: float) -> str:
 
 
 def _check_crossings(scene: Scene, after: State) -> None:
-    """Raise StepRejected if the outline of a deformable body crosses itself: self-contact is not modelled."""
+    """Raise StepRejected if the outline of a deformable body folds, or penetrates itself by too much.
+
+    Contact constrains boundary points, so chords may cross where parts of a body touch, as between bodies.
+    """
     boundary = scene.outlines
     if boundary.size == 0:
         return
@@ -80,16 +86,21 @@ def _check_crossings(scene: Scene, after: State) -> None:
     pairs = outline.crossings(boundary, x, np.flatnonzero(scene.deformable))
     if pairs.size == 0:
         return
-    length = outline.apart(boundary, x, *pairs)
-    i, j = pairs[:, np.argmax(length)]
-    local = float(length.max()) <= UNRESOLVED_FOLD * scene.cell
-    raise StepRejected(
-        f"body {boundary.body[i]}",
-        f"its outline crosses itself near ({x[0, i]:.6g}, {x[1, i]:.6g}) and ({x[0, j]:.6g}, {x[1, j]:.6g}) m",
-        "it folds there: use smaller loads, a finer cell or rounder corners"
-        if local
-        else "self-contact is not modelled: use smaller loads, or divide it into several bodies",
-    )
+    local = outline.apart(boundary, x, *pairs) <= UNRESOLVED_FOLD * scene.cell
+    if local.any():
+        raise _crossed(boundary, x, pairs[:, np.argmax(local)], "", FOLDS)
+    for b in np.unique(boundary.body[pairs[0]]):
+        depth = float(outline.depth(boundary, x, b).max(initial=0.0)) / scene.cell
+        if depth > MAX_BODY_PENETRATION:
+            first = pairs[:, np.argmax(boundary.body[pairs[0]] == b)]
+            raise _crossed(boundary, x, first, f", {depth:.3g} cells deep", PASSES)
+
+
+def _crossed(boundary: outline.Outlines, x: Array, segments: Ints, depth: str, remedy: str) -> StepRejected:
+    """The error of an outline of which two segments (2,) cross."""
+    (x0, x1), (y0, y1) = x[:, segments]
+    problem = f"its outline crosses itself near ({x0:.6g}, {y0:.6g}) and ({x1:.6g}, {y1:.6g}) m{depth}"
+    return StepRejected(f"body {boundary.body[segments[0]]}", problem, remedy)
 
 
 def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> None:

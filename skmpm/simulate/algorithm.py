@@ -16,8 +16,15 @@ from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.energy_budget import budget_of, report_of
 from skmpm.simulate.forces import equilibrium_depends_on_dt, external_force, interacting_bodies
 from skmpm.simulate.grid_to_points import end_state, kept_solver
-from skmpm.simulate.initial_state import can_touch, check_explicit, check_scheme
-from skmpm.simulate.regrid import assembly_of, bulk_of, check_connected, derived_of, regridded_state
+from skmpm.simulate.initial_state import check_cohesion, check_explicit, check_scheme, touches
+from skmpm.simulate.regrid import (
+    assembly_of,
+    bulk_of,
+    check_connected,
+    check_parts_apart,
+    derived_of,
+    regridded_state,
+)
 from skmpm.simulate.rigid_edges import indenting_edge_message
 from skmpm.transfer import to_nodes
 
@@ -40,6 +47,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_scheme("step", scheme)
     check_fits(scene, state, "step")
     check_explicit("step", scene, scheme)
+    check_cohesion("step", scene, scheme)
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
@@ -47,10 +55,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     v0 = to_nodes(assembly_of(state), state.mass[deformable], state.v[:, deformable], state.C[:, :, deformable])
     if not scheme.inertia:  # the initial guess moves only bodies that contacts or supports act on
         v0 *= np.repeat(interacting_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
-    force, motions = (
-        external_force(scene, state, state.t + scheme.theta * dt),
-        prescribed_velocities(scene, state.t, dt),
-    )
+    force = external_force(scene, state, state.t + scheme.theta * dt)
+    motions = prescribed_velocities(scene, state.t, dt)
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
     depends_on_dt = scheme.inertia or equilibrium_depends_on_dt(scene)
     increment = Increment(
@@ -59,6 +65,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     timer.lap("transfer")
     try:
         check_connected(scene, state)
+        check_parts_apart(scene, state, scheme)
         with one_thread(), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
             contact = _contact_problem(scene, state, increment, motions, timer, delassus)
@@ -84,11 +91,11 @@ def _contact_problem(
     timer: Timer,
     delassus: Delassus | None,
 ) -> ContactProblem | None:
-    """The contact problem of the step; None in scenes with a single body and no wall."""
-    if not can_touch(scene):
-        return None
+    """The contact problem of the step; None where a single body and no part of it can touch anything."""
     scheme, contacts = increment.scheme, state.contacts
-    linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions)
+    if not touches(scene, state, scheme):
+        return None
+    linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions, scheme.inertia)
     timer.lap("detection")
     return ContactProblem(
         linearise, increment, contacts.key, contacts.force, timer, supported=scene.supporting >= 0, delassus=delassus

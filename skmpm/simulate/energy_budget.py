@@ -35,7 +35,8 @@ class Budget:
     noise: float  # round-off of energies
     exchanged: float  # sum of the magnitudes of the changes of kinetic and elastic energy, work and dissipation
     tolerated: float  # work of contact forces on open gaps, within `gap_tol`
-    rounding: float  # kinetic energy of gap velocities that are round-off
+    rounding: float  # round-off of strain energies, kinetic energy of gap velocities that are round-off
+    cohesion: float = 0.0  # work of cohesive contacts on open gaps, positive where these close
 
     @property
     def largest(self) -> float:
@@ -46,7 +47,7 @@ class Budget:
     @property
     def surplus(self) -> float:
         """Energy gained beyond the work and the tolerances."""
-        supplied = self.external + self.push_out + self.tolerated + self.rounding
+        supplied = self.external + self.push_out + self.tolerated + self.rounding + self.cohesion
         return self.kinetic + self.elastic + self.viscous - self.before - supplied
 
 
@@ -64,14 +65,18 @@ def budget_of(
     kinetic = [kinetic_energy(bulk.assembly, v) if inertia else 0.0 for v in (increment.v0, end.velocity)]
     external = float(increment.force @ w * increment.dt - solution.reaction @ increment.prescribed)
     viscous = increment.dissipated(w)
-    push_out = tolerated = rounding = 0.0
+    push_out = cohesion = tolerated = 0.0
+    modulus = bulk.modulus * float(bulk.assembly.volume.sum())
+    rounding = float(np.finfo(float).eps) * modulus  # a strain energy is a small difference of terms as large as this
     if solution.contact is not None:
         constraints, r, u = solution.contact.constraints, solution.contact.r, solution.contact.u
         external -= float(r @ constraints.prescribed_components)  # the work of walls and rigid bodies
         push_out = float(constraints.forces(r, increment.dt)[0] @ constraints.pushed_out)
-        rounding = float(bulk.assembly.mass.sum()) * solution.contact.speed_round_off**2
+        cohesion = -float(constraints.tensile_strength @ constraints.opening)
+        rounding += float(bulk.assembly.mass.sum()) * solution.contact.speed_round_off**2
+        lifted = constraints.lifted(r, increment.dt)
         tolerated = (
-            float(np.maximum((r * u).reshape(constraints.size, -1).sum(axis=1), 0.0).sum())
+            float(np.maximum((lifted * u).reshape(constraints.size, -1).sum(axis=1), 0.0).sum())
             if constraints.size
             else 0.0
         )
@@ -83,8 +88,9 @@ def budget_of(
         elastic=elastic[1],
         external=external,
         push_out=push_out,
+        cohesion=cohesion,
         viscous=viscous,
-        noise=max(STRAIN_ROUND_OFF**2 * bulk.modulus * float(bulk.assembly.volume.sum()), 1e-300),
+        noise=max(STRAIN_ROUND_OFF**2 * modulus, 1e-300),
         exchanged=abs(kinetic[1] - kinetic[0]) + abs(elastic[1] - elastic[0]) + abs(external) + viscous,
         tolerated=tolerated,
         rounding=rounding,
@@ -129,9 +135,16 @@ def report_of(
             elastic=budget.elastic,
             external=old.external + budget.external,
             push_out=old.push_out + budget.push_out,
+            cohesion=old.cohesion + budget.cohesion,
             regridding=old.regridding + by_regrid,
             viscous=old.viscous + budget.viscous,
-            dissipated=old.dissipated + budget.external + budget.push_out + by_regrid - gained - budget.viscous,
+            dissipated=old.dissipated
+            + budget.external
+            + budget.push_out
+            + by_regrid
+            - gained
+            - budget.viscous
+            + budget.cohesion,
         ),
     )
 

@@ -8,8 +8,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.contact import acts_at_grid_nodes, may_touch_itself
 from skmpm.material import Rigid, viscosity_of
-from skmpm.scene import Contacts, Energy, Report, Scene, State, field_values, motion, prescribed_velocities
+from skmpm.scene import (
+    Contacts,
+    Energy,
+    Report,
+    Scene,
+    SceneError,
+    State,
+    field_values,
+    motion,
+    prescribed_velocities,
+)
 from skmpm.scheme import Scheme
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
@@ -22,6 +33,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """The state at t = 0, with the contacts found there."""
     check_scheme("initial", scheme)
     check_explicit("initial", scene, scheme)
+    check_cohesion("initial", scene, scheme)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
     density = np.array([b.material.density for b in scene.bodies])
@@ -61,13 +73,15 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
 
 def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
     """The contacts found at t = 0, without forces."""
-    if not can_touch(scene):
+    if not touches(scene, state, scheme):
         return state.contacts
     # The step is so short that nothing moves and the search radius of contact detection does not grow.
     grid, v = assembly_of(state).grid, state.v
     speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
     dt = 1e-9 * scene.cell / max(speed, scene.cell)
-    linearise = scheme.contact(scene, state, grid, dt, scheme.theta, prescribed_velocities(scene, 0.0, dt))
+    linearise = scheme.contact(
+        scene, state, grid, dt, scheme.theta, prescribed_velocities(scene, 0.0, dt), scheme.inertia
+    )
     found = linearise(np.zeros(2 * grid.nodes))
     no_force = np.zeros((2, found.size))
     return Contacts(found.bodies, found.x, found.normal, no_force, found.gap, found.key, found.point)
@@ -87,6 +101,15 @@ def check_explicit(name: str, scene: Scene, scheme: Scheme) -> None:
                 f"{name}: body {b} has viscosity = {viscosity_of(body.material):g} Pa s, which explicit steps do not"
                 " know; use Scheme(explicit=False) or viscosity = 0"
             )
+
+
+def check_cohesion(name: str, scene: Scene, scheme: Scheme) -> None:
+    """Raise SceneError if cohesion is requested of contacts at shared grid nodes, which have no length."""
+    if scene.cohesive and acts_at_grid_nodes(scheme.contact):
+        raise SceneError(
+            f"{name}: the scene has cohesion, which contacts at shared grid nodes do not know;"
+            " use Scheme(contact=contact.point_to_curve) or cohesion = 0"
+        )
 
 
 def initial_motion(scene: Scene) -> tuple[Array, Array]:
@@ -139,3 +162,10 @@ def fastest_wave(scene: Scene) -> float:
 def can_touch(scene: Scene) -> bool:
     """Whether the scene has a wall or more than one body."""
     return bool(scene.walls) or len(scene.bodies) > 1
+
+
+def touches(scene: Scene, state: State, scheme: Scheme) -> bool:
+    """Whether a step from this state has a contact problem: a wall, several bodies, or parts of one that may meet."""
+    if can_touch(scene) or not scene.folded(state.x).size:
+        return can_touch(scene)
+    return not acts_at_grid_nodes(scheme.contact) and may_touch_itself(scene, state)

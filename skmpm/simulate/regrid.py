@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.assembly import Assembly, prepare
 from skmpm.constraint_elimination import Elimination, eliminate
+from skmpm.contact import acts_at_grid_nodes, joined_parts
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.implicit import Bulk, StepRejected
 from skmpm.material import Rigid, bounded_modulus, determinant, inverse, product
@@ -156,6 +157,20 @@ def inward_normals(scene: Scene, x: Array) -> Array:
     if boundary.point.size:
         inward[:, boundary.point] = -outline.normals(boundary, x[:, boundary.point])
     return inward
+
+
+def check_parts_apart(scene: Scene, state: State, scheme: Scheme) -> None:
+    """Raise StepRejected if regridding has joined parts of a body that approach each other: they would stick."""
+    if np.isinf(scheme.anchor) or not scene.folded(state.x).size or acts_at_grid_nodes(scheme.contact):
+        return
+    joined = joined_parts(scene, state)
+    if joined.size:
+        raise StepRejected(
+            f"body {joined[0]}",
+            f"parts of it that approach each other share nodes of its grid, rebuilt by anchor = {scheme.anchor:g}",
+            "use a larger Scheme.anchor, or inf",
+            retryable=False,
+        )
 
 
 def derived_of(state: State) -> Derived:

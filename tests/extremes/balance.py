@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import skmpm
+import skmpm.outline
 
 ROUNDING = 1e-11  # strain: gaps of 1e-16 of the positions in cells a tenth of them, summed over some hundred nodes
 
@@ -149,9 +150,21 @@ def slip_on_walls(scene: skmpm.Scene, old: skmpm.State, new: skmpm.State) -> tup
     """Which contacts are of points on walls, and how far these slide in the step, (index, slip) [m]."""
     contacts = new.contacts
     index = np.flatnonzero((contacts.bodies[1] < 0) & (contacts.point >= 0))
-    point, wall, normal = contacts.point[index], -1 - contacts.bodies[1, index], contacts.normal[:, index]
-    moved = (new.x - old.x)[:, point] - (new.walls - old.walls)[wall].T
+    wall, normal = -1 - contacts.bodies[1, index], contacts.normal[:, index]
+    moved = displacements(scene, old, new, index) - (new.walls - old.walls)[wall].T
     return index, normal[0] * moved[1] - normal[1] * moved[0]
+
+
+def displacements(scene: skmpm.Scene, old: skmpm.State, new: skmpm.State, index: np.ndarray) -> np.ndarray:
+    """Displacements (2, k) [m] in the step of the places on smooth outlines where contacts of the new state act."""
+    boundary, contacts = scene.outlines, new.contacts
+    number = np.zeros(new.body.size, dtype=int)
+    number[boundary.point] = np.arange(boundary.size)
+    curve = skmpm.outline.curve(boundary, scene.initial_positions[:, boundary.point])
+    before, after = (curve.through(state.x[:, boundary.point]) for state in (old, new))
+    segment = number[contacts.point[index]]
+    segment, s = after.project(contacts.x[:, index], segment, np.zeros(index.size))
+    return after.at(segment, s) - before.at(segment, s)
 
 
 def behind_walls(scene: skmpm.Scene, state: skmpm.State) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from balance import ROUNDING, balance_of, behind_walls, given_forces, slip_on_walls, supports_missed, travel, value_at
-from geometry import crossings, deepest, loops_of, shared_area, shared_points
+from geometry import crossings, deepest, deepest_in_itself, loops_of, shared_area, shared_points
 from published import ends
 from scenes import Case
 
@@ -31,6 +31,7 @@ MISSED = 1e-3  # [cells] by the mean displacement of a support
 TRAVEL = 3.0  # diameters of the largest body, in a quasi-static step
 SUNK = 1e-3  # [cells] of a boundary point behind a wall that was in front of it
 DEPTH = 0.15  # [cells] of a boundary point in the polygon of another body, in stacks: 0.05 where all is well
+FOLD = 4.0  # [cells] along the outline between edges that cross: parts farther apart touch, as two bodies do
 DEPTH_COARSE = 0.5  # [cells] in those: steps are taken back by the area of a lens 0.25 deep; 0.32 seen
 OPEN = 1e-3  # [cells] gap of a contact that carries force
 STILL = (
@@ -372,15 +373,20 @@ class Watch:
             self._limit("travel", travel(self.scene, old, new), TRAVEL, new, "thrown away by a quasi-static step")
 
     def _places(self, state: skmpm.State) -> None:
-        """Bodies do not share area nor cross themselves, points are in front of the walls."""
+        """Bodies do not share area nor fold, points are in front of the walls, and of other parts of their body."""
         for wall, point in zip(self.scene.walls, state.walls, strict=True):
             depth = -float((np.asarray(wall.normal) @ (state.x - point[:, None])).min()) / self.scene.cell
             if self.case.scheme.contact is skmpm.contact.point_to_curve:
                 self._limit("behind a wall", depth, BEHIND, state, "points behind a wall [cells]")
         self._limit("overlap", state.report.overlap, OVERLAP, state, "bodies overlap")
         if self.stack:  # in the others bodies that are crushed still fold: test_parameters.py
-            crossed = [crossings(loops_of(self.scene, state, b)) for b in range(len(self.scene.bodies))]
+            loops = [loops_of(self.scene, state, b) for b in range(len(self.scene.bodies))]
+            crossed = [crossings(own, FOLD * self.scene.cell) for own in loops]
             self._limit("crossings", float(max(crossed)), 0.5, state, f"body {np.argmax(crossed)} crosses itself")
+            depth = (
+                max(deepest_in_itself(own) for own in loops if crossings(own)) if any(map(crossings, loops)) else 0.0
+            )
+            self._limit("depth in itself", depth / self.scene.cell, DEPTH, state, "a body passes through itself")
         if len(self.scene.bodies) <= MANY:
             share = shared_points(self.scene, state)
             if share > OVERLAP:  # few and large points count for more than what they share

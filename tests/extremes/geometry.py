@@ -36,8 +36,11 @@ def filled(loops: list[np.ndarray], x: np.ndarray) -> np.ndarray:
     return np.logical_xor.reduce([np.zeros(x.shape[1], dtype=bool), *(inside(loop, x) for loop in loops)])
 
 
-def crossings(loops: list[np.ndarray]) -> int:
-    """Number of pairs of edges, of one loop or of two, that cross each other at inner points of both."""
+def crossings(loops: list[np.ndarray], within: float = np.inf) -> int:
+    """Number of pairs of edges, of one loop or of two, that cross each other at inner points of both.
+
+    With `within` [m] only pairs of one loop that are closer to each other along it: folds.
+    """
     if not loops:
         return 0
     a, b = edges_of(loops)
@@ -49,7 +52,46 @@ def crossings(loops: list[np.ndarray]) -> int:
 
     first, second = (a[:, :, None], b[:, :, None]), (a[:, None], b[:, None])
     apart = side(*first, second[0]) * side(*first, second[1]) < 0.0
-    return int((apart & (side(*second, first[0]) * side(*second, first[1]) < 0.0)).sum()) // 2
+    crossed = apart & (side(*second, first[0]) * side(*second, first[1]) < 0.0)
+    return int((crossed & (np.isinf(within) | (along(loops) < within))).sum()) // 2
+
+
+def along(loops: list[np.ndarray]) -> np.ndarray:
+    """The shorter way along a loop between the starts of its edges, (edges, edges) [m]; inf between two loops."""
+    lengths = [np.hypot(*(np.roll(loop, -1, axis=1) - loop)) for loop in loops]
+    way = np.full((sum(x.size for x in lengths),) * 2, np.inf)
+    first = 0
+    for length in lengths:
+        start = np.cumsum(length) - length
+        ahead = np.abs(start[:, None] - start)
+        part = slice(first, first + length.size)
+        way[part, part] = np.minimum(ahead, length.sum() - ahead)
+        first += length.size
+    return way
+
+
+def deepest_in_itself(loops: list[np.ndarray]) -> float:
+    """How far a vertex lies inside the polygon that it belongs to, from edges three away and more, at most [m].
+
+    It does if the polygon winds around a place just outside its two edges.
+    """
+    if not loops:
+        return 0.0
+    depth, edges = 0.0, np.concatenate([[0], np.cumsum([loop.shape[1] for loop in loops])])
+    for loop, first in zip(loops, edges, strict=False):
+        edge = np.roll(loop, -1, axis=1) - loop
+        unit = edge / np.hypot(*edge)
+        both = unit + np.roll(unit, 1, axis=1)
+        outside = loop + 1e-6 * np.hypot(*edge).min() * np.stack([both[1], -both[0]])
+        for c in np.flatnonzero(filled(loops, outside)):
+            a, b = edges_of(loops)
+            near = first + (c + np.arange(-3, 3)) % loop.shape[1]
+            kept = np.setdiff1d(np.arange(a.shape[1]), near)
+            side = b[:, kept] - a[:, kept]
+            share = (side * (loop[:, [c]] - a[:, kept])).sum(axis=0) / np.square(side).sum(axis=0)
+            nearest = a[:, kept] + np.clip(share, 0.0, 1.0) * side
+            depth = max(depth, float(np.hypot(*(loop[:, [c]] - nearest)).min()))
+    return depth
 
 
 def distance(loops: list[np.ndarray], x: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import pytest
 from assemblies import Assembly, Hold, Piece, Pull, build, drawn
 from checks import Outcome, Watch
 from found import STANDS, WRONG_TODAY
-from geometry import crossings, filled
+from geometry import crossings, deepest_in_itself, filled
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 from statics import has_equilibrium
@@ -153,6 +153,13 @@ def test_polygons_are_looked_at_rightly():
     assert crossings([square]) == 0 and crossings([square, hole]) == 0
     assert crossings([square[:, [0, 1, 3, 2]]]) == 1
     assert crossings([square, hole + 0.5]) == 2
+    arms = np.array([[0.0, 4.0, 4.0, 1.0, 1.0, 4.0, 4.0, 0.0], [0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0]])
+    for lift, crossed, depth in ((0.9, 0, 0.0), (1.25, 2, 0.25)):
+        lifted = arms + np.outer([-0.3, lift], [0, 0, 1, 0, 0, 0, 0, 0])
+        fine = np.concatenate([lifted + k / 8 * (np.roll(lifted, -1, axis=1) - lifted) for k in range(8)])
+        fine = fine.reshape(8, 2, 8).transpose(1, 2, 0).reshape(2, 64)
+        assert crossings([fine]) == crossed and crossings([fine], 0.5) == 0
+        assert deepest_in_itself([fine]) == pytest.approx(depth)
     np.testing.assert_array_equal(filled([square, hole], np.array([[0.1, 0.5, 2.0], [0.1, 0.5, 0.5]])), [1, 0, 0])
 
 

@@ -75,7 +75,7 @@ def test_gaps_and_normals_of_two_discs_are_those_of_circles_to_the_sagitta_of_th
     assert rows.gap.min() == pytest.approx(gap * CELL, abs=2 * sagitta)
     assert np.abs(rows.normal - arm / distance).max() <= half / 4
     assert np.allclose(np.hypot(*rows.normal), 1.0, rtol=0, atol=1e-14)
-    assert np.array_equal(rows.x, state.x[:, rows.point])
+    assert np.hypot(*(rows.x - state.x[:, rows.point])).max() <= (half + 1e-9) * radii.max()  # half a segment
     assert np.array_equal(rows.bodies[0], state.body[rows.point])
 
 
@@ -152,14 +152,16 @@ def test_gaps_to_walls_are_distances_along_their_normals():
     scene = Scene([round_body((0, 0))], cell=CELL, walls=walls)
     rows, _ = rows_of(scene)
     x = scene.bodies[0].points.x[:, rows.point]
-    assert rows.size >= 3
+    on_boundary = (rows.x == x).all(axis=0)
+    assert rows.size >= 3 and on_boundary.sum() == rows.size - 1
+    x = rows.x  # one of them, the closest point, lies between two boundary points
     assert np.array_equal(rows.bodies, [[0] * rows.size, [-2] * rows.size])
     assert np.allclose(rows.gap, normal @ x + R + 0.05 * CELL, rtol=0, atol=1e-15)  # at the end of the step
     assert np.allclose(rows.normal, normal[:, None])
     assert np.array_equal(rows.friction, [0.7] * rows.size)
     assert np.allclose(rows.prescribed, -speed * normal[:, None])
     boundary = scene.bodies[0].points.x[:, scene.bodies[0].points.outline[0]]
-    assert rows.size == np.count_nonzero(normal @ boundary + R + 0.05 * CELL < 0.25 * CELL)
+    assert on_boundary.sum() == np.count_nonzero(normal @ boundary + R + 0.05 * CELL < 0.25 * CELL)
 
 
 def test_rigid_bodies_enter_with_their_given_velocity_and_no_unknowns():

@@ -58,10 +58,12 @@ def test_the_second_derivative_of_the_gap(seed, apart):
     assert np.abs(measured - expected).max() <= 1e-3 * size
 
 
-def test_the_compliance_is_the_inverse_of_that_derivative():
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["compression", "tension"])
+def test_the_compliance_is_the_inverse_of_that_derivative(sign):
     linearise, unknowns = linearised(pair(1.776))
     rows = linearise(np.zeros(unknowns))
     r = np.linspace(0.5, 1.0, rows.size)
+    r[1:] *= sign  # cohesive contacts may be in tension
     turns = contact_stiffness(rows, r, DT, 1.0)
     assert turns.contacts.tolist() == list(range(rows.size))
     direction = np.random.default_rng(0).standard_normal(unknowns)

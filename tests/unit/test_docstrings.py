@@ -8,7 +8,9 @@ import pytest
 import skmpm
 
 
-@pytest.mark.parametrize("kind", [skmpm.Suggestion, skmpm.Packing, skmpm.Points, skmpm.coulomb.Info])
+@pytest.mark.parametrize(
+    "kind", [skmpm.Suggestion, skmpm.Packing, skmpm.Points, skmpm.coulomb.Info, skmpm.Network, skmpm.Traction]
+)
 def test_every_field_is_described(kind):
     described = kind.__doc__.partition("Attributes\n")[2]
     assert [f.name for f in fields(kind)] == [

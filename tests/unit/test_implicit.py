@@ -45,7 +45,10 @@ def last(scene, steps=12, scheme=None):
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, friction):
-    """Normals of the first iteration instead of the last: surfaces rotate within one step, an effect of 0.1 %."""
+    """Normals of the first iteration instead of the last: surfaces rotate within one step, an effect of 0.1 %.
+
+    Gaps are compared with those of current normals: of the overlap at the start light contacts keep some.
+    """
     scene = squeezed(friction)
     expected = last(scene)
     solve = ContactProblem.solve
@@ -60,7 +63,7 @@ def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, frictio
     assert not expected.report.frozen_normals
     assert state.wall_force[:, 1] == pytest.approx(expected.wall_force[:, 1], rel=1e-2)
     assert state.report.overlap < 1e-4
-    assert state.contacts.gap.min() > -1e-4 * scene.cell
+    assert state.contacts.gap.min() > expected.contacts.gap.min() - 1e-4 * scene.cell
 
 
 def test_geometry_is_frozen_where_the_contact_solver_fails_with_geometric_stiffness(monkeypatch):
@@ -92,14 +95,14 @@ def moments(monkeypatch):
 
 
 def test_frozen_geometry_is_renewed_where_it_makes_a_moment(monkeypatch, moments):
-    """Three steps of 32 us: 0.0035 of the forces on a disc if they are not; forces on walls are the same to 1 %."""
+    """Four steps of 40 us: 0.014 of the forces on a disc if they are not; forces on walls are the same to 1 %."""
     states = []
     for most in (np.inf, frozen_geometry.MAX_FROZEN_MOMENT):
         monkeypatch.setattr("skmpm.implicit.newton.MAX_FROZEN_MOMENT", most)
-        *_, state = simulate(squeezed(0.0), dt=32e-6, until=96e-6)
+        *_, state = simulate(squeezed(0.0), dt=40e-6, until=160e-6)
         states.append(state)
-    assert max(moments[:3]) > 1.5 * frozen_geometry.MAX_FROZEN_MOMENT
-    assert len(moments) == 6 and max(moments[3:]) <= frozen_geometry.MAX_FROZEN_MOMENT
+    assert max(moments[:4]) > 1.5 * frozen_geometry.MAX_FROZEN_MOMENT
+    assert len(moments) == 8 and max(moments[4:]) <= frozen_geometry.MAX_FROZEN_MOMENT
     assert states[1].wall_force[:, 1] == pytest.approx(states[0].wall_force[:, 1], rel=1e-2)
 
 

@@ -8,6 +8,7 @@ elsewhere is not repeated here; `examples/studies/feature_cost/scenes.py` names 
 import sys
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,9 @@ from skmpm.points import Points, box, disc
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
+
+sys.path.append(str(Path(__file__).parents[1] / "verification"))
+from self_contact import rectilinear
 
 SOFT, LINEAR = NeoHookean(1e6, 0.3, 1000.0), LinearElastic(1e6, 0.3, 1000.0)
 R, CELL, DT, STEPS = 1e-3, 0.25e-3, 5e-6, 4
@@ -89,6 +93,30 @@ def test_one_body_without_walls_runs_no_function_of_contact_and_coulomb(material
     assert calls.below("skmpm.contact") > 0
     assert calls.below("skmpm.coulomb") > 0
     assert calls.below("skmpm.linear.delassus") > 0
+
+
+def fork(slot):
+    """A body of two arms, 0.75 cells thick and 2 long, over a slot of so many half cells."""
+    x = [0, 8, 8, 2, 2, 8, 8, 0]
+    y = [0, 0, 3, 3, 3 + slot, 3 + slot, 6 + slot, 6 + slot]
+    return rectilinear(np.stack([x, y], axis=1), CELL / 2)
+
+
+def test_only_bodies_that_turn_back_are_searched_for_parts_that_face_each_other():
+    """Squeezed discs never; a fork alone has a contact problem only if its arms are near enough to meet in a step."""
+    squeezed_pair = Scene(
+        [round_body(), round_body(centre=(0.31e-4, 2.018e-3))],
+        cell=CELL,
+        walls=[Wall((0, -0.983e-3), (0, 1)), Wall((0, 3.0181e-3), (0, -1), velocity=(0, -1.0))],
+    )
+    calls, states = run(squeezed_pair)
+    assert states[-1].contacts.force[0].max() > 0.0
+    assert calls["skmpm.outline.facing.facing"] == 0
+    for slot, near in ((3, True), (6, False)):
+        calls, _ = run(Scene([Body(fork(slot), SOFT)], cell=CELL))
+        assert calls["skmpm.outline.facing.facing"] > 0
+        assert (calls.named("gap_function.contacts_between_bodies") > 0) == near
+        assert calls.below("skmpm.coulomb") == 0
 
 
 def test_a_wall_out_of_reach_brings_no_compliance_and_no_solve_more_than_convergence_needs():
@@ -166,7 +194,7 @@ def test_a_linear_material_computes_its_delassus_operator_once():
     """In a whole run, all the boundary, though contacts spread; at finite strain as often as matrices are new."""
     for material, once in ((LINEAR, True), (SOFT, False)):
         calls, states = run(squeezed(material), steps=20)
-        assert np.unique(states[-1].contacts.key).size > np.unique(states[0].contacts.key).size > 0
+        assert np.unique(states[-1].contacts.point).size > np.unique(states[0].contacts.point).size > 0
         assert (calls["skmpm.linear.band.Banded.delassus"] == 1) == once
         assert calls.named("Delassus.between") >= STEPS
 

@@ -405,6 +405,6 @@ def figures(folder):
     plt.close(fig)
     return {
         "corners.png": "End states: a corner pressed into a face, squares after they met tip to tip, a disc in a"
-        " notch, a peg in a slot, heaps of twelve polygons at a nominal solid fraction of 0.9 (a body does not"
-        " touch itself: the C folds). Dots: loaded contacts."
+        " notch, a peg in a slot, heaps of twelve polygons at a nominal solid fraction of 0.9."
+        " Dots: loaded contacts."
     }

@@ -20,13 +20,14 @@ OVERLAP, GAP, SPIN, NEWTON = 5e-4, 0.05, 0.02, 3.0  # the bars: of the area, cel
 def test_discs_neither_overlap_nor_spin(friction):
     """12 discs, R/h = 5, from 0.68 to 0.85: overlap <= 0.05 %, gaps above -0.05 cell, Newton <= 3 on average.
 
-    The bars are met a hundred times over. A frictionless disc should turn by at most 0.02 rad in a step; the smallest
-    (R/h = 3.8) turn by up to 0.04, less on finer grids. Inferred, not shown: their stiffness changes as they turn
-    against their cut cells, and the pressure rotates them.
+    The bar of the overlap is met ten times over. Where a contact becomes light, its point moves to the closest point
+    of the outline and may keep an overlap there. A frictionless disc should turn by at most 0.02 rad in a step; the
+    smallest (R/h = 3.8) turn by up to 0.04, less on finer grids. Inferred, not shown: their stiffness changes as they
+    turn against their cut cells, and the pressure rotates them.
     """
     run = packings.squeeze(12, friction, 5, start=0.68, until=0.85)
     assert run.overlap.max() < OVERLAP / 2.0
-    assert run.gap.min() > -1e-3 * GAP
+    assert run.gap.min() > -GAP
     assert run.newton.mean() <= NEWTON
     assert run.newton.max() < 30
     assert run.pressure[-1] > 5e4

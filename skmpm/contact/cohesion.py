@@ -1,0 +1,129 @@
+"""Cohesion: the tension that contacts bear whose gaps at the start of a step are in range.
+
+Contact Dynamics shifts the cone of Coulomb's law by the tensile strength c l of a contact, so that r + c l dt n obeys
+the law without cohesion (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235-257; Radjai, Preechawuttipong &
+Peyroux, in: Continuous and Discontinuous Modelling of Cohesive-Frictional Materials, Springer, 2001). With a range
+delta > 0 an open gap is pulled by c as long as it is below delta: the cohesive zone of Dugdale and Maugis.
+
+The boundary in contact is divided among the contact points by the trapezoidal rule: a boundary point has half of each
+of its two segments. Where a corner of the other body ends the contact within a segment, the covered part of the
+segment is divided between the corner and the covered end, so that the lengths add up to that of the contact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.contact.constraints import lookup
+from skmpm.contact.gap_function import ContactPairs
+from skmpm.outline import Outlines
+from skmpm.scene import Scene
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+# [cells] Largest gap of a contact that counts as closed, as of bodies that may touch at the start (`scene.check`).
+# Contacts that bear less than their strength end steps with gaps below 1e-5 cells (test_cohesion).
+CLOSED_GAP = 1e-3
+
+
+def tensile_strength(scene: Scene, outlines: Outlines, start: Array, found: ContactPairs, rank: Ints) -> Array:
+    """Largest tension c l of contact pairs in a step, (k,) [N/m]; zero where the gap is out of range at its start.
+
+    c [Pa] is the cohesion of the two bodies or of the wall, and l the length of boundary that belongs to the contact
+    point at the start of the step, `start` (2, m) [m]: of the boundary of the body of lower `rank` (bodies,), which
+    gives the points.
+    """
+    second, range_ = found.bodies[1], scene.cohesion_range
+    c = np.full(second.size, float(scene.cohesion))
+    c[second < 0] = np.array([wall.cohesion for wall in scene.walls], dtype=float)[-1 - second[second < 0]]
+    acts = (c > 0.0) & (found.before <= max(range_, CLOSED_GAP * scene.cell))
+    strength = np.zeros(c.size)
+    if acts.any():
+        strength[acts] = (c * contact_length(outlines, start, found, rank, acts, range_))[acts]
+    return strength
+
+
+def opening(found: ContactPairs, strength: Array) -> Array:
+    """Change of the positive part of the gap in the step, (k,) [m]; zero for contacts that bear no tension."""
+    change = np.maximum(found.gap, 0.0) - np.maximum(found.before, 0.0)
+    return np.where(strength > 0.0, change, 0.0)
+
+
+def contact_length(
+    outlines: Outlines, x: Array, found: ContactPairs, rank: Ints, acts: Bools, range_: float
+) -> Array:
+    """Length of boundary that belongs to each contact, (k,) [m]; contacts that act at a point share its length."""
+    first, second = found.bodies
+    order = np.where(second < 0, 1, np.sign(rank[second] - rank[first]))
+    length = np.zeros((2, first.size))
+    giving = np.flatnonzero((order >= 0) & acts)
+    identity = _Identity(rank.size, -int(second.min()))
+    length[:, giving] = outline.half_segments(outlines, x, found.point[giving], found.normal[:, giving])
+    if range_ > 0.0:
+        length[:, giving] *= _in_range(outlines, x, found, giving, range_, identity)
+    length[:, order == 0] *= 0.5  # both bodies give points
+    corners = np.flatnonzero(order < 0)
+    if corners.size:
+        at, ends = identity.of(found.point, second)[giving], found.stencil[1:3, corners]
+        kept, length[0, corners] = _ends(outlines, x, found, corners)
+        for side in (0, 1):  # the segment lies ahead of its first end and behind its second
+            length[side, giving] *= lookup(identity.of(ends[side], first[corners]), kept[side], at, 1.0)
+    return np.asarray(length.sum(axis=0))
+
+
+class _Identity:
+    """Numbers for pairs of a boundary point and a body or wall that it touches."""
+
+    def __init__(self, bodies: int, walls: int) -> None:
+        self.walls = max(walls, 0)
+        self.others = bodies + self.walls
+
+    def of(self, point: Ints, other: Ints) -> Ints:
+        """One integer for each pair, (k,)."""
+        return np.asarray(point * self.others + other + self.walls)
+
+
+def _in_range(
+    outlines: Outlines, x: Array, found: ContactPairs, giving: Ints, range_: float, identity: _Identity
+) -> Array:
+    """Factors (2, k) on the half segments after and before boundary points, for segments that are partly in range.
+
+    The gap is linear along a segment. Of a segment whose other end is out of range, the part in range belongs to the
+    point. Where no contact is detected at the other end, its gap is that to the tangent plane at the point.
+    """
+    c, second, gap = found.point[giving], found.bodies[1, giving], found.before[giving]
+    known = identity.of(found.point, found.bodies[1])
+    factors = []
+    for neighbour in (outlines.next, outlines.previous):
+        edge = x[:, neighbour[c]] - x[:, c]
+        beside = gap + np.einsum("ik,ik->k", found.normal[:, giving], edge)
+        detected = lookup(known, found.before, identity.of(neighbour[c], second), np.nan)
+        end = np.where(np.isnan(detected), np.maximum(beside, range_), detected)
+        part = (range_ - gap) / np.maximum(end - gap, 1e-300)
+        factors.append(np.where(end <= range_, 1.0, 2.0 * part))
+    return np.stack(factors)
+
+
+def _ends(outlines: Outlines, x: Array, found: ContactPairs, corners: Ints) -> tuple[Array, Array]:
+    """Segments on which corners of the bodies that do not give points end their contacts.
+
+    The factors (2, k) on the ends' halves of the segments, and the lengths of the corners (k,) [m]. The end that the
+    body covers and the corner share the part between them, the other end has nothing. A blunt corner, both of whose
+    edges are in contact, covers both ends and changes nothing.
+    """
+    c, normal, stencil = found.point[corners], found.normal[:, corners], found.stencil[:, corners]
+    along = x[:, stencil[2]] - x[:, stencil[1]]
+    foot = np.einsum("mk,imk->ik", found.weights[:, corners], x[:, stencil])
+    direction = np.zeros(c.size)
+    for neighbour in (outlines.next, outlines.previous):
+        edge = x[:, neighbour[c]] - x[:, c]
+        in_contact = np.einsum("ik,ik->k", normal, edge) <= outline.TURNED_AWAY * np.hypot(*edge)
+        direction += np.where(in_contact, np.sign(np.einsum("ik,ik->k", along, edge)), 0.0)
+    covered = np.hypot(*(x[:, np.where(direction > 0.0, stencil[2], stencil[1])] - foot))
+    share = np.minimum(covered / np.maximum(np.hypot(*along), 1e-300), 1.0)
+    kept = np.stack([np.select([sign < 0.0, sign > 0.0], [share, 0.0], 1.0) for sign in (direction, -direction)])
+    return kept, np.where(direction == 0.0, 0.0, 0.5 * covered)

@@ -1,0 +1,102 @@
+"""Self-contact: parts of the outline of one body that face each other over a gap.
+
+The contact law is that between two bodies. What differs is the search. Parts of one outline face each other where
+their outward normals are opposite and each lies in front of the other: over a gap, and not through the material of a
+thin part, where each lies behind the other. Of two such parts that which comes first along the outline contributes
+the points, the other the curve; corners of both are projected.
+
+Only bodies whose outlines turn back far enough to meet themselves are searched (`outline.folded`), which convex ones
+never do. Parts that lie close together in the reference configuration move as one, since they share nodes of the
+body grid, and are no pairs (`MIN_SEPARATION`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.outline import Outlines
+from skmpm.scene import Scene, State
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+# [cells] Least distance in the reference configuration of parts that may touch. Slits of 1 and 1.5 cells with sides
+# on grid lines close with the forces of two bodies to 0.5 % (`test_self_contact`). At other positions, and where they
+# are narrower, their sides move as one: 80 and 56 times (0.5 cells) the force of two bodies in throw-away runs.
+MIN_SEPARATION = 0.75
+# [cells] and [distances in the reference configuration] Depth up to which a point behind a surface has penetrated it,
+# that of `simulate.acceptance` between bodies; deeper ones lie on the other side of a thin part.
+MAX_PENETRATION = 0.25
+# [cells] Parts closer than the first share nodes wherever they lie on the grid, parts farther apart than the second
+# do not: the support of a shape function is two cells wide.
+ALWAYS_JOINED, NEVER_JOINED = 1.0, 2.0
+# [cells] Parts farther apart cannot meet in a step, in which points move by a cell at most, within reach of contact.
+MAX_APPROACH = 2.25
+
+
+@dataclass(frozen=True)
+class SelfContact:
+    """The bodies that may touch themselves, and which of their parts."""
+
+    bodies: Ints  # deformable bodies whose outlines turn back
+    outlines: Outlines
+    reference: Array  # (2, m) boundary points in the configuration in which body grids were built [m]
+    cell: float  # [m]
+
+    @staticmethod
+    def of(scene: Scene, state: State) -> SelfContact:
+        """The bodies of a scene that may touch themselves in a step from this state."""
+        boundary = scene.outlines
+        return SelfContact(scene.folded(state.x), boundary, state.x_anchor[:, boundary.point], scene.cell)
+
+    def facing(self, x: Array, reach: float) -> tuple[Ints, Ints]:
+        """Boundary points (k,) and segments (k,) of parts that face each other within `reach` [m] at positions x.
+
+        Only those far enough apart in the reference configuration.
+        """
+        c, j = self.all_facing(x, reach)
+        apart = self.separation(c, j) > MIN_SEPARATION * self.cell
+        return c[apart], j[apart]
+
+    def all_facing(self, x: Array, reach: float) -> tuple[Ints, Ints]:
+        """The same, however close to each other in the reference configuration."""
+        if self.bodies.size == 0:
+            return self.bodies, self.bodies
+        return outline.facing(self.outlines, x, self.bodies, reach, MAX_PENETRATION * self.cell)
+
+    def across_gap(self, point: Ints, segment: Ints, gap: Array) -> Bools:
+        """Whether feet on segments (k,) of points (k,) with gaps (k,) at the start of a step are contacts.
+
+        Those on other bodies are. On the same body a foot may lie across a thin part, or have moved along the curve
+        to the point itself.
+        """
+        other = self.outlines.body[point] != self.outlines.body[segment]
+        separation = self.separation(point, segment)
+        distinct = separation > 0.5 * MIN_SEPARATION * self.cell
+        return np.asarray(other | (distinct & (gap > -MAX_PENETRATION * np.minimum(separation, self.cell))))
+
+    def separation(self, c: Ints, j: Ints) -> Array:
+        """Distances (k,) of points from segments in the reference configuration [m]."""
+        X, after = self.reference, self.outlines.next[j]
+        return outline.closest(X[:, c], X[:, j], X[:, after])[1]
+
+
+def may_touch_itself(scene: Scene, state: State) -> bool:
+    """Whether any body has parts that may meet in a step from this state."""
+    x = state.x[:, scene.outlines.point]
+    return bool(SelfContact.of(scene, state).facing(x, MAX_APPROACH * scene.cell)[0].size)
+
+
+def joined_parts(scene: Scene, state: State) -> Ints:
+    """Bodies with parts that approach each other, and were apart at t = 0, but share nodes of rebuilt body grids."""
+    now, x = SelfContact.of(scene, state), state.x[:, scene.outlines.point]
+    start = replace(now, reference=scene.initial_positions[:, scene.outlines.point])
+    c, j = now.all_facing(x, ALWAYS_JOINED * scene.cell)
+    joined = start.separation(c, j) > NEVER_JOINED * scene.cell
+    joined &= now.separation(c, j) < ALWAYS_JOINED * scene.cell
+    return np.unique(scene.outlines.body[c[joined]])

@@ -1,0 +1,147 @@
+"""`network`: the contacts of a packing, merged to pairs of bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.observe.contact_length import contact_lengths
+from skmpm.observe.network import between, force_vectors, mass_centres, pairs_of, touching
+from skmpm.scene import Scene, State, check_fits
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """The contacts of a packing by pairs of bodies that touch; `network` makes it.
+
+    A pair is two bodies, or a body and a wall. Its first body has the smaller index; walls are second. The tangent is
+    t = (-n_y, n_x), as in `State.contacts`.
+
+    Attributes
+    ----------
+    bodies : (2, k); walls are -1, -2, ...
+    normal : (2, k) unit, from the second to the first body: mean of the normals, weighted by normal force
+    force : (2, k) [N/m] on the first body, in (n, t), n positive in compression
+    length : (k,) [m] of boundary in contact; nan for contacts at grid nodes
+    centre : (2, k) [m] mean of the contact points, weighted by normal force
+    branch : (2, k) [m] from the centre of mass of the second body to that of the first; from or to `centre` for
+        walls and rigid bodies, whose motion is prescribed
+    friction : (k,) Coulomb coefficient
+    mobilised_friction : (k,) |sum T| / (mu sum N) over the contacts of the pair, each in its own frame, 0 to 1; nan
+        without friction or force, and with cohesion
+    contacts : (k,) number of contacts merged
+    """
+
+    bodies: Ints
+    normal: Array
+    force: Array
+    length: Array
+    centre: Array
+    branch: Array
+    friction: Array
+    mobilised_friction: Array
+    contacts: Ints
+
+    @property
+    def size(self) -> int:
+        """Number of pairs."""
+        return int(self.contacts.size)
+
+    @property
+    def force_xy(self) -> Array:
+        """Force on the first body in x and y, (2, k) [N/m]."""
+        n = self.normal
+        return np.asarray(self.force[0] * n + self.force[1] * np.stack([-n[1], n[0]]))
+
+    @property
+    def fabric(self) -> Array:
+        """Fabric tensor, the mean of n (x) n over the pairs, (2, 2), of trace 1; nan without pairs.
+
+        Satake, Fabric tensor in granular materials, in: Vermeer & Luger (eds.), Deformation and Failure of Granular
+        Materials, Balkema 1982, 63-68. Bodies with a single contact and walls are included.
+        """
+        n = self.normal
+        return n @ n.T / self.size if self.size else np.full((2, 2), np.nan)
+
+    def table(self) -> dict[str, NDArray[np.generic]]:
+        """Columns (k,) by name, as `pandas.DataFrame` takes them."""
+        vectors = {"normal": self.normal, "centre": self.centre, "branch": self.branch, "force": self.force_xy}
+        parts = {f"{name}_{axis}": v[i] for name, v in vectors.items() for i, axis in enumerate("xy")}
+        return {
+            "first": self.bodies[0],
+            "second": self.bodies[1],
+            "normal_force": self.force[0],
+            "tangential_force": self.force[1],
+            "length": self.length,
+            "friction": self.friction,
+            "mobilised_friction": self.mobilised_friction,
+            "contacts": self.contacts,
+            **parts,
+        }
+
+
+def network(scene: Scene, state: State) -> Network:
+    """Merge the contacts of a state to pairs of bodies, sorted by their first, then by their second body.
+
+    Bodies touch if a contact carries a force. If no contact does, as before the first step, they touch if a gap is
+    below 0.02 cells; contacts at shared grid nodes have no gap and do not count then. Contacts of a body with itself
+    are left out. The boundary of a pair that is in contact is measured as for `observe`.
+
+    Raises
+    ------
+    SceneError
+        If the state belongs to another scene.
+    """
+    check_fits(scene, state, "network")
+    contacts, boundary = state.contacts, scene.outlines
+    touch, (_, of) = touching(contacts, scene.cell) & between(contacts), pairs_of(contacts.bodies)
+    own = np.flatnonzero(np.isin(of, of[touch]))
+    bodies, of = pairs_of(contacts.bodies[:, own])
+
+    def total(values: Array) -> Array:
+        sums = [np.bincount(of, row[own], bodies.shape[1]) for row in values]
+        return np.array(sums, dtype=np.float64).reshape(len(values), -1)
+
+    components, vectors = touch * contacts.force, touch * force_vectors(contacts)
+    pressing, sliding = total(components)
+    # Contacts at points of the second body have the opposite normal and force, so the same components (n, t).
+    sign, weight = np.ones(touch.size), touch.astype(np.float64)
+    sign[own] = np.where(contacts.bodies[0, own] == bodies[0, of], 1.0, -1.0)
+    size = np.abs(components[0])
+    weight[own] *= np.where(total(size[None])[0, of] > 0.0, size[own], 1.0)  # alike without normal forces
+    normal, force = total(weight * sign * contacts.normal), total(sign * vectors)
+    normal /= np.maximum(np.hypot(*normal), np.finfo(np.float64).tiny)
+    centre = total(weight * contacts.x) / total(weight[None])
+    friction = _of_pairs(scene, "friction", bodies)
+    limit = np.where(_of_pairs(scene, "cohesion", bodies) > 0.0, 0.0, friction * pressing)
+    return Network(
+        bodies=bodies,
+        normal=normal,
+        force=np.stack([(normal * force).sum(axis=0), normal[0] * force[1] - normal[1] * force[0]]),
+        length=total(contact_lengths(contacts, boundary, state.x[:, boundary.point], scene.cell)[None])[0],
+        centre=centre,
+        branch=_ends(scene, state, bodies[0], centre) - _ends(scene, state, bodies[1], centre),
+        friction=friction,
+        mobilised_friction=np.divide(np.abs(sliding), limit, out=np.full(limit.shape, np.nan), where=limit > 0.0),
+        contacts=np.bincount(of, touch[own], bodies.shape[1]).astype(np.int64),
+    )
+
+
+def _of_pairs(scene: Scene, coefficient: str, bodies: Ints) -> Array:
+    """A coefficient, "friction" or "cohesion", of pairs of bodies (2, k), (k,)."""
+    walls = np.array([getattr(wall, coefficient) for wall in scene.walls], dtype=np.float64)
+    result = np.full(bodies.shape[1], float(getattr(scene, coefficient)))
+    on_wall = bodies[1] < 0
+    result[on_wall] = walls[-1 - bodies[1, on_wall]]
+    return result
+
+
+def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:
+    """Ends of the branches at bodies (k,): their centres of mass, or `centre` (2, k) at walls and rigid bodies."""
+    own = (body >= 0) & scene.deformable[np.maximum(body, 0)]
+    return np.where(own, mass_centres(scene, state)[:, np.maximum(body, 0)], centre)

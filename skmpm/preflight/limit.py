@@ -1,0 +1,24 @@
+"""The end of a verified range, and comparisons with it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+LIMIT_TOLERANCE = 1e-9  # relative excess over a limit that is round-off
+
+
+class Limit(NamedTuple):
+    """The end of a verified range, and the reason for it."""
+
+    value: float
+    where: str
+
+
+def above(value: float, limit: Limit) -> bool:
+    """Whether a value exceeds a limit by more than round-off."""
+    return value > limit.value * (1.0 + LIMIT_TOLERANCE)
+
+
+def below(value: float, limit: Limit) -> bool:
+    """Whether a value falls below a limit by more than round-off."""
+    return value < limit.value * (1.0 - LIMIT_TOLERANCE)
