@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 
+OPEN, STICK, SLIP_PLUS, SLIP_MINUS = range(4)  # states of a contact; r_t = +-mu r_n where it slips
+SLIP_SIGN = np.array([0.0, 0.0, 1.0, -1.0])  # sign of r_t for each state
+
 # Ratio W_tt / W_nn below which a tangential row has no response. The round-off of u_t, 1e-16 W_nn r, is
 # 1e-16 sqrt(W_nn / W_tt) in the scale of its row: below this ratio it exceeds 1e-10, the smallest tolerance in use.
 MIN_TANGENTIAL_RESPONSE = 1e-12

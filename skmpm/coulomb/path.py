@@ -16,11 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.coulomb.law import Array
+from skmpm.coulomb.law import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, Array
 from skmpm.coulomb.problem import Problem, is_sparse
 
-OPEN, STICK, SLIP_PLUS, SLIP_MINUS = range(4)  # states of a contact; r_t = +-mu r_n where it slips
-SLIP_SIGN = np.array([0.0, 0.0, 1.0, -1.0])  # sign of r_t for each state
 REGULARISATION = 1e-9  # added to diag(W~): makes pieces unique and impulses finite for redundant contacts
 ZERO_RATE = 1e-12  # rates of inequalities below this fraction of the largest are round-off
 

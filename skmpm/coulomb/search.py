@@ -9,24 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skmpm.coulomb.law import Array, clip_to_cone
-from skmpm.coulomb.newton import newton
+from skmpm.coulomb.newton import full_steps, newton
 from skmpm.coulomb.path import follow
 from skmpm.coulomb.problem import MAX_DENSE_ROWS, Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
 
-# A start with a smaller residual goes to Newton after a few sweeps, which find most contact states: 2 to 3 sparse LUs
-# for the first problem of a step instead of 6 to 12. If Newton then needs smaller steps than the third constant, more
-# sweeps follow.
-_GOOD_START_RESIDUAL, _GOOD_START_SWEEPS, _GOOD_START_MIN_STEP = 0.05, 15, 0.2
-_MIN_STEP = 0.05  # smallest fraction of a Newton step in the backtracking
-_NEWTON_GAINS = 1 / 3, 1 / 6, 1.0, 3.0  # of the natural map, in units of the largest eigenvalue of W~, tried in turn
-_MAX_ROUNDS = 2  # of sweeps followed by Newton steps; the second round doubles the sweeps
+_ROUNDS = 2  # of sweeps followed by full Newton steps; the second round doubles the sweeps
 
 # Proximal problems. The large gain weighs velocities as much as impulses where light and heavy bodies are in contact.
-_PROXIMAL_GAINS = 1 / 3, 3e4
+_PROXIMAL_GAINS = 1 / 3, 3e4  # of the natural map, in units of the largest eigenvalue of W~, tried in turn
+_MIN_STEP = 0.05  # smallest fraction of a Newton step in the backtracking
 _FIRST_WEIGHT, _MIN_WEIGHT, _MAX_WEIGHT = 1e-2, 1e-12, 1.0  # of the proximal term; diag(W~) is one
 _WEIGHT_DECREASE, _WEIGHT_INCREASE = 0.1, 30.0  # factors of the weight after success and failure of Newton's method
 _PROXIMAL_REDUCTION = 0.5  # factor by which each proximal problem must reduce the residual
-_MAX_PROXIMAL_STEPS = 30  # Newton steps per proximal problem and gain
+_MAX_PROXIMAL_STEPS = 30  # Newton steps per proximal problem
 _STALL_LIMIT = 150  # stop when this many Newton steps have not halved the residual
 _RESTART_IMPULSES = 1.0, 10.0  # in units of |q~|: normal impulses from which dense problems are started again
 
@@ -44,7 +39,7 @@ class Info:
     Attributes
     ----------
     iterations : Newton steps
-    sweeps : before them
+    sweeps : between them
     residual : of the natural map, relative to |q~| or to `reference`
     converged : whether that is within the tolerance
     bilateral : the bilateral unknowns, (m,)
@@ -73,12 +68,12 @@ def solve(
 ) -> tuple[Array, Info]:
     """Find r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws; return (r, info).
 
-    Accelerated projected gradient steps ("sweeps") find most contact states, a semismooth Newton method (Alart &
-    Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375) the others. If Newton stalls because W is singular or
-    nearly singular, proximal problems are solved. The last resort, for up to 1,500 rows, is Lemke's method: a path of
-    solutions that begins with all contacts open. It ends at a solution if some motion opens every contact by more
-    than mu |u_t|, but may be too long (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the
-    solution is explicit. The solver stops when `residual` is below tol |q~|, never on the size of an increment;
+    Full steps of a semismooth Newton method (Alart & Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375)
+    begin with the contact states of r0; if they do not converge, they begin again after accelerated projected
+    gradient steps ("sweeps"). Where these fail too, because W is singular or nearly singular, proximal problems are
+    solved. The last resort, for up to 1,500 rows, is Lemke's method: a path of solutions that begins with all
+    contacts open. It ends at a solution if some motion opens every contact by more than mu |u_t|, but may be too long
+    (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the solution is explicit. The solver stops when `residual` is below tol |q~|, never on the size of an increment;
     tangential rows of frictionless contacts do not count in q~. ``info.converged`` is False, and r the best iterate,
     if ``iterations`` Newton steps do not suffice or 150 of them do not halve the residual, and Lemke's method fails.
     The usual reason is that no solution exists (a rigid jam). If W is singular, r is one of many solutions.
@@ -91,7 +86,7 @@ def solve(
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
     r0 : like q, initial impulses [N s]
     tol : largest residual relative to |q~|, or to `reference`
-    sweeps : of the first round, from a poor start; the second round doubles them
+    sweeps : of the first round; the second round doubles them
     iterations : largest number of Newton steps; Lemke's method is not used if it is below 150, or with `bilateral`
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of |q~|, as in `residual`
@@ -134,17 +129,13 @@ def _solve(
 
 
 def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> tuple[Iterate, Info]:
-    """Newton steps from a good start, otherwise after sweeps; proximal problems and Lemke's method if they stall."""
-    best, steps, swept = start, 0, 0
-    if start.error < _GOOD_START_RESIDUAL or p.q.size <= MAX_DENSE_ROWS or p.contacts < p.q.size:
-        swept = _GOOD_START_SWEEPS if p.q.size > MAX_DENSE_ROWS and start.error > tol else 0
-        x, steps = _steps(p, _sweep(p, start, swept), tol, limit, _NEWTON_GAINS[:1], _GOOD_START_MIN_STEP)
-        best = _better(start, x)
-    x = best
-    for round_ in range(_MAX_ROUNDS):
+    """Full Newton steps, at first and after sweeps; if they fail, proximal problems and Lemke's method."""
+    best, steps = full_steps(p, start, tol, limit)
+    swept = 0
+    for round_ in range(_ROUNDS):
         if best.error > tol and steps < limit:
-            x, swept = _sweep(p, x, sweeps << round_), swept + (sweeps << round_)
-            x, count = _steps(p, x, tol, limit - steps, _NEWTON_GAINS, _MIN_STEP)
+            x, swept = _sweep(p, best, sweeps << round_), swept + (sweeps << round_)
+            x, count = full_steps(p, x, tol, limit - steps)
             best, steps = _better(best, x), steps + count
     for impulse in (None, *_RESTART_IMPULSES) if p.q.size <= MAX_DENSE_ROWS else (None,):
         if best.error > tol and steps < limit:
@@ -164,7 +155,7 @@ def _paths(p: Problem, tol: float) -> tuple[Iterate, int, int]:
         r, count, work = follow(p, seed, pieces_per_contact * p.mu.size, work)
         pieces += count
         if r is not None:
-            return *_steps(p, p.at(r), tol, _STALL_LIMIT, _NEWTON_GAINS, _MIN_STEP), pieces
+            return *full_steps(p, p.at(r), tol, _STALL_LIMIT), pieces
         if work < 0.0:
             break
     return p.at(np.zeros_like(p.q)), 0, pieces
@@ -174,17 +165,14 @@ def _better(x: Iterate, y: Iterate) -> Iterate:
     return y if y.error < x.error else x
 
 
-def _steps(
-    p: Problem, x: Iterate, tol: float, limit: int, gains: tuple[float, ...], shortest: float
-) -> tuple[Iterate, int]:
-    """Newton's method with each gain in turn until the residual is below tol; return best iterate and steps."""
-    steps = 0
-    for gain in gains:
-        if x.error <= tol or steps >= limit:
-            break
-        new, count = newton(p, x, tol, limit - steps, gain, shortest)
-        x, steps = _better(x, new), steps + count
-    return x, steps
+def _steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
+    """Full Newton steps, then damped ones with each gain in turn; return the best iterate and the number of steps."""
+    best, steps = full_steps(p, x, tol, limit)
+    for gain in _PROXIMAL_GAINS:
+        if best.error > tol and steps < limit:
+            x, count = newton(p, x, tol, limit - steps, gain, _MIN_STEP)
+            best, steps = _better(best, x), steps + count
+    return best, steps
 
 
 def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
@@ -197,9 +185,7 @@ def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, 
     mark, marked = x.error, 0
     while tol < best.error < np.inf and steps < limit and steps - marked < _STALL_LIMIT:
         near, wanted = p.near(x.r, weight), max(_PROXIMAL_REDUCTION * x.error, 0.3 * tol)
-        new, count = _steps(
-            near, near.at(x.r), wanted, min(_MAX_PROXIMAL_STEPS, limit - steps), _PROXIMAL_GAINS, _MIN_STEP
-        )
+        new, count = _steps(near, near.at(x.r), wanted, min(_MAX_PROXIMAL_STEPS, limit - steps))
         solved, steps = new.error <= wanted, steps + max(count, 1)  # 0 at the limit of round-off
         candidate = p.at(new.r)
         x = candidate if solved else _better(x, candidate)

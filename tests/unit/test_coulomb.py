@@ -204,7 +204,7 @@ def test_warm_start_takes_fewer_iterations():
     r, cold = coulomb.solve(W, q, mu, tol=1e-10)
     q = q * (1.0 + 1e-3 * np.random.default_rng(0).normal(size=q.size))
     _, warm = coulomb.solve(W, q, mu, r0=r, tol=1e-10)
-    assert warm.converged and warm.sweeps < 0.2 * cold.sweeps
+    assert warm.converged and warm.iterations == 1 < cold.iterations
     assert coulomb.solve(W, q, mu, r0=r, tol=1.0)[1] == coulomb.Info(0, 0, pytest.approx(0.0, abs=1.0), True)
 
 

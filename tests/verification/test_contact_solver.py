@@ -326,6 +326,7 @@ GROUPS = {
     "discs": "packings, R/h = 5, solid fractions 0.65 to 0.97, dt = 0.5, 5, 50 us",
     "fine": "packings, R/h = 8, solid fractions 0.80 and 0.95, dt = 5 and 50 us",
     "dense": "packings of 30 and 100 discs, solid fraction 0.80, dt = 50 and 5 us",
+    "lid": "packings under a lid that takes 1/8 cell a step, solid fraction 0.80 and 0.90, dt = 0.8 and 8 ms",
     "shared": "packings with shared-grid contact, R/h = 5 and 8",
     "nodes": "two to four boxes at one node or in a wall corner, shared nodes, R/h = 5 and 8",
     "boundaries": "the same, boundaries against outlines (W singular)",
@@ -336,17 +337,18 @@ GROUPS = {
     "bodies": "random contacts of 20 rigid bodies, friction 1.5 (W singular)",
 }
 STEPS = {  # at most so many Newton steps, from either start: about half as much again as it takes
-    "discs": 300,
-    "fine": 150,
-    "dense": 25,
-    "shared": 15,
-    "nodes": 30,
-    "boundaries": 300,
-    "block": 100,
-    "heavy": 90,
-    "ride": 90,
-    "rigid": 350,
-    "bodies": 350,
+    "discs": 80,
+    "fine": 20,
+    "dense": 15,
+    "lid": 20,
+    "shared": 6,
+    "nodes": 25,
+    "boundaries": 250,
+    "block": 20,
+    "heavy": 20,
+    "ride": 40,
+    "rigid": 40,
+    "bodies": 300,
 }
 LIBRARY = sorted(path.stem for path in FOLDER.glob("*.npz"))
 
