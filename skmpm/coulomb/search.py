@@ -1,4 +1,4 @@
-"""Solution of the contact problem: accelerated projected gradient, Newton, proximal point and Lemke's methods."""
+"""Solution of the contact problem: Newton's, accelerated projected gradient, proximal point and Lemke's methods."""
 
 from __future__ import annotations
 
@@ -8,16 +8,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.coulomb.law import Array, clip_to_cone
-from skmpm.coulomb.newton import full_steps, newton
+from skmpm.coulomb.damped import better, damped_start, damped_steps, sweep
+from skmpm.coulomb.law import Array
+from skmpm.coulomb.newton import full_steps
 from skmpm.coulomb.path import follow
-from skmpm.coulomb.problem import MAX_DENSE_ROWS, Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
+from skmpm.coulomb.problem import (
+    DAMPED_REGULARISATION,
+    MAX_DENSE_ROWS,
+    Bilateral,
+    Iterate,
+    Matrix,
+    Problem,
+    is_sparse,
+    scaled,
+    unscaled,
+)
 
-_ROUNDS = 2  # of sweeps followed by full Newton steps; the second round doubles the sweeps
+_ROUNDS = 2  # of sweeps followed by Newton steps; the second round doubles the sweeps
 
 # Proximal problems. The large gain weighs velocities as much as impulses where light and heavy bodies are in contact.
-_PROXIMAL_GAINS = 1 / 3, 3e4  # of the natural map, in units of the largest eigenvalue of W~, tried in turn
-_MIN_STEP = 0.05  # smallest fraction of a Newton step in the backtracking
+_PROXIMAL_GAINS = 1 / 3, 3e4
 _FIRST_WEIGHT, _MIN_WEIGHT, _MAX_WEIGHT = 1e-2, 1e-12, 1.0  # of the proximal term; diag(W~) is one
 _WEIGHT_DECREASE, _WEIGHT_INCREASE = 0.1, 30.0  # factors of the weight after success and failure of Newton's method
 _PROXIMAL_REDUCTION = 0.5  # factor by which each proximal problem must reduce the residual
@@ -65,6 +75,7 @@ def solve(
     iterations: int = 600,
     bilateral: Bilateral | None = None,
     reference: float | None = None,
+    damped: bool = False,
 ) -> tuple[Array, Info]:
     """Find r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws; return (r, info).
 
@@ -73,9 +84,10 @@ def solve(
     gradient steps ("sweeps"). Where these fail too, because W is singular or nearly singular, proximal problems are
     solved. The last resort, for up to 1,500 rows, is Lemke's method: a path of solutions that begins with all
     contacts open. It ends at a solution if some motion opens every contact by more than mu |u_t|, but may be too long
-    (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the solution is explicit. The solver stops when `residual` is below tol |q~|, never on the size of an increment;
-    tangential rows of frictionless contacts do not count in q~. ``info.converged`` is False, and r the best iterate,
-    if ``iterations`` Newton steps do not suffice or 150 of them do not halve the residual, and Lemke's method fails.
+    (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the solution is explicit. The solver
+    stops when `residual` is below tol |q~|, never on the size of an increment; tangential rows of frictionless
+    contacts do not count in q~. ``info.converged`` is False, and r the best iterate, if ``iterations`` Newton steps
+    do not suffice or 150 of them do not halve the residual, and Lemke's method fails.
     The usual reason is that no solution exists (a rigid jam). If W is singular, r is one of many solutions.
     Round-off, about 1e-16 |W~| |r~|, bounds the residual from below.
 
@@ -90,6 +102,7 @@ def solve(
     iterations : largest number of Newton steps; Lemke's method is not used if it is below 150, or with `bilateral`
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of |q~|, as in `residual`
+    damped : whether Newton steps are damped; of many solutions, as in quasi-static steps, r is then closer to r0
 
     Raises
     ------
@@ -102,7 +115,7 @@ def solve(
     if not q.size:
         return np.zeros_like(q), Info(0, 0, 0.0, True)
     with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
-        return _solve(W, q, mu, r0, tol, sweeps, iterations, bilateral, reference)
+        return _solve(W, q, mu, r0, tol, sweeps, iterations, bilateral, reference, damped)
 
 
 def _solve(
@@ -115,6 +128,7 @@ def _solve(
     iterations: int,
     bilateral: Bilateral | None,
     reference: float | None,
+    damped: bool,
 ) -> tuple[Array, Info]:
     """`solve` for valid arguments: in scaled variables, with the bilateral unknowns after those of the contacts."""
     k = q.size
@@ -122,29 +136,31 @@ def _solve(
         W, q = bilateral.join(W, q)
         r0 = np.concatenate([r0, np.zeros(q.size - k)])
     problem, s = scaled(W, q, mu, k, reference)
+    problem = replace(problem, shift=DAMPED_REGULARISATION) if damped else problem
     start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
-    best, info = _search(problem, start, tol, sweeps, iterations)
+    best, info = _search(problem, start, tol, sweeps, iterations, damped)
     r = unscaled(best.r[:k], best.u[:k], problem.mu, s[:k], mu)
     return r, replace(info, bilateral=best.r[k:] / s[k:])
 
 
-def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> tuple[Iterate, Info]:
-    """Full Newton steps, at first and after sweeps; if they fail, proximal problems and Lemke's method."""
-    best, steps = full_steps(p, start, tol, limit)
-    swept = 0
+def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, damped: bool) -> tuple[Iterate, Info]:
+    """Newton steps, at first and after sweeps; if they fail, proximal problems and Lemke's method."""
+    best, steps, swept = damped_start(p, start, tol, limit) if damped else (*full_steps(p, start, tol, limit), 0)
+    x = best
     for round_ in range(_ROUNDS):
         if best.error > tol and steps < limit:
-            x, swept = _sweep(p, best, sweeps << round_), swept + (sweeps << round_)
-            x, count = full_steps(p, x, tol, limit - steps)
-            best, steps = _better(best, x), steps + count
+            x, swept = sweep(p, x if damped else best, sweeps << round_), swept + (sweeps << round_)
+            newton_steps = damped_steps if damped else full_steps
+            x, count = newton_steps(p, x, tol, limit - steps)
+            best, steps = better(best, x), steps + count
     for impulse in (None, *_RESTART_IMPULSES) if p.q.size <= MAX_DENSE_ROWS else (None,):
         if best.error > tol and steps < limit:
-            x, count = _proximal(p, best if impulse is None else p.pressed(impulse), tol, limit - steps)
-            best, steps = _better(best, x), steps + count
+            x, count = _proximal(p, best if impulse is None else p.pressed(impulse), tol, limit - steps, damped)
+            best, steps = better(best, x), steps + count
     pieces = 0
     if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _MAX_PATH_ROWS:
         x, count, pieces = _paths(p, tol)
-        best, steps = _better(best, x), steps + count
+        best, steps = better(best, x), steps + count
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
 
 
@@ -161,21 +177,7 @@ def _paths(p: Problem, tol: float) -> tuple[Iterate, int, int]:
     return p.at(np.zeros_like(p.q)), 0, pieces
 
 
-def _better(x: Iterate, y: Iterate) -> Iterate:
-    return y if y.error < x.error else x
-
-
-def _steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
-    """Full Newton steps, then damped ones with each gain in turn; return the best iterate and the number of steps."""
-    best, steps = full_steps(p, x, tol, limit)
-    for gain in _PROXIMAL_GAINS:
-        if best.error > tol and steps < limit:
-            x, count = newton(p, x, tol, limit - steps, gain, _MIN_STEP)
-            best, steps = _better(best, x), steps + count
-    return best, steps
-
-
-def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
+def _proximal(p: Problem, x: Iterate, tol: float, limit: int, damped: bool) -> tuple[Iterate, int]:
     """Proximal point method (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898); return iterate and Newton steps.
 
     The matrices W + weight I are definite even if W is singular, and fixed points of the iteration are solutions. The
@@ -185,34 +187,21 @@ def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, 
     mark, marked = x.error, 0
     while tol < best.error < np.inf and steps < limit and steps - marked < _STALL_LIMIT:
         near, wanted = p.near(x.r, weight), max(_PROXIMAL_REDUCTION * x.error, 0.3 * tol)
-        new, count = _steps(near, near.at(x.r), wanted, min(_MAX_PROXIMAL_STEPS, limit - steps))
+        most, new, count = min(_MAX_PROXIMAL_STEPS, limit - steps), near.at(x.r), 0
+        if not damped:
+            new, count = full_steps(near, new, wanted, most)
+        if new.error > wanted:
+            start = new if damped else near.at(x.r)
+            tried, more = damped_steps(near, start, wanted, most - count, _PROXIMAL_GAINS)
+            new, count = better(new, tried), count + more
         solved, steps = new.error <= wanted, steps + max(count, 1)  # 0 at the limit of round-off
         candidate = p.at(new.r)
-        x = candidate if solved else _better(x, candidate)
-        best = _better(best, x)
+        x = candidate if solved else better(x, candidate)
+        best = better(best, x)
         weight = min(max(weight * (_WEIGHT_DECREASE if solved else _WEIGHT_INCREASE), _MIN_WEIGHT), _MAX_WEIGHT)
         if best.error < 0.5 * mark:
             mark, marked = best.error, steps
     return best, steps
-
-
-def _sweep(p: Problem, x: Iterate, sweeps: int) -> Iterate:
-    """Projected gradient steps with Nesterov's momentum, restarted where it opposes the gradient step.
-
-    Gradient scheme of O'Donoghue & Candes, Found. Comput. Math. 15 (2015) 715-732; one product with W per sweep.
-    """
-    r, u = y, u_y = x.r, x.u
-    theta = 1.0
-    for _ in range(sweeps):
-        r_new = np.concatenate([clip_to_cone((y - u_y / p.largest)[: p.contacts], p.mu), y[p.contacts :]])
-        u_new = p.W @ r_new + p.q
-        if (y - r_new) @ (r_new - r) > 0.0:
-            theta = 1.0
-        theta_new = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * theta**2))
-        beta, theta = (theta - 1.0) / theta_new, theta_new
-        y, u_y = r_new + beta * (r_new - r), u_new + beta * (u_new - u)
-        r, u = r_new, u_new
-    return p.at(r, u)
 
 
 def _check(W: Matrix, q: Array, mu: Array, r0: Array) -> None:

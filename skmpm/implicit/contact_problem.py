@@ -220,7 +220,8 @@ class ContactProblem:
         self.scale = contact_scale(constraints, diagonal, free, round_off, dt)
         tol, reference = self.increment.scheme.contact_tol, self.scale.reference
         options: dict[str, Any] = {} if bilateral is None else {"bilateral": bilateral, "iterations": MAX_STEPS}
-        r, info = coulomb.solve(contacts, q, constraints.friction, r0=known, tol=tol, reference=reference, **options)
+        options |= {"tol": tol, "reference": reference, "damped": not self.increment.scheme.inertia}
+        r, info = coulomb.solve(contacts, q, constraints.friction, r0=known, **options)
         self.iterations, self.solver_residual = self.iterations + info.iterations, info.residual
         self.timer.lap("contact")
         if not info.converged:
