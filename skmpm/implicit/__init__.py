@@ -17,7 +17,7 @@ motion in one iteration and do not enter the residual.
 """
 
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_problem import ContactProblem, KnownForces
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import End, Increment
@@ -30,6 +30,7 @@ __all__ = [
     "ContactProblem",
     "End",
     "Increment",
+    "KnownForces",
     "Solution",
     "StepRejected",
     "Timer",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
 from skmpm.contact.constraints import component_along
-from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.equilibrium import RigidContacts
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.frozen_geometry import force_scale
@@ -166,7 +166,7 @@ def limited(
     return np.asarray(direction - bodies.modes @ (bodies.free @ excess.T.ravel()) / increment.dt)
 
 
-def negligible(increment: Increment, contact: ContactProblem, bodies: FloatingBodies, resultants: Array) -> bool:
+def negligible(increment: Increment, contact: ContactIterate, bodies: FloatingBodies, resultants: Array) -> bool:
     """Whether resultants (3 n,) [kg m/s per m] are below `NEGLIGIBLE_RESULTANT` on every body."""
     size = np.repeat(force_scale(increment, contact)[bodies.bodies], 3)
     return bool((np.abs(resultants) <= NEGLIGIBLE_RESULTANT * size).all())

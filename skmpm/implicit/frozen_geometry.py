@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.residual import Increment
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 MAX_FROZEN_MOMENT = 2e-3
 
 
-def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None, w: Array) -> Array:
+def frozen_geometry_moment(increment: Increment, contact: ContactIterate | None, w: Array) -> Array:
     """Moment on every body due to frozen contact geometry, over radius of gyration and force scale, (bodies,).
 
     Only its excess over `newton_tol` times the largest force scale of all bodies counts, the tolerance of the
@@ -38,7 +38,7 @@ def frozen_geometry_moment(increment: Increment, contact: ContactProblem | None,
     return np.asarray(np.where(restrained, 0.0, np.maximum(excess, 0.0) / np.maximum(forces, 1e-300)))
 
 
-def _moments(contact: ContactProblem, w: Array) -> Array:
+def _moments(contact: ContactIterate, w: Array) -> Array:
     """Moments of the contact impulses, (k,) [kg m/s], due to the displacement of frozen contact points."""
     constraints, increment = contact.constraints, contact.increment
     if contact.frozen is None or contact.frozen.size == 0:
@@ -50,7 +50,7 @@ def _moments(contact: ContactProblem, w: Array) -> Array:
     return np.asarray(arm[0] * force[1] - arm[1] * force[0])
 
 
-def force_scale(increment: Increment, contact: ContactProblem) -> Array:
+def force_scale(increment: Increment, contact: ContactIterate) -> Array:
     """Half the sum of the magnitudes of contact forces and load on every deformable body, times dt, (bodies,)."""
     grid = increment.grid
     load = increment.dt * np.hypot(*grid.sums(increment.force.reshape(-1, 2).T))
@@ -59,7 +59,7 @@ def force_scale(increment: Increment, contact: ContactProblem) -> Array:
     return np.asarray(np.where(deformable, 0.5 * (load + _sums(contact, size, grid.bodies)), 0.0))
 
 
-def unmet_moment(increment: Increment, contact: ContactProblem | None, w: Array) -> list[tuple[str, str]]:
+def unmet_moment(increment: Increment, contact: ContactIterate | None, w: Array) -> list[tuple[str, str]]:
     """The body with the largest moment due to frozen contact geometry, and that moment; nothing if all are small."""
     moment = frozen_geometry_moment(increment, contact, w)
     if moment.max() <= MAX_FROZEN_MOMENT:
@@ -71,7 +71,7 @@ def unmet_moment(increment: Increment, contact: ContactProblem | None, w: Array)
     return [(f"body {np.argmax(moment)}", size)]
 
 
-def _sums(contact: ContactProblem, values: Array, bodies: int) -> Array:
+def _sums(contact: ContactIterate, values: Array, bodies: int) -> Array:
     """Sums of values (k,) of contacts over both their bodies, (bodies,)."""
     sides = (
         np.bincount(members[members >= 0], values[members >= 0], bodies) for members in contact.constraints.bodies

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, indefinite, worst_body
 from skmpm.implicit.matrix import solver_of
 from skmpm.implicit.residual import MAX_DRIFT, Increment
@@ -34,7 +34,7 @@ class Solution:
     """A converged step."""
 
     w: Array  # (2 nodes,) [m/s]
-    contact: ContactProblem | None
+    contact: ContactIterate | None
     newton: int  # iterations
     factorisations: int
     residual: float  # of the contact law at the end of the step
@@ -76,7 +76,7 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
 
 
 def needs_refactorisation(
-    increment: Increment, contact: ContactProblem | None, iteration: int, imbalance: float, before: float
+    increment: Increment, contact: ContactIterate | None, iteration: int, imbalance: float, before: float
 ) -> bool:
     """Whether the matrix must be refactorised, as one more iteration with the old one would not converge.
 
@@ -98,16 +98,13 @@ def needs_refactorisation(
 
 
 def factorise(
-    increment: Increment, contact: ContactProblem | None, configuration: Configuration, *, projected: bool
+    increment: Increment, contact: ContactIterate | None, configuration: Configuration, *, projected: bool
 ) -> tuple[Solver, bool]:
     """Factorise A, or the projected A if no modification of the exact one by `matrix.solver_of` is positive definite.
 
-    Also returns whether A is the projected one; false does not mean that the solver is for the exact A. The Delassus
-    operator of the previous solver is released first, so that only one factor is in memory.
+    Also returns whether A is the projected one; false does not mean that the solver is for the exact A.
     """
     in_contact = contact is not None and contact.constraints.size > 0
-    if contact is not None:
-        contact.delassus = None
     if not projected:
         try:
             return solver_of(increment, configuration, projected=False, in_contact=in_contact), False
@@ -119,16 +116,16 @@ def factorise(
         raise indefinite(increment.grid, error) from error
 
 
-def with_contact(increment: Increment, contact: ContactProblem, w: Array, size: float) -> tuple[Array, float, float]:
-    """Contact impulse at w (2 nodes,), residual of the contact law, and the norm of the largest term with contact."""
-    impulse, residual = contact.evaluate(w)
+def with_contact(increment: Increment, contact: ContactIterate, size: float) -> tuple[Array, float, float]:
+    """Contact impulse (2 nodes,), residual of the contact law, and the norm of the largest term with contact."""
+    impulse = contact.impulse
     round_off = contact.impulse_round_off / increment.scheme.newton_tol
-    return impulse, residual, max(size, float(np.linalg.norm(impulse)), round_off)
+    return impulse, contact.residual, max(size, float(np.linalg.norm(impulse)), round_off)
 
 
 def unmet_criteria(
     increment: Increment,
-    contact: ContactProblem | None,
+    contact: ContactIterate | None,
     out_of_balance: Array,
     imbalance: float,
     residual: float,

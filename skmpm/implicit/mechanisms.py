@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
-from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.equilibrium import LOAD_TOLERANCE, RigidContacts, describe, mechanism
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import FloatingBodies, rigid_contacts
@@ -60,19 +60,19 @@ def _carried(
     contact: ContactProblem, bodies: FloatingBodies, constraints: Constraints, contacts: RigidContacts
 ) -> bool:
     """Whether the contact forces of the previous step carry the loads, so that no linear programme is needed."""
-    if contact.key.size == 0:
+    if contact.known.key.size == 0:
         return False
-    normal, tangential = constraints.forces(constraints.impulses(contact.key, contact.force, 1.0), 1.0)
+    normal, tangential = constraints.forces(constraints.impulses(contact.known.key, contact.known.force, 1.0), 1.0)
     out_of_balance = bodies.resultant + contacts.normal.T @ normal + contacts.tangent.T @ tangential
     size = np.abs(bodies.resultant.reshape(-1, 3)).max(axis=1)
     return bool((np.abs(out_of_balance) <= LOAD_TOLERANCE * np.repeat(size, 3)).all())
 
 
 def diagnose(
-    increment: Increment, contact: ContactProblem, bodies: FloatingBodies, error: StepRejected
+    increment: Increment, contact: ContactIterate, bodies: FloatingBodies, error: StepRejected
 ) -> StepRejected:
     """The error that describes the mechanism of the last iteration's contacts, or `error` if there is none."""
-    if not bodies.loaded or not hasattr(contact, "constraints"):
+    if not bodies.loaded:
         return error
     verdict, retryable = "no equilibrium was found", increment.depends_on_dt
     return no_equilibrium(increment, bodies, contact.constraints, verdict, retryable=retryable) or error

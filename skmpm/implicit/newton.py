@@ -7,7 +7,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.implicit.acceleration import AndersonAcceleration
-from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
+from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import null_space
 from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
@@ -34,7 +35,7 @@ Array = NDArray[np.float64]
 MAX_ITERATIONS_WITH_CONTACT = 8
 
 
-def advance(increment: Increment, contact: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
+def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
     """Solve one step from the initial guess, v0 unless that inverts points (`first_velocity`).
 
     Every iteration computes the gaps at the current w and solves the contact problem on the linearised bulk. Since
@@ -44,19 +45,22 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
     StepRejected is raised after `max_newton` iterations, in a dynamic step with contacts after
     `MAX_ITERATIONS_WITH_CONTACT`, and if the contact solver or the line search fails.
     """
-    if contact is None:
+    if problem is None:
         _check_resultants(increment)
     scheme, solver, (w, configuration) = increment.scheme, kept, first_velocity(increment)
     mass, projected, before, factorisations = increment.bulk.assembly.mass, False, np.inf, 0
+    contact: ContactIterate | None = None
     acceleration, relaxation, last_impulse = AndersonAcceleration(mass), 1.0, np.zeros_like(w)
-    limit = min(MAX_ITERATIONS_WITH_CONTACT, scheme.max_newton) if contact and scheme.inertia else scheme.max_newton
+    limit = min(MAX_ITERATIONS_WITH_CONTACT, scheme.max_newton) if problem and scheme.inertia else scheme.max_newton
     for iteration in range(limit + 2):
         gradient, size = increment.gradient(w, configuration)
-        contact_impulse, residual, imbalance, satisfied = _evaluate(increment, contact, w, gradient, size)
+        contact = (contact or problem).at(w) if problem else None
+        contact_impulse, residual, imbalance, satisfied = _evaluate(increment, contact, gradient, size)
         converged = iteration > 0 and satisfied
         if converged and contact and frozen_geometry_moment(increment, contact, w).max() > MAX_FROZEN_MOMENT:
-            contact.frozen, acceleration, before = contact.current, AndersonAcceleration(mass), np.inf
-            contact_impulse, residual, imbalance, converged = _evaluate(increment, contact, w, gradient, size)
+            contact = contact.with_frozen_geometry(contact.current).at(w)
+            acceleration, before = AndersonAcceleration(mass), np.inf
+            contact_impulse, residual, imbalance, converged = _evaluate(increment, contact, gradient, size)
         if converged or (iteration == 1 and increment.one_solve and contact is None):
             final = increment.with_balanced_momentum(w, contact_impulse, last_impulse)
             if final is not None:
@@ -68,14 +72,20 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
         due = needs_refactorisation(increment, contact, iteration, imbalance, before)
         if solver is None or (due and not increment.material_response.linear):
             solver, projected = None, projected and imbalance > 0.01  # so that only one factor is in memory
+            contact = contact.without_delassus() if contact else None
             solver, projected = factorise(increment, contact, configuration, projected=projected)
             factorisations += 1
             timer.lap("factorisation")
         relaxation = RELAXATION if contact and stalled else relaxation
         if contact and contact.frozen is None and (contact.stiffness_failures > 0 or stalled):
-            contact.frozen, acceleration, relaxation = contact.constraints, AndersonAcceleration(mass), 1.0
+            contact = contact.with_frozen_geometry(contact.constraints)
+            acceleration, relaxation = AndersonAcceleration(mass), 1.0
         before = imbalance
-        direction, last_impulse = contact.solve(solver, gradient) if contact else (-solver(gradient), contact_impulse)
+        if contact:
+            found = solve(contact, solver, gradient)
+            contact, direction, last_impulse = found.contact, found.direction, found.impulse
+        else:
+            direction, last_impulse = -solver(gradient), contact_impulse
         wanted, factor = slow and not converged, 1.0 if converged else relaxation
         step = acceleration.accelerate(w, direction, factor, wanted=wanted)
         w, configuration = move(increment, w, configuration, direction, step, gradient - last_impulse, last_impulse)
@@ -86,12 +96,12 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
 
 
 def _evaluate(
-    increment: Increment, contact: ContactProblem | None, w: Array, gradient: Array, size: float
+    increment: Increment, contact: ContactIterate | None, gradient: Array, size: float
 ) -> tuple[Array, float, float, bool]:
-    """Contact impulse at w, residual of the contact law, relative out-of-balance norm; whether both are small."""
-    contact_impulse, residual = np.zeros_like(w), 0.0
+    """Contact impulse, residual of the contact law, relative out-of-balance norm; whether both are small."""
+    contact_impulse, residual = np.zeros_like(gradient), 0.0
     if contact:
-        contact_impulse, residual, size = with_contact(increment, contact, w, size)
+        contact_impulse, residual, size = with_contact(increment, contact, size)
     norm = float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse)))
     imbalance, scheme = norm / size if size > 0.0 else 0.0, increment.scheme
     return contact_impulse, residual, imbalance, imbalance <= scheme.newton_tol and residual <= scheme.gap_tol

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.floating import NEGLIGIBLE_RESULTANT, FloatingBodies, excess_cells, limited, negligible
 from skmpm.implicit.iteration import SLOW_RATE, with_contact
 from skmpm.implicit.residual import Increment
@@ -57,7 +57,7 @@ class Iterate:
     """The state of the Newton iteration."""
 
     increment: Increment
-    contact: ContactProblem
+    contact: ContactIterate
     bodies: FloatingBodies
     w: Array
     configuration: Configuration
@@ -83,9 +83,11 @@ class Iterate:
 
 def evaluate(iterate: Iterate, iteration: int) -> OutOfBalance:
     """Evaluate the out-of-balance impulses at w with the known contact impulses."""
-    increment, contact = iterate.increment, iterate.contact
+    increment = iterate.increment
     gradient, size = increment.gradient(iterate.w, iterate.configuration)
-    contact_impulse, residual, size = with_contact(increment, contact, iterate.w, size)
+    if iteration > 0:  # it begins linearised about the initial guess
+        iterate.contact = iterate.contact.at(iterate.w)
+    contact_impulse, residual, size = with_contact(increment, iterate.contact, size)
     return _out_of_balance(iterate, iteration, gradient, contact_impulse, residual, size)
 
 
@@ -149,14 +151,14 @@ def drifts_on_springs(iterate: Iterate) -> bool:
 def restart(iterate: Iterate, start: tuple[Array, Configuration], iteration: int) -> OutOfBalance:
     """Restart from the initial guess with a proximal term for the springs; the out-of-balance impulses there."""
     iterate.w, iterate.configuration = start
-    iterate.contact.frozen = None
+    iterate.contact = iterate.contact.with_frozen_geometry(None)
     return _replace_springs(iterate, evaluate(iterate, iteration))
 
 
 def _replace_springs(iterate: Iterate, balance: OutOfBalance) -> OutOfBalance:
     """Replace the springs by a proximal term about w, without frozen geometry; the out-of-balance impulses then."""
-    iterate.solver = iterate.contact.delassus = iterate.contact.frozen = None
-    iterate.contact.stiffness_failures = 0
+    iterate.solver = None
+    iterate.contact = iterate.contact.without_delassus().with_frozen_geometry(None)
     return _set_centre(iterate, balance, iterate.w)
 
 
@@ -178,7 +180,7 @@ def _move_centre(iterate: Iterate, balance: OutOfBalance) -> OutOfBalance:
     """
     increment, w = iterate.increment, iterate.w
     iterate.outer_iterations += 1
-    iterate.contact.frozen, iterate.contact.stiffness_failures = None, 0
+    iterate.contact = iterate.contact.with_frozen_geometry(None)
     shift = w - increment.inertial_velocity
     accelerated = iterate.outer_iterations > 2 and not _small_resultants(iterate, iterate.proximal_impulse)
     step, _ = iterate.centre_acceleration.accelerate(increment.inertial_velocity, shift, 1.0, wanted=accelerated)

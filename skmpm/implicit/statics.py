@@ -13,9 +13,9 @@ from skmpm.implicit import newton
 from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import (
-    FloatingBodies,
     check_step_motion,
     floating_bodies,
     limited,
@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 INNER_ITERATIONS = 8  # with one proximal centre, before a stalled iteration freezes the contact geometry
 
 
-def advance(increment: Increment, contact: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
+def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
     """Solve one step; by `newton.advance` unless it is quasi-static with floating bodies and contacts.
 
     Raises
@@ -61,36 +61,30 @@ def advance(increment: Increment, contact: ContactProblem | None, kept: Solver |
         if there is no equilibrium, which limit analysis finds before the first iteration as far as it can, or if none
         is found
     """
-    if contact is None or not increment.floating.any():
-        return newton.advance(increment, contact, kept, timer)
-    constraints = contact.linearise(increment.prescribed_only())
+    if problem is None or not increment.floating.any():
+        return newton.advance(increment, problem, kept, timer)
+    constraints = problem.linearise(increment.prescribed_only())
     bodies = floating_bodies(increment, constraints)
-    guess = rigid_initial_guess(increment, contact, bodies, constraints)
-    try:
-        start = first_velocity(increment) if guess is None else (guess, increment.at(guess))
-        return _newton(increment, contact, bodies, start, kept, timer)
-    except StepRejected as error:
-        raise diagnose(increment, contact, bodies, error) from error
-
-
-def _newton(
-    increment: Increment,
-    contact: ContactProblem,
-    bodies: FloatingBodies,
-    start: tuple[Array, Configuration],
-    kept: Solver | None,
-    timer: Timer,
-) -> Solution:
-    """Newton's method from a velocity and its configuration."""
+    guess = rigid_initial_guess(increment, problem, bodies, constraints)
+    start = first_velocity(increment) if guess is None else (guess, increment.at(guess))
     inner, outer = (AndersonAcceleration(increment.bulk.assembly.mass) for _ in range(2))
-    iterate = Iterate(increment, contact, bodies, *start, kept, inner, outer)
+    iterate = Iterate(increment, problem.at(start[0]), bodies, *start, kept, inner, outer)
+    try:
+        return _newton(iterate, start, timer)
+    except StepRejected as error:
+        raise diagnose(increment, iterate.contact, bodies, error) from error
+
+
+def _newton(iterate: Iterate, start: tuple[Array, Configuration], timer: Timer) -> Solution:
+    """Newton's method from the initial guess, a velocity and its configuration."""
+    increment, bodies = iterate.increment, iterate.bodies
     for iteration in range(increment.scheme.max_newton + 1):
         balance = evaluate(iterate, iteration)
         if drifts_on_springs(iterate):
             balance = restart(iterate, start, iteration)
         check_step_motion(increment, bodies, iterate.w)
         if converged(iterate, balance):
-            if frozen_geometry_moment(iterate.increment, contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
+            if frozen_geometry_moment(iterate.increment, iterate.contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
                 return _solution(iterate, balance)
             balance = _renew_geometry(iterate, iteration)
             if converged(iterate, balance):
@@ -110,7 +104,7 @@ def _unmet(iterate: Iterate, balance: OutOfBalance) -> list[tuple[str, str]]:
 
 def _renew_geometry(iterate: Iterate, iteration: int) -> OutOfBalance:
     """Freeze the contact geometry at w instead of the previous one; the out-of-balance impulses with it."""
-    iterate.contact.frozen = iterate.contact.current
+    iterate.contact = iterate.contact.with_frozen_geometry(iterate.contact.current)
     iterate.restart_acceleration()
     iterate.before = np.inf
     return evaluate(iterate, iteration)
@@ -135,23 +129,27 @@ def _solution(iterate: Iterate, balance: OutOfBalance) -> Solution:
 
 def _iterate(iterate: Iterate, balance: OutOfBalance, timer: Timer) -> None:
     """One Newton iteration."""
-    increment, contact = iterate.increment, iterate.contact
+    increment = iterate.increment
     slow, stalls = balance.relative > SLOW_RATE * iterate.before, balance.relative > STALLED_RATE * iterate.before
     patience = 2 if increment.proximal is None else INNER_ITERATIONS
     stalled = stalls and balance.iteration > iterate.centre_iteration + patience
-    due = needs_refactorisation(increment, contact, balance.iteration, balance.relative, iterate.before)
+    due = needs_refactorisation(increment, iterate.contact, balance.iteration, balance.relative, iterate.before)
     if iterate.solver is None or (due and not increment.material_response.linear):
         iterate.solver, projected = None, iterate.projected and balance.relative > 0.01
-        iterate.solver, iterate.projected = factorise(increment, contact, iterate.configuration, projected=projected)
+        iterate.contact = iterate.contact.without_delassus()
+        found = factorise(increment, iterate.contact, iterate.configuration, projected=projected)
+        iterate.solver, iterate.projected = found
         iterate.factorisations += 1
         timer.lap("factorisation")
     iterate.relaxation = RELAXATION if stalled else iterate.relaxation
+    contact = iterate.contact
     if contact.frozen is None and (contact.stiffness_failures > 0 or stalled):
-        contact.frozen, iterate.relaxation = contact.constraints, 1.0
+        contact, iterate.relaxation = contact.with_frozen_geometry(contact.constraints), 1.0
         iterate.restart_acceleration()
     first = increment.proximal is not None and balance.iteration == iterate.centre_iteration
     iterate.before = np.inf if first else balance.relative
-    direction, contact_impulse = contact.solve(iterate.solver, balance.gradient)
+    solved = solve(contact, iterate.solver, balance.gradient)
+    iterate.contact, direction, contact_impulse = solved.contact, solved.direction, solved.impulse
     step, accelerated = iterate.acceleration.accelerate(iterate.w, direction, iterate.relaxation, wanted=slow)
     direction = limited(increment, iterate.bodies, iterate.w, direction)
     step = limited(increment, iterate.bodies, iterate.w, step) if accelerated else direction

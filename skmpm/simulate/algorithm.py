@@ -7,7 +7,7 @@ from numbers import Real
 
 import numpy as np
 
-from skmpm.implicit import ContactProblem, Increment, StepRejected, Timer, advance
+from skmpm.implicit import ContactProblem, Increment, KnownForces, StepRejected, Timer, advance
 from skmpm.implicit.errors import SMALLER
 from skmpm.linear import Delassus, one_thread
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
@@ -97,9 +97,8 @@ def _contact_problem(
         return None
     linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions, scheme.inertia)
     timer.lap("detection")
-    return ContactProblem(
-        linearise, increment, contacts.key, contacts.force, timer, supported=scene.supporting >= 0, delassus=delassus
-    )
+    known = KnownForces(contacts.key, contacts.force)
+    return ContactProblem(linearise, increment, known, timer, supported=scene.supporting >= 0, delassus=delassus)
 
 
 def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:

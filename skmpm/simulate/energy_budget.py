@@ -73,7 +73,7 @@ def budget_of(
         external -= float(r @ constraints.prescribed_components)  # the work of walls and rigid bodies
         push_out = float(constraints.forces(r, increment.dt)[0] @ constraints.pushed_out)
         cohesion = -float(constraints.tensile_strength @ constraints.opening)
-        rounding += float(bulk.assembly.mass.sum()) * solution.contact.speed_round_off**2
+        rounding += float(bulk.assembly.mass.sum()) * solution.contact.problem.speed_round_off**2
         lifted = constraints.lifted(r, increment.dt)
         tolerated = (
             float(np.maximum((lifted * u).reshape(constraints.size, -1).sum(axis=1), 0.0).sum())

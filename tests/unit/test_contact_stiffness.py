@@ -143,7 +143,7 @@ def test_newton_takes_half_the_iterations(monkeypatch):
         return np.mean([state.report.newton for state in states])
 
     consistent = iterations()
-    contact = import_module("skmpm.implicit.contact_problem")
+    contact = import_module("skmpm.implicit.contact_solve")
     monkeypatch.setattr(contact, "contact_stiffness", lambda *arguments: None)
     assert consistent < 0.8 * iterations()
 

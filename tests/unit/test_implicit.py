@@ -24,7 +24,7 @@ from skmpm import (
     simulate,
     step,
 )
-from skmpm.implicit import Bulk, ContactProblem, Increment, contact_problem, frozen_geometry
+from skmpm.implicit import Bulk, Increment, contact_solve, frozen_geometry
 from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.matrix import solver_of
 
@@ -43,6 +43,16 @@ def last(scene, steps=12, scheme=None):
     return state
 
 
+def failing_stiffness(monkeypatch):
+    """Let contact solves of dynamic steps report that they failed with geometric stiffness."""
+    newton, solve = import_module("skmpm.implicit.newton"), contact_solve.solve
+
+    def failing(contact, solver, gradient):
+        return solve(replace(contact, stiffness_failures=1), solver, gradient)
+
+    monkeypatch.setattr(newton, "solve", failing)
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, friction):
     """Normals of the first iteration instead of the last: surfaces rotate within one step, an effect of 0.1 %.
@@ -51,13 +61,7 @@ def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, frictio
     """
     scene = squeezed(friction)
     expected = last(scene)
-    solve = ContactProblem.solve
-
-    def failing(contacts, solver, gradient):
-        contacts.stiffness_failures = 1
-        return solve(contacts, solver, gradient)
-
-    monkeypatch.setattr(ContactProblem, "solve", failing)
+    failing_stiffness(monkeypatch)
     state = last(scene)
     assert state.report.frozen_normals
     assert not expected.report.frozen_normals
@@ -68,28 +72,42 @@ def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, frictio
 
 def test_geometry_is_frozen_where_the_contact_solver_fails_with_geometric_stiffness(monkeypatch):
     """Without iterations for the stiffness the step still converges, and is reported with frozen normals."""
-    monkeypatch.setattr(contact_problem, "MAX_STEPS", 0)
+    monkeypatch.setattr(contact_solve, "MAX_STEPS", 0)
     state = last(squeezed(0.0))
     assert state.report.frozen_normals
     assert state.report.residual < Scheme().gap_tol
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_contact_solve_leaves_the_iterate_as_it_is(monkeypatch, friction):
+    """Solved twice, an iterate gives the same direction and impulses bit for bit, and keeps its own."""
+    newton, calls = import_module("skmpm.implicit.newton"), []
+
+    def twice(contact, solver, gradient):
+        r, delassus, key = contact.r.copy(), contact.delassus, contact.known.key
+        found, again = (contact_solve.solve(contact, solver, gradient) for _ in range(2))
+        assert np.array_equal(found.direction, again.direction) and np.array_equal(found.contact.r, again.contact.r)
+        assert np.array_equal(contact.r, r) and contact.delassus is delassus and contact.known.key is key
+        calls.append(found.contact.r.any() and not np.array_equal(found.contact.r, r))
+        return found
+
+    monkeypatch.setattr(newton, "solve", twice)
+    last(squeezed(friction))
+    assert any(calls)
+
+
 @pytest.fixture
 def moments(monkeypatch):
     """Contact geometry frozen in every step; the largest moment that it makes in each solved step."""
-    newton, solve, found = import_module("skmpm.implicit.newton"), ContactProblem.solve, []
+    newton, found = import_module("skmpm.implicit.newton"), []
     advance = newton.advance
 
-    def failing(contacts, solver, gradient):
-        contacts.stiffness_failures = 1
-        return solve(contacts, solver, gradient)
-
-    def recorded(increment, contact, kept, timer):
-        solution = advance(increment, contact, kept, timer)
-        found.append(frozen_geometry.frozen_geometry_moment(increment, contact, solution.w).max())
+    def recorded(increment, problem, kept, timer):
+        solution = advance(increment, problem, kept, timer)
+        found.append(frozen_geometry.frozen_geometry_moment(increment, solution.contact, solution.w).max())
         return solution
 
-    monkeypatch.setattr(ContactProblem, "solve", failing)
+    failing_stiffness(monkeypatch)
     monkeypatch.setattr(newton, "advance", recorded)
     return found
 

@@ -1,0 +1,183 @@
+"""Solution of the contact problem on the linearised bulk: Newton direction and contact impulses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm import coulomb
+from skmpm.implicit.candidate_contacts import check_response
+from skmpm.implicit.contact_problem import ContactIterate, KnownForces
+from skmpm.implicit.contact_scale import ContactScale, contact_scale
+from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness
+from skmpm.implicit.errors import StepRejected, pair
+from skmpm.linear import Delassus, Solver
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Largest share of the quadratic form of A along a Newton direction that the geometric stiffness of contact may
+# cancel: with the impulses of the previous step, and with those of an earlier iteration of this one.
+MAX_SOFTENING_FIRST, MAX_SOFTENING = 0.5, 0.95
+# Iterations of the contact solver with geometric stiffness: one to six are usual, near a limit point a hundred.
+MAX_STEPS = 12
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A Newton direction, the contact impulse that belongs to it, and the contact problem with its impulses."""
+
+    contact: ContactIterate
+    direction: Array  # (2 nodes,) [m/s]
+    impulse: Array  # (2 nodes,) [kg m/s per m], with that of the geometric stiffness
+
+
+def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction:
+    """Newton direction with impulses that satisfy the contact law on the linearised bulk.
+
+    u = u(w) + H [A^-1 (theta H^T r - gradient)] + W (r_new - r).
+    """
+    constraints, increment, timer = contact.constraints, contact.increment, contact.problem.timer
+    if constraints.size == 0:
+        return Direction(contact, -solver(gradient), contact.impulse)
+    geometric, scheme = None, increment.scheme
+    if contact.frozen is None and not scheme.explicit:  # contacts hardly rotate in an explicit step
+        geometric = contact_stiffness(constraints, contact.r, increment.dt, scheme.theta)
+    known_increment = constraints.at_contact_points(solver(contact.impulse - gradient))
+    timer.lap("linear")
+    W, delassus = _delassus_matrix(contact, solver, geometric)
+    timer.lap("delassus")
+    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, known_increment)
+    found = linearised.with_stiffness(geometric)
+    timer.lap("linear")
+    return found
+
+
+def _delassus_matrix(
+    contact: ContactIterate, solver: Solver, geometric: ContactStiffness | None
+) -> tuple[sp.csr_array, Delassus]:
+    """W = theta H A^-1 H^T of the contacts, extended by the rows and columns of the geometric stiffness.
+
+    Also returns the Delassus operator with the columns computed so far.
+    """
+    constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
+    if delassus is None:
+        reused = increment.material_response.linear and increment.scheme.anchor > 0.0
+        reused &= solver.name != "amg"  # needs a solve per contact point: only for those in contact
+        delassus = Delassus.of(solver, constraints.base, _owners(contact), whole=reused)
+    left = right = constraints.D
+    if geometric is not None:
+        left, right = (
+            sp.csr_array(sp.vstack([left, rows], format="csr")) for rows in (geometric.Z, geometric.acting)
+        )
+    W, delassus = delassus.between(left, right)
+    return increment.scheme.theta * W, delassus
+
+
+def _owners(contact: ContactIterate) -> Ints:
+    """The bodies of the contact points, (m,); 0 for those of rigid bodies, which are not used."""
+    base, grid = contact.constraints.base, contact.increment.grid
+    owner = np.zeros(base.shape[0], dtype=np.int64)
+    deformable = np.flatnonzero(np.diff(base.indptr))
+    owner[deformable] = grid.node_body[base.indices[base.indptr[deformable]]]
+    return owner
+
+
+@dataclass(frozen=True)
+class _Impulses:
+    """The result of the contact solver."""
+
+    r: Array
+    rho: Array  # of the geometric stiffness
+    scale: ContactScale
+    iterations: int
+    residual: float
+    worst: int | None  # the contact with the largest residual, if the solver did not converge
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    """The contact problem on the bulk linearised at an iterate."""
+
+    contact: ContactIterate
+    solver: Solver
+    gradient: Array  # (2 nodes,)
+    W: sp.csr_array  # of contacts, then of the geometric stiffness
+    known_increment: Array  # (2 m,) velocity increment of the contact points under the known impulses
+
+    def with_stiffness(self, geometric: ContactStiffness | None) -> Direction:
+        """The direction with the geometric stiffness of contact, or without it if it is not usable.
+
+        The geometric stiffness is indefinite. Where it cancels most of the quadratic form of A along the direction,
+        the contacts are near a limit point (`contact_stiffness`) and the direction is far too long.
+        """
+        if geometric is None:
+            return self.without_stiffness(0, 0)
+        found = self._impulses(geometric)
+        if found.worst is not None:
+            return self.without_stiffness(found.iterations, 1)
+        contact, constraints = self.contact, self.contact.constraints
+        theta = contact.increment.scheme.theta
+        impulse = theta * constraints.at_nodes(constraints.D.T @ found.r + geometric.acting.T @ found.rho)
+        direction = self.solver(impulse - self.gradient)
+        softening = theta * float((geometric.Z @ constraints.at_contact_points(direction)) @ found.rho)
+        largest = MAX_SOFTENING_FIRST if contact.known.normal is None else MAX_SOFTENING
+        if softening > largest * float(direction @ (impulse - self.gradient)):
+            return self.without_stiffness(found.iterations, 0)
+        r = geometric.rotated_impulses(found.r, found.rho) if constraints.tangential else found.r
+        return Direction(self._after(r, found.scale, found.iterations, 0), direction, impulse)
+
+    def without_stiffness(self, iterations: int, failures: int) -> Direction:
+        """The direction without the geometric stiffness, after iterations and failures of the solver with it."""
+        found, constraints = self._impulses(None), self.contact.constraints
+        if found.worst is not None:
+            raise StepRejected(
+                pair(constraints.bodies[:, found.worst]),
+                f"the contact solver did not converge for {constraints.size} contacts: residual"
+                f" {found.residual:.2g} (tolerance {self.contact.increment.scheme.contact_tol:g}) here",
+            )
+        contact = self._after(found.r, found.scale, iterations + found.iterations, failures)
+        return Direction(contact, self.solver(contact.impulse - self.gradient), contact.impulse)
+
+    def _after(self, r: Array, scale: ContactScale, iterations: int, failures: int) -> ContactIterate:
+        """The contact problem with the impulses of the solve, which are known from now on."""
+        contact, constraints = self.contact, self.contact.constraints
+        force = constraints.forces(r, contact.increment.dt)
+        return replace(
+            contact,
+            r=r,
+            known=KnownForces(constraints.key, force, constraints.normal, scale),
+            iterations=contact.iterations + iterations,
+            stiffness_failures=contact.stiffness_failures + failures,
+        )
+
+    def _impulses(self, geometric: ContactStiffness | None) -> _Impulses:
+        """The new impulses and those of the geometric stiffness."""
+        contact, constraints, W = self.contact, self.contact.constraints, self.W
+        increment, known = contact.increment, contact.lifted
+        scheme, k = increment.scheme, known.size
+        contacts = W[:k, :k]
+        q = contact.u + constraints.D @ self.known_increment - contacts @ known
+        options: dict[str, Any] = {}
+        if geometric is not None:
+            p = geometric.Z @ self.known_increment - W[k:, :k] @ known
+            bilateral = coulomb.Bilateral(W[k:, :k], W[k:, k:] + geometric.compliance, p, W[:k, k:])
+            options = {"bilateral": bilateral, "iterations": MAX_STEPS}
+        diagonal = contacts.diagonal()
+        check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], increment.supports)
+        free = q + contacts @ (known - contact.r) if constraints.cohesive else q
+        round_off = contact.problem.speed_round_off / scheme.gap_tol
+        scale = contact_scale(constraints, diagonal, free, round_off, increment.dt)
+        options |= {"tol": scheme.contact_tol, "reference": scale.reference, "damped": not scheme.inertia}
+        r, info = coulomb.solve(contacts, q, constraints.friction, r0=known, **options)
+        contact.problem.timer.lap("contact")
+        worst = None
+        if not info.converged:
+            residuals = coulomb.residuals(r, contacts @ r + q, constraints.friction, diagonal)
+            worst = int(np.argmax(residuals))
+        lowered = constraints.lowered(r, increment.dt)
+        return _Impulses(lowered, info.bilateral, scale, info.iterations, info.residual, worst)
