@@ -4,11 +4,12 @@ A square and a disc lie on a grid of cells h = 1/6 of their width, off its lines
 Their points are regular, jittered or thrown at random. Errors are relative to the uniform field.
 """
 
+import re
 from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, reject, settings
 from hypothesis import strategies as st
 from ledger import Row, numbers
 from skfem import MeshQuad
@@ -22,6 +23,7 @@ from skmpm import (
     NeoHookean,
     Scene,
     Scheme,
+    StepFailed,
     Support,
     box,
     disc,
@@ -271,9 +273,18 @@ def carried_errors(law, seed):
 @pytest.mark.parametrize("law", LAWS)
 @settings(max_examples=10)
 @given(seed=st.integers(0, 2**32 - 1))
+@example(seed=129132)  # is refused
 def test_a_cloud_carried_by_two_of_its_points_moves_rigidly(law, seed):
-    """To 1e-8, Newton's tolerance of 1e-10 times the softest modes of clouds of 50 points in up to 16 cells."""
-    assert max(carried_errors(law, seed)) < 1e-8
+    """To 1e-8, Newton's tolerance of 1e-10 times the softest modes of clouds of 50 points in up to 16 cells.
+
+    One cloud in 250 is refused, since too many of its cells hold one point; that must be what the error says.
+    """
+    try:
+        errors = carried_errors(law, seed)
+    except StepFailed as refused:
+        assert re.search(r"\d of its \d+ cells hold one point, which leaves motions without stiffness", str(refused))
+        reject()
+    assert max(errors) < 1e-8
 
 
 # The table and the figure.
