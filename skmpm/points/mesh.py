@@ -19,6 +19,8 @@ BOUNDARY_RULES = {3: (1 / 40, 1 / 15, 9 / 40), 4: (1 / 36, 4 / 36, 16 / 36)}
 CORNERS = {"triangle": 3, "quad": 4}
 NOT_AREAS = ("vertex", "line", "line3")
 HIGHEST = 19  # degree of the last rule that scikit-fem has for triangles; its weights are positive
+# Boundaries that turn by less from edge to edge are smooth: circles of twelve edges and more.
+SMOOTH_COSINE = np.cos(np.deg2rad(30.5))
 
 
 def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
@@ -26,7 +28,9 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
 
     Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
     rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of boundary
-    corners and midpoints are the outline, the largest first. The volumes add up to the area of the mesh. A mesh of
+    corners and midpoints are the outline, the largest first. Midpoints lie on the chord where the boundary turns by
+    30 degrees or more at an end of the edge, else on a smooth curve through the corners: with midpoints on chords a
+    round body would roll as a polygon. The volumes add up to the area of the outlines. A mesh of
     several parts is not split: call this once per part. Polygons of eight and more sides have a smooth outline: see
     `Points`.
 
@@ -67,6 +71,10 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     used = weight > 0
     number = np.cumsum(used) - 1
     loops = _loops(ends[:, outer], middle[outer], nodes)
+    for loop in loops:
+        bulge, area = _bulges(nodes[:, loop[::2]])
+        sites[:, loop[1::2]] += bulge
+        weight[loop[1::2]] += area
     loops.sort(key=lambda loop: -abs(signed_area(sites[:, loop])))
     x = np.concatenate((sites[:, used], *(x for x, _ in inner)), axis=1)
     volume = np.concatenate((weight[used], *(v for _, v in inner)))
@@ -157,6 +165,23 @@ def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
     N = np.array((one - eta, xi, eta) if triangles else (one * (1 - eta), xi * (1 - eta), xi * eta, one * eta))
     x: Floats = np.einsum("ikc,kq->icq", corners, N).reshape(2, -1)
     return x, (np.einsum("kc,kq->cq", _corner_jacobians(corners), N) * W).ravel()
+
+
+def _bulges(x: Floats) -> tuple[Floats, Floats]:
+    """From midpoints of edges to a smooth curve through the corners x (2, m) of a loop, (2, m); areas added, (m,).
+
+    Tangents at corners are those of parabolas through three corners; Hermite's cubic is off the chord by
+    (T_1 - T_2) l / 8 in the middle. Areas are those of the triangles between edge and midpoint.
+    """
+    edge = np.roll(x, -1, axis=1) - x
+    length = np.hypot(*edge)
+    along, before = edge / length, np.roll(edge / length, 1, axis=1)
+    share = length / (length + np.roll(length, 1))
+    smooth = (along * before).sum(axis=0) > SMOOTH_COSINE
+    tangent = (1.0 - share) * along + share * before
+    turn = np.where(smooth & np.roll(smooth, -1), tangent - np.roll(tangent, -1, axis=1), 0.0)
+    bulge = length / 8.0 * turn
+    return bulge, 0.5 * (bulge[0] * edge[1] - bulge[1] * edge[0])
 
 
 def _loops(ends: Integers, middle: Integers, nodes: Floats) -> list[Integers]:

@@ -152,7 +152,7 @@ def test_bad_arguments_are_named(make, name):
 
 
 MESHES = {
-    "triangles": lambda: meshed(skfem.MeshTri.init_circle(3)),
+    "triangles": lambda: meshed(skfem.MeshTri.init_lshaped().refined(2)),
     "quads": lambda: meshed(skfem.MeshQuad.init_tensor(np.linspace(0, 2, 6) ** 2, np.linspace(0, 1, 5))),
     "mixed": mixed,
     "triangles with a hole": lambda: ring("triangle"),
@@ -186,9 +186,39 @@ def test_mesh_rule_is_exact_to_degree_two(name, order):
     assert check(points) is None
 
 
-@pytest.mark.parametrize("name", MESHES)
+def round_mesh(edges, x_to_y=1.0):
+    """Triangles round the centre of an ellipse."""
+    angle = np.linspace(0.0, 2.0 * np.pi, edges, endpoint=False)
+    rim = [x_to_y * np.cos(angle), np.sin(angle)]
+    triangles = [[0, 1 + i, 1 + (i + 1) % edges] for i in range(edges)]
+    return mesh_of(("triangle", triangles), points=np.concatenate([np.zeros((2, 1)), rim], axis=1))
+
+
+@pytest.mark.parametrize(("edges", "x_to_y"), [(16, 1.0), (64, 1.0), (64, 1.5)])
+def test_midpoints_of_a_round_mesh_lie_on_its_curve(edges, x_to_y):
+    """Off the ellipse by a hundredth of what chords are; area and moments are the ellipse's, not the polygon's."""
+    points = from_mesh(round_mesh(edges, x_to_y))
+    (rim,) = points.outline
+    off = np.hypot(points.x[0, rim] / x_to_y, points.x[1, rim]) - 1.0
+    chord = 1.0 - np.cos(np.pi / edges)
+    assert np.abs(off).max() < 0.03 * chord
+    missing = 1.0 - points.volume.sum() / (np.pi * x_to_y)
+    assert 0.0 < missing < 0.3 * (1.0 - np.sin(2.0 * np.pi / edges) / (2.0 * np.pi / edges))
+
+
+@pytest.mark.parametrize("edges", [3, 4, 6, 8, 10])
+def test_midpoints_of_a_polygon_lie_on_its_sides(edges):
+    points = from_mesh(round_mesh(edges))
+    (rim,) = points.outline
+    corners = points.x[:, rim[::2]]
+    np.testing.assert_allclose(
+        points.x[:, rim[1::2]], 0.5 * (corners + np.roll(corners, -1, axis=1)), rtol=0, atol=1e-15
+    )
+
+
+@pytest.mark.parametrize("name", [*MESHES, "round"])
 def test_mesh_points_are_distinct_and_the_outline_encloses_the_area(name):
-    points = from_mesh(MESHES[name]())
+    points = from_mesh(round_mesh(64) if name == "round" else MESHES[name]())
     assert np.unique(points.x.round(12), axis=1).shape[1] == points.size
     area = sum(polygon_area(points.x[:, loop]) for loop in points.outline)
     assert area == pytest.approx(points.volume.sum(), rel=1e-13)

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 from ledger import Row, numbers
+from placements import at_random
 from scipy.integrate import solve_ivp
 
 from skmpm import linear
@@ -25,17 +26,8 @@ SOLVERS = {"banded": linear.banded, "amg": linear.amg}
 CASES, CHAINS = 20, 20  # of the table
 
 
-@dataclass(frozen=True)
-class PointSet:
-    """How the line of centres lies on the grid."""
-
-    turn: float  # against the x axis [rad]
-    offset: tuple[float, float]  # [cells]
-
-
 def positions(count, seed=4):
-    draw = np.random.default_rng(seed)
-    return [PointSet(draw.uniform(0.0, 2.0 * np.pi), tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(count)]
+    return at_random(count, seed)
 
 
 def rotation(angle):

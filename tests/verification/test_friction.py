@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 from ledger import Row, numbers
+from placements import ALIGNED, Placement, at_random
 
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
@@ -28,23 +29,12 @@ def rotation(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-@dataclass(frozen=True)
-class PointSet:
-    """How the incline lies on the grid."""
-
-    turn: float  # of the wall against the x axis [rad]
-    offset: tuple[float, float]  # of the body [cells]
-
-
-ALIGNED = PointSet(0.0, (0.0, 0.0))
-INCLINED = PointSet(-SLOPE, (0.37, 0.81))  # gravity is vertical
+INCLINED = Placement(-SLOPE, (0.37, 0.81))  # gravity is vertical
 
 
 def positions(count, seed=3):
     """Aligned, inclined, and others at random."""
-    draw = np.random.default_rng(seed)
-    others = [PointSet(draw.uniform(0.0, 2.0 * np.pi), tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(count - 2)]
-    return [ALIGNED, INCLINED, *others]
+    return [ALIGNED, INCLINED, *at_random(count - 2, seed)]
 
 
 def incline(points, material, *, cell, friction, position, ramp):
