@@ -163,7 +163,7 @@ def rows():
             "test_two_discs_under_a_slow_lid",
         ),
         Row(
-            "three packings of twelve discs under a lid of 1e-3 c, steps of 139 h / c: force (rms)",
+            "six packings of twelve discs under a lid of 1e-3 c, steps of 139 h / c: force (rms)",
             "steps of 30 h / c",
             "R/h = 3.5 to 6",
             f"{numbers(packed)}; {rms(packed):.2g} of all",

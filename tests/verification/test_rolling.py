@@ -129,7 +129,7 @@ def test_a_disc_rolls_off_another(rigid):
 
 def spread(values):
     """Mean and largest size."""
-    values = np.asarray(values)
+    values = np.ravel(values)
     return f"mean {values.mean():.2g}, worst {values[np.abs(values).argmax()]:.2g}"
 
 
