@@ -24,6 +24,7 @@ from skmpm.coulomb.problem import (
     unscaled,
 )
 
+POLISH = 1e-2  # residuals between this fraction of the tolerance and the tolerance are worth another step
 _ROUNDS = 2  # of sweeps followed by Newton steps; the second round doubles the sweeps
 
 # Proximal problems. The large gain weighs velocities as much as impulses where light and heavy bodies are in contact.
@@ -161,6 +162,8 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, dam
     if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _MAX_PATH_ROWS:
         x, count, pieces = _paths(p, tol)
         best, steps = better(best, x), steps + count
+    if POLISH * tol < best.error <= tol and not damped:  # the contact states are right, the impulses not quite
+        best = better(best, full_steps(p, best, POLISH * tol, 1)[0])
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
 
 
