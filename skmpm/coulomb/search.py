@@ -162,7 +162,7 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, dam
     if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _MAX_PATH_ROWS:
         x, count, pieces = _paths(p, tol)
         best, steps = better(best, x), steps + count
-    if POLISH * tol < best.error <= tol and not damped:  # the contact states are right, the impulses not quite
+    if steps and POLISH * tol < best.error <= tol and not damped:  # right contact states, impulses not quite
         best = better(best, full_steps(p, best, POLISH * tol, 1)[0])
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
 
