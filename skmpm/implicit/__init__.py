@@ -19,6 +19,7 @@ motion in one iteration and do not enter the residual.
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, KnownForces
 from skmpm.implicit.errors import StepRejected
+from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import End, Increment
 from skmpm.implicit.statics import advance
@@ -29,10 +30,12 @@ __all__ = [
     "Configuration",
     "ContactProblem",
     "End",
+    "Gauge",
     "Increment",
     "KnownForces",
     "Solution",
     "StepRejected",
     "Timer",
     "advance",
+    "gauge_of",
 ]

@@ -6,13 +6,19 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.residual import Increment
-from skmpm.linear import AddedInertia, Solver, diagonal
+from skmpm.linear import Solver, diagonal, on_gauge, without_added_inertia
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 MIN_ROTATIONAL_STIFFNESS = 0.25  # quadratic form of A for the rotation of a body, over its moment of inertia
+SPRINGS = 6  # of a body on the gauge, at its outermost nodes in as many directions
+SPRING_FACTORS = 2.0, 8.0, 32.0  # over what the rotation lacks, tried in turn: springs deform the body, too
+MIN_NODAL_MASS = 0.3  # of a node with a spring, over the largest of the body
 # Weights of the projected matrix in its mixture with A, tried in turn; beside corners 1/16 to 1/4 often suffice.
 PROJECTED_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
 
@@ -27,6 +33,8 @@ def solver_of(
     of the projected matrix if there are contacts (`in_contact`).
     """
     A = increment.matrix(configuration, projected=projected)
+    if increment.gauge is not None and increment.gauge.rotation.any():
+        return _on_gauge(increment, increment.gauge, A, configuration)
     try:
         return _solver(increment, A)
     except np.linalg.LinAlgError:
@@ -63,19 +71,81 @@ def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, configuratio
     which exceeds its rotational energy in long steps. Translations keep their inertia, so that an iteration balances
     the momentum of the body; in scenes with supports, whose reactions enter that balance, they do not.
     """
-    grid, mass = increment.grid, increment.bulk.assembly.mass
-    weight = mass[::2]
+    grid, weight = increment.grid, increment.bulk.assembly.mass[::2]
     arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, weight)
-    rotation = np.stack([-arm[1], arm[0]], axis=1).ravel()
-    quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)]).reshape(2, -1, 2).sum(axis=-1)
-    inertia, stiffness = grid.sums(quadratic)
-    added = np.maximum(MIN_ROTATIONAL_STIFFNESS - stiffness / np.maximum(inertia, 1e-300), 0.0)
+    inertia, missing = _rotational_stiffness(increment, A, np.stack([-arm[1], arm[0]], axis=1).ravel())
+    added = missing / np.maximum(inertia, 1e-300)
     data, row = A.data.copy(), np.repeat(np.arange(grid.nodes), np.diff(A.indptr))
     data[row == A.indices] += (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
     solver = _solver(increment, sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
     if increment.supports is not None:
         return solver
-    return AddedInertia(solver, grid.node_body, added, grid.sums(weight[None])[0])
+    return without_added_inertia(solver, grid.node_body, added, grid.sums(weight[None])[0])
+
+
+def _rotational_stiffness(increment: Increment, A: sp.bsr_array, rotation: Array) -> tuple[Array, Array]:
+    """Moments of inertia (bodies,) [kg m] about the centres of mass, and what rotations lack of a share of them."""
+    mass = increment.bulk.assembly.mass
+    quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)]).reshape(2, -1, 2).sum(axis=-1)
+    inertia, stiffness = increment.grid.sums(quadratic)
+    return inertia, np.maximum(MIN_ROTATIONAL_STIFFNESS * inertia - stiffness, 0.0)
+
+
+def _on_gauge(increment: Increment, gauge: Gauge, A: sp.bsr_array, configuration: Configuration) -> Solver:
+    """A solver for A on the gauge condition, from one for A with springs, which it takes off exactly.
+
+    Of a body with the condition, A has one negative eigenvalue, and its mode is close to the rotation. Springs
+    against it, each at one node, keep the bandwidth.
+    """
+    grid = increment.grid
+    inertia, missing = _rotational_stiffness(increment, A, gauge.rotation)
+    held = np.flatnonzero(inertia > 0.0)
+    node = _spring_nodes(grid, gauge.rotation.reshape(-1, 2), increment.bulk.assembly.mass[::2], held)
+    lever = gauge.rotation.reshape(-1, 2)[node]  # (springs, held bodies, 2)
+    size = np.hypot(lever[..., 0], lever[..., 1])
+    direction = lever / size[..., None]
+    enough = np.maximum(missing, MIN_ROTATIONAL_STIFFNESS * inertia)[held] / (size**2).sum(axis=0)
+    springs, stiffness = np.zeros((grid.nodes, 2, SPRINGS)), np.zeros((grid.bodies, SPRINGS))
+    for j in range(SPRINGS):
+        springs[node[j], :, j] = direction[j]
+    for factor in SPRING_FACTORS:
+        stiffness[held] = factor * enough[:, None]
+        try:
+            solver = _definite(increment, _with_blocks(A, node, factor * enough, direction), configuration)
+        except np.linalg.LinAlgError:
+            continue
+        return on_gauge(solver, grid.node_body, springs.reshape(-1, SPRINGS), stiffness, gauge.momentum)
+    raise np.linalg.LinAlgError("not positive definite with springs against the rotation of bodies")
+
+
+def _definite(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Solver:
+    """A solver for A, with additional inertia if it is indefinite."""
+    try:
+        return _solver(increment, A)
+    except np.linalg.LinAlgError:
+        return _with_rotational_inertia(increment, A, configuration)
+
+
+def _with_blocks(A: sp.bsr_array, node: Ints, stiffness: Array, direction: Array) -> sp.bsr_array:
+    """A with k q q^T in the diagonal blocks of nodes (s, b), k (b,) and unit vectors q (s, b, 2)."""
+    row, data = np.repeat(np.arange(A.indptr.size - 1), np.diff(A.indptr)), A.data.copy()
+    diagonal = np.flatnonzero(row == A.indices)  # one block of every node, in their order
+    np.add.at(data, diagonal[node], np.einsum("b,sbi,sbj->sbij", stiffness, direction, direction))
+    return sp.bsr_array((data, A.indices, A.indptr), shape=A.shape)
+
+
+def _spring_nodes(grid: BodyGrids, rotation: Array, weight: Array, bodies: Ints) -> Ints:
+    """The outermost nodes of bodies (b,) in `SPRINGS` directions, without those of sparse cells, (springs, b)."""
+    full, chosen = np.zeros(grid.bodies), np.zeros(grid.bodies, dtype=bool)
+    np.maximum.at(full, grid.node_body, weight)
+    chosen[bodies] = True
+    own = np.flatnonzero(chosen[grid.node_body] & (weight > MIN_NODAL_MASS * full[grid.node_body]))
+    body, nodes = grid.node_body[own], []
+    for angle in 2.0 * np.pi * (np.arange(SPRINGS) + 0.5) / SPRINGS:
+        along = np.cos(angle) * rotation[own, 1] - np.sin(angle) * rotation[own, 0]  # of the arm
+        order = np.lexsort((along, body))
+        nodes.append(own[order[np.append(np.diff(body[order]) > 0, True)]])
+    return np.stack(nodes)
 
 
 def _solver(increment: Increment, A: sp.bsr_array) -> Solver:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import sqrt
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,6 +14,7 @@ from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import ExplicitBulk
+from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.viscous import ViscousBulk
 from skmpm.scheme import Scheme
 
@@ -20,6 +22,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 MAX_DRIFT = 1e-4  # [cells] displacement of a body by the final momentum correction, too small to change gaps
+LONG = 15.0  # [cells] that pressure waves travel in a long step; bodies under pressure respond to forces by stiffness
 # Stiffness of the springs that limit the rigid motion of a floating body in one Newton iteration, over its shear
 # modulus. With 1e-2 discs between plates took 7 to 19 iterations, with 1e-3 3 to 5, with 1e-4 no fewer.
 SPRING_STIFFNESS = 1e-3
@@ -54,6 +57,7 @@ class Increment:
     supports: Elimination | None = None
     prescribed: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
     proximal: Proximal | None = None  # for floating bodies with neutral rigid-body modes
+    gauge: Gauge | None = None  # for bodies whose material can turn inside their shape
     depends_on_dt: bool = True  # whether the equations depend on dt; not in equilibria under constant conditions
 
     @property
@@ -81,6 +85,12 @@ class Increment:
     def modulus(self) -> float:
         """Largest modulus in the step, lambda + 2 mu + 2 eta / dt [Pa]."""
         return self.bulk.modulus + 2.0 * self.bulk.viscosity / self._theta_dt
+
+    @property
+    def long(self) -> bool:
+        """Whether pressure waves travel farther than `LONG` in the step."""
+        wave = max(sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density) for m, _ in self.bulk.materials)
+        return self._theta_dt * wave > LONG * self.grid.cell
 
     @cached_property
     def mass(self) -> Array:
@@ -112,8 +122,9 @@ class Increment:
         return self.v0 if self.scheme.inertia else np.zeros_like(self.v0)
 
     def initial_guess(self) -> Array:
-        """The velocity v0 with the prescribed velocities of supports, (2 nodes,) [m/s]."""
-        return self.v0 if self.supports is None else self.supports.admissible(self.v0, self.prescribed)
+        """The velocity v0 with the prescribed velocities of supports, on the gauge, (2 nodes,) [m/s]."""
+        w = self.v0 if self.gauge is None else self.gauge.initial_guess(self.v0)
+        return w if self.supports is None else self.supports.admissible(w, self.prescribed)
 
     def prescribed_only(self) -> Array:
         """The velocity with the prescribed values at supports and zero elsewhere."""
@@ -159,15 +170,16 @@ class Increment:
         corrections may move a body by more than `MAX_DRIFT`. Without inertia and in scenes with supports, which
         balance momentum by their reactions, w is returned as it is.
         """
-        for impulse in (contact_impulse, last_impulse):
+        for impulse in (contact_impulse, last_impulse) if self.long else (contact_impulse,):
             error = self._momentum_error(w, impulse)
             if self._drift(error).max() <= MAX_DRIFT:
                 return np.asarray(w - error.T[self.grid.node_body].ravel())
         return None
 
     def drift(self, w: Array, contact_impulse: Array, last_impulse: Array) -> Array:
-        """The smaller of the displacements of bodies by the two momentum corrections, (bodies,) [cells]."""
-        drifts = [self._drift(self._momentum_error(w, impulse)) for impulse in (contact_impulse, last_impulse)]
+        """The smaller of the displacements of bodies by the momentum corrections, (bodies,) [cells]."""
+        impulses = (contact_impulse, last_impulse) if self.long else (contact_impulse,)
+        drifts = [self._drift(self._momentum_error(w, impulse)) for impulse in impulses]
         return np.asarray(min(drifts, key=np.max))
 
     def _drift(self, velocity: Array) -> Array:
@@ -195,8 +207,9 @@ class Increment:
         return sp.csr_array(motions[self.constrained_dofs] - self.supports.T[self.constrained_dofs] @ motions)
 
     def on_free_dofs(self, gradient: Array) -> Array:
-        """An out-of-balance impulse without the part that supports bear, (2 nodes,)."""
-        return gradient if self.supports is None else np.asarray(self.supports.T.T @ gradient)
+        """An out-of-balance impulse without the parts that supports and the gauge bear, (2 nodes,)."""
+        free = gradient if self.gauge is None else self.gauge.without_torque(gradient)
+        return free if self.supports is None else np.asarray(self.supports.T.T @ free)
 
     def reaction(self, gradient: Array) -> Array:
         """Impulses on the supports, work conjugate to the prescribed velocities, (2 supports,) [kg m/s per m]."""

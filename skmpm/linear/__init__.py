@@ -5,11 +5,11 @@ H A^-1 H^T, the Delassus operator of constraints H. `blocks` (bodies + 1,) are t
 `rigid_motions` (n, 3) the rigid-body motions of all bodies. `default` selects `banded` or `amg` by size.
 """
 
-from skmpm.linear.added_inertia import AddedInertia
 from skmpm.linear.band import Banded, banded
 from skmpm.linear.choice import CROSSOVER, default
 from skmpm.linear.delassus import Delassus
 from skmpm.linear.diagonal import Diagonal, diagonal
+from skmpm.linear.low_rank import LowRank, on_gauge, without_added_inertia
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
 from skmpm.linear.solver import Linear, Solver, half_bandwidth
@@ -17,13 +17,13 @@ from skmpm.linear.threads import one_thread
 
 __all__ = [
     "CROSSOVER",
-    "AddedInertia",
     "Amg",
     "Banded",
     "Delassus",
     "Diagonal",
     "Direct",
     "Linear",
+    "LowRank",
     "Solver",
     "amg",
     "banded",
@@ -31,5 +31,7 @@ __all__ = [
     "diagonal",
     "direct",
     "half_bandwidth",
+    "on_gauge",
     "one_thread",
+    "without_added_inertia",
 ]

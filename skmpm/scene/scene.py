@@ -14,6 +14,7 @@ from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.scene.check import check
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
+from skmpm.scene.symmetry import indifferent_to_rotation
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -87,6 +88,22 @@ class Scene:
     def deformable(self) -> NDArray[np.bool_]:
         """Which bodies have unknowns, (bodies,)."""
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
+
+    @cached_property
+    def indifferent_to_rotation(self) -> NDArray[np.bool_]:
+        """Which bodies are round and isotropic, and nothing but frictionless contact acts on them, (bodies,)."""
+        return indifferent_to_rotation(self)
+
+    @cached_property
+    def crossing_times(self) -> Array:
+        """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones."""
+        radius = np.sqrt(np.add.reduceat(self.initial_volumes, self.offsets[:-1]) / np.pi)
+        slowness = np.full(len(self.bodies), np.inf)
+        for i, body in enumerate(self.bodies):
+            if not isinstance(body.material, Rigid):
+                lam, mu = body.material.lame
+                slowness[i] = np.sqrt(body.material.density / (lam + 2.0 * mu))
+        return np.asarray(radius * slowness)
 
     @cached_property
     def compliance(self) -> Array:

@@ -26,6 +26,7 @@ from skmpm.simulate.regrid import (
     regridded_state,
 )
 from skmpm.simulate.rigid_edges import indenting_edge_message
+from skmpm.simulate.turning import gauge_condition
 from skmpm.transfer import to_nodes
 
 LOAD_STEPS = "apply loads in steps, as functions of time, or use inertia; not a smaller dt"
@@ -58,9 +59,17 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     force = external_force(scene, state, state.t + scheme.theta * dt)
     motions = prescribed_velocities(scene, state.t, dt)
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
-    depends_on_dt = scheme.inertia or equilibrium_depends_on_dt(scene)
     increment = Increment(
-        bulk, state.displacement, v0, force, dt, scheme, supports, motions.supports, depends_on_dt=depends_on_dt
+        bulk,
+        state.displacement,
+        v0,
+        force,
+        dt,
+        scheme,
+        supports,
+        motions.supports,
+        gauge=gauge_condition(scene, state, v0, dt, scheme),
+        depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
     )
     timer.lap("transfer")
     try:

@@ -1,0 +1,49 @@
+"""Bodies whose material can turn inside their shape without a change of energy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import Material, Rigid, viscosity_of
+
+if TYPE_CHECKING:
+    from skmpm.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+ROUND = 1e-3  # deviation of boundary points from a circle, over its radius
+SAME_ENERGY = 1e-9  # relative: round-off of energies
+
+
+def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
+    """Round bodies of one isotropic, elastic material that nothing but frictionless contact acts on, (bodies,)."""
+    found = np.zeros(len(scene.bodies), dtype=bool)
+    if scene.friction > 0.0 or scene.cohesive:
+        return found
+    isotropic = {id(body.material): _isotropic(body.material) for body in scene.bodies}
+    boundary = scene.outlines
+    x, volume = scene.initial_positions, scene.initial_volumes
+    for b in np.flatnonzero(scene.outlined).tolist():
+        points = slice(scene.offsets[b], scene.offsets[b + 1])
+        centre = np.average(x[:, points], axis=1, weights=volume[points])
+        own = np.flatnonzero(boundary.body == b)
+        radius = np.hypot(*(x[:, boundary.point[own]] - centre[:, None]))
+        loops = np.split(radius, np.flatnonzero(boundary.previous[own] >= own)[1:])
+        circular = all(np.ptp(r) <= ROUND * r.max() for r in loops)
+        found[b] = circular and isotropic[id(scene.bodies[b].material)]
+    for place in (*scene.supported, *scene.loaded):
+        found[scene.owner[place.points]] = False
+    return found
+
+
+def _isotropic(material: Material | Rigid) -> bool:
+    """Whether the energy is a function of F F^T, by its values for one deformation of the material, rotated."""
+    if isinstance(material, Rigid) or viscosity_of(material) > 0.0:
+        return False
+    F, angle = np.array([[1.2, 0.3], [0.05, 0.9]]), np.linspace(0.0, np.pi, 7)
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    energy = material.energy(np.einsum("ij,jkn->ikn", F, rotation))
+    return bool(np.ptp(energy) <= SAME_ENERGY * np.abs(energy).max())

@@ -1,0 +1,66 @@
+"""The bodies whose material can turn inside their shape at no cost, and whose rotation the step does not resolve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit import Gauge, gauge_of
+from skmpm.scene import Scene, State
+from skmpm.scheme import Scheme
+from skmpm.simulate.regrid import assembly_of
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+UNSTABLE = 0.75  # dt^2 virial / J of a body from which on its spin is dropped; at 1, inertia resists no rotation
+# [rad] Largest rotation in a step of other bodies with the condition: it keeps the angular momentum about the centre
+# at the start of the step, so that the energy of rotation grows by a quarter of the square of this angle, which is
+# below the tolerance of the energy check (`simulate.acceptance`).
+MAX_ANGLE = 1e-3
+
+
+def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Scheme) -> Gauge | None:
+    """The condition on the rotation of round bodies that friction acts on nowhere; None where there are none.
+
+    It holds for bodies in contact in long steps, in which waves cross their radius: shorter ones resolve impacts and
+    rotations. A body under pressure p that rotates by phi while its loads keep their directions loses the energy
+    p V phi^2, with 2 p V the virial of its contact forces. From dt^2 2 p V = J on that exceeds its rotational energy,
+    and its spin is dropped; under less pressure it is kept, and bodies that spin fast do not have the condition. `v0`
+    (2 nodes,) [m/s] are the velocities at the start of the step.
+    """
+    interval = scheme.theta * dt
+    held = scene.indifferent_to_rotation & (interval > scene.crossing_times) & _touching(scene, state)
+    if scheme.explicit or not (scheme.inertia and held.any()):
+        return None
+    assembly, unstable = assembly_of(state), _unstable(state, interval)
+    x = assembly.grid.position + state.displacement.reshape(-1, 2).T
+    gauge = gauge_of(assembly.grid, x, assembly.mass, held, unstable)
+    return gauge.among(unstable | (interval * np.abs(gauge.spin(v0)) < MAX_ANGLE))
+
+
+def _touching(scene: Scene, state: State) -> Bools:
+    """Bodies with a contact and without one at a wall with friction, (bodies,)."""
+    touching, frictional = np.zeros((2, len(scene.bodies)), dtype=bool)
+    bodies = state.contacts.bodies
+    touching[bodies[bodies >= 0]] = True
+    for i, wall in enumerate(scene.walls):
+        if wall.friction > 0.0:
+            frictional[bodies[0][bodies[1] == -1 - i]] = True
+    return touching & ~frictional
+
+
+def _unstable(state: State, dt: float) -> Bools:
+    """Bodies whose rotation is unstable under their last contact forces in steps of dt, (bodies,)."""
+    count = int(state.body.max()) + 1
+    mass = np.bincount(state.body, state.mass, count)
+    centre = np.stack([np.bincount(state.body, state.mass * x, count) for x in state.x]) / mass
+    arm = state.x - centre[:, state.body]
+    inertia = np.bincount(state.body, state.mass * (arm**2).sum(axis=0), count)
+    virial, n = np.zeros(count), state.contacts.normal
+    force = state.contacts.force[0] * n + state.contacts.force[1] * np.stack([-n[1], n[0]])
+    for side, sign in zip(state.contacts.bodies, (-1.0, 1.0), strict=True):
+        on = np.flatnonzero(side >= 0)
+        lever = state.contacts.x[:, on] - centre[:, side[on]]
+        virial += np.bincount(side[on], sign * np.einsum("ik,ik->k", force[:, on], lever), count)
+    return np.asarray(dt**2 * virial > UNSTABLE * inertia)

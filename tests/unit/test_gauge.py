@@ -1,0 +1,171 @@
+"""The gauge condition of round bodies without friction, and Newton's method where stiff bodies rotate."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from skmpm import linear
+from skmpm.material import LinearElastic, NeoHookean
+from skmpm.points import box, disc
+from skmpm.scene import Body, Load, Scene, Support, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import initial, simulate, step
+
+R, CELL = 1e-3, 2e-4
+GEL = NeoHookean(10e6, 0.45, 990.0)
+CROSSING = R / float(np.sqrt((GEL.lame[0] + 2.0 * GEL.lame[1]) / GEL.density))  # [s]
+
+
+def body(material=GEL, points=None, **options):
+    return Body(disc((0.0, 0.0), R, spacing=0.74 * CELL) if points is None else points, material, **options)
+
+
+def between_walls(speed, friction=0.0, **options):
+    """A disc, off the nodes of its grid, that four walls approach."""
+    points = disc((0.13 * CELL, 0.31 * CELL), R, spacing=0.74 * CELL)
+    walls = []
+    for n in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        at = np.array([0.13 * CELL, 0.31 * CELL]) - R * np.array(n)
+        walls.append(Wall(at, n, velocity=speed * np.array(n, dtype=float), friction=friction))
+    return Scene([Body(points, GEL, **options)], cell=CELL, walls=walls)
+
+
+def spin(state):
+    """Mean rotation rate of all points [rad/s]."""
+    return float(np.average(0.5 * (state.C[1, 0] - state.C[0, 1]), weights=state.mass))
+
+
+# --- the solver
+
+
+def test_the_solver_on_the_gauge_is_that_of_the_saddle_point_problem():
+    """Two bodies with one negative eigenvalue each, and one without the condition; against the bordered matrix."""
+    rng = np.random.default_rng(0)
+    sizes = [6, 8, 5]
+    blocks = 2 * np.concatenate([[0], np.cumsum(sizes)])
+    owner, n = np.repeat([0, 1, 2], sizes), 2 * sum(sizes)
+    A, m, springs, stiffness = np.zeros((n, n)), np.zeros(n), np.zeros((n, 3)), np.zeros((3, 3))
+    for b, (begin, end) in enumerate(pairwise(blocks)):
+        G, s = rng.normal(size=(end - begin, end - begin)), rng.normal(size=end - begin)
+        A[begin:end, begin:end] = G @ G.T + np.eye(end - begin)
+        if b < 2:
+            s /= np.linalg.norm(s)
+            P = np.eye(s.size) - np.outer(s, s)
+            A[begin:end, begin:end] = P @ A[begin:end, begin:end] @ P - 0.7 * np.outer(s, s)
+            m[begin:end], stiffness[b] = s + 0.05 * rng.normal(size=s.size), 40.0
+            for j in range(3):
+                springs[begin + 2 * j : begin + 2 * j + 2, j] = s[2 * j : 2 * j + 2]
+    added = sum(np.repeat(stiffness[owner, j], 2)[:, None] * _outer(springs[:, j], owner) for j in range(3))
+    assert np.linalg.eigvalsh(A)[1] < 0.0 < np.linalg.eigvalsh(A + added)[0]
+    inner = linear.direct(sp.bsr_array(A + added, blocksize=(2, 2)), blocks, None)
+    solver = linear.on_gauge(inner, owner, springs, stiffness, m)
+    conditions = np.stack([m * (np.repeat(owner, 2) == b) for b in (0, 1)], axis=1)
+    bordered = np.block([[A, conditions], [conditions.T, np.zeros((2, 2))]])
+    b = rng.normal(size=(n, 4))
+    wanted = np.linalg.solve(bordered, np.concatenate([b, np.zeros((2, 4))]))[:n]
+    assert solver(b) == pytest.approx(wanted, abs=1e-11)
+    assert solver(b[:, 0]) == pytest.approx(wanted[:, 0], abs=1e-11)
+    rows = sp.csr_array(np.eye(n)[[0, 3, 5, 14, 20, 30]])
+    assert solver.delassus(rows).toarray() == pytest.approx(rows @ solver(rows.T.toarray()), abs=1e-12)
+
+
+def _outer(q, owner):
+    same = np.repeat(owner, 2)
+    return np.outer(q, q) * (same[:, None] == same)
+
+
+# --- the bodies
+
+
+@dataclass(frozen=True)
+class Fibred:
+    """NeoHookean with the energy of fibres along x."""
+
+    E: float
+    nu: float
+    density: float
+
+    def __getattr__(self, name):
+        return getattr(NeoHookean(self.E, self.nu, self.density), name)
+
+    def energy(self, F):  # noqa: D102
+        return NeoHookean(self.E, self.nu, self.density).energy(F) + 1e5 * (F[0, 0] ** 2 + F[1, 0] ** 2 - 1.0) ** 2
+
+
+@pytest.mark.parametrize(
+    ("bodies", "options", "wanted"),
+    [
+        ([body()], {}, [True]),
+        ([body(points=box((-R, -R), (R, R), spacing=0.74 * CELL))], {}, [False]),
+        ([body(LinearElastic(10e6, 0.3, 990.0))], {}, [False]),
+        ([body(NeoHookean(10e6, 0.45, 990.0, viscosity=1.0))], {}, [False]),
+        ([body(Fibred(10e6, 0.45, 990.0))], {}, [False]),
+        ([body()], {"friction": 0.1}, [False]),
+        ([body(), body(points=disc((5.0 * R, 0.0), R, spacing=0.74 * CELL))], {}, [True, True]),
+        ([body()], {"supports": [Support(lambda x: x[1] < -0.8 * R)]}, [False]),
+        ([body()], {"loads": [Load(lambda x: x[1] < -0.8 * R, (0.0, 1.0))]}, [False]),
+    ],
+)
+def test_bodies_that_can_turn_inside_their_shape(bodies, options, wanted):
+    assert Scene(bodies, cell=CELL, **options).indifferent_to_rotation.tolist() == wanted
+
+
+# --- what the condition does
+
+
+def test_a_pressed_disc_without_friction_does_not_turn():
+    """Compressed by 8 % in steps in which waves cross it 50 times; without the condition its grid turns it."""
+    scene, dt = between_walls(0.08 * R / (40 * 50 * CROSSING)), 50 * CROSSING
+    states = list(simulate(scene, dt=dt, until=40 * dt))
+    assert max(abs(spin(s)) * s.report.dt for s in states) < 1e-4
+    assert sum(s.report.retries for s in states) == 0
+    assert abs(states[-1].wall_force[2, 0]) / (2.0 * R) > 0.02 * GEL.E
+
+
+def test_a_disc_that_spins_between_plates_keeps_its_spin_in_short_steps():
+    scene = between_walls(0.0, spin=30.0)
+    state = list(simulate(scene, dt=0.2 * CROSSING, until=4.0 * CROSSING))[-1]
+    assert spin(state) == pytest.approx(30.0, rel=1e-6)
+
+
+def test_a_light_contact_in_a_long_step_takes_no_spin():
+    """A slow spin, 5e-4 rad in the step, of a disc that touches four walls without force."""
+    dt = 20 * CROSSING
+    scene = between_walls(0.0, spin=5e-4 / dt)
+    assert spin(step(scene, initial(scene), dt)) == pytest.approx(5e-4 / dt, rel=1e-3)
+
+
+def test_friction_leaves_the_rotation_to_the_contacts():
+    """The same disc with friction at the walls, one of which slides: it turns."""
+    squeezed = between_walls(0.02 * R / (10 * CROSSING), friction=0.5)
+    floor = replace(squeezed.walls[0], velocity=np.array([0.02, 0.02]) * R / (10 * CROSSING))
+    scene = replace(squeezed, walls=[floor, *squeezed.walls[1:]])
+    state = step(scene, initial(scene), 10 * CROSSING)
+    assert abs(spin(state)) * 10 * CROSSING > 1e-3
+
+
+# --- stiff bodies that rotate
+
+
+@pytest.mark.parametrize("angle", [0.01, 0.05, 0.2])
+def test_a_stiff_body_that_spins_takes_four_iterations(angle):
+    """Steps in which waves cross it 1e5 times: the stress of a linear rotation exceeds inertia 1e7 times.
+
+    Combined with earlier iterates (Anderson acceleration) it took 16.
+    """
+    scene = Scene([body(spin=1.0)], cell=CELL)
+    state = initial(scene)
+    for _ in range(3):
+        state = step(scene, state, angle)
+        assert state.report.newton <= 4
+    assert np.abs(state.volume / scene.initial_volumes - 1.0).max() < 1e-9
+
+
+def test_quadratic_convergence_is_kept_under_rotation():
+    """To 1e-10 at most two iterations more than to 1e-3."""
+    scene = Scene([body(spin=1.0)], cell=CELL)
+    loose, tight = (step(scene, initial(scene), 0.05, scheme=Scheme(newton_tol=tol)) for tol in (1e-3, 1e-10))
+    assert tight.report.newton <= loose.report.newton + 2
