@@ -26,13 +26,13 @@ class AndersonAcceleration:
     iterates: list[Array] = field(default_factory=list)
     directions: list[Array] = field(default_factory=list)
 
-    def accelerate(self, w: Array, direction: Array, relaxation: float, *, wanted: bool) -> tuple[Array, bool]:
-        """Append w and its direction to the history; the step from w, accelerated if `wanted`.
+    def accelerate(self, w: Array, direction: Array, relaxation: float = 1.0, *, wanted: bool) -> Array | None:
+        """Append w and its direction to the history; the accelerated step from w, None if it is the direction.
 
-        Also returns whether the step differs from the direction. The accelerated step leads to the affine combination
-        of the history whose combined direction is smallest, and from there along that direction, times `relaxation`.
-        With a factor below one, only one step in `ALTERNATION_PERIOD` is accelerated and the others are the direction
-        times the factor (alternating Anderson-Richardson; Pratapa, Suryanarayana & Pask, J. Comput. Phys. 306, 2016).
+        It leads to the affine combination of the history whose combined direction is smallest, and from there along
+        that direction, times `relaxation`. With a factor below one, only one step in `ALTERNATION_PERIOD` is
+        accelerated and the others are the direction times the factor (alternating Anderson-Richardson; Pratapa,
+        Suryanarayana & Pask, J. Comput. Phys. 306, 2016).
         """
         self.iterates, self.directions = (
             [*self.iterates, w][-self.depth :],
@@ -40,11 +40,11 @@ class AndersonAcceleration:
         )
         self.count += 1
         if len(self.iterates) == 1 or not wanted:
-            return direction, False
+            return None
         if relaxation < 1.0 and self.count % ALTERNATION_PERIOD:
-            return relaxation * direction, True
+            return relaxation * direction
         dw = np.stack([w - p for p in self.iterates[:-1]], axis=1)
         df = np.stack([direction - d for d in self.directions[:-1]], axis=1)
         root = np.sqrt(self.mass)
         weights, *_ = np.linalg.lstsq(root[:, None] * df, root * direction, rcond=1e-12)
-        return np.asarray(relaxation * (direction - df @ weights) - dw @ weights), True
+        return np.asarray(relaxation * (direction - df @ weights) - dw @ weights)

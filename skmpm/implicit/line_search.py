@@ -20,19 +20,19 @@ def move(
     w: Array,
     configuration: Configuration,
     direction: Array,
-    accelerated_step: tuple[Array, bool],
     gradient: Array,
     contact_impulse: Array,
+    accelerated: Array | None = None,
 ) -> tuple[Array, Configuration]:
-    """The next w with its configuration: the accelerated step if admissible, else a line search along the direction.
+    """The next w with its configuration: by an accelerated step if admissible, else by a line search.
 
-    `accelerated_step` is a step and whether it differs from the Newton direction. Linear materials take it without a
-    search, since no configuration is inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with contact.
+    The search is along the Newton direction. Linear materials take the step without it, since no configuration is
+    inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with contact.
     """
-    step, accelerated = accelerated_step
+    step = direction if accelerated is None else accelerated
     if increment.material_response.linear:
         return w + step, increment.at(w + step)
-    if accelerated:
+    if accelerated is not None:
         trial = increment.at(w + step)
         # Without contact the potential must decrease; with contact it changes from iteration to iteration.
         limit = float(np.finfo(float).max)

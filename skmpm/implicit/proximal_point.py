@@ -183,6 +183,6 @@ def _move_centre(iterate: Iterate, balance: OutOfBalance) -> OutOfBalance:
     iterate.contact = iterate.contact.with_frozen_geometry(None)
     shift = w - increment.inertial_velocity
     accelerated = iterate.outer_iterations > 2 and not _small_resultants(iterate, iterate.proximal_impulse)
-    step, _ = iterate.centre_acceleration.accelerate(increment.inertial_velocity, shift, 1.0, wanted=accelerated)
-    beyond = limited(increment, iterate.bodies, w, step - shift, MAX_CENTRE_SHIFT) if accelerated else None
+    step = iterate.centre_acceleration.accelerate(increment.inertial_velocity, shift, wanted=accelerated)
+    beyond = None if step is None else limited(increment, iterate.bodies, w, step - shift, MAX_CENTRE_SHIFT)
     return _set_centre(iterate, balance, w if beyond is None else w + beyond)

@@ -150,11 +150,15 @@ def _iterate(iterate: Iterate, balance: OutOfBalance, timer: Timer) -> None:
     iterate.before = np.inf if first else balance.relative
     solved = solve(contact, iterate.solver, balance.gradient)
     iterate.contact, direction, contact_impulse = solved.contact, solved.direction, solved.impulse
-    step, accelerated = iterate.acceleration.accelerate(iterate.w, direction, iterate.relaxation, wanted=slow)
+    step = iterate.acceleration.accelerate(iterate.w, direction, iterate.relaxation, wanted=slow)
     direction = limited(increment, iterate.bodies, iterate.w, direction)
-    step = limited(increment, iterate.bodies, iterate.w, step) if accelerated else direction
-    impulses = balance.gradient - contact_impulse, contact_impulse
     iterate.w, iterate.configuration = move(
-        increment, iterate.w, iterate.configuration, direction, (step, accelerated), *impulses
+        increment,
+        iterate.w,
+        iterate.configuration,
+        direction,
+        balance.gradient - contact_impulse,
+        contact_impulse,
+        None if step is None else limited(increment, iterate.bodies, iterate.w, step),
     )
     timer.lap("bulk")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
+from skmpm.implicit.residual import LONG
 from skmpm.material import Rigid, is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.cohesion import cohesion_warnings
 from skmpm.preflight.limit import Limit, above, below
@@ -17,6 +18,7 @@ from skmpm.scene import Scene
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
 from skmpm.simulate.initial_state import initial_motion
 from skmpm.simulate.rigid_edges import MIN_EDGE_RADIUS, facing_edges
+from skmpm.simulate.step_length import MAX_APPROACH, STROKE
 
 # In the order of the checks; beside each limit, its test or page of docs/.
 RESOLUTION = Limit(3.2, "piles and packings were verified from 3.2 on, Hertz's force from 5 on")  # test_pile
@@ -26,10 +28,10 @@ SLIT = Limit(2.0, "slits of 0.5, 1, 1.5, 2, 3 cells open by up to 91, 90, 87, 10
 FEWEST = Limit(1.8, "verified from 1.8 on; with 1.3 a uniform stress was too small by up to 81 %")  # test_sampling
 # Of 7,500 discs and 4,000 boxes at a spacing of 0.74 h one in a thousand is beyond; at 0.66 h 0.028 is the most.
 SOFTENING = Limit(0.057, "a spacing of 0.66 h leaves at most 0.03")  # test_sampling
-COURANT = Limit(15.0, "verified up to 15 where waves matter")  # test_dynamics, stability
+COURANT = Limit(LONG, "verified up to 15 where waves matter")  # test_dynamics, stability
 EXPLICIT = Limit(0.7, "explicit steps are stable up to 0.7 for any position on the grid")  # test_explicit
-LID = Limit(0.14, "verified for lids of packings that move by 0.08 to 0.14")  # test_interpenetration, R/h = 5 and 8
-APPROACH = Limit(0.2, "collisions were verified up to 0.2, beyond 1 a step fails")  # test_collision, the largest dt
+LID = Limit(STROKE, "verified for lids of packings that move by 0.08 to 0.14")  # test_interpenetration, R/h = 5 and 8
+APPROACH = Limit(MAX_APPROACH, "collisions were verified up to 0.2, beyond 1 a step fails")  # test_collision
 LOCKING = Limit(
     NEARLY_INCOMPRESSIBLE,
     "at 0.4, 0.45, 0.49 a disc of R/h = 5 is 8, 10, 22 % too stiff, the peak pressure 1.4, 1.9, 4.2 times too high",
