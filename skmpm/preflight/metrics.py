@@ -13,7 +13,6 @@ from skmpm.contact import acts_at_grid_nodes
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import Rigid, is_linear
 from skmpm.outline import chord_sagitta, slit_width
-from skmpm.preflight.loading import loading_of
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
@@ -26,7 +25,9 @@ from skmpm.simulate.initial_state import (
     fastest_wave,
     initial_motion,
 )
+from skmpm.simulate.loading import loading_of
 from skmpm.simulate.regrid import inward_normals, torn_bodies
+from skmpm.simulate.step_length import pace_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -70,9 +71,15 @@ class SceneMetrics:
     memory: float  # [bytes] in addition to the program
 
 
+def first_step(scene: Scene, scheme: Scheme) -> float:
+    """The length of the first step where steps are chosen [s]; 1 s if nothing limits it."""
+    dt = pace_of(scene, scheme, 0.0, 0.0).limit(scene, scheme, 0.0, initial_motion(scene)[0], np.inf)
+    return dt if np.isfinite(dt) else 1.0
+
+
 def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
-    check_time("preflight: dt", dt, SHORTEST, "a time step greater than zero")
+    check_time("preflight: dt", dt, SHORTEST, "a time step greater than zero, or None for chosen steps")
     check_explicit("preflight", scene, scheme)
     check_cohesion("preflight", scene, scheme)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner

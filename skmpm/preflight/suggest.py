@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from skmpm.outline import slit_width, thickness
 from skmpm.preflight.limits import APPROACH, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
-from skmpm.preflight.loading import SEVERAL, Loading, loading_of
 from skmpm.scene import Scene
 from skmpm.simulate.initial_state import can_touch, fastest_wave
+from skmpm.simulate.loading import SEVERAL, Loading, loading_of, smallest_radius
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
     ValueError
         if the error is larger than those measured, or so small that a body would be 200 cells across
     """
-    loading, size = loading_of(scene), _smallest(scene)
+    loading, size = loading_of(scene), smallest_radius(scene)
     laws = LAWS[_measured_as(scene, loading.kind)]
     found = [best for law in laws if (best := _cheapest(law, error)) is not None]
     if not found:
@@ -136,21 +136,6 @@ def _longest(scene: Scene, loading: Loading, cell: float) -> float:
     if can_touch(scene):
         limits += [(LID.value, loading.driven), (APPROACH.value, loading.approach)]
     return min((value * cell / speed for value, speed in limits if speed > 0.0), default=float("inf"))
-
-
-def _smallest(scene: Scene) -> float:
-    """Radius of the smallest deformable body [m]: twice its smallest radius of gyration, which is a disc's radius."""
-    bodies, body = len(scene.bodies), scene.owner
-    volume, x = scene.initial_volumes, scene.initial_positions
-
-    def mean(values: Array) -> Array:
-        total = np.bincount(body, volume * values, bodies)
-        return np.asarray(total / np.bincount(body, volume, bodies))
-
-    arm = x - np.stack([mean(x[0]), mean(x[1])])[:, body]
-    xx, xy, yy = mean(arm[0] ** 2), mean(arm[0] * arm[1]), mean(arm[1] ** 2)
-    least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
-    return 2.0 * float(np.sqrt(least[scene.deformable].min()))
 
 
 def _cheapest(law: Law, error: float) -> tuple[float, float, float, float] | None:

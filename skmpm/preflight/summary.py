@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.preflight.limits import warnings_of
-from skmpm.preflight.metrics import SceneMetrics, examine
+from skmpm.preflight.metrics import SceneMetrics, examine, first_step
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 
 
-def preflight(scene: Scene, dt: float, *, scheme: Scheme = Scheme()) -> str:  # noqa: B008
+def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme()) -> str:  # noqa: B008
     """Summary of a run as text: sizes, resolution, motion per step, solver, memory, warnings.
+
+    Without dt [s], motions per step are those of the first step that `simulate` chooses.
 
     Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling. A line
     that begins with `!` is a warning: the object, its value, what was verified and the remedy.
@@ -19,12 +21,14 @@ def preflight(scene: Scene, dt: float, *, scheme: Scheme = Scheme()) -> str:  # 
     Raises
     ------
     ValueError
-        if dt [s] is not positive
+        if dt is not positive
     SceneError
-        if a velocity is not finite
+        if a velocity is not finite, or steps cannot be chosen
     """
-    metrics = examine(scene, dt, scheme)
-    lines = [f"{name:8s}  {text}" for name, text in _lines(metrics).items()]
+    step = first_step(scene, scheme) if dt is None else dt
+    metrics = examine(scene, step, scheme)
+    chosen = {"step": f"chosen, {step:.3g} s at first"} if dt is None else {}
+    lines = [f"{name:8s}  {text}" for name, text in {**_lines(metrics), **chosen}.items()]
     warnings = [f"! {text}" for text in warnings_of(scene, metrics, scheme)]
     return "\n".join([*lines, *(warnings or ["no warnings"])])
 

@@ -60,12 +60,13 @@ class Energy:
 
 @dataclass(frozen=True)
 class StepControl:
-    """Step control of `simulate`: after failures the next step is dt / 2^halvings."""
+    """Step control of `simulate`: with a requested dt, after failures the next step is dt / 2^halvings."""
 
-    dt: float = 0.0  # [s] the requested step
+    dt: float = 0.0  # [s] the requested step; 0 if steps are chosen
     halvings: int = 0
     successes: int = 0  # successful steps since the last failure or doubling
     part: int = 0  # completed part of the requested step [1/1024]
+    chosen: float = 0.0  # [s] where steps are chosen, the next one at most; 0 before the first
 
 
 @dataclass(frozen=True)

@@ -142,15 +142,15 @@ def _field(velocity: object, x: Array, interval: float) -> tuple[Array, Array]:
     return at(x), np.stack(columns, axis=1)
 
 
-def driven(scene: Scene) -> Iterator[tuple[str, float]]:
-    """Walls, supports and rigid bodies with their prescribed speeds at t = 0 [m/s]."""
-    for i, v in enumerate(scene.wall_velocities(0.0)):
+def driven(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
+    """Walls, supports and rigid bodies with their prescribed speeds at time t [m/s]."""
+    for i, v in enumerate(scene.wall_velocities(t)):
         yield f"wall {i}", float(np.hypot(*v))
-    for i, v in enumerate(np.nan_to_num(scene.support_velocities(0.0))):
+    for i, v in enumerate(np.nan_to_num(scene.support_velocities(t))):
         yield f"support {i}", float(np.hypot(*v))
     for i, body in enumerate(scene.bodies):
         if isinstance(body.material, Rigid):
-            yield f"rigid body {i}", float(np.hypot(*motion(body.velocity, 0.0)))
+            yield f"rigid body {i}", float(np.hypot(*motion(body.velocity, t)))
 
 
 def fastest_wave(scene: Scene) -> float:

@@ -21,7 +21,14 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.initial_state import check_scheme, initial
 from skmpm.simulate.regrid import check_connected
-from skmpm.simulate.step_control import TIME_TOLERANCE, RetrySummary, advance_with_retries, with_step
+from skmpm.simulate.step_control import (
+    TIME_TOLERANCE,
+    RetrySummary,
+    advance_with_chosen_step,
+    advance_with_retries,
+    with_step,
+)
+from skmpm.simulate.step_length import Pace, pace_of
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
 
@@ -31,8 +38,8 @@ _log = logging.getLogger("skmpm")
 def simulate(
     scene: Scene,
     *,
-    dt: float,
     until: float,
+    dt: float | None = None,
     scheme: Scheme = Scheme(),  # noqa: B008
     start: State | None = None,
     progress: bool = False,
@@ -40,10 +47,16 @@ def simulate(
 ) -> Iterator[State]:
     """Yield the state after every step until `t >= until` [s]; the last step is shortened to end there.
 
-    A step that fails is repeated with half the length, down to dt / 1024; after four successful steps the length is
-    doubled again, at times that are multiples of the longer step. States at multiples of dt are always yielded, with
-    others between them after a failure. `state.report.dt` and `.retries` hold the length of the step and its
-    failures; the logger "skmpm" reports every retry at level INFO and one warning at the end of the run.
+    Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
+    other, by 0.5 where something is driven, and where waves set the pace, they travel a tenth of the radius of the
+    smallest body (`simulate.step_length`). Steps are shorter while Newton's method takes many
+    iterations, and a quarter as long after a failure. Explicit steps, and quasi-static ones under loads that are
+    functions of time, need dt.
+
+    With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
+    length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always
+    yielded, with others between them after a failure. `state.report.dt` and `.retries` hold the length of the step
+    and its failures; the logger "skmpm" reports every retry at level INFO and one warning at the end of the run.
 
     `start` continues from a state of this scene, which may have other velocities of walls and supports, loads,
     friction, gravity and moduli than before. Bodies and walls are where the state has them, also where the scene's
@@ -58,23 +71,25 @@ def simulate(
     StepFailed
         if the shortest step fails; its `state` is the last one that was yielded
     SceneError
-        if a velocity, load or gravity is not finite, or if `start` belongs to another scene: if numbers of points,
-        walls, supports or grid nodes, the body or mass of a point, or the normal or order of walls differ, or
-        (unless `scheme.anchor` is finite) the positions of points at t = 0
+        if steps cannot be chosen, if a velocity, load or gravity is not finite, or if `start` belongs to another
+        scene: if numbers of points, walls, supports or grid nodes, the body or mass of a point, or the normal or
+        order of walls differ, or (unless `scheme.anchor` is finite) the positions of points at t = 0
     ValueError
         if dt is not positive, until is negative or scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
         if the directory of the checkpoint does not exist, or the checkpoint is a directory
     """
     check_scheme("simulate", scheme)
-    check_time("simulate: dt", dt, SHORTEST, "a time step greater than zero")
+    if dt is not None:
+        check_time("simulate: dt", dt, SHORTEST, "a time step greater than zero, or None for chosen steps")
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:
         check_fits(scene, start, "start")
         if np.isinf(scheme.anchor):  # else the body grids may have been built again where the bodies were
             check_initial_positions(scene, start, "start")
-    first = with_step(_first(scene, scheme) if start is None else start, float(dt))
-    return _run(scene, first, until, scheme, progress, None if checkpoint is None else writable(checkpoint))
+    first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
+    pace = pace_of(scene, scheme, first.t, until) if dt is None else None
+    return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))
 
 
 def _first(scene: Scene, scheme: Scheme) -> State:
@@ -88,14 +103,23 @@ def _first(scene: Scene, scheme: Scheme) -> State:
 
 
 def _run(
-    scene: Scene, state: State, until: float, scheme: Scheme, progress: bool, checkpoint: Path | None
+    scene: Scene,
+    state: State,
+    until: float,
+    scheme: Scheme,
+    pace: Pace | None,
+    progress: bool,
+    checkpoint: Path | None,
 ) -> Iterator[State]:
     """The loop of `simulate`."""
     saved, retried = perf_counter(), RetrySummary()
     try:
         with Progress(state.t, until, shown=progress) as bar, _exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * state.step_control.dt:
-                state, failures = advance_with_retries(scene, state, until, scheme)
+                if pace is None:
+                    state, failures = advance_with_retries(scene, state, until, scheme)
+                else:
+                    state, failures = advance_with_chosen_step(scene, state, until, scheme, pace)
                 retried = retried.after(state, failures)
                 if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:
                     save(checkpoint, state)

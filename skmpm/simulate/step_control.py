@@ -1,4 +1,7 @@
-"""Step control: steps are halved where they fail, and doubled again after several successes."""
+"""Step control: a requested step is halved where it fails and doubled again after several successes.
+
+Chosen steps follow `simulate.step_length`.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,14 @@ from dataclasses import dataclass, replace
 from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
+from skmpm.simulate.step_length import Pace, next_length
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
 SUCCESSES_BEFORE_DOUBLING = 4  # steps
 TIME_TOLERANCE = 1e-9  # over a step: round-off of times, by which the last step may miss `until`
+CUT = 4.0  # divides the length of a chosen step that failed
+SHORTEST_SHARE = CUT**-6  # of the limit: shortest chosen step
 
 _log = logging.getLogger("skmpm")
 
@@ -39,13 +45,16 @@ class RetrySummary:
 
     def __str__(self) -> str:
         return (
-            f"{self.failures} steps failed and were repeated with half the length, {self.steps} succeeded; the"
+            f"{self.failures} steps failed and were repeated with shorter ones, {self.steps} succeeded; the"
             f" shortest was {self.shortest:.3g} s at t = {self.at:.6g} s; the last failure: {self.last}"
         )
 
 
 def with_step(state: State, dt: float) -> State:
-    """The state with its step control if that belongs to this dt [s], else with one that starts at full steps."""
+    """The state with its step control if that belongs to this dt [s], else with one that starts at full steps.
+
+    dt is zero if steps are chosen.
+    """
     return state if state.step_control.dt == dt else replace(state, step_control=StepControl(dt=dt))
 
 
@@ -76,6 +85,39 @@ def advance_with_retries(scene: Scene, state: State, until: float, scheme: Schem
         shortened = dt < (1.0 - TIME_TOLERANCE) * _step_of(state.step_control)
         control, t = _after_success(state.step_control, shortened), float(until) if ends else after.t
         return replace(after, t=t, report=report, step_control=control), failures
+
+
+def advance_with_chosen_step(
+    scene: Scene, state: State, until: float, scheme: Scheme, pace: Pace
+) -> tuple[State, list[StepFailed]]:
+    """One step of a chosen length, at most to `until` [s], repeated with a quarter of the length while it fails.
+
+    Also returns the failures.
+
+    Raises
+    ------
+    StepFailed
+        if the shortest step fails, or a shorter one would not help; its `state` is the argument `state`
+    """
+    failures, left = list[StepFailed](), until - state.t
+    chosen = state.step_control.chosen
+    limit = (pace.limit if chosen else pace.first)(scene, scheme, state.t, state.v, left)
+    length = min(limit, chosen or limit)
+    while True:
+        try:
+            after = step(scene, state, length, scheme=scheme)
+        except StepFailed as failure:
+            if not failure.retryable or length <= SHORTEST_SHARE * limit:
+                raise _given_up(failure, state, len(failures)) from failure
+            length /= CUT
+            failures.append(failure)
+            _log.info("%s; retrying with dt = %.3g s", failure, length)
+            continue
+        report = replace(after.report, retries=len(failures))
+        # A step that `until` shortens says nothing about the length of the next one.
+        chosen = chosen if length == left < chosen else next_length(length, report.newton)
+        t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
+        return replace(after, t=t, report=report, step_control=StepControl(chosen=chosen)), failures
 
 
 def _step_of(step_control: StepControl) -> float:

@@ -159,7 +159,7 @@ def test_units_do_not_matter(scale):
     assert len(lines(texts[0])) == 3  # lid, motion, friction
 
 
-@pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, "1", None, 1e-101])
+@pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, "1", 1e-101])
 def test_a_bad_time_step_is_refused_as_by_simulate(dt):
     with pytest.raises(ValueError, match=re.escape(f"dt = {dt!r}; give a time step greater than zero")) as found:
         preflight(pair(), dt)

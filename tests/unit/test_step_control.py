@@ -111,7 +111,7 @@ def test_every_retry_is_logged_at_level_info_and_all_of_them_in_one_warning(monk
     assert len(prescribed) == 2
     assert all("scripted; use a smaller dt; retrying with dt = 3.81e-06 s" in message for message in prescribed)
     assert len(warned) == 1
-    assert warned[0].startswith("2 steps failed and were repeated with half the length, 12 succeeded; the shortest")
+    assert warned[0].startswith("2 steps failed and were repeated with shorter ones, 12 succeeded; the shortest")
     assert "3.81e-06 s at t = 0 s; the last failure: scripted" in warned[0]
 
 
@@ -364,7 +364,7 @@ def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):
     save(tmp_path / "run", ended(IMPACT, 2 * DT))
     with np.load(tmp_path / "run", allow_pickle=False) as archive:
         about = json.loads(archive["header"].tobytes())
-    assert about["state"]["step_control"] == {"dt": DT, "halvings": 0, "successes": 0, "part": 0}
+    assert about["state"]["step_control"] == {"dt": DT, "halvings": 0, "successes": 0, "part": 0, "chosen": 0.0}
 
 
 def test_a_body_whose_cells_fall_apart_is_refused():

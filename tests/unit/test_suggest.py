@@ -13,11 +13,11 @@ from skmpm.points import Points, box, disc
 from skmpm.preflight import preflight
 from skmpm.preflight.limits import APPROACH, warnings_of
 from skmpm.preflight.limits import LID as WAY
-from skmpm.preflight.loading import free_height, loading_of
 from skmpm.preflight.metrics import examine
 from skmpm.preflight.suggest import LAWS, Suggestion, suggest
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulate.loading import free_height, loading_of
 
 SOFT, R = NeoHookean(1e5, 0.3, 1000.0), 0.1
 WAVE = float(np.sqrt((SOFT.lame[0] + 2.0 * SOFT.lame[1]) / SOFT.density))

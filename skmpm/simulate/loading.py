@@ -1,4 +1,4 @@
-"""What drives a scene, how fast, and whether steps must resolve waves: for `preflight` and `suggest`.
+"""What drives a scene, how fast, and whether steps must resolve waves: for chosen steps, `preflight`, `suggest`.
 
 Steps must resolve waves where these alone set the time scale: for bodies that collide with initial velocities, and
 for bodies that vibrate because nothing but loads moves them. Where a wall, a support or gravity sets the time scale,
@@ -9,6 +9,7 @@ limits `dt c / h`: to 14 at 0.01 c. At a thousandth of c and below forces are th
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,10 +37,11 @@ class Loading:
     fall: float  # free height [m]
 
 
-def loading_of(scene: Scene) -> Loading:
-    """The kind of a scene, from possible contacts, motion at t = 0, and gravity."""
+def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
+    """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""
     v, _ = initial_motion(scene)
-    name, prescribed = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
+    every = (named for t in times for named in driven(scene, t))
+    name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.deformable[scene.owner]], axis=0).max())
     height = free_height(scene) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * height))
@@ -109,3 +111,18 @@ def free_height(scene: Scene) -> float:
     least = np.full(len(scene.bodies), np.inf)
     np.minimum.at(least, scene.owner, below)
     return max(0.0, float(least[scene.deformable].max()))
+
+
+def smallest_radius(scene: Scene) -> float:
+    """Radius of the smallest deformable body [m]: twice its smallest radius of gyration, which is a disc's radius."""
+    bodies, body = len(scene.bodies), scene.owner
+    volume, x = scene.initial_volumes, scene.initial_positions
+
+    def mean(values: Array) -> Array:
+        total = np.bincount(body, volume * values, bodies)
+        return np.asarray(total / np.bincount(body, volume, bodies))
+
+    arm = x - np.stack([mean(x[0]), mean(x[1])])[:, body]
+    xx, xy, yy = mean(arm[0] ** 2), mean(arm[0] * arm[1]), mean(arm[1] ** 2)
+    least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
+    return 2.0 * float(np.sqrt(least[scene.deformable].min()))

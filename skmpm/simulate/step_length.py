@@ -1,0 +1,109 @@
+"""The length of steps where none is given (`simulate(..., dt=None)`).
+
+Three distances limit a step: those that driven objects move, and bodies past each other, by their present
+velocities and gravity, which are the limits of `preflight`; and, where waves set the pace (`simulate.loading`),
+0.1 R, with R the radius of the smallest body, which is what `Scheme.balanced` is meant for
+(`docs/work_precision.md`). In slow motion the limit is a displacement, so that the number of steps does not depend
+on the speed of a lid.
+
+Below the limit, steps follow the number of Newton iterations: the next one is sqrt(4 / iterations) times as long, at
+least half and at most twice. Contacts that rearrange take more iterations and then shorter steps. A step that fails
+is repeated with a quarter of its length, since rearrangements are 10 to 100 times faster than the loading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import Rigid
+from skmpm.scene import Scene, SceneError
+from skmpm.scheme import Scheme
+from skmpm.simulate.initial_state import can_touch, driven, fastest_wave
+from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radius
+
+Array = NDArray[np.float64]
+
+STROKE = 0.14  # [cells] displacement of what is driven in a step, up to which packings were verified
+WAVES = 0.1  # distance of pressure waves in a step, over the radius of the smallest body
+MAX_APPROACH = 0.2  # [cells] of bodies past each other, up to which collisions were verified
+# [cells] The same where something is driven: collisions of bodies that are loose between others need not be accurate,
+# and contact detection finds penetrations of less than a cell.
+FLIGHT = 0.5
+# Newton iterations at which the length is kept. Fifty discs, compressed slowly with friction from a solid fraction of
+# 0.7 to 0.94, took 284 steps, 11 retries and 55 s with 4, 195 steps, 25 retries and 56 s with 8.
+AIM = 4
+MAX_CHANGE = 2.0  # of the length, from one step to the next
+TIMES = 101  # of a run, at which functions of time tell how fast objects are driven
+FIRST = 1e-3  # of the run: largest first step where velocities are functions of time
+SAMPLES = np.linspace(0.0, 1.0, 5)  # of a step, where prescribed velocities are taken
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What limits the steps of a run."""
+
+    loading: Loading
+    radius: float  # of the smallest body [m]
+    wave: float  # speed of the fastest pressure wave [m/s]
+    gravity: float  # [m/s2]
+
+    def limit(self, scene: Scene, scheme: Scheme, t: float, v: Array, left: float) -> float:
+        """The longest step from time t, with points at velocities v (2, n) [m/s], at most `left` [s]."""
+        limits = [left]
+        if scheme.inertia and self.loading.waves:
+            limits.append(WAVES * self.radius / self.wave)
+        if scheme.inertia and can_touch(scene):
+            room = scene.cell * (FLIGHT if self.loading.driven > 0.0 else MAX_APPROACH)
+            every = np.concatenate([v, scene.wall_velocities(t).T], axis=1)
+            speed = float(np.hypot(*np.ptp(every, axis=1)))
+            # The positive root of gravity dt^2 + speed dt = room, the displacement of backward Euler.
+            limits.append(2.0 * room / (speed + np.sqrt(speed**2 + 4.0 * self.gravity * room) + 1e-300))
+        return _within_stroke(scene, t, float(min(limits)))
+
+    def first(self, scene: Scene, scheme: Scheme, t: float, v: Array, left: float) -> float:
+        """The longest first step, a small part of the run where velocities are functions of time."""
+        return self.limit(scene, scheme, t, v, FIRST * left if _functions_of_time(scene) else left)
+
+
+def _within_stroke(scene: Scene, t: float, dt: float) -> float:
+    """The longest step from t up to dt [s] in which nothing driven moves farther than `STROKE`."""
+    stroke = STROKE * scene.cell
+    while True:
+        times = t + SAMPLES * dt if np.isfinite(dt) else [t]
+        fastest = max((speed for time in times for _, speed in driven(scene, float(time))), default=0.0)
+        if fastest * dt <= stroke * (1.0 + 1e-9) or fastest == 0.0:
+            return dt
+        dt = max(0.5 * dt if np.isfinite(dt) else 0.0, stroke / fastest)
+
+
+def pace_of(scene: Scene, scheme: Scheme, start: float, until: float) -> Pace:
+    """What limits the steps of a run from one time to another [s].
+
+    Raises
+    ------
+    SceneError
+        if steps are explicit, or if only loads that are functions of time set the pace of quasi-static steps
+    """
+    if scheme.explicit:
+        raise SceneError("simulate: explicit steps need dt, below about 0.7 h/c; `preflight` gives c")
+    loading = loading_of(scene, np.linspace(start, until, TIMES if _functions_of_time(scene) else 1))
+    functions = callable(scene.gravity) or any(callable(load.force) for load in scene.loads)
+    if functions and not scheme.inertia:
+        raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
+    gravity = float(np.hypot(*gravity_of(scene)))
+    return Pace(loading, smallest_radius(scene), fastest_wave(scene), gravity)
+
+
+def next_length(length: float, newton: int) -> float:
+    """The length [s] after a step of another length that took so many Newton iterations."""
+    return float(length * np.clip(np.sqrt(AIM / max(newton, 1)), 1.0 / MAX_CHANGE, MAX_CHANGE))
+
+
+def _functions_of_time(scene: Scene) -> bool:
+    """Whether a prescribed velocity is a function of time."""
+    velocities: list[object] = [body.velocity for body in scene.bodies if isinstance(body.material, Rigid)]
+    velocities += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
+    return any(callable(velocity) for velocity in velocities)

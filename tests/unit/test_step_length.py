@@ -1,0 +1,225 @@
+"""Chosen steps: what limits them, how they follow Newton's iterations and failures, restarts, refusals."""
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+from test_simulate import identical
+
+from skmpm.io import load, save
+from skmpm.material import NeoHookean, Rigid
+from skmpm.points import disc
+from skmpm.preflight import preflight
+from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import simulate
+
+STEP_CONTROL = import_module("skmpm.simulate.step_control")
+R, CELL = 1e-3, 2e-4
+GEL = NeoHookean(10e6, 0.45, 990.0)
+WAVE = float(np.sqrt((GEL.lame[0] + 2.0 * GEL.lame[1]) / GEL.density))  # [m/s]
+
+
+def ball(y=R, x=0.0, **options):
+    return Body(disc((x, y), R, spacing=0.74 * CELL), GEL, **options)
+
+
+def pressed(speed, friction=0.5):
+    """A disc under a lid that moves at a constant speed or by a function of time."""
+    walls = [
+        Wall((0, 0), (0, 1), friction=friction),
+        Wall((0, 2 * R), (0, -1), velocity=speed, friction=friction),
+    ]
+    return Scene([ball()], cell=CELL, walls=walls)
+
+
+def lid(states):
+    return np.array([s.walls[1, 1] for s in states])
+
+
+def scripted(monkeypatch, newton, fails=lambda t, dt: False):
+    """Steps that only advance time, in `newton(t)` iterations; the list of the lengths that were tried."""
+    tried = []
+
+    def fake(scene, state, dt, *, scheme):
+        tried.append(dt)
+        if fails(state.t, dt):
+            raise StepFailed("scripted; use a smaller dt", state)
+        return replace(state, t=state.t + dt, report=replace(state.report, dt=dt, newton=newton(state.t), retries=0))
+
+    monkeypatch.setattr(STEP_CONTROL, "step", fake)
+    return tried
+
+
+# --- limits
+
+
+def test_a_lid_moves_by_the_verified_part_of_a_cell_whatever_its_speed():
+    """At 1e-3, 1e-4 and 1e-5 of the speed of waves, to 0.2 R: the same steps."""
+    counts = []
+    for speed in WAVE * np.array([1e-3, 1e-4, 1e-5]):
+        states = list(simulate(pressed((0.0, -speed)), until=0.2 * R / speed))
+        assert np.abs(np.diff(lid(states))).max() <= 0.14 * CELL * (1.0 + 1e-6)
+        assert lid(states)[-1] == pytest.approx(1.8 * R, rel=1e-12)
+        counts.append(len(states))
+    assert max(counts) <= 1.3 * min(counts)
+    assert min(counts) <= 12  # 0.2 R is 1 cell
+
+
+def test_waves_that_set_the_pace_travel_a_tenth_of_the_radius():
+    scene = Scene([ball(1.02 * R, velocity=(0.0, -1.0))], cell=CELL, walls=[Wall((0, 0), (0, 1))])
+    states = list(simulate(scene, until=3e-5))
+    assert max(s.report.dt for s in states) == pytest.approx(0.1 * R / WAVE, rel=1e-3)
+
+
+def test_a_falling_disc_moves_by_a_fifth_of_a_cell_and_comes_to_rest_where_short_steps_bring_it():
+    """From 0.5 R: 1.4e-9 m apart at rest; the steps are 50 times longer in the end than where it lands."""
+    scene = Scene([ball(1.5 * R)], cell=CELL, walls=[Wall((0, 0), (0, 1), friction=0.5)], gravity=(0.0, -9.81))
+    chosen, short = (list(simulate(scene, until=0.05, dt=dt)) for dt in (None, 5e-5))
+    heights = np.array([np.average(s.x[1], weights=s.mass) for s in chosen])
+    assert np.abs(np.diff(heights)).max() <= 0.2 * CELL
+    assert heights[-1] == pytest.approx(np.average(short[-1].x[1], weights=short[-1].mass), abs=1e-3 * CELL)
+    assert len(chosen) < 0.15 * len(short)
+
+
+def test_a_motion_that_starts_at_rest_is_followed():
+    """A lid that moves by 0.05 R and back, and a support and a rigid body that move likewise: no step misses it."""
+    period = 0.2
+
+    def along(t):
+        return (0.0, -0.5 * R * np.sin(2.0 * np.pi * t / period))
+
+    motions = [
+        pressed(lambda t: (0.0, -0.05 * R * np.pi / period * np.sin(2.0 * np.pi * t / period))),
+        Scene(
+            [ball()],
+            cell=CELL,
+            supports=[
+                Support(lambda x: x[1] < 0.2 * R),
+                Support(lambda x: x[1] > 1.8 * R, velocity=along),
+            ],
+        ),
+        Scene(
+            [
+                ball(),
+                Body(
+                    disc((0.0, 3.02 * R), R, spacing=0.74 * CELL),
+                    Rigid(990.0),
+                    velocity=along,
+                ),
+            ],
+            cell=CELL,
+            walls=[Wall((0, 0), (0, 1), friction=0.5)],
+        ),
+    ]
+    for scene in motions:
+        states = list(simulate(scene, until=period))
+        assert states[0].report.dt <= 1e-3 * period
+        assert 10 < len(states) < 400
+
+
+# --- newton iterations and failures
+
+
+def test_lengths_follow_the_iterations_and_never_exceed_the_limit(monkeypatch):
+    """sqrt(4 / iterations), between a half and two."""
+    counts = iter([1, 1, 9, 100, 4, 2, 1])
+    tried = scripted(monkeypatch, lambda t: next(counts))
+    speed = 0.1
+    limit = 0.14 * CELL / speed
+    states = simulate(pressed((0.0, -speed)), until=1.0)
+    for _ in range(7):
+        next(states)
+    factors = np.array([1.0, 1.0, 1.0, 2 / 3, 0.5 * 2 / 3, 0.5 * 2 / 3, np.sqrt(2.0) * 0.5 * 2 / 3])
+    assert np.array(tried) == pytest.approx(limit * factors, rel=1e-9)
+
+
+def test_a_step_that_fails_is_repeated_with_a_quarter_until_it_succeeds(monkeypatch):
+    speed = 0.1
+    limit = 0.14 * CELL / speed
+    tried = scripted(monkeypatch, lambda t: 4, lambda t, dt: dt > 0.1 * limit)
+    state = next(simulate(pressed((0.0, -speed)), until=1.0))
+    assert np.array(tried) == pytest.approx(limit * np.array([1.0, 0.25, 0.0625]), rel=1e-9)
+    assert state.report.retries == 2
+    assert state.step_control.chosen == pytest.approx(0.0625 * limit, rel=1e-9)
+
+
+def test_it_gives_up_after_six_cuts(monkeypatch):
+    tried = scripted(monkeypatch, lambda t: 4, lambda t, dt: True)
+    with pytest.raises(StepFailed, match=r"given up after 6 retries with ever smaller dt"):
+        next(simulate(pressed((0.0, -0.1)), until=1.0))
+    assert len(tried) == 7
+
+
+def test_the_end_of_a_run_does_not_shorten_the_steps_of_the_next(monkeypatch):
+    scripted(monkeypatch, lambda t: 4)
+    speed = 0.1
+    limit = 0.14 * CELL / speed
+    scene = pressed((0.0, -speed))
+    *_, state = simulate(scene, until=2.1 * limit)
+    assert state.t == 2.1 * limit
+    assert next(simulate(scene, until=9.0, start=state)).report.dt == pytest.approx(limit, rel=1e-9)
+
+
+# --- restarts, and runs with dt
+
+
+def test_a_restart_is_bit_exact(tmp_path):
+    scene = pressed((0.0, -0.1), friction=0.0)
+    states = list(simulate(scene, until=1.5e-3))
+    save(tmp_path / "k.npz", states[3])
+    again = list(simulate(scene, until=1.5e-3, start=load(tmp_path / "k.npz")))
+    assert len(again) == len(states) - 4
+    identical(again[-1], states[-1])
+
+
+def test_a_state_of_a_run_with_dt_goes_on_with_chosen_steps_and_back():
+    scene = pressed((0.0, -0.1))
+    *_, state = simulate(scene, until=1e-4, dt=2e-5)
+    *_, state = simulate(scene, until=5e-4, start=state)
+    assert state.step_control.dt == 0.0 < state.step_control.chosen
+    assert next(simulate(scene, until=1e-3, dt=2e-5, start=state)).report.dt == pytest.approx(2e-5)
+
+
+# --- refusals, and preflight
+
+
+@pytest.mark.parametrize(
+    ("scene", "scheme", "message"),
+    [
+        (pressed((0.0, -0.1)), Scheme(explicit=True), "explicit steps need dt"),
+        (
+            Scene(
+                [ball()],
+                cell=CELL,
+                supports=[Support(lambda x: x[1] < 0.2 * R)],
+                loads=[Load(lambda x: x[1] > 1.8 * R, lambda t: (0.0, -t))],
+            ),
+            Scheme(inertia=False),
+            "functions of time need dt",
+        ),
+    ],
+)
+def test_steps_that_cannot_be_chosen_are_refused_before_anything_is_done(scene, scheme, message):
+    with pytest.raises(SceneError, match=message):
+        simulate(scene, until=1.0, scheme=scheme)
+    with pytest.raises(SceneError, match=message):
+        preflight(scene, scheme=scheme)
+
+
+def test_constant_loads_without_inertia_take_one_step():
+    scene = Scene(
+        [ball()],
+        cell=CELL,
+        supports=[Support(lambda x: x[1] < 0.2 * R)],
+        loads=[Load(lambda x: x[1] > 1.8 * R, (0.0, -1.0))],
+    )
+    assert len(list(simulate(scene, until=1.0, scheme=Scheme(inertia=False)))) == 1
+
+
+def test_preflight_tells_the_first_chosen_step_and_does_not_warn_of_it():
+    text = preflight(pressed((0.0, -0.1)))
+    assert f"step      chosen, {0.14 * CELL / 0.1:.3g} s at first" in text
+    assert "a step; verified for lids" not in text
+    assert "step      chosen" not in preflight(pressed((0.0, -0.1)), 1e-5)
