@@ -81,6 +81,7 @@ class Report:
     residual: float = 0.0  # natural-map residual of the contact law at the end of the step
     imbalance: float = 0.0  # residual of the momentum balance over the largest of its terms
     frozen_normals: bool = False  # whether contact normals are those of an earlier Newton iteration
+    unbalanced: float = 0.0  # largest resultant force on a body over the mean contact force (`simulate.unbalanced`)
     overlap: float = 0.0  # area shared by bodies / area of all bodies
     energy: Energy = Energy()
     seconds: dict[str, float] = field(default_factory=dict)  # by phase

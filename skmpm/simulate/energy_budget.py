@@ -11,6 +11,7 @@ from skmpm.assembly import Assembly
 from skmpm.implicit import Bulk, End, Increment, Solution
 from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State
 from skmpm.simulate.forces import external_force
+from skmpm.simulate.unbalanced import unbalanced_ratio
 
 Array = NDArray[np.float64]
 
@@ -129,6 +130,7 @@ def report_of(
         residual=solution.residual,
         imbalance=solution.imbalance,
         frozen_normals=solution.contact is not None and solution.contact.frozen is not None,
+        unbalanced=unbalanced_ratio(increment, solution),
         overlap=overlap,
         energy=Energy(
             kinetic=budget.kinetic,
