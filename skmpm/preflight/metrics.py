@@ -79,7 +79,7 @@ def first_step(scene: Scene, scheme: Scheme) -> float:
 
 def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
-    check_time("preflight: dt", dt, SHORTEST, "a time step greater than zero, or None for chosen steps")
+    check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     check_explicit("preflight", scene, scheme)
     check_cohesion("preflight", scene, scheme)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner

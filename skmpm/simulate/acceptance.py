@@ -103,6 +103,12 @@ def _crossed(boundary: outline.Outlines, x: Array, segments: Ints, depth: str, r
     return StepRejected(f"body {boundary.body[segments[0]]}", problem, remedy)
 
 
+def max_motion(scene: Scene) -> float:
+    """Largest motion of a point in a step, relative to the mean, between bodies with outlines [m]."""
+    thinnest = float(np.min(scene.thickness[~np.isnan(scene.thickness)], initial=np.inf))
+    return max(MAX_MOTION * scene.cell, MAX_THICKNESS_SHARE * thinnest if np.isfinite(thinnest) else 0.0)
+
+
 def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> None:
     """Raise StepRejected if a point moves so far, relative to the mean or a wall, that contact may go undetected.
 
@@ -110,10 +116,8 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> Non
     """
     moved = after.x - before.x
     relative = np.hypot(*(moved - (moved @ before.mass / before.mass.sum())[:, None]))
-    if float(relative.max()) > MAX_MOTION * scene.cell:
-        farthest = MAX_THICKNESS_SHARE * float(np.nanmin(scene.thickness)) if exact else 0.0
-        if float(relative.max()) > max(MAX_MOTION * scene.cell, farthest):
-            raise _tunnelling(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
+    if float(relative.max()) > (max_motion(scene) if exact else MAX_MOTION * scene.cell):
+        raise _tunnelling(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
         near = np.flatnonzero(normal @ (after.x - end[:, None]) < scene.cell)
         approach = -normal @ (moved[:, near] - (end - start)[:, None])

@@ -48,10 +48,10 @@ def simulate(
     """Yield the state after every step until `t >= until` [s]; the last step is shortened to end there.
 
     Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
-    other, by 0.5 where something is driven, and where waves set the pace, they travel a tenth of the radius of the
-    smallest body (`simulate.step_length`). Steps are shorter while Newton's method takes many
-    iterations, and a quarter as long after a failure. Explicit steps, and quasi-static ones under loads that are
-    functions of time, need dt.
+    other, or more where something is driven, and where waves set the pace, they travel a tenth of the radius of the
+    smallest body (`simulate.step_length`). Steps are shorter while Newton's method takes many iterations, and a
+    quarter as long after a failure. Explicit steps, and quasi-static ones under loads that are functions of time,
+    need dt.
 
     With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
     length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always
@@ -81,7 +81,7 @@ def simulate(
     """
     check_scheme("simulate", scheme)
     if dt is not None:
-        check_time("simulate: dt", dt, SHORTEST, "a time step greater than zero, or None for chosen steps")
+        check_time("simulate: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:
         check_fits(scene, start, "start")

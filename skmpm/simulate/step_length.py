@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from skmpm.material import Rigid
 from skmpm.scene import Scene, SceneError
 from skmpm.scheme import Scheme
+from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.initial_state import can_touch, driven, fastest_wave
 from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radius
 
@@ -29,9 +30,6 @@ Array = NDArray[np.float64]
 STROKE = 0.14  # [cells] displacement of what is driven in a step, up to which packings were verified
 WAVES = 0.1  # distance of pressure waves in a step, over the radius of the smallest body
 MAX_APPROACH = 0.2  # [cells] of bodies past each other, up to which collisions were verified
-# [cells] The same where something is driven: collisions of bodies that are loose between others need not be accurate,
-# and contact detection finds penetrations of less than a cell.
-FLIGHT = 0.5
 # Newton iterations at which the length is kept. Fifty discs, compressed slowly with friction from a solid fraction of
 # 0.7 to 0.94, took 284 steps, 11 retries and 55 s with 4, 195 steps, 25 retries and 56 s with 8.
 AIM = 4
@@ -49,6 +47,7 @@ class Pace:
     radius: float  # of the smallest body [m]
     wave: float  # speed of the fastest pressure wave [m/s]
     gravity: float  # [m/s2]
+    room: float  # largest displacement of bodies past each other [m]
 
     def limit(self, scene: Scene, scheme: Scheme, t: float, v: Array, left: float) -> float:
         """The longest step from time t, with points at velocities v (2, n) [m/s], at most `left` [s]."""
@@ -56,11 +55,10 @@ class Pace:
         if scheme.inertia and self.loading.waves:
             limits.append(WAVES * self.radius / self.wave)
         if scheme.inertia and can_touch(scene):
-            room = scene.cell * (FLIGHT if self.loading.driven > 0.0 else MAX_APPROACH)
             every = np.concatenate([v, scene.wall_velocities(t).T], axis=1)
             speed = float(np.hypot(*np.ptp(every, axis=1)))
             # The positive root of gravity dt^2 + speed dt = room, the displacement of backward Euler.
-            limits.append(2.0 * room / (speed + np.sqrt(speed**2 + 4.0 * self.gravity * room) + 1e-300))
+            limits.append(2.0 * self.room / (speed + np.sqrt(speed**2 + 4.0 * self.gravity * self.room) + 1e-300))
         return _within_stroke(scene, t, float(min(limits)))
 
     def first(self, scene: Scene, scheme: Scheme, t: float, v: Array, left: float) -> float:
@@ -94,7 +92,9 @@ def pace_of(scene: Scene, scheme: Scheme, start: float, until: float) -> Pace:
     if functions and not scheme.inertia:
         raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
     gravity = float(np.hypot(*gravity_of(scene)))
-    return Pace(loading, smallest_radius(scene), fastest_wave(scene), gravity)
+    # Where something is driven, collisions of bodies that are loose between others need not be accurate.
+    room = max_motion(scene) if loading.driven > 0.0 else MAX_APPROACH * scene.cell
+    return Pace(loading, smallest_radius(scene), fastest_wave(scene), gravity, room)
 
 
 def next_length(length: float, newton: int) -> float:

@@ -161,7 +161,9 @@ def test_units_do_not_matter(scale):
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, "1", 1e-101])
 def test_a_bad_time_step_is_refused_as_by_simulate(dt):
-    with pytest.raises(ValueError, match=re.escape(f"dt = {dt!r}; give a time step greater than zero")) as found:
+    with pytest.raises(
+        ValueError, match=re.escape(f"dt = {dt!r}; give None for chosen steps, or a time step greater than zero")
+    ) as found:
         preflight(pair(), dt)
     with pytest.raises(ValueError) as expected:
         next(skmpm.simulate(pair(), dt=dt, until=1.0))

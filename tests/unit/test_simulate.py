@@ -83,8 +83,9 @@ def test_a_time_step_that_is_none_is_refused(dt):
     scene = free()
     with pytest.raises(ValueError, match=r"step: dt = .*greater than zero in seconds"):
         step(scene, initial(scene), dt)
-    with pytest.raises(ValueError, match=r"simulate: dt = .*greater than zero in seconds"):
-        list(simulate(scene, dt=dt, until=1.0))
+    if dt is not None:  # then `simulate` chooses the steps
+        with pytest.raises(ValueError, match=r"simulate: dt = .*greater than zero in seconds"):
+            list(simulate(scene, dt=dt, until=1.0))
 
 
 @pytest.mark.parametrize("until", [np.nan, None, -1.0])
