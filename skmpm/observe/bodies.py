@@ -9,12 +9,21 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.observe.contact_length import contact_length, contact_lengths
-from skmpm.observe.network import coordination, half_branches, mass_centres, moments
+from skmpm.observe.network import (
+    coefficient_of,
+    half_branches,
+    mass_centres,
+    moments,
+    neighbours,
+    rattlers,
+    touching_pairs,
+)
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, State
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 ROUND = 1e-9  # relative difference of the principal moments below which a body has no long axis
 MARGIN = 2.0  # mean diameters between the walls and the interior
@@ -30,6 +39,7 @@ class PerBody:
     area: Array  # (bodies,) inside the smooth outline [m2]; nan without an outline
     volume_ratio: Array  # (bodies,) J = sum V0 det F / sum V0
     coordination: Array  # (bodies,) bodies and walls that touch it
+    coordination_without_rattlers: Array  # (bodies,) those that are no rattlers; nan for a rattler
     contact_surface: Array  # (bodies,) length in contact over pi diameter
     aspect_ratio: Array  # (bodies,) extents along the principal axes, long over short; 1 if round
     angle: Array  # (bodies,) of the long axis, in (-pi/2, pi/2] [rad]; nan for a round body
@@ -41,7 +51,7 @@ class PerBody:
 
 def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) -> PerBody:
     """Compute the observables of each body."""
-    n, start = len(scene.bodies), scene.offsets[:-1]
+    n, start, pairs = len(scene.bodies), scene.offsets[:-1], touching_pairs(state.contacts, scene.cell)
     x = state.x[:, boundary.point]
     initial = np.array([body.points.volume.sum() for body in scene.bodies])
     volume = np.add.reduceat(state.volume, start)
@@ -59,7 +69,8 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
         diameter=diameter,
         area=area,
         volume_ratio=volume / initial,
-        coordination=coordination(state.contacts, n, scene.cell),
+        coordination=neighbours(pairs, n).astype(np.float64),
+        coordination_without_rattlers=_without_rattlers(scene, pairs),
         contact_surface=np.where(scene.outlined, contact_length(state.contacts, lengths, n), np.nan)
         / (np.pi * diameter),
         aspect_ratio=np.where(isotropic, 1.0, long / short),
@@ -86,6 +97,13 @@ def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interio
     return inside & scene.deformable
 
 
+def _without_rattlers(scene: Scene, pairs: Ints) -> Array:
+    """Coordination among the bodies that are no rattlers and the walls, (bodies,); nan for rattlers."""
+    loose = rattlers(pairs, coefficient_of(scene, "friction", pairs), scene.deformable)
+    held = ~np.any((pairs >= 0) & loose[np.maximum(pairs, 0)], axis=0)
+    return np.where(loose, np.nan, neighbours(pairs[:, held], loose.size))
+
+
 def _isotropic(boundary: Outlines, x: Array, bodies: int) -> Bools:
     """Whether bodies have no long axis, (bodies,)."""
     M = outline.second_moments(boundary, x, bodies)
@@ -99,7 +117,7 @@ def _shared(boundary: Outlines, x: Array, bodies: int) -> Array:
     return np.asarray(np.bincount(pairs.ravel(), np.tile(area, 2), bodies), dtype=np.float64)
 
 
-def _pressure_points(state: State, start: NDArray[np.int64], volume: Array, mass: Array) -> Array:
+def _pressure_points(state: State, start: Ints, volume: Array, mass: Array) -> Array:
     v = np.add.reduceat(state.mass * state.v, start, axis=1) / mass
     relative = state.v - v[:, state.body]
     virial = state.weight * np.trace(state.stress) - state.mass * (relative**2).sum(axis=0)

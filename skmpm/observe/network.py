@@ -50,10 +50,44 @@ def pairs_of(bodies: Ints) -> tuple[Ints, Ints]:
     return np.where(pair > bodies.max(initial=0), bodies.max(initial=0) - pair, pair), of
 
 
-def coordination(contacts: Contacts, bodies: int, cell: float) -> Array:
-    """Count the distinct bodies and walls that touch each body, (bodies,); a body is no neighbour of itself."""
-    ends = pairs_of(contacts.bodies[:, touching(contacts, cell) & between(contacts)])[0].ravel()
-    return np.bincount(ends[ends >= 0], minlength=bodies).astype(np.float64)
+def touching_pairs(contacts: Contacts, cell: float) -> Ints:
+    """Pairs of bodies that touch, (2, pairs), as `pairs_of` orders them; a body is no neighbour of itself."""
+    return pairs_of(contacts.bodies[:, touching(contacts, cell) & between(contacts)])[0]
+
+
+def coefficient_of(scene: Scene, name: str, pairs: Ints) -> Array:
+    """A coefficient, "friction" or "cohesion", of pairs of bodies (2, k), (k,)."""
+    walls = np.array([getattr(wall, name) for wall in scene.walls], dtype=np.float64)
+    result = np.full(pairs.shape[1], float(getattr(scene, name)))
+    on_wall = pairs[1] < 0
+    result[on_wall] = walls[-1 - pairs[1, on_wall]]
+    return result
+
+
+def neighbours(pairs: Ints, bodies: int) -> Ints:
+    """Count the pairs (2, k) of each body, (bodies,)."""
+    return np.bincount(pairs[pairs >= 0], minlength=bodies)
+
+
+def rattlers(pairs: Ints, friction: Array, movable: Bools) -> Bools:
+    """Find the bodies that their contacts cannot hold, (bodies,): fewer than three contacts, or two with friction.
+
+    They are removed together with their contacts until none is left, because a neighbour may have lost one by it.
+
+    Parameters
+    ----------
+    pairs : (2, k) bodies in contact, walls negative
+    friction : (k,) Coulomb coefficient
+    movable : (bodies,) bodies whose motion is not prescribed
+    """
+    loose = np.zeros(movable.size, dtype=bool)
+    while True:
+        held = ~np.any((pairs >= 0) & loose[np.maximum(pairs, 0)], axis=0)
+        rough = neighbours(pairs[:, held & (friction > 0.0)], movable.size) > 0
+        found = movable & (neighbours(pairs[:, held], movable.size) < np.where(rough, 2, 3))
+        if np.array_equal(found, loose):
+            return loose
+        loose = found
 
 
 def mass_centres(scene: Scene, state: State) -> Array:

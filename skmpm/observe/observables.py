@@ -25,6 +25,7 @@ class Observables:
     solid_fraction: float  # areas inside the smooth outlines / box
     solid_fraction_nominal: float  # initial volumes / box
     coordination: float  # Z
+    coordination_without_rattlers: float  # Z of the bodies that contacts can hold
     contact_surface: float  # S
     anisotropy: float  # A_m
     aspect_ratio: float  # alpha
@@ -48,6 +49,8 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
       area of the box; only the part of rigid bodies in the box counts.
     - coordination Z: mean number of bodies and walls that touch a deformable body; if no contact carries a
       force, of those with a gap below 0.02 cells.
+    - coordination_without_rattlers: the same without the bodies with fewer than three contacts, or two with
+      friction, which are removed one after the other (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68, 2003).
     - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the boundary length with a gap
       below 0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for
       contacts at shared grid nodes, which have no length.
@@ -75,6 +78,7 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
         solid_fraction=solid,
         solid_fraction_nominal=nominal,
         coordination=_mean(bodies.coordination[own]),
+        coordination_without_rattlers=_mean(_finite(bodies.coordination_without_rattlers[own])),
         contact_surface=_mean(bodies.contact_surface[own], bodies.diameter[own]),
         anisotropy=_anisotropy(bodies.angle[own], bodies.aspect_ratio[own]),
         aspect_ratio=_mean(bodies.aspect_ratio[own]),
@@ -161,6 +165,10 @@ def _anisotropy(angle: Array, aspect_ratio: Array) -> float:
         return np.nan
     double = 2.0 * angle[np.isfinite(angle)]
     return 2.0 * float(np.hypot(np.cos(double).sum(), np.sin(double).sum())) / angle.size
+
+
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]
 
 
 def _mean(values: Array, weights: Array | None = None) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.observe.contact_length import contact_lengths
-from skmpm.observe.network import between, force_vectors, mass_centres, pairs_of, touching
+from skmpm.observe.network import between, coefficient_of, force_vectors, mass_centres, pairs_of, touching
 from skmpm.scene import Scene, State, check_fits
 
 Array = NDArray[np.float64]
@@ -117,8 +117,8 @@ def network(scene: Scene, state: State) -> Network:
     normal, force = total(weight * sign * contacts.normal), total(sign * vectors)
     normal /= np.maximum(np.hypot(*normal), np.finfo(np.float64).tiny)
     centre = total(weight * contacts.x) / total(weight[None])
-    friction = _of_pairs(scene, "friction", bodies)
-    limit = np.where(_of_pairs(scene, "cohesion", bodies) > 0.0, 0.0, friction * pressing)
+    friction = coefficient_of(scene, "friction", bodies)
+    limit = np.where(coefficient_of(scene, "cohesion", bodies) > 0.0, 0.0, friction * pressing)
     return Network(
         bodies=bodies,
         normal=normal,
@@ -130,15 +130,6 @@ def network(scene: Scene, state: State) -> Network:
         mobilised_friction=np.divide(np.abs(sliding), limit, out=np.full(limit.shape, np.nan), where=limit > 0.0),
         contacts=np.bincount(of, touch[own], bodies.shape[1]).astype(np.int64),
     )
-
-
-def _of_pairs(scene: Scene, coefficient: str, bodies: Ints) -> Array:
-    """A coefficient, "friction" or "cohesion", of pairs of bodies (2, k), (k,)."""
-    walls = np.array([getattr(wall, coefficient) for wall in scene.walls], dtype=np.float64)
-    result = np.full(bodies.shape[1], float(getattr(scene, coefficient)))
-    on_wall = bodies[1] < 0
-    result[on_wall] = walls[-1 - bodies[1, on_wall]]
-    return result
 
 
 def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:

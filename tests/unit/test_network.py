@@ -7,6 +7,7 @@ import pytest
 
 import skmpm
 from skmpm import Body, LinearElastic, Points, Rigid, Scene, SceneError, Scheme, Wall, disc, initial, network, observe
+from skmpm.observe.network import rattlers
 from skmpm.scene import Contacts
 
 SOFT = LinearElastic(1e6, 0.3, 1000.0)
@@ -107,6 +108,24 @@ def test_pairs_are_those_that_observe_counts_and_measures():
     np.testing.assert_allclose(length, seen.bodies.contact_surface * np.pi * seen.bodies.diameter, rtol=1e-12)
     assert (found.length > 0.1).all()
     np.testing.assert_array_equal(found.bodies, [[0, 0, 1, 1, 2, 2, 3], [1, -1, 2, -1, 3, -1, -1]])
+
+
+def test_rattlers_are_removed_one_after_the_other():
+    """A row on a smooth floor unravels from its ends; with friction two contacts hold a disc."""
+    smooth, rough = row(4), row(4, floor=0.5)
+    seen = observe(smooth, touch(smooth))
+    assert seen.coordination == 2.5 and np.isnan(seen.coordination_without_rattlers)
+    seen = observe(rough, touch(rough))
+    assert seen.coordination_without_rattlers == 2.5
+
+
+def test_a_neighbour_of_a_rattler_keeps_its_other_contacts():
+    """Three bodies in a triangle on two walls, and a fourth that leans on the first."""
+    pairs = np.array([[0, 0, 1, 0, 1, 2, 2, 0], [1, 2, 2, -1, -1, -1, -2, 3]])
+    free = np.ones(4, dtype=bool)
+    np.testing.assert_array_equal(rattlers(pairs, np.zeros(8), free), [False, False, False, True])
+    np.testing.assert_array_equal(rattlers(pairs, np.zeros(8), free & [1, 1, 1, 0]), np.zeros(4))
+    np.testing.assert_array_equal(rattlers(pairs[:, 1:], np.zeros(7), free), np.ones(4))  # unravels from body 1
 
 
 def test_forces_on_branches_are_the_stress_of_observe():

@@ -505,7 +505,8 @@ def test_open_box_has_no_fractions_and_pressures(walls, interior):
     scene = replace(scene, walls=[scene.walls[i] for i in walls])
     state = initial(scene)
     o = observe(scene, pressed(state, np.ones((2, 1))), interior=interior)
-    assert {name for name, value in scalars(o).items() if np.isnan(value)} == VOLUMETRIC
+    unravels = {"coordination_without_rattlers"} if len(walls) < 2 else set()  # from its free corners
+    assert {name for name, value in scalars(o).items() if np.isnan(value)} == VOLUMETRIC | unravels
     assert np.isnan(o.stress).all()
     assert np.isfinite(o.bodies.pressure).all()
 
