@@ -11,8 +11,8 @@ are invariant along the mode, and s is not orthogonal to it. On a grid the multi
 errors, which Newton's method would otherwise balance by large rotations: the stiffness of the mode is zero but for
 such errors.
 
-Where the pressure is so high, or the step so long, that inertia does not resist the rotation, the spin at the start
-of the step is dropped, s^T M w = 0, and the condition does no work.
+Where the pressure is so high, or the step so long, that inertia does not resist the rotation, and in quasi-static
+steps, the spin at the start of the step is dropped, s^T M w = 0, and the condition does no work.
 """
 
 from __future__ import annotations

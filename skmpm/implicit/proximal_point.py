@@ -122,7 +122,7 @@ def _neutral(iterate: Iterate) -> bool:
 
 def _small_resultants(iterate: Iterate, impulse: Array) -> bool:
     """Whether the resultants of an impulse (2 nodes,) are small beside the forces on every body."""
-    resultants = iterate.bodies.modes.T @ impulse
+    resultants = iterate.bodies.modes.T @ iterate.increment.without_gauge_torque(impulse)
     return negligible(iterate.increment, iterate.contact, iterate.bodies, resultants)
 
 

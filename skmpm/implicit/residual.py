@@ -206,9 +206,13 @@ class Increment:
             return sp.csr_array((0, motions.shape[1]))
         return sp.csr_array(motions[self.constrained_dofs] - self.supports.T[self.constrained_dofs] @ motions)
 
+    def without_gauge_torque(self, gradient: Array) -> Array:
+        """An out-of-balance impulse without the part that the gauge bears, (2 nodes,)."""
+        return gradient if self.gauge is None else self.gauge.without_torque(gradient)
+
     def on_free_dofs(self, gradient: Array) -> Array:
         """An out-of-balance impulse without the parts that supports and the gauge bear, (2 nodes,)."""
-        free = gradient if self.gauge is None else self.gauge.without_torque(gradient)
+        free = self.without_gauge_torque(gradient)
         return free if self.supports is None else np.asarray(self.supports.T.T @ free)
 
     def reaction(self, gradient: Array) -> Array:
@@ -252,9 +256,13 @@ class Increment:
             modulus[grid.cell_body[grid.cell_of_point[points]]] = material.lame[1]
         return np.asarray(self._theta_dt**2 * modulus * self.floating)
 
+    @property
+    def stiffness_as_mass(self) -> Array:
+        """Lumped mass scaled so that a floating body has theta^2 dt^2 times its shear modulus, (2 nodes,) [kg/m]."""
+        grid, mass = self.grid, self.bulk.assembly.lumped
+        rate = self.scaled_shear_modulus / np.maximum(grid.sums(mass[None, ::2])[0], 1e-300)
+        return np.asarray(np.repeat(rate[grid.node_body], 2) * mass)
+
     def with_proximal_centre(self, w: Array, relative_stiffness: float) -> Increment:
         """The same step with a proximal term about w for floating bodies, of their shear modulus times a factor."""
-        grid, mass = self.grid, self.bulk.assembly.lumped
-        total = grid.sums(mass[None, ::2])[0]
-        rate = relative_stiffness * self.scaled_shear_modulus / np.maximum(total, 1e-300)
-        return replace(self, proximal=Proximal(np.repeat(rate[grid.node_body], 2) * mass, w))
+        return replace(self, proximal=Proximal(relative_stiffness * self.stiffness_as_mass, w))

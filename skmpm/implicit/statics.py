@@ -66,6 +66,8 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
     constraints = problem.linearise(increment.prescribed_only())
     bodies = floating_bodies(increment, constraints)
     guess = rigid_initial_guess(increment, problem, bodies, constraints)
+    if guess is not None and increment.gauge is not None:
+        guess = increment.gauge.initial_guess(guess)
     start = first_velocity(increment) if guess is None else (guess, increment.at(guess))
     inner, outer = (AndersonAcceleration(increment.bulk.assembly.mass) for _ in range(2))
     iterate = Iterate(increment, problem.at(start[0]), bodies, *start, kept, inner, outer)

@@ -115,7 +115,7 @@ def advance_with_chosen_step(
             continue
         report = replace(after.report, retries=len(failures))
         # A step that `until` shortens says nothing about the length of the next one.
-        chosen = chosen if length == left < chosen else next_length(length, report.newton)
+        chosen = chosen if length == left < chosen else next_length(length, report.newton, scheme)
         t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
         return replace(after, t=t, report=report, step_control=StepControl(chosen=chosen)), failures
 

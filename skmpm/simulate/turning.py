@@ -23,19 +23,26 @@ MAX_ANGLE = 1e-3
 def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Scheme) -> Gauge | None:
     """The condition on the rotation of round bodies that friction acts on nowhere; None where there are none.
 
-    It holds for bodies in contact in long steps, in which waves cross their radius: shorter ones resolve impacts and
-    rotations. A body under pressure p that rotates by phi while its loads keep their directions loses the energy
-    p V phi^2, with 2 p V the virial of its contact forces. From dt^2 2 p V = J on that exceeds its rotational energy,
-    and its spin is dropped; under less pressure it is kept, and bodies that spin fast do not have the condition. `v0`
-    (2 nodes,) [m/s] are the velocities at the start of the step.
+    In quasi-static steps these bodies do not rotate: nothing determines a rotation of theirs. In dynamic steps the
+    condition holds for bodies in contact in long steps, in which waves cross their radius: shorter ones resolve
+    impacts and rotations. A body under pressure p that rotates by phi while its loads keep their directions loses the
+    energy p V phi^2, with 2 p V the virial of its contact forces. From dt^2 2 p V = J on that exceeds its rotational
+    energy, and its spin is dropped; under less pressure it is kept, and bodies that spin fast do not have the
+    condition. `v0` (2 nodes,) [m/s] are the velocities at the start of the step.
     """
     interval = scheme.theta * dt
-    held = scene.indifferent_to_rotation & (interval > scene.crossing_times) & _touching(scene, state)
-    if scheme.explicit or not (scheme.inertia and held.any()):
+    if scheme.inertia:
+        held = scene.indifferent_to_rotation & (interval > scene.crossing_times) & _touching(scene, state)
+    else:  # any frictional wall may come into contact in the step
+        held = scene.indifferent_to_rotation & all(wall.friction == 0.0 for wall in scene.walls)
+    if scheme.explicit or not held.any():
         return None
-    assembly, unstable = assembly_of(state), _unstable(state, interval)
+    assembly = assembly_of(state)
     x = assembly.grid.position + state.displacement.reshape(-1, 2).T
-    gauge = gauge_of(assembly.grid, x, assembly.mass, held, unstable)
+    if not scheme.inertia:
+        return gauge_of(assembly.grid, x, assembly.mass, held, dropped=held)
+    unstable = _unstable(state, interval)
+    gauge = gauge_of(assembly.grid, x, assembly.mass, held, dropped=unstable)
     return gauge.among(unstable | (interval * np.abs(gauge.spin(v0)) < MAX_ANGLE))
 
 

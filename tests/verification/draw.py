@@ -46,6 +46,7 @@ MODULES = (
     "self_contact",
     "contact_solver",
     "interpenetration",
+    "four_walls",
     "jamming",
 )
 HEAD = """# Verification
