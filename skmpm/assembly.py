@@ -1,9 +1,7 @@
-"""Vectorised assembly of the weak forms: equal to `forms` on `BodyGrids.basis`, without one kernel per entry.
+"""Compiled assembly of the weak forms: equal to `forms` on `BodyGrids.basis`, in one loop over the points.
 
-Q1 gradients are linear in the local coordinates, so the stiffness of a cell is a linear function of six moments of
-its points. One sparse product computes the moments, one dense product with the reference matrices of `forms` the cell
-matrices, and one sparse product their sums in a block-sparse matrix, whose pattern is fixed while the body grids stay
-anchored.
+The stiffness is summed in a block-sparse matrix, whose pattern is fixed while the body grids stay anchored. Shape
+functions and their gradients at the points are scikit-fem's.
 """
 
 from __future__ import annotations
@@ -15,7 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.forms import MONOMIALS, PAIRS, reference_ghost, reference_gradient, reference_stiffness
+from skmpm.compiled import compiled
+from skmpm.forms import reference_ghost
 from skmpm.grid import BodyGrids, numbered
 
 Array = NDArray[np.float64]
@@ -34,23 +33,6 @@ GHOST_CORNERS = (
 )
 
 
-def _by_blocks(cells: Array) -> Array:
-    """Cell matrices (..., 8, 8), whose unknowns are interleaved by nodes, as 2 x 2 blocks of node pairs (..., 64)."""
-    return cells.reshape(*cells.shape[:-2], 4, 2, 4, 2).swapaxes(-3, -2).reshape(*cells.shape[:-2], 64)
-
-
-@cache
-def _stiffness_table() -> Array:
-    """The constant reference matrices of `forms.reference_stiffness`, in blocks, (60, 64)."""
-    return _by_blocks(reference_stiffness().reshape(60, 8, 8))
-
-
-@cache
-def _gradient_table() -> Array:
-    """From the moments 1, xi, eta of S to S : grad N for the unknowns of a cell, (3, 4, 8)."""
-    return np.asarray(np.einsum("mIa,ij->miIaj", reference_gradient(), np.eye(2)).reshape(3, 4, 8))
-
-
 @cache
 def _ghost_table() -> Array:
     """The constant 6 x 6 ghost penalty matrix, by symmetry the same for facets with normal x and y."""
@@ -66,10 +48,9 @@ class Assembly:
     lumped: Array  # (2 nodes,) mass of the points at every unknown [kg/m]
     mass: Array  # (2 nodes,) the same, bounded from below by a positive value [kg/m]
     ghost: sp.csr_array  # (nodes, nodes) ghost stiffness, the same for both components [Pa]
-    moments: sp.csr_array  # (6 cells, n) monomials of the local coordinates, times volume / cell^2
     indices: Ints  # (blocks,) columns of the blocks of A
     indptr: Ints  # (nodes + 1,) row offsets of the blocks of A
-    scatter: sp.csr_array  # (blocks, 16 cells) sums the blocks of cells into those of A
+    block_of_cell: Ints  # (cells, 4, 4) the block of A for each pair of nodes of a cell
     ghost_data: Array  # (blocks, 2, 2) the ghost stiffness in the pattern of A
 
     def internal_force(self, P: Array) -> Array:
@@ -99,15 +80,19 @@ class Assembly:
     def stiffness(self, C: Array, added: tuple[Selection, Array] | None = None) -> Array:
         """Blocks of the stiffness in the pattern of A, (blocks, 2, 2), from tangents `C` (2, 2, 2, 2, n) [Pa].
 
-        `added` are k cells and matrices (k, 64), in blocks, to be added to theirs.
+        `added` are k cells and matrices (k, 4, 4, 2, 2), in blocks of pairs of nodes, to be added to theirs.
         """
-        flat = C.reshape(4, 4, -1)
-        entries = np.stack([flat[a, b] for a, b in PAIRS], axis=1)
-        moments = (self.moments @ entries).reshape(6, -1, 10).transpose(1, 0, 2).reshape(-1, 60)
-        cells = moments @ _stiffness_table()
+        K, grid = self.ghost_data.copy(), self.grid
+        _add_stiffness(self.block_of_cell, grid.cell_of_point, *self._gradients, self.volume, C.reshape(4, 4, -1), K)
         if added is not None:
-            cells[added[0]] += added[1]
-        return np.asarray((self.scatter @ cells.reshape(-1, 4)).reshape(-1, 2, 2) + self.ghost_data)
+            _add_matrices(self.block_of_cell[added[0]], added[1], K)
+        return K
+
+    @property
+    def _gradients(self) -> tuple[Array, Array]:
+        """Derivatives of the four shape functions of each point by x and by y, both (n, 4) [1/m]."""
+        Dx, Dy = self.grid.derivatives
+        return Dx.data.reshape(-1, 4), Dy.data.reshape(-1, 4)
 
     def cell_sums(self, values: Array, points: Selection = ALL) -> Array:
         """Sums of V values over the points of each cell, (cells,); `values` (points,)."""
@@ -133,22 +118,17 @@ class Assembly:
         points: Selection = ALL,
         cells: Selection = ALL,
     ) -> Array:
-        """Cell matrices, of rank two, of `forms.mean_dilatation_stiffness`, in blocks, (cells, 64).
+        """Cell matrices, of rank two, of `forms.mean_dilatation_stiffness`, in blocks, (cells, 4, 4, 2, 2).
 
         `slope` and `mixed` (4, points), `bulk` and `rest` (points,) belong to all points of these cells.
         """
-        grid = self.grid
-        of_point = np.concatenate([slope, mixed])
-        if not isinstance(points, slice):
-            of_point = np.zeros((8, self.volume.size))
-            of_point[:, points] = np.concatenate([slope, mixed])
-        rows = (np.arange(3)[:, None] * grid.cells + np.arange(grid.cells)[cells]).ravel()
-        first = self.moments[slice(rows.size) if isinstance(cells, slice) else rows] @ of_point.T  # of 1, xi, eta
-        by_monomial = list(zip(first.reshape(3, -1, 2, 4), grid.cell * _gradient_table(), strict=True))
-        growth, coupling = (sum(values[:, k] @ table for values, table in by_monomial) for k in (0, 1))
-        total, curvature = (self.cell_sums(values, points)[cells][:, None] for values in (rest, bulk))
-        coupling = (coupling + 0.5 * curvature / total * growth) / total
-        return _by_blocks(np.stack([coupling, growth], axis=2) @ np.stack([growth, coupling], axis=1))
+        grid, own = self.grid, np.arange(self.grid.cells)[cells]
+        number = np.zeros(grid.cells, dtype=np.int64)
+        number[own] = np.arange(own.size)
+        cell, (gx, gy), volume = number[grid.cell_of_point[points]], self._gradients, self.volume[points]
+        K = np.zeros((own.size, 4, 4, 2, 2))
+        _mean_dilatation_matrices(cell, gx[points], gy[points], volume, slope, mixed, bulk, rest, K)
+        return K
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
         """Block-sparse A = M + factor K, (2 nodes, 2 nodes), or with diagonal blocks (nodes, 2, 2) in place of M."""
@@ -158,6 +138,64 @@ class Assembly:
         own = self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
         data[np.flatnonzero(rows == self.indices)] += own
         return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
+
+
+@compiled
+def _add_stiffness(
+    block_of_cell: Ints, cell_of_point: Ints, gx: Array, gy: Array, volume: Array, C: Array, K: Array
+) -> None:
+    """Add V grad N_I : C : grad N_J of all points to the blocks K (blocks, 2, 2); symmetric C (4, 4, n)."""
+    for p in range(volume.size):
+        V, x, y, block = volume[p], gx[p], gy[p], block_of_cell[cell_of_point[p]]
+        for i in range(2):
+            for k in range(i, 2):
+                xx, xy = V * C[2 * i, 2 * k, p], V * C[2 * i, 2 * k + 1, p]
+                yx, yy = V * C[2 * i + 1, 2 * k, p], V * C[2 * i + 1, 2 * k + 1, p]
+                for I in range(4):  # noqa: E741
+                    by_x, by_y = x[I] * xx + y[I] * yx, x[I] * xy + y[I] * yy
+                    for J in range(4):
+                        value = by_x * x[J] + by_y * y[J]
+                        K[block[I, J], i, k] += value
+                        if i < k:
+                            K[block[J, I], k, i] += value
+
+
+@compiled
+def _add_matrices(block_of_cell: Ints, matrices: Array, K: Array) -> None:
+    """Add matrices (cells, 4, 4, 2, 2) to the blocks K (blocks, 2, 2)."""
+    for c in range(block_of_cell.shape[0]):
+        for I in range(4):  # noqa: E741
+            for J in range(4):
+                block = block_of_cell[c, I, J]
+                for i in range(2):
+                    for k in range(2):
+                        K[block, i, k] += matrices[c, I, J, i, k]
+
+
+@compiled
+def _mean_dilatation_matrices(
+    cell: Ints, gx: Array, gy: Array, volume: Array, slope: Array, mixed: Array, bulk: Array, rest: Array, K: Array
+) -> None:
+    """B'D + D'B + B'EB of every cell, K (cells, 4, 4, 2, 2) zero before; see `forms.mean_dilatation_stiffness`."""
+    count = K.shape[0]
+    growth, coupling = np.zeros((count, 4, 2)), np.zeros((count, 4, 2))
+    total, curvature = np.zeros(count), np.zeros(count)
+    for p in range(cell.size):
+        c, V = cell[p], volume[p]
+        total[c] += V * rest[p]
+        curvature[c] += V * bulk[p]
+        for I in range(4):  # noqa: E741
+            x, y = V * gx[p, I], V * gy[p, I]
+            for i in range(2):
+                growth[c, I, i] += slope[2 * i, p] * x + slope[2 * i + 1, p] * y
+                coupling[c, I, i] += mixed[2 * i, p] * x + mixed[2 * i + 1, p] * y
+    for c in range(count):
+        B, D = growth[c], (coupling[c] + 0.5 * curvature[c] / total[c] * growth[c]) / total[c]
+        for I in range(4):  # noqa: E741
+            for J in range(4):
+                for i in range(2):
+                    for k in range(2):
+                        K[c, I, J, i, k] = D[I, i] * B[J, k] + B[I, i] * D[J, k]
 
 
 def lumped_mass(grid: BodyGrids, mass: Array) -> Array:
@@ -223,17 +261,9 @@ def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -
     where, some = numbered(_neighbour(grid, row, column), STENCIL_NODES * nodes)
     row, column = row[some], column[some]
     in_cells, in_ghost = np.split(where, [pairs[0][0].size])
-    scatter = sp.csr_array(
-        (np.ones(in_cells.size), (in_cells, np.arange(in_cells.size))), shape=(some.size, in_cells.size)
-    )
     ghost = np.bincount(in_ghost, ghost_values.ravel(), some.size).astype(np.float64)  # integers if there are none
     nonzero = np.flatnonzero(ghost)
 
-    n = grid.local.shape[1]
-    weight = volume / grid.cell**2
-    monomials = grid.local[0] ** MONOMIALS[0][:, None] * grid.local[1] ** MONOMIALS[1][:, None] * weight
-    rows = np.arange(6)[:, None] * grid.cells + grid.cell_of_point
-    moments = sp.csr_array((monomials.ravel(), (rows.ravel(), np.tile(np.arange(n), 6))), shape=(6 * grid.cells, n))
     lumped = lumped_mass(grid, mass)
     return Assembly(
         grid=grid,
@@ -242,9 +272,8 @@ def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -
         # A point exactly on a grid line may leave a node of its cell without mass, whose velocity would be 0/0.
         mass=np.maximum(lumped, MIN_MASS_RATIO * np.repeat(_heaviest(grid, mass), 2)),
         ghost=sp.csr_array((ghost[nonzero], (row[nonzero], column[nonzero])), shape=(nodes, nodes)),
-        moments=moments,
         indices=column,
         indptr=np.searchsorted(row, np.arange(nodes + 1)),
-        scatter=scatter,
+        block_of_cell=in_cells.reshape(-1, 4, 4),
         ghost_data=ghost[:, None, None] * np.eye(2),
     )

@@ -2,12 +2,11 @@
 
 They are assembled on `BodyGrids.basis`, whose quadrature points are the material points. All gradients are with
 respect to the anchor configuration; `P` is the first Piola-Kirchhoff stress per anchor volume and `C` its tangent.
-Time steps use the vectorised assembly of `assembly`, whose reference matrices are computed from these forms.
+Time steps use the compiled assembly of `assembly`, which equals these forms.
 """
 
 from __future__ import annotations
 
-from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
@@ -25,12 +24,6 @@ from skfem import (
 from skfem.helpers import dot, grad
 
 Array = NDArray[np.float64]
-
-MONOMIALS = np.array([[0, 1, 0, 1, 2, 0], [0, 0, 1, 1, 0, 2]])
-"""Exponents of xi and eta in the monomials of a product of two Q1 gradients, (2, 6)."""
-
-PAIRS = tuple(combinations_with_replacement(range(4), 2))
-"""Indices of the ten independent entries of a symmetric 4 x 4 tangent; index 2 i + I denotes F_iI."""
 
 
 @BilinearForm
@@ -106,32 +99,6 @@ def ghost_matrix(mesh: MeshQuad, facets: NDArray[np.int64], cell: float) -> Any:
 
 def _unit_square() -> MeshQuad:
     return MeshQuad(np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]), np.arange(4)[:, None])
-
-
-def reference_stiffness() -> Array:
-    """Stiffness of the unit cell for each monomial weight and unit tangent, (6, 10, 8, 8).
-
-    Q1 gradients are linear in the local coordinates, so the stiffness of a cell is a linear function of six moments
-    of its points; in 2D it does not depend on the size of the cell. Unknowns are interleaved node by node.
-    """
-    basis = CellBasis(_unit_square(), ElementVector(ElementQuad1()), intorder=6)
-    order = basis.element_dofs[:, 0]
-    # The values of the form at six points determine the coefficients of the six monomials.
-    xi, eta = np.array([0.1, 0.9, 0.2, 0.8, 0.5, 0.3]), np.array([0.2, 0.1, 0.7, 0.9, 0.4, 0.95])
-    vandermonde = xi[:, None] ** MONOMIALS[0] * eta[:, None] ** MONOMIALS[1]
-    values = np.zeros((6, 10, 8, 8))
-    for p in range(6):
-        point = CellBasis(
-            _unit_square(),
-            ElementVector(ElementQuad1()),
-            quadrature=(np.array([[xi[p]], [eta[p]]]), np.ones(1)),
-        )
-        for k, (a, b) in enumerate(PAIRS):
-            C = np.zeros((4, 4))
-            C[a, b] = C[b, a] = 1.0
-            K = stiffness.assemble(point, C=C.reshape(2, 2, 2, 2, 1, 1)).toarray()
-            values[p, k] = K[np.ix_(order, order)]
-    return np.linalg.solve(vandermonde, values.reshape(6, -1)).reshape(6, 10, 8, 8)
 
 
 def reference_gradient() -> Array:

@@ -14,8 +14,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from skmpm.compiled import compiled
 from skmpm.coulomb.law import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, Array, split
-from skmpm.coulomb.problem import MAX_DENSE_ROWS, Iterate, Matrix, Problem, is_sparse
+from skmpm.coulomb.problem import Iterate, Matrix, Problem, is_sparse
 
 States: TypeAlias = NDArray[np.int8]
 
@@ -80,28 +81,68 @@ def contact_states(a: Array, mu: Array) -> States:
 
 def _step(p: Problem, r: Array, state: States) -> Array:
     """Newton step for the states (k,): u_n = 0 if closed, u_t = 0 if sticking, r_t = +-mu r_n if slipping."""
-    free, B = _active(p, state)
+    free, column, factor = _active(p, state)
+    if not free.size:
+        return -r
+    start = factor * r[free[column]]
     rows = p.W[free]
-    start = B @ r[free]
-    correction = B @ _solve_regular(rows @ B, -(rows @ start + p.q[free]), p.shift)
-    return np.asarray(start + correction - r, dtype=float)
+    change = _solve_regular(_combined(rows, column, factor, free.size), -(rows @ start + p.q[free]), p.shift)
+    return np.asarray(start + factor * change[column] - r, dtype=float)
 
 
-def _active(p: Problem, state: States) -> tuple[NDArray[np.intp], Matrix]:
-    """The active rows, and the map B from them to all rows; rows without a cone follow those of contacts."""
+def _active(p: Problem, state: States) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """The active rows (m,), and for every row the active one that it follows and the factor, zero for open contacts.
+
+    Tangential rows that slip follow the normal ones; rows without a cone are active.
+    """
     size, stride = p.q.size, p.contacts // p.mu.size
     free = np.concatenate(
         [np.stack([state != OPEN, state == STICK][:stride], axis=1).ravel(), np.ones(size - p.contacts, dtype=bool)]
     )
-    number = np.cumsum(free) - 1
-    rows, slipping = np.flatnonzero(free), stride * np.flatnonzero(state >= SLIP_PLUS)
-    at_row, at_column = np.concatenate([rows, slipping + 1]), np.concatenate([number[rows], number[slipping]])
-    entries = np.concatenate([np.ones(rows.size), (SLIP_SIGN[state] * p.mu)[slipping // stride]])
-    if size <= MAX_DENSE_ROWS:
-        B = np.zeros((size, rows.size))
-        B[at_row, at_column] = entries
-        return rows, B
-    return rows, sp.csr_array((entries, (at_row, at_column)), shape=(size, rows.size))
+    column, factor = np.maximum(np.cumsum(free) - 1, 0), free.astype(np.float64)
+    slipping = np.flatnonzero(state >= SLIP_PLUS)
+    column[stride * slipping + 1] = column[stride * slipping]
+    factor[stride * slipping + 1] = (SLIP_SIGN[state] * p.mu)[slipping]
+    return np.flatnonzero(free), column, factor
+
+
+def _combined(rows: Matrix, column: NDArray[np.intp], factor: Array, count: int) -> Matrix:
+    """The matrix with the columns j of `rows` times factor[j] added to column[j] of `count` ones."""
+    if not is_sparse(rows):
+        combined = np.zeros((rows.shape[0], count))
+        np.add.at(combined.T, column, (rows * factor).T)
+        return combined
+    indptr, indices, data = np.zeros_like(rows.indptr), np.empty_like(rows.indices), np.empty_like(rows.data)
+    filled = _combine(rows.indptr, rows.indices, rows.data, column, factor, indptr, indices, data)
+    return sp.csr_array((data[:filled], indices[:filled], indptr), shape=(rows.shape[0], count))
+
+
+@compiled
+def _combine(
+    indptr: NDArray[np.int32],
+    indices: NDArray[np.int32],
+    values: Array,
+    column: NDArray[np.intp],
+    factor: Array,
+    out_indptr: NDArray[np.int32],
+    out_indices: NDArray[np.int32],
+    out: Array,
+) -> int:
+    """Write a CSR matrix, whose columns ascend as those of the first do, and return its number of entries."""
+    end = 0
+    for i in range(indptr.size - 1):
+        begin = end
+        for e in range(indptr[i], indptr[i + 1]):
+            weight, at = factor[indices[e]], column[indices[e]]
+            if weight == 0.0:
+                continue
+            if end > begin and out_indices[end - 1] == at:
+                out[end - 1] += weight * values[e]
+            else:
+                out_indices[end], out[end] = at, weight * values[e]
+                end += 1
+        out_indptr[i + 1] = end
+    return end
 
 
 def _solve_regular(A: Matrix, b: Array, shift: float) -> Array:

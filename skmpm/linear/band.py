@@ -1,4 +1,4 @@
-"""Banded Cholesky of all bodies at once."""
+"""Banded Cholesky of every body."""
 
 from __future__ import annotations
 
@@ -7,77 +7,175 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.linalg.blas import dtrmm, dtrsm
+from scipy.linalg.lapack import dpbtrf, dpbtrs
 
-from skmpm.linear.blockwise import by_body
-from skmpm.linear.solver import Solver, half_bandwidth
+from skmpm.compiled import compiled
+from skmpm.linear.blockwise import Rows, by_body
+from skmpm.linear.solver import Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+PANEL = 4  # columns of L that are eliminated at once; a band has PANEL - 1 rows of zeros below its own
+BLOCK = 64  # rows of Z in one product Z^T Z, by which zeros above the first entry of a column are left out
+
 
 @dataclass(frozen=True)
 class Banded:
-    """Cholesky factor of all bodies in one band matrix; bodies are not coupled, so their factors do not overlap."""
+    """Cholesky factors of the bodies, each in a band of its own width."""
 
-    factor: Array  # (bandwidth + 1, n), lower form, columns contiguous
-    blocks: Ints
+    bands: Array  # the lower bands column by column, body after body
+    offsets: Ints  # (bodies + 1,) where the band of each body begins
+    blocks: Ints  # (bodies + 1,) first unknown of each body
     name: str = "banded"
 
     def __call__(self, b: Array, /) -> Array:
         """A^-1 b."""
-        return np.asarray(cho_solve_banded((self.factor, True), b, check_finite=False))
+        x = np.array(b, dtype=np.float64)
+        for body in range(self.blocks.size - 1):
+            start, stop = self.blocks[body], self.blocks[body + 1]
+            if stop > start:
+                x[start:stop] = dpbtrs(_band_of(self, body), x[start:stop], lower=1)[0]
+        return x
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """H A^-1 H^T = sum over bodies of Z^T Z, Z = L^-1 H_b^T."""
         return by_body(self.blocks, H, self._squares)
 
-    def _squares(self, start: int, stop: int, right: Array, first: Ints) -> Array:
-        """Z^T Z of one body by forward substitution in block rows whose height is the half bandwidth.
+    def _squares(self, rows: Rows, out: Array, begins: Ints) -> None:
+        entries = np.searchsorted(rows.entry, np.arange(rows.row.size + 1))
+        _squares(
+            self.bands, self.offsets, self.blocks, rows.ends, rows.first, entries, rows.dof, rows.value, out, begins
+        )
 
-        In each block row L consists of a lower and an upper triangle. Columns are skipped up to their first non-zero.
-        """
-        width, out = self.factor.shape[0] - 1, np.zeros((first.size, first.size))
-        carried = np.zeros((width, 0), order="F")
-        for begin in range(start, stop, width):
-            end = min(begin + width, stop)
-            active = int(np.searchsorted(first, end - start))
-            block = np.asfortranarray(right[begin - start : end - start, :active])
-            if carried.shape[1]:
-                above = dtrmm(1.0, self._square(begin - width, width, width), carried)
-                block[:, : carried.shape[1]] -= above[: end - begin]
-            carried = dtrsm(1.0, self._square(begin, 0, end - begin), block, lower=1)
-            out[:active, :active] += carried.T @ carried
-        return out
 
-    def _square(self, column: int, below: int, size: int) -> Array:
-        """View of the square block of L that begins at this column, `below` rows below the diagonal.
-
-        Entry (i, j) of L is stored at i + j bandwidths. One triangle of the view belongs to the block, the other one
-        to other columns of L.
-        """
-        width, entries = self.factor.shape[0] - 1, self.factor.ravel(order="K")
-        begin = column * (width + 1) + below
-        return entries[begin : begin + width * size].reshape((width, size), order="F")[:size]
+def _band_of(factor: Banded, body: int) -> Array:
+    """The band of one body, (rows, unknowns): entry (i, j) of L in row i - j of column j."""
+    unknowns = int(factor.blocks[body + 1] - factor.blocks[body])
+    band = factor.bands[factor.offsets[body] : factor.offsets[body + 1]]
+    return band.reshape((-1, unknowns), order="F")
 
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """Banded Cholesky of all bodies at once (LAPACK pbtrf); for bodies of up to about 170 cells across."""
-    band = _band(A, half_bandwidth(A))
-    return Banded(cholesky_banded(band, overwrite_ab=True, lower=True, check_finite=False), blocks)
+    """Banded Cholesky of every body (LAPACK pbtrf); for bodies of up to about 170 cells across."""
+    blocks = np.asarray(blocks, dtype=np.int64)
+    heights = _widths(A, blocks) + PANEL
+    offsets = np.append(0, np.cumsum(heights * np.diff(blocks)))
+    factor = Banded(np.zeros(offsets[-1]), offsets, blocks)
+    _fill(A.indptr, A.indices, A.data, blocks, heights, offsets, factor.bands)
+    for body in np.flatnonzero(np.diff(blocks)).tolist():
+        _, info = dpbtrf(_band_of(factor, body), lower=1, overwrite_ab=1)
+        if info > 0:
+            raise np.linalg.LinAlgError(f"{blocks[body] + info}-th leading minor not positive definite")
+    return factor
 
 
-def _band(A: sp.bsr_array, width: int) -> Array:
-    """The lower triangle of A in band storage, (width + 1, n): entry (i, j) in row i - j of column j."""
-    n = A.shape[0]
-    rows = np.repeat(np.arange(n // 2), np.diff(A.indptr))
-    lower = np.flatnonzero(A.indices <= rows)
-    row, column = rows[lower], A.indices[lower].astype(np.int64)
-    at, data = 2 * (column * (width + 1) + row - column), A.data[lower]
-    band = np.zeros((width + 1) * n)
-    for a, b in ((0, 0), (1, 0), (1, 1)):
-        band[at + a + b * width] = data[:, a, b]
-    off_diagonal = row > column
-    band[at[off_diagonal] + width] = data[off_diagonal, 0, 1]
-    return band.reshape((width + 1, n), order="F")
+def _widths(A: sp.bsr_array, blocks: Ints) -> Ints:
+    """Half bandwidth of each body, in unknowns, (bodies,)."""
+    nodes = A.indptr.size - 1
+    reach = np.zeros(nodes, dtype=np.int64)
+    filled = np.flatnonzero(np.diff(A.indptr))
+    if filled.size:
+        reach[filled] = np.maximum(filled - np.minimum.reduceat(A.indices, A.indptr[filled]), 0)
+    widest = np.zeros(blocks.size - 1, dtype=np.int64)
+    np.maximum.at(widest, np.searchsorted(blocks[1:], 2 * np.arange(nodes), side="right"), reach)
+    return 2 * widest + 1
+
+
+@compiled
+def _fill(
+    indptr: NDArray[np.integer],
+    indices: NDArray[np.integer],
+    data: Array,
+    blocks: Ints,
+    heights: Ints,
+    offsets: Ints,
+    bands: Array,
+) -> None:
+    """Write the lower triangle of A to bands that are zero."""
+    for body in range(blocks.size - 1):
+        height, first = heights[body], blocks[body] // 2
+        for row in range(first, blocks[body + 1] // 2):
+            for e in range(indptr[row], indptr[row + 1]):
+                column = indices[e]
+                if column <= row:
+                    at = offsets[body] + 2 * (column - first) * height + 2 * (row - column)
+                    bands[at] = data[e, 0, 0]
+                    bands[at + 1] = data[e, 1, 0]
+                    bands[at + height] = data[e, 1, 1]
+                    if column < row:
+                        bands[at + height - 1] = data[e, 0, 1]
+
+
+@compiled
+def _squares(
+    bands: Array,
+    offsets: Ints,
+    blocks: Ints,
+    ends: Ints,
+    first: Ints,
+    entries: Ints,
+    dof: Ints,
+    value: Array,
+    out: Array,
+    begins: Ints,
+) -> None:
+    """Z^T Z of every body, Z = L^-1 H_b^T, one after the other in `out`, which is zero."""
+    for body in range(blocks.size - 1):
+        start, n, m = blocks[body], blocks[body + 1] - blocks[body], ends[body + 1] - ends[body]
+        if m == 0:
+            continue
+        Z, active = np.zeros((n, m)), np.zeros(n, dtype=np.int64)
+        for j in range(m):
+            row = ends[body] + j
+            for e in range(entries[row], entries[row + 1]):
+                Z[dof[e] - start, j] = value[e]
+            active[first[row] - start] = j + 1
+        for i in range(1, n):
+            active[i] = max(active[i], active[i - 1])
+        band = bands[offsets[body] : offsets[body + 1]]
+        _forward(band, band.size // n, Z, active)
+        square = out[begins[body] : begins[body + 1]].reshape((m, m))
+        for i in range(0, n, BLOCK):
+            some = active[min(i + BLOCK, n) - 1]
+            if some > 0:
+                rows = np.ascontiguousarray(Z[i : i + BLOCK, :some])
+                square[:some, :some] += rows.T @ rows
+
+
+@compiled
+def _forward(band: Array, height: int, Z: Array, active: Ints) -> None:
+    """Forward substitution L^-1 Z in place, PANEL rows at once; in row i only the first active[i] columns are filled.
+
+    Entry (i, j) of L is band[j height + i - j]; it is zero beyond the band by less than PANEL rows.
+    """
+    n, width = Z.shape[0], height - PANEL
+    for begin in range(0, n, PANEL):
+        size = min(PANEL, n - begin)
+        for i in range(begin, begin + size):
+            for j in range(begin, i):
+                factor = band[j * height + i - j]
+                for k in range(active[j]):
+                    Z[i, k] -= factor * Z[j, k]
+            inverse = 1.0 / band[i * height]
+            for k in range(active[i]):
+                Z[i, k] *= inverse
+        some = active[begin + size - 1]
+        if size < PANEL or some == 0:
+            continue
+        a = begin * (height - 1)
+        b, c, d = a + height - 1, a + 2 * (height - 1), a + 3 * (height - 1)
+        i, last = begin + PANEL, min(begin + width + PANEL, n)
+        while i < last:  # two rows at once, which halves the reads of the panel
+            j = min(i + 1, last - 1)
+            a0, a1, a2, a3 = band[a + i], band[b + i], band[c + i], band[d + i]
+            b0, b1, b2, b3 = band[a + j], band[b + j], band[c + j], band[d + j]
+            if j > i:
+                for k in range(some):
+                    x0, x1, x2, x3 = Z[begin, k], Z[begin + 1, k], Z[begin + 2, k], Z[begin + 3, k]
+                    Z[i, k] -= a0 * x0 + a1 * x1 + a2 * x2 + a3 * x3
+                    Z[j, k] -= b0 * x0 + b1 * x1 + b2 * x2 + b3 * x3
+            else:
+                for k in range(some):
+                    Z[i, k] -= a0 * Z[begin, k] + a1 * Z[begin + 1, k] + a2 * Z[begin + 2, k] + a3 * Z[begin + 3, k]
+            i += 2

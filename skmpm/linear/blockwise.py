@@ -10,15 +10,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
 from skmpm.linear.solver import Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Squares = Callable[[int, int, Array, Ints], Array]
 
 
 @dataclass(frozen=True)
-class _Rows:
+class Rows:
     """The non-zero rows of H, sorted by body and, within a body, by first unknown."""
 
     size: int  # number of rows of H
@@ -35,7 +35,10 @@ class _Rows:
         return np.arange(self.row.size) - np.repeat(self.ends[:-1], np.diff(self.ends))
 
 
-def _rows(blocks: Ints, H: sp.csr_array) -> _Rows:
+Squares = Callable[[Rows, Array, Ints], None]
+
+
+def _rows(blocks: Ints, H: sp.csr_array) -> Rows:
     H = H.sorted_indices()
     count = np.diff(H.indptr)
     filled = np.flatnonzero(count)
@@ -48,32 +51,39 @@ def _rows(blocks: Ints, H: sp.csr_array) -> _Rows:
     chosen = sp.csr_array(H[filled[order]])
     entry = np.repeat(np.arange(order.size), count[filled[order]])
     dof = chosen.indices.astype(np.int64)
-    return _Rows(H.shape[0], filled[order], ends, first[order], dof, entry, chosen.data)
+    return Rows(H.shape[0], filled[order], ends, first[order], dof, entry, chosen.data)
 
 
 def by_body(blocks: Ints, H: sp.csr_array, squares: Squares) -> sp.csr_array:
-    """H A^-1 H^T, dense within a body, from the blocks `squares(start, stop, H_b^T, first)` of the bodies.
+    """H A^-1 H^T, dense within a body, from the dense blocks that `squares(rows, out, begins)` writes.
 
-    Each row of H touches one body. The columns of H_b^T are sorted by the index `first` of their first non-zero.
+    Each row of H touches one body. Block b begins at `begins[b]` in `out`; its rows and columns are the rows of H on
+    that body in the order of their first non-zero.
     """
     rows = _rows(blocks, H)
-    entries, sizes = np.searchsorted(rows.entry, rows.ends), np.diff(rows.ends)
+    sizes = np.diff(rows.ends)
+    begins = np.append(0, np.cumsum(sizes**2))
+    dense = np.zeros(begins[-1])
+    squares(rows, dense, begins)
     count = np.zeros(rows.size, dtype=np.int64)
     count[rows.row] = np.repeat(sizes, sizes)
-    begins = np.append(0, np.cumsum(count))
-    data, column = np.empty(begins[-1]), np.empty(begins[-1], dtype=np.int32)
-    for b in np.flatnonzero(sizes).tolist():
-        start, stop, size = int(blocks[b]), int(blocks[b + 1]), sizes[b]
-        in_body, entries_of_body = slice(rows.ends[b], rows.ends[b + 1]), slice(entries[b], entries[b + 1])
-        right = np.zeros((stop - start, size), order="F")
-        local = rows.local[rows.entry[entries_of_body]]
-        right[rows.dof[entries_of_body] - start, local] = rows.value[entries_of_body]
-        block = squares(start, stop, right, rows.first[in_body] - start)
-        ascending = np.argsort(rows.row[in_body])
-        row = rows.row[in_body][ascending]
-        position = begins[row][:, None] + np.arange(size)
-        data[position], column[position] = block[ascending][:, ascending], row
-    return sp.csr_array((data, column, begins.astype(np.int32)), shape=(rows.size, rows.size))
+    indptr = np.append(0, np.cumsum(count))
+    data, indices = np.empty(begins[-1]), np.empty(begins[-1], dtype=np.int32)
+    _sorted(rows.row, rows.ends, begins, dense, indptr, data, indices)
+    return sp.csr_array((data, indices, indptr.astype(np.int32)), shape=(rows.size, rows.size))
+
+
+@compiled
+def _sorted(row: Ints, ends: Ints, begins: Ints, dense: Array, indptr: Ints, data: Array, indices: Ints) -> None:
+    """Copy dense blocks into the rows of a CSR matrix, columns ascending."""
+    for b in range(ends.size - 1):
+        size, own = ends[b + 1] - ends[b], row[ends[b] : ends[b + 1]]
+        order = np.argsort(own)
+        for i in order:
+            source, target = begins[b] + i * size, indptr[own[i]]
+            for k in range(size):
+                data[target + k] = dense[source + order[k]]
+                indices[target + k] = own[order[k]]
 
 
 def by_columns(solve: Solver, blocks: Ints, H: sp.csr_array) -> sp.csr_array:

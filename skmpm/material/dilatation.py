@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
 from skmpm.material.anchored import Anchored
 from skmpm.material.anchored import projected as without_negative
 from skmpm.material.invariants import TURN, cofactor
@@ -82,19 +83,51 @@ def curvatures(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array, Arr
         mixed = 0.5 * (of_one - 0.5 * ONE * of_one[[0, 3]].sum(axis=0))
         by_F = np.einsum("ab,bcp,cd->adp", DEVIATOR, C, DEVIATOR, optimize=True)
         return by_F + mu * (ONE * ONE.T)[:, :, None], mixed, 0.25 * of_one[[0, 3]].sum(axis=0) - mu
-    P, f = law.stress(F_bar).reshape(4, -1), F_bar.reshape(4, -1)
-    a = cofactor(F_bar).reshape(4, -1) / determinant(F_bar)
-    stretched = np.einsum("abp,bp->ap", C, f)
-    J, rest = determinant(F), law.rest(theta.size)
-    q, size, k = np.sum(P * f, axis=0), np.sum(f * stretched, axis=0), P + stretched
-    side = s**2 * ((0.125 * size + 0.375 * q + 0.5 * mu * rest) * a - 0.5 * k)
-    outer = side[:, None] * a
-    by_F = s**2 * C
-    by_F += outer
-    by_F += outer.swapaxes(0, 1)
-    by_F += (mu * (1.0 - rest / J) - 0.5 * q / J) * TURN[:, :, None]
-    mixed = 0.5 * s / theta * (k - 0.5 * (size + q) * a)
-    return by_F, mixed, (0.25 * (size - q) - mu * rest) / theta**2
+    P, f, rest = law.stress(F_bar).reshape(4, -1), F_bar.reshape(4, -1), law.rest(theta.size)
+    by_F, mixed, by_theta = np.empty_like(C), np.empty_like(P), np.empty_like(theta)
+    _chain_rule(mu, determinant(F), theta, rest, s, f, P, C, by_F, mixed, by_theta)
+    return by_F, mixed, by_theta
+
+
+@compiled
+def _chain_rule(
+    mu: float,
+    J: Array,
+    theta: Array,
+    rest: Array,
+    s: Array,
+    f: Array,
+    P: Array,
+    C: Array,
+    by_F: Array,
+    mixed: Array,
+    by_theta: Array,
+) -> None:
+    """Second derivatives of W(F, theta) from P (4, n) and C (4, 4, n) at F-bar, f (4, n)."""
+    for p in range(J.size):
+        J_bar = f[0, p] * f[3, p] - f[1, p] * f[2, p]
+        a = (f[3, p] / J_bar, -f[2, p] / J_bar, -f[1, p] / J_bar, f[0, p] / J_bar)
+        q, size = 0.0, 0.0
+        for i in range(4):
+            stretched = 0.0
+            for k in range(4):
+                stretched += C[i, k, p] * f[k, p]
+            q += P[i, p] * f[i, p]
+            size += f[i, p] * stretched
+            mixed[i, p] = P[i, p] + stretched
+        square, factor = s[p] ** 2, 0.125 * size + 0.375 * q + 0.5 * mu * rest[p]
+        for i in range(4):
+            for k in range(i, 4):
+                outer = 2.0 * factor * a[i] * a[k] - 0.5 * (mixed[i, p] * a[k] + a[i] * mixed[k, p])
+                by_F[i, k, p] = by_F[k, i, p] = square * (C[i, k, p] + outer)
+        turn = mu * (1.0 - rest[p] / J[p]) - 0.5 * q / J[p]
+        by_F[0, 3, p] += turn
+        by_F[3, 0, p] += turn
+        by_F[1, 2, p] -= turn
+        by_F[2, 1, p] -= turn
+        for i in range(4):
+            mixed[i, p] = 0.5 * s[p] / theta[p] * (mixed[i, p] - 0.5 * (size + q) * a[i])
+        by_theta[p] = (0.25 * (size - q) - mu * rest[p]) / theta[p] ** 2
 
 
 def tangents(law: Anchored, F: Array, theta: Array, tension: Array, *, projected: bool) -> tuple[Array, Array, Array]:
@@ -107,7 +140,8 @@ def tangents(law: Anchored, F: Array, theta: Array, tension: Array, *, projected
     by_F, mixed, by_theta = curvatures(law, F, theta)
     if law.linear:
         return by_F, mixed, by_theta
-    by_F = by_F + tension * TURN[:, :, None]
+    for row, column in np.argwhere(TURN):
+        by_F[row, column] += TURN[row, column] * tension
     if projected:
         H = np.concatenate([by_F, mixed[:, None]], axis=1)
         H = without_negative(np.concatenate([H, np.concatenate([mixed, by_theta[None]])[None]]))

@@ -156,12 +156,10 @@ def _solver(scheme: Scheme, width: int) -> str:
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:
     """Peak memory of a run in addition to the program [bytes]; `boundaries` is the number of boundary points.
 
-    8 MB + 1.2 kB a point + 5 kB a boundary point, and for the matrix two bands of half bandwidth `width`, or 2 kB an
+    8 MB + 1.2 kB a point + 5 kB a boundary point, and for the matrix a band of half bandwidth `width`, or 2 kB an
     unknown by any other solver. Fitted to peak resident sizes above those after import. Estimate over measured: the
-    main job's first steps, 20, 100, 300 discs, R/h = 5, with and without friction, 1.3 to 1.4; all of it, 60 discs,
-    0.86, 300 with pictures and files, 0.7; discs of `docs/performance.md` that touch nothing, 1.0 to 1.4, in dense
-    packings, 10 to 3,000 discs, R/h = 5 and 8, 1.0 to 1.1; one body by amg, 1e4, 1e5 and 1e6 points, 1.05, 1.15 to
-    1.3, 0.78; by banded, 1e3 to 3e4 points, 1.0 to 1.2.
+    main job's first steps, 60 and 300 discs, R/h = 5, 1.3, a dense packing of 300 discs 0.85; before the bulk was
+    compiled, one body by amg, 1e4, 1e5 and 1e6 points, 1.05, 1.15 to 1.3, 0.78.
     """
-    matrix = 16.0 * (width + 1) * unknowns if solver == "banded" else 2e3 * unknowns
+    matrix = 8.0 * (width + 1) * unknowns if solver == "banded" else 2e3 * unknowns
     return 8e6 + 1.2e3 * points + 5e3 * boundaries + matrix

@@ -14,7 +14,7 @@ from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.scene.check import check
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
-from skmpm.scene.symmetry import indifferent_to_rotation
+from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -75,6 +75,12 @@ class Scene:
         return np.repeat(np.arange(len(self.bodies)), np.diff(self.offsets))
 
     @cached_property
+    def deformable_points(self) -> NDArray[np.bool_] | slice:
+        """The points of deformable bodies as an index: a slice, which copies nothing, if these are all points."""
+        own = self.deformable[self.owner]
+        return slice(None) if own.all() else own
+
+    @cached_property
     def initial_positions(self) -> Array:
         """Positions of all points at t = 0, (2, n) [m]."""
         return np.concatenate([body.points.x for body in self.bodies], axis=1)
@@ -88,6 +94,11 @@ class Scene:
     def deformable(self) -> NDArray[np.bool_]:
         """Which bodies have unknowns, (bodies,)."""
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
+
+    @cached_property
+    def round(self) -> NDArray[np.bool_]:
+        """Which bodies are bounded by circles about their centres of mass, (bodies,)."""
+        return round_bodies(self)
 
     @cached_property
     def indifferent_to_rotation(self) -> NDArray[np.bool_]:

@@ -18,25 +18,29 @@ ROUND = 1e-3  # deviation of boundary points from a circle, over its radius
 SAME_ENERGY = 1e-9  # relative: round-off of energies
 
 
-def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
-    """Round bodies of one isotropic, elastic material that nothing but frictionless contact acts on, (bodies,)."""
+def round_bodies(scene: Scene) -> NDArray[np.bool_]:
+    """Bodies whose boundaries are circles about their centres of mass, (bodies,)."""
     found = np.zeros(len(scene.bodies), dtype=bool)
-    if scene.friction > 0.0 or scene.cohesive:
-        return found
-    isotropic = {id(body.material): _isotropic(body.material) for body in scene.bodies}
-    boundary = scene.outlines
-    x, volume = scene.initial_positions, scene.initial_volumes
+    boundary, x, volume = scene.outlines, scene.initial_positions, scene.initial_volumes
     for b in np.flatnonzero(scene.outlined).tolist():
         points = slice(scene.offsets[b], scene.offsets[b + 1])
         centre = np.average(x[:, points], axis=1, weights=volume[points])
         own = np.flatnonzero(boundary.body == b)
         radius = np.hypot(*(x[:, boundary.point[own]] - centre[:, None]))
         loops = np.split(radius, np.flatnonzero(boundary.previous[own] >= own)[1:])
-        circular = all(np.ptp(r) <= ROUND * r.max() for r in loops)
-        found[b] = circular and isotropic[id(scene.bodies[b].material)]
+        found[b] = all(np.ptp(r) <= ROUND * r.max() for r in loops)
+    return found
+
+
+def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
+    """Round bodies of one isotropic, elastic material that nothing but frictionless contact acts on, (bodies,)."""
+    if scene.friction > 0.0 or scene.cohesive:
+        return np.zeros(len(scene.bodies), dtype=bool)
+    isotropic = {id(body.material): _isotropic(body.material) for body in scene.bodies}
+    found = scene.round & np.array([isotropic[id(body.material)] for body in scene.bodies])
     for place in (*scene.supported, *scene.loaded):
         found[scene.owner[place.points]] = False
-    return found
+    return np.asarray(found)
 
 
 def _isotropic(material: Material | Rigid) -> bool:

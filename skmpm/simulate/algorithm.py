@@ -52,8 +52,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
-    deformable = scene.deformable[state.body]
-    v0 = to_nodes(assembly_of(state), state.mass[deformable], state.v[:, deformable], state.C[:, :, deformable])
+    own = scene.deformable_points
+    v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
     if not scheme.inertia:  # the initial guess moves only bodies that contacts or supports act on
         v0 *= np.repeat(interacting_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
     force = external_force(scene, state, state.t + scheme.theta * dt)

@@ -23,7 +23,7 @@ def external_force(scene: Scene, state: State, t: float) -> Array:
     at_points = state.mass * _gravity(scene, deformable, t) if _has_gravity(scene) else np.zeros_like(state.x)
     for loaded, force in zip(scene.loaded, scene.forces(t), strict=True):
         at_points[:, loaded.points] += force[:, None] * loaded.share
-    return np.asarray(assembly.grid.interpolation.T @ at_points[:, deformable].T).ravel()
+    return np.asarray(assembly.grid.interpolation.T @ at_points[:, scene.deformable_points].T).ravel()
 
 
 def _has_gravity(scene: Scene) -> bool:

@@ -21,19 +21,19 @@ def end_state(
     scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: PrescribedVelocities
 ) -> State:
     """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
-    dt, deformable = increment.dt, scene.deformable[state.body]
+    dt, own, prescribed = increment.dt, scene.deformable_points, ~scene.deformable[state.body]
     bulk, grid, configuration = increment.bulk, increment.grid, end.configuration
 
     x, v, F, C, stress, weight = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress, state.weight))
-    x[:, deformable] = state.x_anchor[:, deformable] + grid.at_points(configuration.displacement)
+    x[:, own] = state.x_anchor[:, own] + grid.at_points(configuration.displacement)
     transfer = increment.scheme.transfer if increment.scheme.inertia else apic
-    v[:, deformable], C[:, :, deformable] = transfer(grid, increment.v0, end.velocity, state.v[:, deformable])
-    F[:, :, deformable] = product(configuration.F, state.F_anchor[:, :, deformable])
-    stress[:, :, deformable] = bulk.cauchy(configuration)
-    weight[deformable] = bulk.assembly.volume * determinant(configuration.F)
-    rigid = state.body[~deformable]
-    x[:, ~deformable] += dt * motions.rigid[:, rigid]
-    v[:, ~deformable] = motions.rigid_at_end[:, rigid]
+    v[:, own], C[:, :, own] = transfer(grid, increment.v0, end.velocity, state.v[:, own])
+    F[:, :, own] = product(configuration.F, state.F_anchor[:, :, own])
+    stress[:, :, own] = bulk.cauchy(configuration)
+    weight[own] = bulk.assembly.volume * determinant(configuration.F)
+    rigid = state.body[prescribed]
+    x[:, prescribed] += dt * motions.rigid[:, rigid]
+    v[:, prescribed] = motions.rigid_at_end[:, rigid]
     contacts, wall_force = _contacts(scene, solution, dt)
     return replace(
         state,

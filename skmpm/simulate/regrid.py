@@ -187,12 +187,12 @@ def assembly_of(state: State) -> Assembly:
 
 def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
     """The deformable bodies' energy, grouped by material."""
-    deformable = scene.deformable[state.body]
-    body = state.body[deformable]
+    own = scene.deformable_points
+    body = state.body[own]
     of_body = [b.material for b in scene.bodies]
     kinds = dict.fromkeys(m for m in of_body if not isinstance(m, Rigid))
     groups = [(kind, np.flatnonzero(np.array([m == kind for m in of_body])[body])) for kind in kinds]
-    F, stress = state.F_anchor[:, :, deformable], state.stress_anchor[:, :, deformable]
+    F, stress = state.F_anchor[:, :, own], state.stress_anchor[:, :, own]
     undeformed = bool((np.eye(2)[:, :, None] == F).all())
     reference = (None if undeformed else F, stress if stress.any() else None)
     return Bulk(assembly_of(state), groups, *reference, tuple(averages_dilatation(scheme, kind) for kind in kinds))

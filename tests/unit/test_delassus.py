@@ -37,22 +37,32 @@ def bodies(request):
     return Counting(made[0]), made[1], base, owner
 
 
-def combinations(seed, places, size, count=6):
-    """Rows that combine five places each, the last place among them."""
-    rng = np.random.default_rng(seed)
-    dense = np.zeros((count, 2 * size))
+def combinations(seed, owner, count=6):
+    """Rows that combine five places of two bodies each, and the last place, which does not respond."""
+    rng, body = np.random.default_rng(seed), np.repeat(owner[:-1], 2)
+    dense = np.zeros((count, 2 * owner.size))
     for row in dense:
-        row[rng.choice(2 * places, 5)] = rng.normal(size=5)
+        pair = rng.choice(3, 2, replace=False)
+        row[rng.choice(np.flatnonzero(np.isin(body, pair)), 5)] = rng.normal(size=5)
     dense[:, -1] = 1.0
     return sp.csr_array(dense)
+
+
+def test_rows_of_three_bodies_are_refused(bodies):
+    solver, _, base, owner = bodies
+    rows = sp.csr_array(
+        (np.ones(3), ([0, 0, 0], [0, base.shape[0], 2 * base.shape[0] - 4])), shape=(1, 2 * owner.size)
+    )
+    with pytest.raises(ValueError, match="more than two bodies"):
+        delassus.Delassus.of(solver, base, owner).between(rows, rows)
 
 
 def test_rows_respond_as_the_whole_matrix_says(bodies):
     solver, oracle, base, owner = bodies
     found = delassus.Delassus.of(solver, base, owner)
-    R, m = sp.kron(base, np.eye(2), format="csr"), base.shape[0]
+    R = sp.kron(base, np.eye(2), format="csr")
     for seed in range(4):
-        left, right = combinations(seed, m - 1, m), combinations(seed + 10, m - 1, m, count=3)
+        left, right = combinations(seed, owner), combinations(seed + 10, owner, count=3)
         W, found = found.between(left, right)
         expected = (left @ R) @ oracle((right @ R).T.toarray())
         assert W.has_sorted_indices and W.shape == (6, 3)

@@ -12,7 +12,6 @@ from skmpm.material import LinearElastic, NeoHookean
 
 SEED = st.integers(0, 2**32 - 1)
 SIZE = 0.3
-REFERENCE = forms.reference_stiffness()
 
 
 def rectangle(nx=4, ny=3, size=SIZE):
@@ -132,23 +131,6 @@ def test_ghost_penalty_acts_on_the_chosen_facets_only():
 
 
 # Reference matrices.
-
-
-@given(SEED)
-def test_reference_stiffness_gives_the_cell_matrix_of_any_points_and_tangents(seed):
-    rng = np.random.default_rng(seed)
-    n, size = 3, 10.0 ** rng.uniform(-3, 3)
-    X, volume = rng.uniform(size=(2, n)), rng.uniform(0.1, 1.0, n) * size**2
-    C = rng.normal(size=(4, 4, n))
-    C += C.swapaxes(0, 1)
-    corners = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
-    cell = MeshQuad(size * corners, np.arange(4)[:, None])
-    basis = CellBasis(cell, ElementVector(ElementQuad1()), quadrature=(X, volume / size**2))
-    expected = forms.stiffness.assemble(basis, C=C.reshape(2, 2, 2, 2, 1, n)).toarray()
-    monomials = X[0] ** forms.MONOMIALS[0][:, None] * X[1] ** forms.MONOMIALS[1][:, None]
-    entries = np.array([C[a, b] for a, b in forms.PAIRS])
-    moments = np.einsum("p,mp,kp->mk", volume / size**2, monomials, entries)
-    assert_close(np.einsum("mk,mkij->ij", moments, REFERENCE), expected)
 
 
 def test_reference_ghost_is_the_same_for_both_normals_and_sees_only_jumps_of_the_slope():

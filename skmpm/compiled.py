@@ -1,0 +1,53 @@
+"""Compilation of loops over points, unknowns and contacts to machine code (numba)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+from numba import njit
+from numba.core import event
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_log = logging.getLogger("skmpm")
+
+
+def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function of numbers and arrays when it is first called, and keep the result on disk.
+
+    Sums may be reordered, so results differ from those of the interpreted function by round-off. Kernels hold no
+    lock, and none of them tests for inf or nan, which reordering excludes. The cache lies beside the source or, where
+    that cannot be written, in the user's cache directory or in NUMBA_CACHE_DIR.
+    """
+    found: Callable[P, R] = njit(cache=True, nogil=True, fastmath=True)(kernel)
+    return found
+
+
+class _Announcement(event.Listener):
+    """Says once why the first step after an installation takes long."""
+
+    def on_start(self, event: object) -> None:
+        """Log that kernels are compiled."""
+        unregister()
+        _log.warning(
+            "compiling the loops of skmpm, once after an installation: half a minute in all;"
+            " `python -m skmpm.warmup` does it beforehand"
+        )
+
+    def on_end(self, event: object) -> None:
+        """Nothing."""
+
+
+_announcement = _Announcement()
+
+
+def unregister() -> None:
+    """Say nothing about later compilations."""
+    if _announcement in event._registered["numba:compile"]:
+        event.unregister("numba:compile", _announcement)
+
+
+event.register("numba:compile", _announcement)
