@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,9 +38,10 @@ class Traction:
     arc_length : (m,) [m] along the loop, in the current configuration
     x : (2, m) [m]
     length : (m,) [m] of boundary that belongs to each point, half of its segments on this side
-    normal : (2, m) unit, outwards: against the mean of the normal forces, without force normal to the boundary
+    normal : (2, m) unit, outwards: mean of the contact normals, weighted by the size of the normal forces; without
+        force that of the boundary
     traction : (2, m) [Pa] force of the contacts on the body per length, in x and y
-    pressure : (m,) [Pa] normal traction, positive in compression
+    pressure : (m,) [Pa] normal traction, positive in compression, negative where cohesion bears tension
     shear : (m,) [Pa] tangential traction, positive along increasing arc length
     """
 
@@ -91,8 +93,8 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
     x = state.x[:, boundary.point]
     corner = outline.curve(boundary, scene.initial_positions[:, boundary.point]).corner
     placed = place(state.contacts, boundary, corner, x, body, scene.cell)
-    vectors, normal_forces = force_vectors(state.contacts), state.contacts.force[0] * state.contacts.normal
-    loads = (placed.sign * placed.share) * np.concatenate([vectors, normal_forces])[:, placed.contact]
+    vectors, inward = force_vectors(state.contacts), np.abs(state.contacts.force[0]) * state.contacts.normal
+    loads = (placed.sign * placed.share) * np.concatenate([vectors, inward])[:, placed.contact]
     own = sides(boundary, corner, x, body)
     spread = np.concatenate([_spread(side, placed, loads, width, boundary.size) for side in own], axis=1)
     c, weight = np.concatenate([side.point for side in own]), np.concatenate([side.weight for side in own])
@@ -115,7 +117,9 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
 def _check(scene: Scene, state: State, body: int, length: float) -> None:
     n = len(scene.bodies)
     if not isinstance(body, int | np.integer) or not 0 <= body < n:
-        raise SceneError(f"contact_pressure: body = {body!r}; give the index of a body, 0 to {n - 1}")
+        raise SceneError(f"contact_pressure: body = {reprlib.repr(body)}; give the index of a body, 0 to {n - 1}")
+    if not isinstance(length, int | float | np.number):
+        raise SceneError(f"contact_pressure: length = {length!r}; give a length in metres, 0 or more")
     if not scene.outlined[body]:
         raise SceneError(f"contact_pressure: body {body} has no outline; give its Points an outline")
     if (state.contacts.point < 0).any():
@@ -154,11 +158,11 @@ def _spread(side: Side, placed: Placed, loads: Array, width: float, boundary_poi
     return out.T
 
 
-def _normals(pushing: Array, geometric: Array) -> Array:
-    """Outward normals (2, m): against the normal forces `pushing` (2, m), or geometric ones where there are none."""
-    size = np.hypot(*pushing)
+def _normals(inward: Array, geometric: Array) -> Array:
+    """Outward normals (2, m): against the weighted contact normals `inward` (2, m), or geometric ones without any."""
+    size = np.hypot(*inward)
     loaded = size > FORCED * size.max(initial=0.0)
-    return np.where(loaded, -pushing / np.where(loaded, size, 1.0), geometric)
+    return np.where(loaded, -inward / np.where(loaded, size, 1.0), geometric)
 
 
 def _side_normals(side: Side, x: Array) -> Array:

@@ -14,6 +14,7 @@ from skmpm.material import Rigid, is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.cohesion import cohesion_warnings
 from skmpm.preflight.limit import Limit, above, below
 from skmpm.preflight.metrics import SceneMetrics
+from skmpm.preflight.rolling import rolling_warnings
 from skmpm.scene import Scene
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
 from skmpm.simulate.initial_state import initial_motion
@@ -231,6 +232,7 @@ CHECKS: tuple[Callable[[Scene, SceneMetrics, Scheme], Lines], ...] = (
     _ratios,
     _friction,
     cohesion_warnings,
+    rolling_warnings,
     _small_strain,
     _scheme,
     _edges,

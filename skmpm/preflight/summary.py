@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from skmpm.preflight.limits import warnings_of
@@ -27,6 +29,8 @@ def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme(
     """
     step = first_step(scene, scheme) if dt is None else dt
     metrics = examine(scene, step, scheme)
+    if dt is None:  # chosen steps resolve waves where they matter
+        metrics = replace(metrics, waves=False)
     chosen = {"step": f"chosen, {step:.3g} s at first"} if dt is None else {}
     lines = [f"{name:8s}  {text}" for name, text in {**_lines(metrics), **chosen}.items()]
     warnings = [f"! {text}" for text in warnings_of(scene, metrics, scheme)]
@@ -56,7 +60,7 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
 
 def _motion(metrics: SceneMetrics) -> str:
     if not metrics.touches:
-        return "nothing can touch"
+        return "nothing else can touch it"
     if not metrics.inertia:
         return "from equilibrium to equilibrium, nothing falls without inertia"
     after = f", after falling by {metrics.fall:.3g} m" if metrics.fall else ""
@@ -71,7 +75,7 @@ def _across(metrics: SceneMetrics) -> str:
 
 def _contact(metrics: SceneMetrics) -> str:
     if not metrics.touches:
-        return "off"
+        return "of bodies with themselves only"
     friction = f"friction up to {metrics.friction:g}" if metrics.friction else "frictionless"
     return f"{metrics.contact}, {friction}" + (
         f", cohesion up to {metrics.cohesion:g} Pa" if metrics.cohesion else ""

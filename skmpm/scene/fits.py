@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import reprlib
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +19,9 @@ _ITS_OWN = "continue with the scene that the state was made from"
 def check_fits(scene: Scene, state: State, name: str) -> None:
     """Raise SceneError if the state, `name` in the message, does not belong to this scene."""
     if not isinstance(state, State):
-        raise SceneError(f"{name}: expected a State, got {state!r}; use one, as returned by skmpm.load(path)")
+        raise SceneError(
+            f"{name}: expected a State, got {reprlib.repr(state)}; use one, as returned by skmpm.load(path)"
+        )
     for what, found, wanted in (
         ("points", state.x.shape[1], scene.initial_positions.shape[1]),
         ("walls", len(state.walls), len(scene.walls)),

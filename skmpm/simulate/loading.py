@@ -35,6 +35,7 @@ class Loading:
     driven: float  # fastest wall, support or rigid body [m/s]
     approach: float  # bound on relative velocities, at t = 0 or after falling [m/s]
     fall: float  # free height [m]
+    settles: bool  # whether nothing but gravity moves bodies, which rest on something
 
 
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
@@ -56,6 +57,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
         prescribed,
         float(np.hypot(passing, fall)),
         height,
+        kind == "pressing" and speed == 0.0 and bool(gravity_of(scene).any()),
     )
 
 

@@ -3,13 +3,13 @@
 Three distances limit a step: those that driven objects move, and bodies past each other, by their present
 velocities and gravity, which are the limits of `preflight`; and, where waves set the pace (`simulate.loading`),
 0.1 R, with R the radius of the smallest body, which is what `Scheme.balanced` is meant for
-(`docs/work_precision.md`). In slow motion the limit is a displacement, so that the number of steps does not depend
-on the speed of a lid.
+(`docs/work_precision.md`); not the waves that gravity causes in bodies at rest when it begins to act. In slow motion
+the limit is a displacement, so that the number of steps does not depend on the speed of a lid.
 
 Below the limit, steps follow the number of Newton iterations: the next one is sqrt(4 / iterations) times as long, in
 quasi-static steps sqrt(15 / iterations), at least half and at most twice. Contacts that rearrange take more
-iterations and then shorter steps. A step that fails is repeated with a quarter of its length, since rearrangements are
-10 to 100 times faster than the loading.
+iterations and then shorter steps. A step that fails is repeated with a quarter of its length, since rearrangements
+are 10 to 100 times faster than the loading.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Pace:
     def limit(self, scene: Scene, scheme: Scheme, t: float, v: Array, left: float) -> float:
         """The longest step from time t, with points at velocities v (2, n) [m/s], at most `left` [s]."""
         limits = [left]
-        if scheme.inertia and self.loading.waves:
+        if scheme.inertia and self.loading.waves and not self.loading.settles:
             limits.append(WAVES * self.radius / self.wave)
         if scheme.inertia and can_touch(scene):
             every = np.concatenate([v, scene.wall_velocities(t).T], axis=1)

@@ -50,6 +50,31 @@ def loaded(scene, x, normal, force, second=-1):
     return replace(initial(scene), contacts=Contacts(bodies, x, normal, force, np.zeros(k), np.arange(k), point))
 
 
+def test_tension_is_negative_pressure_on_outward_normals():
+    """Contacts pull at one half of the top and press at the other, with friction; both point away from the body."""
+    scene = block()
+    x = np.stack([np.linspace(0.05, 1.95, 39), np.ones(39)])
+    size = np.where(x[0] < 1.0, -2.0, 3.0)
+    state = loaded(scene, x, np.tile([[0.0], [-1.0]], 39), [size, np.full(39, 0.5)])
+    found = contact_pressure(scene, state, 0, length=0.1)
+    top = found.x[1] > 0.99
+    left, right = (top & (found.x[0] > low) & (found.x[0] < low + 0.6) for low in (0.2, 1.2))
+    np.testing.assert_allclose(found.normal[:, left | right], [[0.0], [1.0]] @ np.ones((1, (left | right).sum())))
+    np.testing.assert_allclose(found.pressure[left], -40.0, rtol=0.05)
+    np.testing.assert_allclose(found.pressure[right], 60.0, rtol=0.05)
+    np.testing.assert_allclose(found.shear[left | right], -10.0, rtol=0.05)  # t = (1, 0), the boundary runs to -x
+
+
+def test_errors_do_not_print_whole_bodies():
+    scene = block()
+    with pytest.raises(SceneError, match="give the index of a body") as error:
+        contact_pressure(scene, initial(scene), scene.bodies[0])
+    assert len(str(error.value)) < 200
+    with pytest.raises(SceneError, match="expected a State") as error:
+        contact_pressure(initial(scene), scene, 0)
+    assert len(str(error.value)) < 200
+
+
 def moment(x, force):
     return np.sum(x[0] * force[1] - x[1] * force[0])
 

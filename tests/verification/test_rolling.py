@@ -82,6 +82,22 @@ def test_a_disc_rolls_down_any_slope(slope):
         assert spin == pytest.approx(along, abs=1e-3)
 
 
+def wide(half_width):
+    """Young's modulus for contacts of this half-width under the weight [cells], by Hertz's theory, at R/h = 5."""
+    return (1.0 - 0.3**2) * DENSITY * G * R * (10.0 / half_width) ** 2
+
+
+def test_soft_discs_stop_on_gentle_slopes():
+    """A known limit that `preflight` warns of: contacts wider than 0.3 segments act at boundary points.
+
+    0.15 cells are 0.24 segments.
+    """
+    placement = placements(2)[1]
+    assert abs(errors(1.0, placement, young=wide(0.15))[0]) < 0.02
+    assert errors(1.0, placement, young=wide(0.5))[0] < -0.5
+    assert abs(errors(6.0, placement, young=wide(0.5))[0]) < 0.12
+
+
 @pytest.mark.parametrize("slope", [1.0, 6.0])
 def test_a_disc_of_a_mesh_rolls(slope):
     """To 4 %: edges are straight, but the boundary is not. With midpoints on chords it rolled 2.6 times too fast."""
