@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
 from skmpm.outline.topology import Floats, Integers
 
 if TYPE_CHECKING:
@@ -49,33 +51,48 @@ class Cubics:
     def project(self, y: Floats, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
         """Closest-point projection of y (2, k): segments (k,) and parameters (k,), from initial guesses.
 
-        Newton's method for (y - X(s)) . X'(s) = 0; iterates move on to adjacent segments and stop at corners.
+        Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from
+        below; iterates move on to adjacent segments and stop at corners.
         """
-        segment, s = segment.copy(), s.copy()
-        moving = np.arange(s.size)
+        segment, s, boundary = segment.astype(np.int64), s.astype(np.float64), self.curve.outlines
+        _project(y, segment, s, self.c, boundary.next, boundary.previous, self.curve.corner, *self.curve.ends)
+        return segment, s
+
+
+@compiled
+def _project(
+    y: Floats,
+    segment: Integers,
+    s: Floats,
+    c: Floats,
+    following: Integers,
+    previous: Integers,
+    corner: NDArray[np.bool_],
+    low: Floats,
+    high: Floats,
+) -> None:
+    """Overwrite the initial guesses `segment` and `s` (k,) by the projections of y (2, k)."""
+    for k in range(s.size):
+        i, t = segment[k], s[k]
         for _ in range(MAX_NEWTON_STEPS):
-            i, t = segment[moving], s[moving]
-            step = self._step(y[:, moving], i, t)
-            segment[moving], s[moving] = self._walk(i, t + np.clip(step, -MAX_PARAMETER_STEP, MAX_PARAMETER_STEP))
-            moving = moving[np.abs(step) >= PARAMETER_TOLERANCE]
-            if moving.size == 0:
+            apart, square, bend = 0.0, 0.0, 0.0
+            for a in range(2):
+                away = y[a, k] - (c[i, 0, a] + t * (c[i, 1, a] + t * (c[i, 2, a] + t * c[i, 3, a])))
+                slope = c[i, 1, a] + t * (2.0 * c[i, 2, a] + 3.0 * t * c[i, 3, a])
+                square += slope**2
+                apart += away * slope
+                bend += away * (2.0 * c[i, 2, a] + 6.0 * t * c[i, 3, a])
+            step = apart / max(square - bend, 0.25 * square + 1e-300)
+            t += min(max(step, -MAX_PARAMETER_STEP), MAX_PARAMETER_STEP)
+            if t > 1.0 and not corner[following[i]]:
+                i, t = following[i], t - 1.0
+            elif t < 0.0 and not corner[i]:
+                i, t = previous[i], t + 1.0
+            else:
+                t = min(max(t, low[i]), high[i])
+            if abs(step) < PARAMETER_TOLERANCE:
                 break
-        return segment, self.curve.kept(segment, s)
-
-    def _step(self, y: Floats, segment: Integers, s: Floats) -> Floats:
-        """Newton step in s, (k,), with the second derivative of the squared distance bounded from below."""
-        c = self.c[segment].T
-        (ax, ay), slope, bend = y - _value(c, s, 0), _value(c, s, 1), _value(c, s, 2)
-        square = slope[0] ** 2 + slope[1] ** 2
-        curvature = square - (ax * bend[0] + ay * bend[1])
-        return np.asarray((ax * slope[0] + ay * slope[1]) / np.maximum(curvature, 0.25 * square + 1e-300))
-
-    def _walk(self, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
-        """Move to the adjacent segment where s is beyond an end that is not a corner."""
-        boundary, corner = self.curve.outlines, self.curve.corner
-        onward, backward = (s > 1.0) & ~corner[boundary.next[segment]], (s < 0.0) & ~corner[segment]
-        s = np.where(onward, s - 1.0, np.where(backward, s + 1.0, self.curve.kept(segment, s)))
-        return np.where(onward, boundary.next[segment], np.where(backward, boundary.previous[segment], segment)), s
+        segment[k], s[k] = i, min(max(t, low[i]), high[i])
 
 
 def _value(c: Floats, s: Floats, derivative: int) -> Floats:

@@ -11,6 +11,7 @@ its end, so that it still bounds the points in front of it there.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,13 +70,11 @@ class Curve:
         c = np.stack([x, start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise])
         return Cubics(self, x, np.ascontiguousarray(c.T.transpose(0, 2, 1)))
 
-    def kept(self, segment: Integers, s: Floats) -> Floats:
-        """Parameters clipped to their segments, which extend by `NOTCH_EXTENSION` beyond notches."""
-        notch = self.corner & ~self.convex
-        low, high = notch[segment], notch[self.outlines.next[segment]]
-        return np.asarray(
-            np.clip(s, np.where(low, -NOTCH_EXTENSION, 0.0), np.where(high, 1.0 + NOTCH_EXTENSION, 1.0))
-        )
+    @cached_property
+    def ends(self) -> tuple[Floats, Floats]:
+        """Smallest and largest parameters of the segments (m,), which extend by `NOTCH_EXTENSION` beyond notches."""
+        low = np.where(self.corner & ~self.convex, -NOTCH_EXTENSION, 0.0)
+        return low, 1.0 - low[self.outlines.next]
 
     def at_corner(self, segment: Integers, s: Floats) -> NDArray[np.bool_]:
         """Whether points of the curve are corners or lie on the extension beyond a notch, (k,)."""

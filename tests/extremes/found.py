@@ -291,6 +291,6 @@ STANDS = {
             steps=1,
             cells=2.5,
         ),
-        NEAR_BY,
+        None,
     ),
 }
