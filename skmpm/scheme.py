@@ -44,6 +44,8 @@ class Scheme:
         accelerations; dt must stay below about 0.7 h/c
     linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by size
     max_newton : Newton iterations after which a step fails; with contact and inertia it fails after sixteen
+    threads : among how many threads bodies are divided; None: as many as the process may use cores. Results do not
+        depend on it
     """
 
     theta: float = 1.0
@@ -60,6 +62,7 @@ class Scheme:
     gap_tol: float = 1e-5
     linear: Linear = field(default=_linear.default)
     max_newton: int = 60
+    threads: int | None = None
 
     def __post_init__(self) -> None:
         limits = {
@@ -77,6 +80,8 @@ class Scheme:
                 raise ValueError(f"Scheme: {name} = {value!r}; use {remedy}")
         if self.max_newton != int(self.max_newton):
             raise ValueError(f"Scheme: max_newton = {self.max_newton!r}; use a whole number")
+        if self.threads is not None and not (isinstance(self.threads, int) and self.threads >= 1):
+            raise ValueError(f"Scheme: threads = {self.threads!r}; use a number of at least 1, or None for all cores")
         for name in ("moment_fitting", "inertia", "explicit"):
             if getattr(self, name) not in (False, True):
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use True or False")

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from skmpm.compiled import compiled
+from skmpm.linear import lapack
 from skmpm.linear.blockwise import Rows, by_body
 from skmpm.linear.solver import Solver
+from skmpm.parallel import over_bodies
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,10 +33,16 @@ class Banded:
     def __call__(self, b: Array, /) -> Array:
         """A^-1 b."""
         x = np.array(b, dtype=np.float64)
-        for body in range(self.blocks.size - 1):
-            start, stop = self.blocks[body], self.blocks[body + 1]
-            if stop > start:
-                x[start:stop] = dpbtrs(_band_of(self, body), x[start:stop], lower=1)[0]
+
+        def solve(first: int, last: int) -> None:
+            for body in range(first, last):
+                start, stop = self.blocks[body], self.blocks[body + 1]
+                if stop > start:
+                    own = np.asfortranarray(x[start:stop])
+                    lapack.solve(_band_of(self, body), own)
+                    x[start:stop] = own
+
+        over_bodies(solve, self.blocks)
         return x
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
@@ -44,9 +51,10 @@ class Banded:
 
     def _squares(self, rows: Rows, out: Array, begins: Ints) -> None:
         entries = np.searchsorted(rows.entry, np.arange(rows.row.size + 1))
-        _squares(
-            self.bands, self.offsets, self.blocks, rows.ends, rows.first, entries, rows.dof, rows.value, out, begins
-        )
+        arguments = (
+            self.bands, self.offsets, self.blocks, rows.ends, rows.first, entries, rows.dof, rows.value, out, begins,
+        )  # fmt: skip
+        over_bodies(lambda first, last: _squares(first, last, *arguments), self.blocks)
 
 
 def _band_of(factor: Banded, body: int) -> Array:
@@ -62,11 +70,17 @@ def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     heights = _widths(A, blocks) + PANEL
     offsets = np.append(0, np.cumsum(heights * np.diff(blocks)))
     factor = Banded(np.zeros(offsets[-1]), offsets, blocks)
-    _fill(A.indptr, A.indices, A.data, blocks, heights, offsets, factor.bands)
-    for body in np.flatnonzero(np.diff(blocks)).tolist():
-        _, info = dpbtrf(_band_of(factor, body), lower=1, overwrite_ab=1)
-        if info > 0:
-            raise np.linalg.LinAlgError(f"{blocks[body] + info}-th leading minor not positive definite")
+    failed = np.zeros(blocks.size - 1, dtype=np.int64)
+
+    def factorise(first: int, last: int) -> None:
+        _fill(first, last, A.indptr, A.indices, A.data, blocks, heights, offsets, factor.bands)
+        for body in range(first, last):
+            if blocks[body + 1] > blocks[body]:
+                failed[body] = lapack.factorise(_band_of(factor, body))
+
+    over_bodies(factorise, blocks)
+    for body in np.flatnonzero(failed)[:1].tolist():
+        raise np.linalg.LinAlgError(f"{blocks[body] + failed[body]}-th leading minor not positive definite")
     return factor
 
 
@@ -84,6 +98,8 @@ def _widths(A: sp.bsr_array, blocks: Ints) -> Ints:
 
 @compiled
 def _fill(
+    first: int,
+    last: int,
     indptr: NDArray[np.integer],
     indices: NDArray[np.integer],
     data: Array,
@@ -93,13 +109,13 @@ def _fill(
     bands: Array,
 ) -> None:
     """Write the lower triangle of A to bands that are zero."""
-    for body in range(blocks.size - 1):
-        height, first = heights[body], blocks[body] // 2
-        for row in range(first, blocks[body + 1] // 2):
+    for body in range(first, last):
+        height, start = heights[body], blocks[body] // 2
+        for row in range(start, blocks[body + 1] // 2):
             for e in range(indptr[row], indptr[row + 1]):
                 column = indices[e]
                 if column <= row:
-                    at = offsets[body] + 2 * (column - first) * height + 2 * (row - column)
+                    at = offsets[body] + 2 * (column - start) * height + 2 * (row - column)
                     bands[at] = data[e, 0, 0]
                     bands[at + 1] = data[e, 1, 0]
                     bands[at + height] = data[e, 1, 1]
@@ -109,6 +125,8 @@ def _fill(
 
 @compiled
 def _squares(
+    begin: int,
+    end: int,
     bands: Array,
     offsets: Ints,
     blocks: Ints,
@@ -121,7 +139,7 @@ def _squares(
     begins: Ints,
 ) -> None:
     """Z^T Z of every body, Z = L^-1 H_b^T, one after the other in `out`, which is zero."""
-    for body in range(blocks.size - 1):
+    for body in range(begin, end):
         start, n, m = blocks[body], blocks[body + 1] - blocks[body], ends[body + 1] - ends[body]
         if m == 0:
             continue

@@ -10,6 +10,7 @@ import numpy as np
 from skmpm.implicit import ContactProblem, Increment, KnownForces, StepRejected, Timer, advance
 from skmpm.implicit.errors import SMALLER
 from skmpm.linear import Delassus, one_thread
+from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
@@ -75,7 +76,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     try:
         check_connected(scene, state)
         check_parts_apart(scene, state, scheme)
-        with one_thread(), np.errstate(all="raise", under="ignore"):
+        with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
             contact = _contact_problem(scene, state, increment, motions, timer, delassus)
             solution = advance(increment, contact, solver, timer)

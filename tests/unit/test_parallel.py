@@ -1,0 +1,108 @@
+"""Threads: every body once, results equal to the bit, errors of threads raised."""
+
+import threading
+import time
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import skmpm
+from skmpm import parallel
+from skmpm.linear import lapack
+
+
+@given(st.lists(st.integers(0, 5000), min_size=1, max_size=40), st.integers(1, 5))
+def test_every_body_is_in_exactly_one_range(sizes, count):
+    offsets, seen = np.append(0, np.cumsum(sizes)), []
+    with parallel.threads(count):
+        parallel.over_bodies(lambda first, last: seen.extend(range(first, last)), offsets)
+    assert sorted(seen) == list(range(len(sizes)))
+
+
+def test_other_threads_work_while_one_is_busy():
+    offsets, owners = np.arange(0, 200_000, 10_000), []
+
+    def work(first, last):
+        time.sleep(0.02)
+        owners.append(threading.get_ident())
+
+    with parallel.threads(2):
+        parallel.over_bodies(work, offsets)
+    assert len(set(owners)) == 2 and threading.get_ident() in owners
+    with parallel.threads(1):
+        parallel.over_bodies(work, offsets)
+    assert owners[-1] == threading.get_ident()
+
+
+def test_an_error_in_any_range_is_raised():
+    def work(first, last):
+        if last == 19:
+            raise FloatingPointError("of the last body")
+
+    with parallel.threads(3), pytest.raises(FloatingPointError, match="of the last body"):
+        parallel.over_bodies(work, np.arange(0, 200_000, 10_000))
+
+
+def test_a_forked_process_has_threads_of_its_own():
+    offsets, seen = np.arange(0, 200_000, 10_000), []
+    with parallel.threads(2):
+        parallel.over_bodies(lambda first, last: seen.append(first), offsets)
+        child = get_context("fork").Process(target=parallel.over_bodies, args=(lambda a, b: None, offsets))
+        child.start()
+        child.join(20.0)
+    assert child.exitcode == 0
+
+
+def squeezed(threads):
+    """Twelve discs in a box after five steps."""
+    placed = skmpm.packing(np.full(12, 1e-3), 8e-3, solid_fraction=0.7, seed=1)
+    gel = skmpm.NeoHookean(1e6, 0.45, 1000.0)
+    bodies = [skmpm.Body(skmpm.disc(c, 1e-3, spacing=0.11e-3), gel) for c in placed.centres.T]
+    walls = [
+        skmpm.Wall((0.0, 0.0), (0.0, 1.0)), skmpm.Wall((0.0, placed.height), (0.0, -1.0), velocity=(0.0, -20.0)),
+        skmpm.Wall((0.0, 0.0), (1.0, 0.0)), skmpm.Wall((8e-3, 0.0), (-1.0, 0.0)),
+    ]  # fmt: skip
+    scene = skmpm.Scene(bodies, cell=0.15e-3, walls=walls, friction=0.5)
+    *_, state = skmpm.simulate(scene, dt=1e-5, until=5e-5, scheme=skmpm.Scheme(threads=threads))
+    return state
+
+
+def test_results_do_not_depend_on_the_number_of_threads():
+    one, *others = (squeezed(threads) for threads in (1, 2, 3))
+    assert one.contacts.force[0].max() > 0.0
+    for other in others:
+        for name in ("x", "v", "F", "stress"):
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name
+        assert np.array_equal(one.contacts.force, other.contacts.force)
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 1.5, "two"])
+def test_a_wrong_number_of_threads_is_refused(wrong):
+    with pytest.raises(ValueError, match=r"Scheme: threads = .*; use a number of at least 1, or None for all cores"):
+        skmpm.Scheme(threads=wrong)
+
+
+@given(st.integers(0, 1000), st.integers(1, 40), st.integers(1, 12))
+def test_banded_cholesky_through_pointers_solves_the_system(seed, n, height):
+    rng = np.random.default_rng(seed)
+    height = min(height, n)
+    L = np.tril(rng.normal(size=(n, n))) * (np.subtract.outer(np.arange(n), np.arange(n)) < height)
+    np.fill_diagonal(L, rng.uniform(1.0, 2.0, n))
+    A, band = L @ L.T, np.zeros((height, n), order="F")
+    for k in range(height):
+        band[k, : n - k] = np.diagonal(A, -k)
+    assert lapack.factorise(band) == 0
+    np.testing.assert_allclose(band[0], np.diag(L), rtol=1e-9)
+    b = np.asfortranarray(rng.normal(size=(n, 2)))
+    x = b.copy(order="F")
+    lapack.solve(band, x)
+    np.testing.assert_allclose(A @ x, b, atol=1e-8 * np.linalg.cond(A))
+
+
+def test_the_order_of_the_first_minor_that_is_not_positive_definite_is_returned():
+    band = np.ones((1, 5), order="F")
+    band[0, 3] = -1.0
+    assert lapack.factorise(band) == 4
