@@ -51,6 +51,14 @@ class Constraints:
         """Number of contacts."""
         return self.gap.size
 
+    @cached_property
+    def pairs(self) -> Ints:
+        """Number of the pair of bodies, or of body and wall, of each contact, (k,)."""
+        low, high = np.minimum(*self.bodies), np.maximum(*self.bodies)
+        first = int(low.min(initial=0))
+        number = (high - first) * (int(high.max(initial=0)) - first + 1) + low - first
+        return np.asarray(np.unique(number, return_inverse=True)[1])
+
     @property
     def tangential(self) -> bool:
         """Whether any contact has friction; without friction there are no tangential rows."""

@@ -7,7 +7,8 @@ magnitude, as in steps far longer than waves take to cross a body.
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from skmpm.compiled import compiled
+from skmpm.coulomb.krylov import NotConvergedError, by_blocks, by_known_factor
 from skmpm.coulomb.law import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, Array, split
-from skmpm.coulomb.problem import Iterate, Matrix, Problem, is_sparse
+from skmpm.coulomb.problem import Iterate, Problem, is_sparse
 
 States: TypeAlias = NDArray[np.int8]
 
@@ -27,19 +29,25 @@ INSIDE = 1.0 - 1e-12  # fraction of the cone within which impulses of a start st
 # Full steps after which the number of contacts that change their states must have decreased: with 1, 2, 3, 5
 # problems of real runs, 165 in all, take 1,900, 1,760, 1,540, 1,690 Newton steps, without full steps 7,000.
 PATIENCE = 3
+POLISH = 1e-2  # residuals between this fraction of the tolerance and the tolerance are worth another step
+MAX_CHANGES = 8  # contacts of other states up to which a known factor is used again
 
 
 def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
     """Take Newton steps from the contact states of x; return the best iterate and the number of steps.
 
-    They end when the contact states recur, or when the number of those that change no longer decreases.
+    They end when the contact states recur, or when the number of those that change no longer decreases. Iterates with
+    the right contact states but not quite their impulses, whose residual is below `tol` but not far below, get
+    another step.
     """
-    r, k, best = x.r, p.contacts, x
+    r, k, best, factor, polished = x.r, p.contacts, x, None, False
     a = r if r.any() else -x.u
     state, fewest, left = contact_states((a + p.slide)[:k], p.mu * INSIDE), p.mu.size + 1, PATIENCE
     seen, count = {state.tobytes()}, 0
-    while best.error > tol and count < limit and left:
-        r, count = r + _step(p, r, state), count + 1
+    while best.error > (POLISH * tol if count and not polished else tol) and count < limit and left:
+        polished = best.error <= tol
+        d, factor = _step(p, r, state, factor)
+        r, count = r + d, count + 1
         new = p.at(p.clip_to_cone(r))
         best = new if new.error < best.error else best
         previous, state = state, contact_states((r - FULL_STEP_GAIN * (p.W @ r + p.q) + p.slide)[:k], p.mu)
@@ -59,7 +67,7 @@ def newton(p: Problem, x: Iterate, tol: float, limit: int, gain: float, shortest
     r, u, gain = x.r, x.u, gain * p.largest
     natural_residual, count, alpha = p.natural_residual(r, u, gain), 0, 1.0
     while count < limit and alpha >= shortest:
-        d = _step(p, r, contact_states((r - gain * u + p.slide)[: p.contacts], p.mu))
+        d, _ = _step(p, r, contact_states((r - gain * u + p.slide)[: p.contacts], p.mu))
         d_u, count, alpha = p.W @ d, count + 1, 1.0
         while alpha >= shortest:
             new = p.natural_residual(r + alpha * d, u + alpha * d_u, gain)
@@ -79,15 +87,46 @@ def contact_states(a: Array, mu: Array) -> States:
     return np.where(a_n > 0.0, slip if slip.size else STICK, OPEN).ravel().astype(np.int8)
 
 
-def _step(p: Problem, r: Array, state: States) -> Array:
-    """Newton step for the states (k,): u_n = 0 if closed, u_t = 0 if sticking, r_t = +-mu r_n if slipping."""
+def _step(p: Problem, r: Array, state: States, known: _Factor | None = None) -> tuple[Array, _Factor | None]:
+    """Newton step for the states (k,): u_n = 0 if closed, u_t = 0 if sticking, r_t = +-mu r_n if slipping.
+
+    Also returns the factor it was computed with, which may be the `known` one of other states.
+    """
     free, column, factor = _active(p, state)
     if not free.size:
-        return -r
+        return -r, known
     start = factor * r[free[column]]
-    rows = p.W[free]
-    change = _solve_regular(_combined(rows, column, factor, free.size), -(rows @ start + p.q[free]), p.shift)
-    return np.asarray(start + factor * change[column] - r, dtype=float)
+    b = -((p.W @ start)[free] + p.q[free])
+    if is_sparse(p.W):
+        change, known = _change(p, _combined(p.W, free, column, factor, p.shift), b, state, free, known)
+    else:
+        combined = np.zeros((free.size, free.size))
+        np.add.at(combined.T, column, (p.W[free] * factor).T)
+        change = _solved_densely(combined, b, p.shift)
+    return np.asarray(start + factor * change[column] - r, dtype=float), known
+
+
+def _change(
+    p: Problem, A: sp.csr_array, b: Array, state: States, free: NDArray[np.intp], known: _Factor | None
+) -> tuple[Array, _Factor | None]:
+    """The solution for a sparse A less the shift, and the factor it was computed with, None for none.
+
+    The shift bounds the impulses of redundant contacts: those of the LU are refined once. Where A - shift I is
+    singular the solution is that of A, refined once; where A is singular, too, it is zero.
+    """
+    try:
+        if known is None and p.blocks is not None:
+            return by_blocks(A, b, p.shift, p.blocks[free]), None
+        changes = p.mu.size if known is None else int(np.count_nonzero(state != known.state))
+        if known is not None and known.lu is not None and changes <= MAX_CHANGES:
+            return by_known_factor(A, b, p.shift, free, known.solve, known.free, changes), known
+    except (NotConvergedError, np.linalg.LinAlgError):
+        pass
+    known = _Factor(_factorised(A), state, free)
+    if known.lu is None:
+        return np.zeros_like(b), known
+    x = known.solve(b)
+    return np.asarray(x + known.solve(b - (A @ x - p.shift * x)), dtype=float), known
 
 
 def _active(p: Problem, state: States) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
@@ -106,15 +145,14 @@ def _active(p: Problem, state: States) -> tuple[NDArray[np.intp], NDArray[np.int
     return np.flatnonzero(free), column, factor
 
 
-def _combined(rows: Matrix, column: NDArray[np.intp], factor: Array, count: int) -> Matrix:
-    """The matrix with the columns j of `rows` times factor[j] added to column[j] of `count` ones."""
-    if not is_sparse(rows):
-        combined = np.zeros((rows.shape[0], count))
-        np.add.at(combined.T, column, (rows * factor).T)
-        return combined
-    indptr, indices, data = np.zeros_like(rows.indptr), np.empty_like(rows.indices), np.empty_like(rows.data)
-    filled = _combine(rows.indptr, rows.indices, rows.data, column, factor, indptr, indices, data)
-    return sp.csr_array((data[:filled], indices[:filled], indptr), shape=(rows.shape[0], count))
+def _combined(
+    W: sp.csr_array, free: NDArray[np.intp], column: NDArray[np.intp], factor: Array, shift: float
+) -> sp.csr_array:
+    """Rows `free` of W, columns j times factor[j] added to column[j], plus shift I, (free, free)."""
+    most = int(np.diff(W.indptr)[free].sum()) + free.size
+    indptr, indices, data = np.zeros(free.size + 1, dtype=np.int32), np.empty(most, dtype=np.int32), np.empty(most)
+    filled = _combine(W.indptr, W.indices, W.data, free, column, factor, shift, indptr, indices, data)
+    return sp.csr_array((data[:filled], indices[:filled], indptr), shape=(free.size, free.size))
 
 
 @compiled
@@ -122,43 +160,66 @@ def _combine(
     indptr: NDArray[np.int32],
     indices: NDArray[np.int32],
     values: Array,
+    free: NDArray[np.intp],
     column: NDArray[np.intp],
     factor: Array,
+    shift: float,
     out_indptr: NDArray[np.int32],
     out_indices: NDArray[np.int32],
     out: Array,
 ) -> int:
     """Write a CSR matrix, whose columns ascend as those of the first do, and return its number of entries."""
     end = 0
-    for i in range(indptr.size - 1):
-        begin = end
-        for e in range(indptr[i], indptr[i + 1]):
+    for i in range(free.size):
+        begin, shifted = end, False
+        for e in range(indptr[free[i]], indptr[free[i] + 1]):
             weight, at = factor[indices[e]], column[indices[e]]
             if weight == 0.0:
                 continue
+            if not shifted and at >= i:
+                out_indices[end], out[end], shifted = i, shift, True
+                end += 1
             if end > begin and out_indices[end - 1] == at:
                 out[end - 1] += weight * values[e]
             else:
                 out_indices[end], out[end] = at, weight * values[e]
                 end += 1
+        if not shifted:
+            out_indices[end], out[end] = i, shift
+            end += 1
         out_indptr[i + 1] = end
     return end
 
 
-def _solve_regular(A: Matrix, b: Array, shift: float) -> Array:
-    """Solve A x = b with A + shift I and one step of iterative refinement; zeros if the factorisation fails.
+@dataclass(frozen=True)
+class _Factor:
+    """The LU factors of the transposed matrix of a Newton step, whose rows are the active ones."""
 
-    The shift bounds the impulses of redundant contacts.
-    """
+    lu: Any  # SuperLU, None where the matrix is singular
+    state: States
+    free: NDArray[np.intp]  # (m,) the active rows
+
+    def solve(self, b: Array) -> Array:
+        """The solution for b (m,)."""
+        assert self.lu is not None
+        return np.asarray(self.lu.solve(b, "T"))
+
+
+def _factorised(A: sp.csr_array) -> Any:
+    """The factors of the transpose of A, which is the CSC matrix of the same arrays; None if A is singular."""
+    transposed = sp.csc_array((A.data, A.indices, A.indptr), shape=A.shape)
     try:
-        if not is_sparse(A):
-            inverse = np.linalg.inv(A + shift * np.eye(b.size))
-            x = inverse @ b
-            return np.asarray(x + inverse @ (b - A @ x), dtype=float)
-        shifted = sp.csc_array(A) + sp.diags_array(np.full(b.size, shift), format="csc")
         options = {"SymmetricMode": True}  # slip makes the matrix only slightly unsymmetric
-        lu = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options=options)
-        x = lu.solve(b)
-        return np.asarray(x + lu.solve(b - A @ x), dtype=float)
-    except (RuntimeError, np.linalg.LinAlgError):
+        return splu(transposed, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options=options)
+    except RuntimeError:
+        return None
+
+
+def _solved_densely(A: Array, b: Array, shift: float) -> Array:
+    """The solution for A by that of A + shift I and one step of iterative refinement; zero where it is singular."""
+    try:
+        inverse = np.linalg.inv(A + shift * np.eye(b.size))
+    except np.linalg.LinAlgError:
         return np.zeros_like(b)
+    x = inverse @ b
+    return np.asarray(x + inverse @ (b - A @ x), dtype=float)

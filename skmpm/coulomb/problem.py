@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from skmpm.coulomb.law import (
     MIN_TANGENTIAL_RESPONSE,
@@ -20,6 +21,7 @@ from skmpm.coulomb.law import (
 )
 
 Matrix: TypeAlias = Any  # dense or CSR, with @
+Ints: TypeAlias = NDArray[np.integer]
 
 TINY = 1e-300  # keeps norms in denominators positive; residuals of problems with |q~| below it are relative to it
 MAX_DENSE_ROWS = 200  # problems with more rows use sparse matrices; for smaller ones dense algebra is faster
@@ -39,6 +41,7 @@ class Bilateral:
     compliance: Matrix  # (m, m) not necessarily definite
     q: Array  # (m,)
     back: Matrix | None = None  # (2k, m) or (k, m); the transpose of `coupling` by default
+    contact: Ints | None = None  # (m,) the contact that each belongs to, for the `blocks` of a problem
 
     def join(self, W: Matrix, q: Array) -> tuple[Matrix, Array]:
         """The matrix and the right-hand side of all unknowns, contacts first."""
@@ -68,6 +71,7 @@ class Problem:
     largest: float  # bound of the largest eigenvalue of W~ of the contacts
     slide: Array | float = 0.0  # (m,) trial impulse opposite to the velocity of tangential rows without response
     shift: float = REGULARISATION  # added to the diagonal of the matrix of a Newton step
+    blocks: Ints | None = None  # (m,) label of the block of each row, of weakly coupled ones; None: strongly coupled
 
     @property
     def uncoupled(self) -> bool:

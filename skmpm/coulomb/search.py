@@ -16,6 +16,7 @@ from skmpm.coulomb.problem import (
     DAMPED_REGULARISATION,
     MAX_DENSE_ROWS,
     Bilateral,
+    Ints,
     Iterate,
     Matrix,
     Problem,
@@ -24,7 +25,6 @@ from skmpm.coulomb.problem import (
     unscaled,
 )
 
-POLISH = 1e-2  # residuals between this fraction of the tolerance and the tolerance are worth another step
 _ROUNDS = 2  # of sweeps followed by Newton steps; the second round doubles the sweeps
 
 # Proximal problems. The large gain weighs velocities as much as impulses where light and heavy bodies are in contact.
@@ -77,6 +77,7 @@ def solve(
     bilateral: Bilateral | None = None,
     reference: float | None = None,
     damped: bool = False,
+    pairs: Ints | None = None,
 ) -> tuple[Array, Info]:
     """Find r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws; return (r, info).
 
@@ -104,6 +105,8 @@ def solve(
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of |q~|, as in `residual`
     damped : whether Newton steps are damped; of many solutions, as in quasi-static steps, r is then closer to r0
+    pairs : (k,) labels of contacts, the same for those between the same bodies; given where these are weakly coupled
+        with others, as in short dynamic steps, so that an iterative linear solver is tried before LU
 
     Raises
     ------
@@ -116,7 +119,7 @@ def solve(
     if not q.size:
         return np.zeros_like(q), Info(0, 0, 0.0, True)
     with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
-        return _solve(W, q, mu, r0, tol, sweeps, iterations, bilateral, reference, damped)
+        return _solve(W, q, mu, r0, tol, sweeps, iterations, bilateral, reference, damped, pairs)
 
 
 def _solve(
@@ -130,6 +133,7 @@ def _solve(
     bilateral: Bilateral | None,
     reference: float | None,
     damped: bool,
+    pairs: Ints | None,
 ) -> tuple[Array, Info]:
     """`solve` for valid arguments: in scaled variables, with the bilateral unknowns after those of the contacts."""
     k = q.size
@@ -138,10 +142,19 @@ def _solve(
         r0 = np.concatenate([r0, np.zeros(q.size - k)])
     problem, s = scaled(W, q, mu, k, reference)
     problem = replace(problem, shift=DAMPED_REGULARISATION) if damped else problem
+    problem = replace(problem, blocks=None if pairs is None else _blocks(pairs, k, bilateral))
     start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
     best, info = _search(problem, start, tol, sweeps, iterations, damped)
     r = unscaled(best.r[:k], best.u[:k], problem.mu, s[:k], mu)
     return r, replace(info, bilateral=best.r[k:] / s[k:])
+
+
+def _blocks(pairs: Ints, rows: int, bilateral: Bilateral | None) -> Ints:
+    """The labels of all rows: of contacts (rows,), then of the bilateral unknowns."""
+    of_contacts = np.repeat(pairs, rows // pairs.size)
+    if bilateral is None or bilateral.contact is None:
+        return of_contacts
+    return np.concatenate([of_contacts, pairs[bilateral.contact]])
 
 
 def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, damped: bool) -> tuple[Iterate, Info]:
@@ -162,8 +175,6 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, dam
     if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _MAX_PATH_ROWS:
         x, count, pieces = _paths(p, tol)
         best, steps = better(best, x), steps + count
-    if steps and POLISH * tol < best.error <= tol and not damped:  # right contact states, impulses not quite
-        best = better(best, full_steps(p, best, POLISH * tol, 1)[0])
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
 
 

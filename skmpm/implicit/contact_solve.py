@@ -165,7 +165,9 @@ class _Linearised:
         options: dict[str, Any] = {}
         if geometric is not None:
             p = geometric.Z @ self.known_increment - W[k:, :k] @ known
-            bilateral = coulomb.Bilateral(W[k:, :k], W[k:, k:] + geometric.compliance, p, W[:k, k:])
+            bilateral = coulomb.Bilateral(
+                W[k:, :k], W[k:, k:] + geometric.compliance, p, W[:k, k:], np.tile(geometric.contacts, 2)
+            )
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}
         diagonal = contacts.diagonal()
         check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], increment.supports)
@@ -173,6 +175,7 @@ class _Linearised:
         round_off = contact.problem.speed_round_off / scheme.gap_tol
         scale = contact_scale(constraints, diagonal, free, round_off, increment.dt)
         options |= {"tol": scheme.contact_tol, "reference": scale.reference, "damped": not scheme.inertia}
+        options |= {"pairs": constraints.pairs if scheme.inertia else None}
         r, info = coulomb.solve(contacts, q, constraints.friction, r0=known, **options)
         contact.problem.timer.lap("contact")
         worst = None
