@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
 from skmpm.linear.solver import Solver
 
 Array = NDArray[np.float64]
@@ -31,27 +33,26 @@ class LowRank:
         """Name of the solver for A."""
         return self.solver.name
 
+    @cached_property
+    def blocks(self) -> Ints:
+        """Offsets (bodies + 1,) of the unknowns of bodies."""
+        return _blocks(self.body, self.G.shape[0])
+
     def __call__(self, b: Array, /) -> Array:
         """The solution for b (n,) or (n, m)."""
-        columns, bodies = b.reshape(b.shape[0], -1), self.G.shape[0]
-        owner = np.repeat(self.body, 2)
-        correction = np.zeros_like(columns)
-        for j, column in enumerate(columns.T):
-            products = np.stack([np.bincount(owner, z * column, bodies) for z in self.Z.T], axis=1)
-            correction[:, j] = np.einsum("nk,nk->n", self.Z, np.einsum("bkl,bl->bk", self.G, products)[owner])
-        return np.asarray(self.solver(b) + correction.reshape(b.shape))
+        x = np.ascontiguousarray(self.solver(b))
+        _add_correction(self.blocks, self.Z, self.G, b.reshape(b.shape[0], -1), x.reshape(b.shape[0], -1))
+        return x
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """The Delassus operator of rows H that touch one body each; dense within a body."""
-        W = sp.csr_array(self.solver.delassus(H))
+        W = sp.csr_array(self.solver.delassus(H), copy=True)
         body_of_row = np.zeros(H.shape[0], dtype=np.int64)
         filled = np.flatnonzero(np.diff(H.indptr))
         body_of_row[filled] = self.body[H.indices[H.indptr[filled]] // 2]
         response = np.asarray(H @ self.Z)
-        weighted = np.einsum("rk,rkl->rl", response, self.G[body_of_row])
-        row = np.repeat(np.arange(H.shape[0]), np.diff(W.indptr))
-        added = np.einsum("ek,ek->e", weighted[row], response[W.indices])
-        return sp.csr_array((W.data + added, W.indices, W.indptr), shape=W.shape)
+        _add_products(W.indptr, W.indices, np.einsum("rk,rkl->rl", response, self.G[body_of_row]), response, W.data)
+        return W
 
 
 def without_added_inertia(solver: Solver, body: Ints, c: Array, mass: Array) -> LowRank:
@@ -74,14 +75,58 @@ def on_gauge(solver: Solver, body: Ints, springs: Array, stiffness: Array, m: Ar
     Q^T w = s / k and m^T w = 0. So (s, -v) = (diag(1 / k, 0) - P^T A_+^-1 P)^-1 P^T A_+^-1 b with P = (Q, m).
     """
     P = np.concatenate([springs, m[:, None]], axis=1)
-    Z = solver(P)
-    bodies, owner = stiffness.shape[0], np.repeat(body, 2)
-    columns = range(P.shape[1])
-    products = [[np.bincount(owner, P[:, i] * Z[:, j], bodies) for j in columns] for i in columns]
-    held = np.flatnonzero(stiffness.all(axis=1))
-    matrix = -np.array(products).transpose(2, 0, 1)[held]
+    Z, held = solver(P), np.flatnonzero(stiffness.all(axis=1))
+    products = np.zeros((stiffness.shape[0], P.shape[1], P.shape[1]))
+    _add_squares(_blocks(body, stiffness.shape[0]), P, Z, products)
+    matrix = -products[held]
     diagonal = np.arange(stiffness.shape[1])
     matrix[:, diagonal, diagonal] += 1.0 / stiffness[held]
-    G = np.zeros((bodies, P.shape[1], P.shape[1]))
+    G = np.zeros_like(products)
     G[held] = np.linalg.inv(matrix)
     return LowRank(solver, body, Z, G)
+
+
+def _blocks(body: Ints, bodies: int) -> Ints:
+    """Offsets (bodies + 1,) of the unknowns of bodies; `body` (nodes,) ascends."""
+    return 2 * np.searchsorted(body, np.arange(bodies + 1))
+
+
+@compiled
+def _add_correction(blocks: Ints, Z: Array, G: Array, b: Array, x: Array) -> None:
+    """Add Z G Z^T b of every body to x, both (n, m)."""
+    k = Z.shape[1]
+    products, weights = np.zeros(k), np.zeros(k)
+    for body in range(blocks.size - 1):
+        for column in range(b.shape[1]):
+            products[:] = 0.0
+            for i in range(blocks[body], blocks[body + 1]):
+                for j in range(k):
+                    products[j] += Z[i, j] * b[i, column]
+            for j in range(k):
+                weights[j] = 0.0
+                for l in range(k):  # noqa: E741
+                    weights[j] += G[body, j, l] * products[l]
+            for i in range(blocks[body], blocks[body + 1]):
+                for j in range(k):
+                    x[i, column] += Z[i, j] * weights[j]
+
+
+@compiled
+def _add_products(
+    indptr: NDArray[np.integer], indices: NDArray[np.integer], left: Array, right: Array, data: Array
+) -> None:
+    """Add the product of row i of `left` and row j of `right` to every entry (i, j) of a CSR matrix."""
+    for i in range(indptr.size - 1):
+        for e in range(indptr[i], indptr[i + 1]):
+            for k in range(left.shape[1]):
+                data[e] += left[i, k] * right[indices[e], k]
+
+
+@compiled
+def _add_squares(blocks: Ints, P: Array, Z: Array, products: Array) -> None:
+    """Add P^T Z of every body to `products` (bodies, k, k)."""
+    for body in range(blocks.size - 1):
+        for i in range(blocks[body], blocks[body + 1]):
+            for j in range(P.shape[1]):
+                for l in range(P.shape[1]):  # noqa: E741
+                    products[body, j, l] += P[i, j] * Z[i, l]
