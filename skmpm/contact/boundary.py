@@ -24,7 +24,7 @@ from skmpm import outline
 from skmpm.contact.closest_points import closest_points
 from skmpm.contact.cohesion import opening, tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise
-from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
+from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, no_contacts
 from skmpm.contact.projection import Neighbours, Roles, neighbours
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
@@ -81,8 +81,8 @@ def point_to_curve(
     def contact(near: Neighbours, moved: Array) -> ContactPairs:
         walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
         on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
-        bodies = [] if near.none and scene.walls else [contacts_between_bodies(scene, near, start, moved, theta)]
-        return joined([*bodies, *on_walls])
+        between = no_contacts() if near.none else contacts_between_bodies(scene, near, start, moved, theta)
+        return joined([between, *on_walls])
 
     def linearise(w: Array) -> Constraints:
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + prescribed)
@@ -128,11 +128,10 @@ def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundar
     deformable = scene.deformable[state.body]
     number = np.cumsum(deformable) - 1  # of a material point among those of deformable bodies
     own = deformable[boundary.point]
-    chosen = sp.csr_array(
-        (own.astype(float), (np.arange(boundary.point.size), np.where(own, number[boundary.point], 0))),
-        shape=(boundary.point.size, grid.local.shape[1]),
-    )
-    return sp.csr_array(chosen @ grid.interpolation)
+    count = 4 * own  # entries of each row
+    entries = (4 * number[boundary.point[own], None] + np.arange(4)).ravel()
+    matrix, offsets = grid.interpolation, np.append(0, np.cumsum(count)).astype(np.int32)
+    return sp.csr_array((matrix.data[entries], matrix.indices[entries], offsets), shape=(own.size, grid.nodes))
 
 
 def _roles(scene: Scene, boundary: Outlines, x: Array) -> Roles:

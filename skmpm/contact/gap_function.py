@@ -63,6 +63,28 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     )
 
 
+def no_contacts() -> ContactPairs:
+    """A table of none."""
+    none, four = np.zeros(0), np.zeros((4, 0))
+    no_index, four_indices = np.zeros(0, dtype=np.int64), np.zeros((4, 0), dtype=np.int64)
+    return ContactPairs(
+        bodies=np.zeros((2, 0), dtype=np.int64),
+        point=no_index,
+        own=four_indices,
+        own_weights=four,
+        key=no_index,
+        stencil=four_indices,
+        weights=four,
+        tangent_shares=four,
+        curvature=none,
+        normal=np.zeros((2, 0)),
+        gap=none,
+        before=none,
+        friction=none,
+        kept=none,
+    )
+
+
 def contacts_with_wall(
     scene: Scene, near: Neighbours, i: int, start: Array, moved: Array, point: Array, step: Array
 ) -> ContactPairs:

@@ -48,9 +48,30 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
     -------
     c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
     """
-    c, j = pairs_by_midpoints(outlines, x, np.arange(outlines.size), reach)
+    c, j = pairs_by_midpoints(outlines, x, _near_other_boxes(outlines, x, reach), reach)
     other = outlines.body[c] != outlines.body[j]
     return nearer(outlines, x, c[other], j[other], reach)
+
+
+def _near_other_boxes(outlines: Outlines, x: Floats, reach: float) -> Integers:
+    """Boundary points whose segments come closer than `reach` to the bounding box of another body, ascending."""
+    if outlines.size == 0:
+        return np.arange(0)
+    first = np.flatnonzero(np.diff(outlines.body, prepend=-1))
+    low, high = np.minimum.reduceat(x, first, axis=1) - reach, np.maximum.reduceat(x, first, axis=1) + reach
+    order = np.argsort(low[0])
+    last = np.searchsorted(low[0], high[0], side="right", sorter=order)
+    one = np.repeat(order, last[order] - np.arange(order.size) - 1)
+    two = order[ranges(np.arange(order.size) + 1, last[order] - np.arange(order.size) - 1)]
+    overlap = (low[1, one] <= high[1, two]) & (low[1, two] <= high[1, one])
+    own, box = np.concatenate([[one[overlap], two[overlap]], [two[overlap], one[overlap]]], axis=1)
+    count = np.diff(first, append=outlines.size)[own]
+    segment, box = ranges(first[own], count), np.repeat(box, count)
+    a, b = x[:, segment], x[:, outlines.next[segment]]
+    near = ((np.minimum(a, b) <= high[:, box]) & (np.maximum(a, b) >= low[:, box])).all(axis=0)
+    chosen = np.zeros(outlines.size, dtype=bool)
+    chosen[segment[near]] = True
+    return np.flatnonzero(chosen)
 
 
 def pairs_by_midpoints(outlines: Outlines, x: Floats, chosen: Integers, reach: float) -> tuple[Integers, Integers]:
