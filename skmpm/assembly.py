@@ -7,7 +7,7 @@ functions and their gradients at the points are scikit-fem's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from skmpm.compiled import compiled
 from skmpm.forms import reference_ghost
 from skmpm.grid import BodyGrids, numbered
+from skmpm.parallel import over_bodies
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,45 +49,48 @@ class Assembly:
     lumped: Array  # (2 nodes,) mass of the points at every unknown [kg/m]
     mass: Array  # (2 nodes,) the same, bounded from below by a positive value [kg/m]
     ghost: sp.csr_array  # (nodes, nodes) ghost stiffness, the same for both components [Pa]
-    indices: Ints  # (blocks,) columns of the blocks of A
-    indptr: Ints  # (nodes + 1,) row offsets of the blocks of A
+    indices: NDArray[np.int32]  # (blocks,) columns of the blocks of A
+    indptr: NDArray[np.int32]  # (nodes + 1,) row offsets of the blocks of A
     block_of_cell: Ints  # (cells, 4, 4) the block of A for each pair of nodes of a cell
     ghost_data: Array  # (blocks, 2, 2) the ghost stiffness in the pattern of A
 
     def internal_force(self, P: Array) -> Array:
         """Internal force, the sum over points of V P : grad N, (2 nodes,) [N/m]; `P` (2, 2, n) [Pa]."""
-        Dx, Dy = self.grid.derivatives
-        VP = self.volume * P
-        return np.asarray(Dx.T @ VP[:, 0].T + Dy.T @ VP[:, 1].T).ravel()
+        return self.grid.divergence(self.volume, P)
 
     def ghost_force(self, displacement: Array) -> Array:
         """Force of the ghost penalty for the displacement since anchoring, (2 nodes,) [N/m]."""
-        if self.ghost.nnz == 0:
-            return np.zeros_like(displacement)
-        return np.asarray(self.ghost @ self._within_bodies(displacement)).ravel()
+        force = np.zeros_like(displacement)
+        if self.ghost.nnz:
+            u = displacement.reshape(-1, 2)
+            _ghost_force(self.ghost.indptr, self.ghost.indices, self.ghost.data, u, force.reshape(-1, 2))
+        return force
 
     def ghost_energy(self, displacement: Array) -> float:
         """Energy of the ghost penalty for the displacement since anchoring [J/m]."""
         if self.ghost.nnz == 0:
             return 0.0
-        u = self._within_bodies(displacement)
-        return 0.5 * float(np.sum(u * (self.ghost @ u)))
-
-    def _within_bodies(self, displacement: Array) -> Array:
-        """Displacement minus the mean of its body, (nodes, 2), to avoid round-off errors for large translations."""
         u = displacement.reshape(-1, 2)
-        return u - self.grid.means(u.T).T[self.grid.node_body]
+        return float(_ghost_energy(self.ghost.indptr, self.ghost.indices, self.ghost.data, u))
 
     def stiffness(self, C: Array, added: tuple[Selection, Array] | None = None) -> Array:
         """Blocks of the stiffness in the pattern of A, (blocks, 2, 2), from tangents `C` (2, 2, 2, 2, n) [Pa].
 
-        `added` are k cells and matrices (k, 4, 4, 2, 2), in blocks of pairs of nodes, to be added to theirs.
+        `added` are k cells and the vectors of `mean_dilatation_stiffness` (k, 2, 4, 2), whose matrices are added.
         """
         K, grid = self.ghost_data.copy(), self.grid
-        _add_stiffness(self.block_of_cell, grid.cell_of_point, *self._gradients, self.volume, C.reshape(4, 4, -1), K)
+        arguments = (self.block_of_cell, grid.cell_of_point, *self._gradients, self.volume, C.reshape(4, 4, -1), K)
+        points = grid.point_offsets
+        over_bodies(lambda first, last: _add_stiffness(points[first], points[last], *arguments), points)
         if added is not None:
-            _add_matrices(self.block_of_cell[added[0]], added[1], K)
+            _add_rank_two(self.block_of_cell[added[0]], added[1], K)
         return K
+
+    @cached_property
+    def diagonal_blocks(self) -> Ints:
+        """The block of A on the diagonal for each node, (nodes,)."""
+        rows = np.repeat(np.arange(self.grid.nodes), np.diff(self.indptr))
+        return np.flatnonzero(rows == self.indices)
 
     @property
     def _gradients(self) -> tuple[Array, Array]:
@@ -118,7 +122,7 @@ class Assembly:
         points: Selection = ALL,
         cells: Selection = ALL,
     ) -> Array:
-        """Cell matrices, of rank two, of `forms.mean_dilatation_stiffness`, in blocks, (cells, 4, 4, 2, 2).
+        """Vectors B and D of the cell matrices B D' + D B' of `forms.mean_dilatation_stiffness`, (cells, 2, 4, 2).
 
         `slope` and `mixed` (4, points), `bulk` and `rest` (points,) belong to all points of these cells.
         """
@@ -126,26 +130,52 @@ class Assembly:
         number = np.zeros(grid.cells, dtype=np.int64)
         number[own] = np.arange(own.size)
         cell, (gx, gy), volume = number[grid.cell_of_point[points]], self._gradients, self.volume[points]
-        K = np.zeros((own.size, 4, 4, 2, 2))
-        _mean_dilatation_matrices(cell, gx[points], gy[points], volume, slope, mixed, bulk, rest, K)
-        return K
+        vectors = np.zeros((own.size, 2, 4, 2))
+        _mean_dilatation_vectors(cell, gx[points], gy[points], volume, slope, mixed, bulk, rest, vectors)
+        return vectors
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
         """Block-sparse A = M + factor K, (2 nodes, 2 nodes), or with diagonal blocks (nodes, 2, 2) in place of M."""
-        nodes = self.grid.nodes
-        data = factor * stiffness
-        rows = np.repeat(np.arange(nodes), np.diff(self.indptr))
-        own = self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
-        data[np.flatnonzero(rows == self.indices)] += own
+        nodes, data = self.grid.nodes, factor * stiffness
+        data[self.diagonal_blocks] += self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
         return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
 
 
 @compiled
+def _ghost_force(indptr: NDArray[np.int32], indices: NDArray[np.int32], data: Array, u: Array, force: Array) -> None:
+    """Write G u from differences of u (nodes, 2): rows of G sum to zero, and bodies may be far from their anchor."""
+    for i in range(indptr.size - 1):
+        for e in range(indptr[i], indptr[i + 1]):
+            j = indices[e]
+            force[i, 0] += data[e] * (u[j, 0] - u[i, 0])
+            force[i, 1] += data[e] * (u[j, 1] - u[i, 1])
+
+
+@compiled
+def _ghost_energy(indptr: NDArray[np.int32], indices: NDArray[np.int32], data: Array, u: Array) -> float:
+    """1/2 u' G u from differences of u (nodes, 2)."""
+    total = 0.0
+    for i in range(indptr.size - 1):
+        for e in range(indptr[i], indptr[i + 1]):
+            j = indices[e]
+            total += data[e] * ((u[j, 0] - u[i, 0]) ** 2 + (u[j, 1] - u[i, 1]) ** 2)
+    return -0.25 * total
+
+
+@compiled
 def _add_stiffness(
-    block_of_cell: Ints, cell_of_point: Ints, gx: Array, gy: Array, volume: Array, C: Array, K: Array
+    first: int,
+    last: int,
+    block_of_cell: Ints,
+    cell_of_point: Ints,
+    gx: Array,
+    gy: Array,
+    volume: Array,
+    C: Array,
+    K: Array,
 ) -> None:
-    """Add V grad N_I : C : grad N_J of all points to the blocks K (blocks, 2, 2); symmetric C (4, 4, n)."""
-    for p in range(volume.size):
+    """Add V grad N_I : C : grad N_J of points first:last to the blocks K (blocks, 2, 2); symmetric C (4, 4, n)."""
+    for p in range(first, last):
         V, x, y, block = volume[p], gx[p], gy[p], block_of_cell[cell_of_point[p]]
         for i in range(2):
             for k in range(i, 2):
@@ -161,25 +191,24 @@ def _add_stiffness(
 
 
 @compiled
-def _add_matrices(block_of_cell: Ints, matrices: Array, K: Array) -> None:
-    """Add matrices (cells, 4, 4, 2, 2) to the blocks K (blocks, 2, 2)."""
+def _add_rank_two(block_of_cell: Ints, vectors: Array, K: Array) -> None:
+    """Add B D' + D B' of every cell, `vectors` (cells, 2, 4, 2), to the blocks K (blocks, 2, 2)."""
     for c in range(block_of_cell.shape[0]):
+        B, D = vectors[c, 0], vectors[c, 1]
         for I in range(4):  # noqa: E741
             for J in range(4):
                 block = block_of_cell[c, I, J]
                 for i in range(2):
                     for k in range(2):
-                        K[block, i, k] += matrices[c, I, J, i, k]
+                        K[block, i, k] += D[I, i] * B[J, k] + B[I, i] * D[J, k]
 
 
 @compiled
-def _mean_dilatation_matrices(
-    cell: Ints, gx: Array, gy: Array, volume: Array, slope: Array, mixed: Array, bulk: Array, rest: Array, K: Array
+def _mean_dilatation_vectors(
+    cell: Ints, gx: Array, gy: Array, volume: Array, slope: Array, mixed: Array, bulk: Array, rest: Array, out: Array
 ) -> None:
-    """B'D + D'B + B'EB of every cell, K (cells, 4, 4, 2, 2) zero before; see `forms.mean_dilatation_stiffness`."""
-    count = K.shape[0]
-    growth, coupling = np.zeros((count, 4, 2)), np.zeros((count, 4, 2))
-    total, curvature = np.zeros(count), np.zeros(count)
+    """B and D + E B / 2 of every cell, (cells, 2, 4, 2), zero before; see `forms.mean_dilatation_stiffness`."""
+    total, curvature = np.zeros(out.shape[0]), np.zeros(out.shape[0])
     for p in range(cell.size):
         c, V = cell[p], volume[p]
         total[c] += V * rest[p]
@@ -187,15 +216,13 @@ def _mean_dilatation_matrices(
         for I in range(4):  # noqa: E741
             x, y = V * gx[p, I], V * gy[p, I]
             for i in range(2):
-                growth[c, I, i] += slope[2 * i, p] * x + slope[2 * i + 1, p] * y
-                coupling[c, I, i] += mixed[2 * i, p] * x + mixed[2 * i + 1, p] * y
-    for c in range(count):
-        B, D = growth[c], (coupling[c] + 0.5 * curvature[c] / total[c] * growth[c]) / total[c]
+                out[c, 0, I, i] += slope[2 * i, p] * x + slope[2 * i + 1, p] * y
+                out[c, 1, I, i] += mixed[2 * i, p] * x + mixed[2 * i + 1, p] * y
+    for c in range(out.shape[0]):
+        half = 0.5 * curvature[c] / total[c]
         for I in range(4):  # noqa: E741
-            for J in range(4):
-                for i in range(2):
-                    for k in range(2):
-                        K[c, I, J, i, k] = D[I, i] * B[J, k] + B[I, i] * D[J, k]
+            for i in range(2):
+                out[c, 1, I, i] = (out[c, 1, I, i] + half * out[c, 0, I, i]) / total[c]
 
 
 def lumped_mass(grid: BodyGrids, mass: Array) -> Array:
@@ -272,8 +299,8 @@ def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -
         # A point exactly on a grid line may leave a node of its cell without mass, whose velocity would be 0/0.
         mass=np.maximum(lumped, MIN_MASS_RATIO * np.repeat(_heaviest(grid, mass), 2)),
         ghost=sp.csr_array((ghost[nonzero], (row[nonzero], column[nonzero])), shape=(nodes, nodes)),
-        indices=column,
-        indptr=np.searchsorted(row, np.arange(nodes + 1)),
+        indices=column.astype(np.int32),  # as SciPy stores them: copied into no matrix
+        indptr=np.searchsorted(row, np.arange(nodes + 1)).astype(np.int32),
         block_of_cell=in_cells.reshape(-1, 4, 4),
         ghost_data=ghost[:, None, None] * np.eye(2),
     )

@@ -24,12 +24,10 @@ def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
 
     Jiang et al., ACM ToG 34 (2015), eq. 8: P_i = sum_p m_p N_ip (v_p + C_p (X_i - X_p)). `mass` (n,) [kg/m].
     """
-    grid = assembly.grid
-    momentum = grid.interpolation.T @ (mass * v).T
+    momentum = np.asarray(assembly.grid.interpolation.T @ (mass * v).T).ravel()
     if C.any():
-        for arm, column in zip(grid.levers, C.swapaxes(0, 1), strict=True):
-            momentum = momentum + arm.T @ (mass * column).T
-    return np.asarray(momentum).ravel() / np.maximum(assembly.lumped, 1e-300)
+        momentum = momentum + assembly.grid.affine_momentum(mass, C)
+    return np.asarray(momentum / np.maximum(assembly.lumped, 1e-300))
 
 
 def pic(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:

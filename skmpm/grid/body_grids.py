@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from skfem import CellBasis, ElementQuad1, ElementVector, MeshQuad
 
+from skmpm.grid import point_loops
 from skmpm.grid.mapping import CartesianMapping
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-CORNERS = np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
-"""Corners of the reference square in the order of `ElementQuad1`, (2, 4)."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +68,11 @@ class BodyGrids:
         """Offsets (bodies + 1,) of the unknowns of bodies: those of body b are blocks[b]:blocks[b + 1]."""
         return 2 * np.searchsorted(self.node_body, np.arange(self.bodies + 1))
 
+    @cached_property
+    def point_offsets(self) -> Ints:
+        """Offsets (bodies + 1,) of the points, which are sorted by body."""
+        return np.searchsorted(self.cell_body[self.cell_of_point], np.arange(self.bodies + 1))
+
     @property
     def shape(self) -> Array:
         """Q1 shape functions of the four nodes of each point's cell, (4, n), evaluated by scikit-fem."""
@@ -104,21 +107,35 @@ class BodyGrids:
         along_x, along_y = self.gradient
         return self._point_matrix(along_x), self._point_matrix(along_y)
 
-    @cached_property
-    def levers(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """N_ip (X_i - X_p), one matrix (n, nodes) [m] per component, the lever arms of the affine momentum."""
-        arms = self.cell * (CORNERS[:, :, None] - self.local[:, None, :])
-        N = self.shape
-        return self._point_matrix(N * arms[0]), self._point_matrix(N * arms[1])
+    @property
+    def _nodes_of_points(self) -> NDArray[np.int32]:
+        """The nodes of the cell of each point, (n, 4)."""
+        return self._pattern[0].reshape(-1, 4)
 
     def at_points(self, field: Array) -> Array:
         """Values (2, n) of a nodal field (2 nodes,) at the points."""
-        return np.ascontiguousarray((self.interpolation @ field.reshape(-1, 2)).T)
+        values = np.empty((2, self.cell_of_point.size))
+        point_loops.interpolate(self._nodes_of_points, _by_point(self.interpolation), field.reshape(-1, 2), values)
+        return values
 
     def gradient_at_points(self, field: Array) -> Array:
         """Gradients H[i, j] = d field_i / d x_j (2, 2, n) of a nodal field (2 nodes,) at the points."""
-        columns = [D @ field.reshape(-1, 2) for D in self.derivatives]
-        return np.ascontiguousarray(np.stack(columns, axis=-1).transpose(1, 2, 0))
+        gradients = np.empty((2, 2, self.cell_of_point.size))
+        by_x, by_y = map(_by_point, self.derivatives)
+        point_loops.differentiate(self._nodes_of_points, by_x, by_y, field.reshape(-1, 2), gradients)
+        return gradients
+
+    def divergence(self, volume: Array, P: Array) -> Array:
+        """Sum over points of V P : grad N, (2 nodes,); `volume` (n,), `P` (2, 2, n)."""
+        sums, (by_x, by_y) = np.zeros((self.nodes, 2)), map(_by_point, self.derivatives)
+        point_loops.add_divergence(self._nodes_of_points, by_x, by_y, volume, P, sums)
+        return sums.ravel()
+
+    def affine_momentum(self, mass: Array, C: Array) -> Array:
+        """Sum over points of m N C (X - x), (2 nodes,); masses (n,) and velocity gradients (2, 2, n)."""
+        sums, N = np.zeros((self.nodes, 2)), _by_point(self.interpolation)
+        point_loops.add_affine_momentum(self._nodes_of_points, N, self.local, self.cell, mass, C, sums)
+        return sums.ravel()
 
     @cached_property
     def mesh(self) -> MeshQuad:
@@ -194,3 +211,8 @@ class BodyGrids:
         springs[middle] = stiffness[chosen, None, None] * np.eye(2)
         springs[outer] = stiffness[chosen, None, None] * np.einsum("ib,jb->bij", across, across)
         return springs
+
+
+def _by_point(matrix: sp.csr_array) -> Array:
+    """The four entries of each row, (n, 4)."""
+    return np.asarray(matrix.data.reshape(-1, 4))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.grid.body_grids import CORNERS, BodyGrids
+from skmpm.grid.body_grids import BodyGrids
+from skmpm.grid.point_loops import CORNERS
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -75,8 +75,8 @@ def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, configuratio
     arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, weight)
     inertia, missing = _rotational_stiffness(increment, A, np.stack([-arm[1], arm[0]], axis=1).ravel())
     added = missing / np.maximum(inertia, 1e-300)
-    data, row = A.data.copy(), np.repeat(np.arange(grid.nodes), np.diff(A.indptr))
-    data[row == A.indices] += (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
+    data = A.data.copy()
+    data[increment.bulk.assembly.diagonal_blocks] += (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
     solver = _solver(increment, sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
     if increment.supports is not None:
         return solver

@@ -51,14 +51,20 @@ def energy(law: Anchored, F: Array, theta: Array) -> Array:
         own = 0.5 * mu * ((F[0, 0] + F[1, 1] - 2.0) ** 2 - theta**2)
         return np.asarray(law.unstressed.energy(_bar(law, F, theta)[0]) + law.work(F) + own)
     good, rest = (determinant(F) > 0.0) & (theta > 0.0), law.rest(theta.size)
-    F, theta = np.where(good, F, np.eye(2)[:, :, None]), np.where(good, theta, 1.0)
-    own = mu * rest * (_resisted(determinant(F) / rest) - _resisted(theta))
-    return np.asarray(np.where(good, law.energy(_bar(law, F, theta)[0]) + own, np.inf))
+    if not good.all():
+        F, theta = np.where(good, F, np.eye(2)[:, :, None]), np.where(good, theta, 1.0)
+    own = np.empty(theta.size, dtype=np.result_type(F, theta))
+    _resisted(mu, F.reshape(4, -1), theta, rest, own)
+    own += law.energy(_bar(law, F, theta)[0])
+    return own if good.all() else np.asarray(np.where(good, own, np.inf))
 
 
-def _resisted(J: Array) -> Array:
-    """J - 1 - ln J."""
-    return np.asarray(J - 1.0 - np.log1p(J - 1.0))
+@compiled
+def _resisted(mu: float, F: Array, theta: Array, rest: Array, out: Array) -> None:
+    """Write mu (g(J) - g(theta)) of undeformed volumes `rest`, g(J) = J - 1 - ln J."""
+    for p in range(theta.size):
+        change, mean = (F[0, p] * F[3, p] - F[1, p] * F[2, p]) / rest[p] - 1.0, theta[p] - 1.0
+        out[p] = mu * rest[p] * (change - np.log1p(change) - (mean - np.log1p(mean)))
 
 
 def slopes(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
@@ -69,9 +75,23 @@ def slopes(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
         half = 0.5 * (P[0, 0] + P[1, 1])
         P = P + (mu * (F[0, 0] + F[1, 1] - 2.0) - half) * np.eye(2)[:, :, None]
         return P if law.stress_anchor is None else P + law.stress_anchor, half - mu * theta
-    q, rest = np.einsum("ijp,ijp->p", P, F_bar), law.rest(theta.size)
-    own = mu * (1.0 - rest / determinant(F)) - 0.5 * q / determinant(F)
-    return s * P + own * cofactor(F), 0.5 * q / theta - mu * rest * (1.0 - 1.0 / theta)
+    rest, flat, kind = law.rest(theta.size), (4, theta.size), P.dtype
+    by_F, by_theta = np.empty_like(F, dtype=kind), np.empty_like(theta, dtype=kind)
+    _slopes(mu, F.reshape(flat), theta, rest, s, P.reshape(flat), by_F.reshape(flat), by_theta)
+    return by_F, by_theta
+
+
+@compiled
+def _slopes(mu: float, F: Array, theta: Array, rest: Array, s: Array, P: Array, by_F: Array, by_theta: Array) -> None:
+    """First derivatives of W(F, theta) from P (4, n) at F-bar = s F, F (4, n)."""
+    for p in range(theta.size):
+        J, q = F[0, p] * F[3, p] - F[1, p] * F[2, p], 0.0
+        for i in range(4):
+            q += s[p] * P[i, p] * F[i, p]
+        own = (mu * (J - rest[p]) - 0.5 * q) / J
+        by_F[0, p], by_F[1, p] = s[p] * P[0, p] + own * F[3, p], s[p] * P[1, p] - own * F[2, p]
+        by_F[2, p], by_F[3, p] = s[p] * P[2, p] - own * F[1, p], s[p] * P[3, p] + own * F[0, p]
+        by_theta[p] = (0.5 * q - mu * rest[p] * (theta[p] - 1.0)) / theta[p]
 
 
 def curvatures(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array, Array]:
@@ -140,8 +160,7 @@ def tangents(law: Anchored, F: Array, theta: Array, tension: Array, *, projected
     by_F, mixed, by_theta = curvatures(law, F, theta)
     if law.linear:
         return by_F, mixed, by_theta
-    for row, column in np.argwhere(TURN):
-        by_F[row, column] += TURN[row, column] * tension
+    _add_turn(tension, by_F)
     if projected:
         H = np.concatenate([by_F, mixed[:, None]], axis=1)
         H = without_negative(np.concatenate([H, np.concatenate([mixed, by_theta[None]])[None]]))
@@ -149,9 +168,28 @@ def tangents(law: Anchored, F: Array, theta: Array, tension: Array, *, projected
     return by_F, mixed, by_theta
 
 
+@compiled
+def _add_turn(tension: Array, by_F: Array) -> None:
+    """Add tension times `TURN` to by_F (4, 4, n)."""
+    for p in range(tension.size):
+        for i in range(4):
+            by_F[i, 3 - i, p] += TURN[i, 3 - i] * tension[p]
+
+
 def _bar(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
     """F-bar (2, 2, n), and (theta / J)^(1/2), one where the material is linear, (n,)."""
     if law.linear:
         return F + 0.5 * (theta - (F[0, 0] + F[1, 1] - 2.0)) * np.eye(2)[:, :, None], np.ones_like(theta)
-    s = np.sqrt(theta * law.rest(theta.size) / determinant(F))
-    return s * F, s
+    kind = np.result_type(F, theta)
+    F_bar, s = np.empty_like(F, dtype=kind), np.empty_like(theta, dtype=kind)
+    _scaled(F.reshape(4, -1), theta, law.rest(theta.size), F_bar.reshape(4, -1), s)
+    return F_bar, s
+
+
+@compiled
+def _scaled(F: Array, theta: Array, rest: Array, F_bar: Array, s: Array) -> None:
+    """Write s = (theta / J)^(1/2), J per undeformed volume, and F-bar = s F, (4, n)."""
+    for p in range(theta.size):
+        s[p] = np.sqrt(theta[p] * rest[p] / (F[0, p] * F[3, p] - F[1, p] * F[2, p]))
+        for i in range(4):
+            F_bar[i, p] = s[p] * F[i, p]

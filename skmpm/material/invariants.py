@@ -20,18 +20,6 @@ def cofactor(F: Array) -> Array:
     return np.stack([np.stack([F[1, 1], -F[1, 0]]), np.stack([-F[0, 1], F[0, 0]])])
 
 
-def hessian(F: Array, mu: float, slope: Array, curvature: Array) -> Array:
-    """Hessian of mu/2 |F|^2 + g(J) by F, (2, 2, 2, 2, n); slope g', curvature g''.
-
-    H = mu I + g'' c c' + g' E with c = dJ/dF and E = d2J/dF2.
-    """
-    c = cofactor(F).reshape(4, -1)
-    H = curvature * c[:, None] * c[None, :]
-    H += mu * np.eye(4)[:, :, None]
-    H += slope * TURN[:, :, None]
-    return H.reshape(2, 2, 2, 2, -1)
-
-
 class Hyperelastic(ABC):
     """A law W(A, J) of A = tr F'F - 2 J = (F11 - F22)^2 + (F12 + F21)^2 and J = det F.
 

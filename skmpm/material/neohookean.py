@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material.invariants import cofactor, hessian
+from skmpm.compiled import compiled
 from skmpm.material.law import Isotropic, determinant
 
 Array = NDArray[np.float64]
@@ -33,31 +33,68 @@ class NeoHookean(Isotropic):
 
         tr F'F - 2 - 2 ln J = (F11 - F22)^2 + (F12 + F21)^2 + 2 (J - 1 - ln J): all of it small where strains are.
         """
-        lam, mu = self.lame
-        J = determinant(F)
-        change = np.where(J > 0.0, J, 1.0) - 1.0
-        log_J = np.log1p(change)
-        shear = (F[0, 0] - F[1, 1]) ** 2 + (F[0, 1] + F[1, 0]) ** 2
-        W = 0.5 * mu * shear + mu * (change - log_J) + 0.5 * lam * log_J**2
-        return np.asarray(np.where(J > 0.0, W, np.inf))
+        W = np.empty(F.shape[-1], dtype=F.dtype)
+        if _energy(*self.lame, F.reshape(4, -1), W):
+            W[~(determinant(F) > 0.0)] = np.inf
+        return W
 
     def stress(self, F: Array) -> Array:
         """First Piola-Kirchhoff stress, (2, 2, n) [Pa]."""
-        return np.asarray(self.lame[1] * F + self._slope(determinant(F)) * cofactor(F))
-
-    def _slope(self, J: Array) -> Array:
-        """Derivative by J of lambda/2 (ln J)^2 - mu ln J."""
-        lam, mu = self.lame
-        return np.asarray(lam * np.log(J) / J - mu / J)
+        P = np.empty_like(F)
+        _stress(*self.lame, F.reshape(4, -1), P.reshape(4, -1))
+        return P
 
     def tangent(self, F: Array) -> Array:
-        """Tangent dP/dF, (2, 2, 2, 2, n) [Pa]."""
-        lam, mu = self.lame
-        J = determinant(F)
-        curvature = mu / J**2 + lam * (1.0 - np.log(J)) / J**2
-        return hessian(F, mu, self._slope(J), curvature)
+        """Tangent dP/dF, (2, 2, 2, 2, n) [Pa].
+
+        It is mu I + g'' c c' + g' d2J/dF2 with c = dJ/dF and g' = (lambda ln J - mu) / J.
+        """
+        C = np.empty((4, 4, F.shape[-1]), dtype=F.dtype)
+        _tangent(*self.lame, F.reshape(4, -1), C)
+        return C.reshape(2, 2, 2, 2, -1)
 
     def stress_zz(self, F: Array) -> Array:
         """Out-of-plane Cauchy stress lambda ln J / J, (n,) [Pa]."""
         J = determinant(F)
         return np.asarray(self.lame[0] * np.log(J) / J)
+
+
+@compiled
+def _energy(lam: float, mu: float, F: Array, W: Array) -> int:
+    """Write W (n,) from F (4, n) and return the number of points with J <= 0, whose W is another one."""
+    inverted = 0
+    for p in range(W.size):
+        J = F[0, p] * F[3, p] - F[1, p] * F[2, p]
+        if not J.real > 0.0:
+            inverted += 1
+            J = 1.0
+        change = J - 1.0
+        log_J = np.log1p(change)
+        shear = (F[0, p] - F[3, p]) ** 2 + (F[1, p] + F[2, p]) ** 2
+        W[p] = 0.5 * mu * shear + mu * (change - log_J) + 0.5 * lam * log_J**2
+    return inverted
+
+
+@compiled
+def _stress(lam: float, mu: float, F: Array, P: Array) -> None:
+    """Write P (4, n) from F (4, n)."""
+    for p in range(F.shape[1]):
+        J = F[0, p] * F[3, p] - F[1, p] * F[2, p]
+        slope = (lam * np.log(J) - mu) / J
+        P[0, p], P[1, p] = mu * F[0, p] + slope * F[3, p], mu * F[1, p] - slope * F[2, p]
+        P[2, p], P[3, p] = mu * F[2, p] - slope * F[1, p], mu * F[3, p] + slope * F[0, p]
+
+
+@compiled
+def _tangent(lam: float, mu: float, F: Array, C: Array) -> None:
+    """Write C (4, 4, n) from F (4, n)."""
+    for p in range(F.shape[1]):
+        J = F[0, p] * F[3, p] - F[1, p] * F[2, p]
+        log_J = np.log(J)
+        slope, curvature = (lam * log_J - mu) / J, (mu + lam * (1.0 - log_J)) / J**2
+        c = (F[3, p], -F[2, p], -F[1, p], F[0, p])
+        for i in range(4):
+            for k in range(4):
+                C[i, k, p] = curvature * c[i] * c[k]
+            C[i, i, p] += mu
+            C[i, 3 - i, p] += slope if i in (0, 3) else -slope

@@ -267,14 +267,16 @@ def test_shape_functions_and_gradients_are_those_of_scikit_fem(seed):
 
 
 @given(SEED)
-def test_levers_have_no_first_moment_and_the_second_moment_of_bilinear_weights(seed):
+def test_an_affine_field_of_points_has_its_angular_momentum_at_the_nodes_and_no_momentum(seed):
+    """The sum of N (X - x) is zero, that of N (X - x) (X - x)' is diagonal, xi (1 - xi) h^2."""
     _, _, grid = random_sheets(seed)
-    position, xi = grid.position, grid.local
-    for axis, lever in enumerate(grid.levers):
-        assert np.abs(lever @ np.ones(grid.nodes)).max() < 1e-14 * CELL
-        second = CELL**2 * xi[axis] * (1 - xi[axis])
-        assert np.abs(lever @ position[axis] - second).max() < 1e-12 * CELL**2
-        assert np.abs(lever @ position[1 - axis]).max() < 1e-12 * CELL**2
+    rng, xi = np.random.default_rng(seed), grid.local
+    mass, C = rng.uniform(0.5, 2.0, xi.shape[1]), rng.normal(size=(2, 2, xi.shape[1]))
+    momentum = grid.affine_momentum(mass, C).reshape(-1, 2)
+    assert np.abs(momentum.sum(axis=0)).max() < 1e-12 * CELL * np.abs(C).sum()
+    second = CELL**2 * xi * (1.0 - xi)
+    expected = np.einsum("p,ijp,jp->ij", mass, C, second)
+    assert_close(momentum.T @ grid.position.T, expected, 1e-11 * max(1.0, np.abs(expected).max()))
 
 
 @given(SEED)

@@ -190,7 +190,7 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
     exact = "test_a_single_free_linear_body_does_exactly_one_solve_per_step"
     ghost = ("blocks of A that are of no cell, products with them", ("blocks of A", "half bandwidth", "Newton"),
              ("test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make",
-              "test_ghost_0_forms_no_displacement_within_bodies_and_multiplies_none"))  # fmt: skip
+              "test_ghost_0_sums_no_force_and_no_energy"))  # fmt: skip
     mean = ("means over cells, their part of tangents", ("means of dilatation", "Newton"),
             ("test_off_nothing_of_it_is_computed",))  # fmt: skip
     return [
