@@ -31,8 +31,11 @@ class NotConvergedError(RuntimeError):
     """The iteration converges too slowly."""
 
 
-def by_blocks(A: sp.csr_array, b: Array, shift: float, label: Ints) -> Array:
-    """Solve (A - shift I) x = b by BiCGStab with the inverses of the blocks of rows with the same label (m,)."""
+def by_blocks(A: sp.csr_array, b: Array, shift: float, label: Ints, accuracy: float = 0.0) -> Array:
+    """Solve (A - shift I) x = b by BiCGStab with the inverses of the blocks of rows with the same label (m,).
+
+    The residual is at most `TOLERANCE` |b|, or `accuracy` if that is more.
+    """
     _, label = np.unique(label, return_inverse=True)
     order = np.argsort(label, kind="stable")
     starts = np.searchsorted(label[order], np.arange(int(label.max()) + 2))
@@ -48,18 +51,25 @@ def by_blocks(A: sp.csr_array, b: Array, shift: float, label: Ints) -> Array:
     def probe(x: Array) -> None:
         nonlocal count
         count += 1
-        if count == PROBED and not float(np.linalg.norm(b - A @ x)) <= PROBED_RESIDUAL * size:
+        if count == PROBED and not float(np.linalg.norm(b - A @ x)) <= max(PROBED_RESIDUAL * size, accuracy):
             raise NotConvergedError
 
     inverse, matrix = LinearOperator(A.shape, matvec=apply), _shifted(A, shift)
-    x, failed = bicgstab(matrix, b, rtol=TOLERANCE, atol=0.0, maxiter=LIMIT, M=inverse, callback=probe)
+    x, failed = bicgstab(matrix, b, rtol=TOLERANCE, atol=accuracy, maxiter=LIMIT, M=inverse, callback=probe)
     if failed:
         raise NotConvergedError
     return np.asarray(x)
 
 
 def by_known_factor(
-    A: sp.csr_array, b: Array, shift: float, rows: Ints, factor: Callable[[Array], Array], of: Ints, changes: int
+    A: sp.csr_array,
+    b: Array,
+    shift: float,
+    rows: Ints,
+    factor: Callable[[Array], Array],
+    of: Ints,
+    changes: int,
+    accuracy: float = 0.0,
 ) -> Array:
     """Solve (A - shift I) x = b by GMRES with the inverse of a matrix that differs from A by few rows and columns.
 
@@ -75,7 +85,7 @@ def by_known_factor(
         return every[rows]
 
     inverse, restart = LinearOperator(A.shape, matvec=apply), 2 * changes + 3
-    x, failed = gmres(_shifted(A, shift), b, rtol=TOLERANCE, atol=0.0, restart=restart, maxiter=2, M=inverse)
+    x, failed = gmres(_shifted(A, shift), b, rtol=TOLERANCE, atol=accuracy, restart=restart, maxiter=2, M=inverse)
     if failed:
         raise NotConvergedError
     return np.asarray(x)

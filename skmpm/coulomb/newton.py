@@ -31,6 +31,8 @@ INSIDE = 1.0 - 1e-12  # fraction of the cone within which impulses of a start st
 PATIENCE = 3
 POLISH = 1e-2  # residuals between this fraction of the tolerance and the tolerance are worth another step
 MAX_CHANGES = 8  # contacts of other states up to which a known factor is used again
+ACCURACY = 1e-4  # residual of a linear system over the tolerance of the problem that suffices, a hundredth of POLISH
+MANY_ROWS = 10_000  # beyond, another attempt at an iterative solver takes less than a tenth of the time of an LU
 
 
 def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
@@ -46,7 +48,7 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     seen, count = {state.tobytes()}, 0
     while best.error > (POLISH * tol if count and not polished else tol) and count < limit and left:
         polished = best.error <= tol
-        d, factor = _step(p, r, state, factor)
+        d, factor = _step(p, r, state, ACCURACY * tol * p.reference, factor)
         r, count = r + d, count + 1
         new = p.at(p.clip_to_cone(r))
         best = new if new.error < best.error else best
@@ -67,7 +69,8 @@ def newton(p: Problem, x: Iterate, tol: float, limit: int, gain: float, shortest
     r, u, gain = x.r, x.u, gain * p.largest
     natural_residual, count, alpha = p.natural_residual(r, u, gain), 0, 1.0
     while count < limit and alpha >= shortest:
-        d, _ = _step(p, r, contact_states((r - gain * u + p.slide)[: p.contacts], p.mu))
+        state = contact_states((r - gain * u + p.slide)[: p.contacts], p.mu)
+        d, _ = _step(p, r, state, ACCURACY * tol * p.reference)
         d_u, count, alpha = p.W @ d, count + 1, 1.0
         while alpha >= shortest:
             new = p.natural_residual(r + alpha * d, u + alpha * d_u, gain)
@@ -87,7 +90,9 @@ def contact_states(a: Array, mu: Array) -> States:
     return np.where(a_n > 0.0, slip if slip.size else STICK, OPEN).ravel().astype(np.int8)
 
 
-def _step(p: Problem, r: Array, state: States, known: _Factor | None = None) -> tuple[Array, _Factor | None]:
+def _step(
+    p: Problem, r: Array, state: States, accuracy: float, known: _Factor | None = None
+) -> tuple[Array, _Factor | None]:
     """Newton step for the states (k,): u_n = 0 if closed, u_t = 0 if sticking, r_t = +-mu r_n if slipping.
 
     Also returns the factor it was computed with, which may be the `known` one of other states.
@@ -98,7 +103,7 @@ def _step(p: Problem, r: Array, state: States, known: _Factor | None = None) -> 
     start = factor * r[free[column]]
     b = -((p.W @ start)[free] + p.q[free])
     if is_sparse(p.W):
-        change, known = _change(p, _combined(p.W, free, column, factor, p.shift), b, state, free, known)
+        change, known = _change(p, _combined(p.W, free, column, factor, p.shift), b, accuracy, state, free, known)
     else:
         combined = np.zeros((free.size, free.size))
         np.add.at(combined.T, column, (p.W[free] * factor).T)
@@ -107,19 +112,25 @@ def _step(p: Problem, r: Array, state: States, known: _Factor | None = None) -> 
 
 
 def _change(
-    p: Problem, A: sp.csr_array, b: Array, state: States, free: NDArray[np.intp], known: _Factor | None
+    p: Problem,
+    A: sp.csr_array,
+    b: Array,
+    accuracy: float,
+    state: States,
+    free: NDArray[np.intp],
+    known: _Factor | None,
 ) -> tuple[Array, _Factor | None]:
     """The solution for a sparse A less the shift, and the factor it was computed with, None for none.
 
     The shift bounds the impulses of redundant contacts: those of the LU are refined once. Where A - shift I is
     singular the solution is that of A, refined once; where A is singular, too, it is zero.
     """
+    changes = p.mu.size if known is None else int(np.count_nonzero(state != known.state))
     try:
-        if known is None and p.blocks is not None:
-            return by_blocks(A, b, p.shift, p.blocks[free]), None
-        changes = p.mu.size if known is None else int(np.count_nonzero(state != known.state))
         if known is not None and known.lu is not None and changes <= MAX_CHANGES:
-            return by_known_factor(A, b, p.shift, free, known.solve, known.free, changes), known
+            return by_known_factor(A, b, p.shift, free, known.solve, known.free, changes, accuracy), known
+        if p.blocks is not None and (known is None or b.size > MANY_ROWS):
+            return by_blocks(A, b, p.shift, p.blocks[free], accuracy), known
     except (NotConvergedError, np.linalg.LinAlgError):
         pass
     known = _Factor(_factorised(A), state, free)

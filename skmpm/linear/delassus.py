@@ -61,7 +61,8 @@ class Delassus:
         if self.whole:
             known |= bodies[self.owner] & (np.diff(self.base.indptr) > 0)
         again = known & bodies[self.owner]
-        S = _without(self.S, np.repeat(bodies[self.owner], 2)) + self._of(np.flatnonzero(again))
+        S, kept = self._of(np.flatnonzero(again)), _without(self.S, np.repeat(bodies[self.owner], 2))
+        S = S + kept if kept.nnz else S
         return replace(self, S=S, known=known)
 
     def _of(self, points: Ints) -> sp.csr_array:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from skmpm.compiled import compiled
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
 CHUNK = 1_000_000  # pairs processed at a time, which take about 100 MB
@@ -65,13 +66,30 @@ def _near_other_boxes(outlines: Outlines, x: Floats, reach: float) -> Integers:
     two = order[ranges(np.arange(order.size) + 1, last[order] - np.arange(order.size) - 1)]
     overlap = (low[1, one] <= high[1, two]) & (low[1, two] <= high[1, one])
     own, box = np.concatenate([[one[overlap], two[overlap]], [two[overlap], one[overlap]]], axis=1)
-    count = np.diff(first, append=outlines.size)[own]
-    segment, box = ranges(first[own], count), np.repeat(box, count)
-    a, b = x[:, segment], x[:, outlines.next[segment]]
-    near = ((np.minimum(a, b) <= high[:, box]) & (np.maximum(a, b) >= low[:, box])).all(axis=0)
-    chosen = np.zeros(outlines.size, dtype=bool)
-    chosen[segment[near]] = True
+    chosen = np.zeros(outlines.size, dtype=np.bool_)
+    _reach_boxes(x, outlines.next, np.append(first, outlines.size), own, box, low, high, chosen)
     return np.flatnonzero(chosen)
+
+
+@compiled
+def _reach_boxes(
+    x: Floats,
+    following: Integers,
+    first: Integers,
+    own: Integers,
+    box: Integers,
+    low: Floats,
+    high: Floats,
+    chosen: Any,
+) -> None:
+    """Choose the segments of bodies own[k] that overlap with the box of body box[k], low to high (2, bodies)."""
+    for k in range(own.size):
+        b = box[k]
+        for j in range(first[own[k]], first[own[k] + 1]):
+            i, inside = following[j], True
+            for axis in range(2):
+                inside &= min(x[axis, i], x[axis, j]) <= high[axis, b] and max(x[axis, i], x[axis, j]) >= low[axis, b]
+            chosen[j] |= inside
 
 
 def pairs_by_midpoints(outlines: Outlines, x: Floats, chosen: Integers, reach: float) -> tuple[Integers, Integers]:
