@@ -6,6 +6,7 @@ processes and writes one table each to docs/verification/packings/; those that a
 
 import csv
 import sys
+import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,18 +17,19 @@ import skmpm
 
 TABLES = Path(__file__).resolve().parents[2] / "docs" / "verification" / "packings"
 RADII, YOUNG, POISSON, DENSITY = (0.7e-3, 1.2e-3), 10e6, 0.45, 990.0  # the discs of Nezamabadi et al. (2017)
-E_STAR = YOUNG / (1.0 - POISSON**2)
+GEL = skmpm.NeoHookean(YOUNG, POISSON, DENSITY)
+SEEDS = range(4)
+RANGES = {0.0: (0.80, 0.865), 0.5: (0.77, 0.835)}  # solid fractions of the box from loose to well above jamming
 
 
-def packed(discs, friction, cells, *, start, speed, seed=0, material=skmpm.NeoHookean):
+def packed(discs, friction, cells, *, start, speed, seed=0, material=GEL):
     """Discs of `cells` grid cells per mean radius at rest under a lid, (scene, solid area over width)."""
     radii = np.random.default_rng(seed).uniform(*RADII, discs)
     cell, solid = float(np.mean(RADII)) / cells, np.pi * (radii**2).sum()
     width = float(np.sqrt(solid / 0.72))
     placed = skmpm.packing(radii, width, solid_fraction=start, seed=seed)
-    gel = material(YOUNG, POISSON, DENSITY)
     bodies = [
-        skmpm.Body(skmpm.disc(centre, radius, spacing=0.74 * cell), gel)
+        skmpm.Body(skmpm.disc(centre, radius, spacing=0.74 * cell), material)
         for centre, radius in zip(placed.centres.T, placed.radii, strict=True)
     ]
     walls = [
@@ -69,34 +71,43 @@ def squeeze(discs, friction, cells, *, start=0.70, until=0.97, dt=8e-6, speed=2.
 
 @dataclass(frozen=True)
 class Compression:
-    """Of the interior, two mean diameters from every wall, after every second step."""
+    """After every step; fractions, pressure and coordination of the interior, two mean diameters from every wall."""
 
-    nominal: np.ndarray  # (n,) solid fraction by initial volumes
-    fraction: np.ndarray  # (n,) by outlines
-    pressure: np.ndarray  # (n,) over E*
-    coordination: np.ndarray  # (n,)
-    inertial: np.ndarray  # (n,) strain rate x mean diameter x sqrt(density / pressure)
+    nominal: np.ndarray  # (steps,) solid fraction by initial volumes
+    fraction: np.ndarray  # (steps,) by outlines
+    pressure: np.ndarray  # (steps,) over E*
+    coordination: np.ndarray  # (steps,)
+    without_rattlers: np.ndarray  # (steps,) coordination, discs with fewer than three contacts removed
+    inertial: np.ndarray  # (steps,) strain rate x mean diameter x sqrt(density / pressure)
+    box: np.ndarray  # (steps,) nominal solid fraction of the whole box
+    lid: np.ndarray  # (steps,) pressure on the lid over E*
+    unbalanced: np.ndarray  # (steps,) largest resultant force on a body over the mean contact force
+    kinetic: np.ndarray  # (steps,) energy over the elastic energy
+    overlap: np.ndarray  # (steps,) share of the area
+    newton: np.ndarray  # (steps,) iterations
+    retries: np.ndarray  # (steps,)
+    seconds: np.ndarray  # (steps,) of processor time since the start
 
 
-def compress(discs, cells, *, start, until, speed, dt=32e-6, shared_grid=False):
-    """Lower a slow lid on smooth discs; `shared_grid` as Nezamabadi et al. (2017), with a linear law."""
-    material = skmpm.LinearElastic if shared_grid else skmpm.NeoHookean
+def compress(discs, friction, cells, *, start, until, speed, seed=0, poisson=POISSON, shared_grid=False):
+    """Lower a lid in steps that `simulate` chooses; `shared_grid` as Nezamabadi et al. (2017), with a linear law."""
     scheme = skmpm.Scheme.nezamabadi2017() if shared_grid else skmpm.Scheme()
-    scene, filled = packed(discs, 0.0, cells, start=start, speed=speed, material=material)
-    first = skmpm.initial(scene, scheme=scheme)
-    found, height = [], first.walls[1, 1]
-    run = skmpm.simulate(scene, dt=dt, until=(height - filled / until) / speed, start=first, scheme=scheme)
-    for step, state in enumerate(run):
-        if step % 2:
-            continue
-        seen = skmpm.observe(scene, state, interior=True)
-        pressure = max(seen.pressure, 1e-6 * E_STAR)
-        rate = speed / state.walls[1, 1]
-        inertial = rate * 2.0 * np.mean(RADII) * np.sqrt(DENSITY / pressure)
-        found.append(
-            (seen.solid_fraction_nominal, seen.solid_fraction, pressure / E_STAR, seen.coordination, inertial)
-        )
-    return Compression(*np.array(found).T)
+    gel = (skmpm.LinearElastic if shared_grid else skmpm.NeoHookean)(YOUNG, poisson, DENSITY)
+    scene, filled = packed(discs, friction, cells, start=start, speed=speed, seed=seed, material=gel)
+    first, modulus = skmpm.initial(scene, scheme=scheme), YOUNG / (1.0 - poisson**2)
+    found, began, height = [], time.process_time(), first.walls[1, 1]
+    for state in skmpm.simulate(scene, until=(height - filled / until) / speed, start=first, scheme=scheme):
+        seen, report = skmpm.observe(scene, state, interior=True), state.report
+        pressure, height = max(seen.pressure / modulus, 1e-9), state.walls[1, 1]
+        inertial = speed / height * 2.0 * np.mean(RADII) * np.sqrt(DENSITY / (pressure * modulus))
+        lid = state.wall_force[1, 1] / scene.walls[3].point[0] / modulus
+        kinetic = report.energy.kinetic / max(report.energy.elastic, np.finfo(float).tiny)
+        found.append((
+            seen.solid_fraction_nominal, seen.solid_fraction, pressure, seen.coordination,
+            seen.coordination_without_rattlers, inertial, filled / height, lid, report.unbalanced, kinetic,
+            report.overlap, report.newton, report.retries, time.process_time() - began,
+        ))  # fmt: skip
+    return Compression(*np.array(found, dtype=float).T)
 
 
 MEMBERS = {
@@ -106,14 +117,23 @@ MEMBERS = {
         for friction in (0.0, 0.1, 0.5)
     },
     **{
-        f"jamming_{name}r{cells}": (compress, (300, cells), {"start": 0.80, "until": 0.875, "speed": speed})
-        for name, cells, speed in (
-            ("", 5, 0.1), ("", 8, 0.1), ("fast_", 5, 0.5), ("fast_", 8, 0.5), ("slow_", 5, 0.05),
+        f"jamming_{name}mu{friction:g}_seed{seed}": (
+            compress, (300, friction, 5), {"start": start, "until": until, "speed": speed, "seed": seed},
         )
+        for seed in SEEDS
+        for name, speed in (("", 6e-3), ("fast_", 6e-2))
+        for friction, (start, until) in RANGES.items()
+    },
+    "jamming_r8": (compress, (300, 0.0, 8), {"start": 0.80, "until": 0.865, "speed": 6e-3}),
+    **{
+        f"jamming_poisson{poisson:g}": (
+            compress, (100, 0.0, 5), {"start": 0.76, "until": 0.95, "speed": 6e-3, "poisson": poisson},
+        )
+        for poisson in (0.3, 0.45, 0.495)
     },
     **{
         f"jamming_shared_grid_r{cells}": (
-            compress, (100, cells), {"start": 0.55, "until": 0.84, "speed": 0.5, "shared_grid": True},
+            compress, (100, 0.0, cells), {"start": 0.55, "until": 0.84, "speed": 0.5, "shared_grid": True},
         )
         for cells in (6, 8, 10)
     },

@@ -20,6 +20,7 @@ import scipy.sparse.linalg as spla
 
 import skmpm
 from skmpm import linear
+from skmpm.parallel import available
 
 from . import scenes
 
@@ -95,13 +96,17 @@ def steps(scene: skmpm.Scene, state: skmpm.State, repeats: int) -> tuple[skmpm.S
     skmpm.step(scene, state, scenes.DT, scheme=skmpm.Scheme(linear=recorder))
     A, spent, laps, newton = recorder.matrices[-1], [], [], []
     recorder.matrices, recorder.made = [], []
+    threaded = []
     for _ in range(repeats):
-        state, times, phases = timed(scene, state, scenes.DT, skmpm.Scheme())
+        threaded.append(timed(scene, state, scenes.DT, skmpm.Scheme())[1]["wall"])
+        state, times, phases = timed(scene, state, scenes.DT, skmpm.Scheme(threads=1))
         spent.append({**times, **(lu(A) if A.shape[0] <= LARGEST_LU else {})})
         laps.append(phases)
         newton.append(state.report.newton)
     return state, {
         **medians(spent),
+        "wall_threaded": float(np.median(threaded)),
+        "cores": available(),
         "phases": medians(laps),
         "newton": float(np.mean(newton)),
         "unknowns": A.shape[0],

@@ -13,7 +13,7 @@ from .scenes import RATE, SPACING
 HEAD = """# Performance
 
 The cost of a step and how it grows with the number of points. All of this page is measured and written by
-`python -m examples.studies.benchmark` (here{kept} in {minutes:.0f} minutes). One process, one BLAS thread; medians of
+`python -m examples.studies.benchmark` (here{kept} in {minutes:.0f} minutes). One process, one thread; medians of
 {steps} steps after two, of processor time (wall time was {busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1
 indicates a busy machine). Milliseconds are those of one machine. The portable measure is the ratio to one sparse LU
 of the same matrix in the same run: `scipy.sparse.linalg.splu`, `SymmetricMode`, pivots on the diagonal, which is
