@@ -35,19 +35,14 @@ LARGE_IMPULSE = 1e200  # exceeds mu r_n of every contact, so the contact slips
 
 @dataclass(frozen=True)
 class Bilateral:
-    """Bilateral unknowns s (m,), without a cone: coupling r + compliance s + q = 0, u = W r + back s + q_contact."""
+    """Bilateral unknowns s (m,), without a cone; their rows and columns in W follow those of the contacts.
 
-    coupling: Matrix  # (m, 2k) or (m, k)
-    compliance: Matrix  # (m, m) not necessarily definite
+    In these rows W r + q = 0, in those of the contacts u = W r + q, with the impulses and s for r. The part of W for
+    s alone is not necessarily definite, and W not necessarily symmetric.
+    """
+
     q: Array  # (m,)
-    back: Matrix | None = None  # (2k, m) or (k, m); the transpose of `coupling` by default
     contact: Ints | None = None  # (m,) the contact that each belongs to, for the `blocks` of a problem
-
-    def join(self, W: Matrix, q: Array) -> tuple[Matrix, Array]:
-        """The matrix and the right-hand side of all unknowns, contacts first."""
-        back = self.coupling.T if self.back is None else self.back
-        whole = sp.block_array([[sp.csr_array(W), back], [self.coupling, self.compliance]], format="csr")
-        return whole, np.concatenate([q, self.q])
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,7 @@ def solve(
 
     Parameters
     ----------
-    W : (2k, 2k) or (k, k) sparse or dense, symmetric positive semi-definite [1/kg]
+    W : (2k, 2k) or (k, k) sparse or dense, symmetric positive semi-definite [1/kg], with `bilateral` m rows more
     q : (2k,) or (k,) relative velocities in the absence of impulses, plus gap / dt on the normal rows [m/s]
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
     r0 : like q, initial impulses [N s]
@@ -115,7 +115,7 @@ def solve(
     """
     q, mu = np.asarray(q, dtype=float), np.asarray(mu, dtype=float)
     r0 = np.asarray(np.zeros_like(q) if r0 is None else r0, dtype=float)
-    _check(W, q, mu, r0)
+    _check(W, q, mu, r0, 0 if bilateral is None else bilateral.q.size)
     if not q.size:
         return np.zeros_like(q), Info(0, 0, 0.0, True)
     with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
@@ -138,7 +138,7 @@ def _solve(
     """`solve` for valid arguments: in scaled variables, with the bilateral unknowns after those of the contacts."""
     k = q.size
     if bilateral is not None:
-        W, q = bilateral.join(W, q)
+        q = np.concatenate([q, bilateral.q])
         r0 = np.concatenate([r0, np.zeros(q.size - k)])
     problem, s = scaled(W, q, mu, k, reference)
     problem = replace(problem, shift=DAMPED_REGULARISATION) if damped else problem
@@ -218,9 +218,10 @@ def _proximal(p: Problem, x: Iterate, tol: float, limit: int, damped: bool) -> t
     return best, steps
 
 
-def _check(W: Matrix, q: Array, mu: Array, r0: Array) -> None:
+def _check(W: Matrix, q: Array, mu: Array, r0: Array, more: int) -> None:
     shape, k = W.shape if is_sparse(W) else np.shape(W), mu.size
-    if mu.ndim != 1 or q.shape not in ((k,), (2 * k,)) or shape != q.shape * 2 or r0.shape != q.shape:
+    square = (q.size + more, q.size + more)
+    if mu.ndim != 1 or q.shape not in ((k,), (2 * k,)) or shape != square or r0.shape != q.shape:
         raise ValueError(
             f"sizes disagree: W {shape}, q {q.shape}, mu {mu.shape}, r0 {r0.shape}; "
             "use (2k, 2k), (2k,), (k,), (2k,), or without friction (k, k), (k,), (k,), (k,)"

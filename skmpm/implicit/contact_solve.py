@@ -160,27 +160,37 @@ class _Linearised:
         contact, constraints, W = self.contact, self.contact.constraints, self.W
         increment, known = contact.increment, contact.lifted
         scheme, k = increment.scheme, known.size
-        contacts = W[:k, :k]
-        q = contact.u + constraints.D @ self.known_increment - contacts @ known
+        with_known = W @ np.concatenate([known, np.zeros(W.shape[0] - k)])
+        q = contact.u + constraints.D @ self.known_increment - with_known[:k]
         options: dict[str, Any] = {}
         if geometric is not None:
-            p = geometric.Z @ self.known_increment - W[k:, :k] @ known
-            bilateral = coulomb.Bilateral(
-                W[k:, :k], W[k:, k:] + geometric.compliance, p, W[:k, k:], np.tile(geometric.contacts, 2)
-            )
+            p = geometric.Z @ self.known_increment - with_known[k:]
+            W = W + _lower_right(geometric.compliance, k)
+            bilateral = coulomb.Bilateral(p, np.tile(geometric.contacts, 2))
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}
-        diagonal = contacts.diagonal()
+        elif W.shape[0] > k:
+            W = W[:k, :k]
+        diagonal = W.diagonal()[:k]
         check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], increment.supports)
-        free = q + contacts @ (known - contact.r) if constraints.cohesive else q
+        free = q
+        if constraints.cohesive:
+            free = q + (W @ np.concatenate([known - contact.r, np.zeros(W.shape[0] - k)]))[:k]
         round_off = contact.problem.speed_round_off / scheme.gap_tol
         scale = contact_scale(constraints, diagonal, free, round_off, increment.dt)
         options |= {"tol": scheme.contact_tol, "reference": scale.reference, "damped": not scheme.inertia}
         options |= {"pairs": constraints.pairs if scheme.inertia else None}
-        r, info = coulomb.solve(contacts, q, constraints.friction, r0=known, **options)
+        r, info = coulomb.solve(W, q, constraints.friction, r0=known, **options)
         contact.problem.timer.lap("contact")
         worst = None
         if not info.converged:
-            residuals = coulomb.residuals(r, contacts @ r + q, constraints.friction, diagonal)
+            u = (W @ np.concatenate([r, np.zeros(W.shape[0] - k)]))[:k] + q
+            residuals = coulomb.residuals(r, u, constraints.friction, diagonal)
             worst = int(np.argmax(residuals))
         lowered = constraints.lowered(r, increment.dt)
         return _Impulses(lowered, info.bilateral, scale, info.iterations, info.residual, worst)
+
+
+def _lower_right(matrix: sp.csr_array, k: int) -> sp.csr_array:
+    """A matrix with k rows and columns of zeros before those of `matrix`."""
+    size, offsets = k + matrix.shape[0], np.concatenate([np.zeros(k, dtype=matrix.indptr.dtype), matrix.indptr])
+    return sp.csr_array((matrix.data, matrix.indices + k, offsets), shape=(size, size))

@@ -33,16 +33,11 @@ class Banded:
     def __call__(self, b: Array, /) -> Array:
         """A^-1 b."""
         x = np.array(b, dtype=np.float64)
-
-        def solve(first: int, last: int) -> None:
-            for body in range(first, last):
-                start, stop = self.blocks[body], self.blocks[body + 1]
-                if stop > start:
-                    own = np.asfortranarray(x[start:stop])
-                    lapack.solve(_band_of(self, body), own)
-                    x[start:stop] = own
-
-        over_bodies(solve, self.blocks)
+        for body in np.flatnonzero(np.diff(self.blocks)).tolist():
+            start, stop = self.blocks[body], self.blocks[body + 1]
+            own = np.asfortranarray(x[start:stop])
+            lapack.solve(_band_of(self, body), own)
+            x[start:stop] = own
         return x
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:

@@ -125,7 +125,7 @@ def test_linear_unknowns_are_those_eliminated(seed, mu, m):
     whole = root @ root.T + 0.1 * np.eye(size + m)
     W, B, C = whole[:size, :size], whole[size:, :size], whole[size:, size:]
     q, p = rng.standard_normal(size), rng.standard_normal(m)
-    r, info = coulomb.solve(W, q, np.full(k, mu), tol=1e-10, bilateral=coulomb.Bilateral(B, C, p))
+    r, info = coulomb.solve(whole, q, np.full(k, mu), tol=1e-10, bilateral=coulomb.Bilateral(p))
     assert info.converged
     assert np.abs(B @ r + C @ info.bilateral + p).max() <= 1e-7
     inverse = np.linalg.inv(C)

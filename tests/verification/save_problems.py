@@ -70,10 +70,10 @@ def unpacked(arrays):
 
 
 def save(name, problem):
-    """Write one problem; with linear unknowns W is that of all unknowns, the contacts first."""
+    """Write one problem."""
     W, q = problem.W, problem.q
     if problem.bilateral is not None:
-        W, q = problem.bilateral.join(W, q)
+        q = np.concatenate([q, problem.bilateral.q])
     H = problem.factor
     matrix = triangle(W) if H is None else {**packed(H), "columns": np.array(H.shape[1])}
     FOLDER.mkdir(exist_ok=True)
@@ -90,8 +90,7 @@ def load(path):
     k = r0.size
     if q.size == k:
         return Problem(W, q, mu, r0)
-    bilateral = coulomb.Bilateral(W[k:, :k].tocsr(), W[k:, k:].tocsr(), q[k:])
-    return Problem(W[:k, :k].tocsr(), q[:k], mu, r0, bilateral)
+    return Problem(W, q[:k], mu, r0, coulomb.Bilateral(q[k:]))
 
 
 # Runs.
@@ -267,7 +266,7 @@ def random_bodies(bodies, contacts, friction, gap, seed):
 
 def plain(make):
     """The run's problems without the bilateral unknowns of geometric stiffness."""
-    return [replace(problem, bilateral=None) for problem in make()]
+    return [replace(p, W=p.W[: p.q.size, : p.q.size].tocsr(), bilateral=None) for p in make()]
 
 
 SHARED, CURVES, ANEW = skmpm.Scheme.nezamabadi2017(), skmpm.Scheme(), skmpm.Scheme(anchor=0.0, contact_tol=1e-10)

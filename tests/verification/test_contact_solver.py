@@ -364,15 +364,15 @@ def solved(name, warm):
     p = load(Path(FOLDER) / f"{name}.npz")
     began = process_time()
     r, info = p.solve(warm=warm, tol=TOL)
-    took, q = 1e3 * (process_time() - began), p.q
+    took, W, q, k = 1e3 * (process_time() - began), p.W, p.q, p.q.size
     worst = 0.0
     if p.bilateral is not None:
-        q = q + p.bilateral.coupling.T @ info.bilateral
-        rest = p.bilateral.coupling @ r + p.bilateral.compliance @ info.bilateral + p.bilateral.q
-        scale = np.sqrt(np.abs(p.bilateral.compliance.diagonal()))
-        size = np.linalg.norm(p.q / np.sqrt(p.W.diagonal()))
+        rest = W[k:] @ np.concatenate([r, info.bilateral]) + p.bilateral.q
+        scale = np.sqrt(np.abs(W.diagonal()[k:]))
+        size = np.linalg.norm(q / np.sqrt(W.diagonal()[:k]))
         worst = float(np.linalg.norm(rest / np.where(scale > 0.0, scale, 1.0)) / size)
-    worst = max(worst, violation(p.W, q, p.mu, r))
+        W, q = W[:k, :k], q + W[:k, k:] @ info.bilateral
+    worst = max(worst, violation(W, q, p.mu, r))
     return p.mu.size, info.iterations, info.sweeps, info.converged, worst, took
 
 
