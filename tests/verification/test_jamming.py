@@ -30,7 +30,7 @@ SMOOTH = 9  # samples in running means of the coordination
 ABOVE = np.array([0.005, 0.01, 0.02, 0.04])  # solid fractions above that of jamming, and P / E* there in mean field
 MEAN_FIELD = np.array([0.0006, 0.0015, 0.0034, 0.0083])
 POISSON = 0.3, 0.45, 0.495
-DENSE = np.array([0.86, 0.88, 0.90, 0.92, 0.94])  # current solid fractions at which they are compared
+DENSE = np.array([0.86, 0.88, 0.90, 0.92])  # current solid fractions at which they are compared
 LOADED = 1e-3  # pressure over E* above which forces are large enough for the measures of statics
 MOST_STEPS, MOST_NEWTON, UNBALANCED = 350, 3.0, 1e-3  # goals
 
