@@ -87,7 +87,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             timer.lap("report")
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")
-    except (StepRejected, np.linalg.LinAlgError, FloatingPointError) as error:
+    except (StepRejected, np.linalg.LinAlgError, ArithmeticError) as error:  # compiled loops: ZeroDivisionError
         raise _failure(scene, start, increment, error) from error
     report = report_of(start.report.energy, increment, solution, budget, overlap, regridded=regridded)
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))
@@ -116,7 +116,7 @@ def _failure(scene: Scene, start: State, increment: Increment, error: Exception)
 
     It has other equations, or at least another initial guess: displacements by the velocity at its start.
     """
-    reason = _floating_point_failure(start, error) if isinstance(error, FloatingPointError) else str(error)
+    reason = _floating_point_failure(start, error) if isinstance(error, ArithmeticError) else str(error)
     edge = "" if increment.scheme.inertia else indenting_edge_message(scene, start.contacts)
     depends_on_dt = increment.depends_on_dt or bool(start.v.any())
     remedy = reason if depends_on_dt else reason.replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
@@ -124,7 +124,7 @@ def _failure(scene: Scene, start: State, increment: Increment, error: Exception)
     return StepFailed(message, start, retryable=depends_on_dt and getattr(error, "retryable", True))
 
 
-def _floating_point_failure(state: State, error: FloatingPointError) -> str:
+def _floating_point_failure(state: State, error: ArithmeticError) -> str:
     """The message of an overflow, a division by zero or an invalid operation, with the fastest body."""
     fastest = int(np.argmax(np.abs(state.v).max(axis=0)))
     b = state.body[fastest]

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from test_simulate import CELL, DT, SOFT, R, free, identical, round_body, squeeze
 
+from skmpm.assembly import Assembly
+from skmpm.compiled import compiled
 from skmpm.io import load, save
 from skmpm.material import NeoHookean
 from skmpm.points import Points, disc
@@ -189,6 +191,19 @@ def test_common_motion_is_no_jump():
 def test_numbers_that_overflow_are_a_failed_step_not_a_result():
     scene = free(SOFT, velocity=lambda x: np.stack([1e200 * x[0], 0.0 * x[1]]))
     with np.errstate(all="ignore"), pytest.raises(StepFailed, match=r"body 0.*floating-point error \(overflow .*dt"):
+        step(scene, initial(scene), DT)
+
+
+def test_a_division_by_zero_in_a_compiled_loop_is_a_failed_step(monkeypatch):
+    """Where NumPy raises a FloatingPointError, compiled loops raise a ZeroDivisionError."""
+
+    @compiled
+    def divided(a: float) -> float:
+        return 1.0 / a
+
+    monkeypatch.setattr(Assembly, "ghost_energy", lambda self, displacement: divided(0.0))
+    scene = free(SOFT)
+    with pytest.raises(StepFailed, match=r"body 0.*floating-point error \(division by zero\)"):
         step(scene, initial(scene), DT)
 
 
