@@ -1,7 +1,7 @@
 """Packings of soft discs squeezed in a box, inspected after every step, for the long verification runs.
 
-`python tests/verification/packings.py [name ...]` runs the members of `MEMBERS` (all: three hours on two cores) in two
-processes and writes one table each to docs/verification/packings/; those that are there are not run again.
+`python tests/verification/packings.py [name ...]` runs the members of `MEMBERS` (all: three hours on two cores) in
+two processes and writes one table each to docs/verification/packings/; those that are there are not run again.
 """
 
 import csv
