@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.compiled import compiled
+from skmpm.compiled import compiled, compiled_in_order
 from skmpm.material.anchored import Anchored
 from skmpm.material.anchored import projected as without_negative
 from skmpm.material.invariants import TURN, cofactor
@@ -59,7 +59,7 @@ def energy(law: Anchored, F: Array, theta: Array) -> Array:
     return own if good.all() else np.asarray(np.where(good, own, np.inf))
 
 
-@compiled
+@compiled_in_order
 def _resisted(mu: float, F: Array, theta: Array, rest: Array, out: Array) -> None:
     """Write mu (g(J) - g(theta)) of undeformed volumes `rest`, g(J) = J - 1 - ln J."""
     for p in range(theta.size):
@@ -81,7 +81,7 @@ def slopes(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
     return by_F, by_theta
 
 
-@compiled
+@compiled_in_order
 def _slopes(mu: float, F: Array, theta: Array, rest: Array, s: Array, P: Array, by_F: Array, by_theta: Array) -> None:
     """First derivatives of W(F, theta) from P (4, n) at F-bar = s F, F (4, n)."""
     for p in range(theta.size):
@@ -186,7 +186,7 @@ def _bar(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
     return F_bar, s
 
 
-@compiled
+@compiled_in_order
 def _scaled(F: Array, theta: Array, rest: Array, F_bar: Array, s: Array) -> None:
     """Write s = (theta / J)^(1/2), J per undeformed volume, and F-bar = s F, (4, n)."""
     for p in range(theta.size):

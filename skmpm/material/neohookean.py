@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.compiled import compiled
+from skmpm.compiled import compiled_in_order
 from skmpm.material.law import Isotropic, determinant
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ class NeoHookean(Isotropic):
         return np.asarray(self.lame[0] * np.log(J) / J)
 
 
-@compiled
+@compiled_in_order
 def _energy(lam: float, mu: float, F: Array, W: Array) -> int:
     """Write W (n,) from F (4, n) and return the number of points with J <= 0, whose W is another one."""
     inverted = 0
@@ -75,7 +75,7 @@ def _energy(lam: float, mu: float, F: Array, W: Array) -> int:
     return inverted
 
 
-@compiled
+@compiled_in_order
 def _stress(lam: float, mu: float, F: Array, P: Array) -> None:
     """Write P (4, n) from F (4, n)."""
     for p in range(F.shape[1]):
@@ -85,7 +85,7 @@ def _stress(lam: float, mu: float, F: Array, P: Array) -> None:
         P[2, p], P[3, p] = mu * F[2, p] - slope * F[1, p], mu * F[3, p] + slope * F[0, p]
 
 
-@compiled
+@compiled_in_order
 def _tangent(lam: float, mu: float, F: Array, C: Array) -> None:
     """Write C (4, 4, n) from F (4, n)."""
     for p in range(F.shape[1]):

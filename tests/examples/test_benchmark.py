@@ -9,6 +9,7 @@ import pytest
 import skmpm
 from examples.studies.benchmark import crossover, large, scenes, study
 from skmpm.contact.shifts import NO_SHIFTS
+from skmpm.parallel import available
 
 
 def test_images_move_as_the_tile(monkeypatch, tmp_path):
@@ -64,8 +65,10 @@ def test_benchmark(tmp_path):
     assert 0.0 < dense["contact_phases"] < dense["step"]
     page = (tmp_path / "docs" / "performance.md").read_text()
     goals = page[page.index("## Goals") : page.index("## Where")]
-    assert goals.count("| met |") + goals.count("| **missed** |") == 8  # but for pyamg's: no body is large enough
-    assert goals.count("| shown |") == 2
+    assert goals.count("| met |") + goals.count("| **missed** |") == 8 + (
+        available() > 1
+    )  # but for pyamg's: no body is large enough
+    assert goals.count("| shown |") == 1
     with (tmp_path / "docs" / "performance" / "results.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(results)
     times = [path.stat().st_mtime_ns for path in results]

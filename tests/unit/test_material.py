@@ -491,3 +491,27 @@ def test_materials_can_be_pickled_and_pass_their_check(solid):
     text = check_material(solid)
     assert text.startswith(type(solid).__name__) and "complex step" in text
     assert ("exempt" in text) == (type(solid) is LinearElastic)
+
+
+@pytest.mark.parametrize("strain", [1e-3, 1e-5, 1e-7])
+def test_energies_of_small_strains_are_not_lost_in_round_off(strain):
+    """At F and at a mean dilatation, against long double: sums of terms near one in another order lose them."""
+    rng, solid = np.random.default_rng(0), NeoHookean(1e7, 0.45, 990.0)
+    F, theta = np.eye(2)[:, :, None] + strain * rng.normal(size=(2, 2, 50)), 1.0 + strain * rng.normal(size=50)
+    lam, mu = solid.lame
+    long, mean = F.astype(np.longdouble), theta.astype(np.longdouble)
+
+    def volume(F):
+        return F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
+
+    def resisted(J):
+        return J - 1.0 - np.log1p(J - 1.0)
+
+    def energy(F):
+        shear = (F[0, 0] - F[1, 1]) ** 2 + (F[0, 1] + F[1, 0]) ** 2
+        return 0.5 * mu * shear + mu * resisted(volume(F)) + 0.5 * lam * np.log1p(volume(F) - 1.0) ** 2
+
+    bar = np.sqrt(mean / volume(long)) * long
+    at_mean = energy(bar) + mu * (resisted(volume(long)) - resisted(mean))
+    for found, exact in ((solid.energy(F), energy(long)), (dilatation.energy(Anchored(solid), F, theta), at_mean)):
+        assert np.abs(found - exact).max() < 1e-13 / strain * np.abs(exact).max()
