@@ -105,6 +105,7 @@ def _on_gauge(increment: Increment, gauge: Gauge, A: sp.bsr_array, configuration
     inertia, missing = _rotational_stiffness(increment, A, gauge.rotation)
     held = np.flatnonzero(inertia > 0.0)
     node = _spring_nodes(grid, gauge.rotation.reshape(-1, 2), increment.bulk.assembly.mass[::2], held)
+    diagonal = increment.bulk.assembly.diagonal_blocks
     lever = gauge.rotation.reshape(-1, 2)[node]  # (springs, held bodies, 2)
     size = np.hypot(lever[..., 0], lever[..., 1])
     direction = lever / size[..., None]
@@ -115,7 +116,7 @@ def _on_gauge(increment: Increment, gauge: Gauge, A: sp.bsr_array, configuration
     for factor in SPRING_FACTORS:
         stiffness[held] = factor * enough[:, None]
         try:
-            solver = _definite(increment, _with_blocks(A, node, factor * enough, direction), configuration)
+            solver = _definite(increment, _with_blocks(A, diagonal[node], factor * enough, direction), configuration)
         except np.linalg.LinAlgError:
             continue
         return on_gauge(solver, grid.node_body, springs.reshape(-1, SPRINGS), stiffness, gauge.momentum)
@@ -130,11 +131,10 @@ def _definite(increment: Increment, A: sp.bsr_array, configuration: Configuratio
         return _with_rotational_inertia(increment, A, configuration)
 
 
-def _with_blocks(A: sp.bsr_array, node: Ints, stiffness: Array, direction: Array) -> sp.bsr_array:
-    """A with k q q^T in the diagonal blocks of nodes (s, b), k (b,) and unit vectors q (s, b, 2)."""
-    row, data = np.repeat(np.arange(A.indptr.size - 1), np.diff(A.indptr)), A.data.copy()
-    diagonal = np.flatnonzero(row == A.indices)  # one block of every node, in their order
-    np.add.at(data, diagonal[node], np.einsum("b,sbi,sbj->sbij", stiffness, direction, direction))
+def _with_blocks(A: sp.bsr_array, block: Ints, stiffness: Array, direction: Array) -> sp.bsr_array:
+    """A with k q q^T in its blocks (s, b), k (b,) and unit vectors q (s, b, 2)."""
+    data = A.data.copy()
+    np.add.at(data, block, np.einsum("b,sbi,sbj->sbij", stiffness, direction, direction))
     return sp.bsr_array((data, A.indices, A.indptr), shape=A.shape)
 
 
