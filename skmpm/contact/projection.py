@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.compiled import compiled
 from skmpm.contact.corner_contact import dot, wedge
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.shifts import NO_SHIFTS, Shifts, guard_keys
 from skmpm.contact.tables import among, joined
-from skmpm.outline import Cubics, Curve
+from skmpm.outline import Cubics, Curve, distance_to_segment
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
@@ -154,44 +155,49 @@ def _guards(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:
 
 def nearest(near: Neighbours, x: Array) -> tuple[Ints, Ints, Array]:
     """For each point and each side near it, the nearest segment and the parameter of the nearest point on it."""
-    c, i = near.point, near.segment
-    s, distance = outline.closest(x[:, c], x[:, i], x[:, near.curve.outlines.next[i]])
-    if c.size == 0:
-        return c, i, s
-    smallest = np.minimum.reduceat(distance, near.begins)
-    group = np.repeat(np.arange(smallest.size), np.diff(near.begins, append=c.size))
-    nearest = np.flatnonzero(distance == smallest[group])
-    nearest = nearest[np.unique(group[nearest], return_index=True)[1]]
-    kept = nearest[distance[nearest] < MAX_DEPTH * near.cell]
-    return c[kept], i[kept], s[kept]
+    chosen, s = np.empty_like(near.begins), np.empty(near.begins.size)
+    ends, following = np.append(near.begins, near.point.size), near.curve.outlines.next
+    found = _nearest(x, near.point, near.segment, ends, following, MAX_DEPTH * near.cell, chosen, s)
+    return near.point[chosen[:found]], near.segment[chosen[:found]], s[:found]
+
+
+@compiled
+def _nearest(
+    x: Array, point: Ints, segment: Ints, ends: Ints, following: Ints, most: float, chosen: Ints, parameter: Array
+) -> int:
+    """The nearest candidate of each group, with its parameter, where it is closer than `most`; their number."""
+    found = 0
+    for group in range(ends.size - 1):
+        least, best, at = most, -1, 0.0
+        for k in range(ends[group], ends[group + 1]):
+            s, distance = distance_to_segment(x, point[k], segment[k], following[segment[k]])
+            if distance < least:
+                least, best, at = distance, k, s
+        if best >= 0:
+            chosen[found], parameter[found] = best, at
+            found += 1
+    return found
 
 
 def project(
     near: Neighbours, shape: Cubics, c: Ints, segment: Ints, s: Array, corner_pair: Bools, guard: Bools
 ) -> FootPoints:
     """Project points c (k,) on the sides of segments (k,), from initial guesses s, or on corners for corner pairs."""
-    curve, x = near.curve, shape.x
+    curve = near.curve
     shift = np.where(guard, 0.0, near.shifts.of(c * curve.sides + curve.side[segment]))
     y = shape.at(*curve.shifted(c, shift))
     foot_segment, foot_s = shape.project(y, segment, s)
     segment, s = np.where(corner_pair, segment, foot_segment), np.where(corner_pair, 0.0, foot_s)
-    slope = shape.at(segment, s, 1)
-    speed = np.maximum(np.hypot(*slope), 1e-300)
-    apart, normal = y - shape.at(segment, s), np.stack([slope[1], -slope[0]]) / speed
-    gap = dot(apart, normal)
-    along = np.abs(apart[0] * normal[1] - apart[1] * normal[0])
+    normal, gap, along = shape.seen_from(y, segment, s)
     key = c * curve.sides + curve.side[segment]
     # A foot exactly on a convex corner is left to that corner; two coincident corners may belong to flush sides.
     on_corner = _on_corner(curve, segment, s) & ~curve.sharp[c]
-    off_end = curve.at_corner(segment, s) & (along > END_TOLERANCE * speed)
+    off_end = curve.at_corner(segment, s) & (np.abs(along) > END_TOLERANCE)
     beside = ~corner_pair & (off_end | on_corner)
-    corner_pairs = wedge(curve, x, c[corner_pair], segment[corner_pair], CORNER_DISC_DEPTH * near.cell)
-    normal[:, corner_pair], gap[corner_pair], beside[corner_pair], key[corner_pair] = (
-        corner_pairs.normal,
-        corner_pairs.gap,
-        ~corner_pairs.seen,
-        corner_pairs.key,
-    )
+    if corner_pair.any():
+        corners = wedge(curve, shape.x, c[corner_pair], segment[corner_pair], CORNER_DISC_DEPTH * near.cell)
+        normal[:, corner_pair], gap[corner_pair] = corners.normal, corners.gap
+        beside[corner_pair], key[corner_pair] = ~corners.seen, corners.key
     key = np.where(guard, guard_keys(key), key)
     return FootPoints(c, shift, segment, s, corner_pair, guard, normal, gap, beside, key)
 

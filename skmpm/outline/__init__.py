@@ -21,7 +21,7 @@ from skmpm.outline.measures import (
     second_moments,
     turning_angles,
 )
-from skmpm.outline.near import candidates, closest, inside
+from skmpm.outline.near import candidates, closest, distance_to_segment, inside
 from skmpm.outline.overlaps import lens_depth, overlap
 from skmpm.outline.topology import Outlines, outlines
 from skmpm.outline.widths import slit_width, thickness
@@ -43,6 +43,7 @@ __all__ = [
     "curve",
     "depth",
     "dimensions",
+    "distance_to_segment",
     "facing",
     "folded",
     "half_segments",

@@ -27,12 +27,21 @@ class Cubics:
 
     def at(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
         """Points of the curve (2, k) [m] or their derivatives with respect to s."""
-        return _value(self.c[segment].T, s, derivative)
+        return _values(self.c, segment, s, derivative)
 
     def normals(self, segment: Integers, s: Floats) -> Floats:
         """Unit outward normals (2, k)."""
         slope = self.at(segment, s, 1)
         return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
+
+    def seen_from(self, y: Floats, segment: Integers, s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Unit outward normals (2, k) at points of the curve, and where y (2, k) lies relative to these points.
+
+        In front by a distance (k,) [m], negative behind, and along the tangent by (k,) [segments].
+        """
+        normal, gap, along = np.empty_like(y), np.empty_like(s), np.empty_like(s)
+        _see(y, self.c, segment, s, normal, gap, along)
+        return normal, gap, along
 
     def area(self, bodies: int) -> Floats:
         """Area enclosed by the curves of each body, without its holes, (bodies,) [m2]; 0 without outline.
@@ -95,10 +104,32 @@ def _project(
         segment[k], s[k] = i, min(max(t, low[i]), high[i])
 
 
-def _value(c: Floats, s: Floats, derivative: int) -> Floats:
-    """Values (2, k) of cubics with coefficients c (2, 4, k), or their derivatives."""
-    if derivative == 0:
-        return np.asarray(c[:, 0] + s * (c[:, 1] + s * (c[:, 2] + s * c[:, 3])))
-    if derivative == 1:
-        return np.asarray(c[:, 1] + s * (2.0 * c[:, 2] + 3.0 * s * c[:, 3]))
-    return np.asarray(2.0 * c[:, 2] + 6.0 * s * c[:, 3])
+@compiled
+def _values(c: Floats, segment: Integers, s: Floats, derivative: int) -> Floats:
+    """Values (2, k) of the cubics c (m, 4, 2) of segments (k,), or their derivatives."""
+    out = np.empty((2, segment.size))
+    for k in range(segment.size):
+        i, t = segment[k], s[k]
+        for a in range(2):
+            if derivative == 0:
+                out[a, k] = c[i, 0, a] + t * (c[i, 1, a] + t * (c[i, 2, a] + t * c[i, 3, a]))
+            elif derivative == 1:
+                out[a, k] = c[i, 1, a] + t * (2.0 * c[i, 2, a] + 3.0 * t * c[i, 3, a])
+            else:
+                out[a, k] = 2.0 * c[i, 2, a] + 6.0 * t * c[i, 3, a]
+    return out
+
+
+@compiled
+def _see(y: Floats, c: Floats, segment: Integers, s: Floats, normal: Floats, gap: Floats, along: Floats) -> None:
+    """Write what `Cubics.seen_from` returns."""
+    for k in range(s.size):
+        i, t = segment[k], s[k]
+        slope_x = c[i, 1, 0] + t * (2.0 * c[i, 2, 0] + 3.0 * t * c[i, 3, 0])
+        slope_y = c[i, 1, 1] + t * (2.0 * c[i, 2, 1] + 3.0 * t * c[i, 3, 1])
+        speed = max(np.hypot(slope_x, slope_y), 1e-300)
+        normal[0, k], normal[1, k] = slope_y / speed, -slope_x / speed
+        apart_x = y[0, k] - (c[i, 0, 0] + t * (c[i, 1, 0] + t * (c[i, 2, 0] + t * c[i, 3, 0])))
+        apart_y = y[1, k] - (c[i, 0, 1] + t * (c[i, 1, 1] + t * (c[i, 2, 1] + t * c[i, 3, 1])))
+        gap[k] = apart_x * normal[0, k] + apart_y * normal[1, k]
+        along[k] = (apart_y * normal[0, k] - apart_x * normal[1, k]) / speed

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.topology import Floats, Integers, Outlines
 
@@ -62,13 +63,9 @@ class Curve:
 
     def through(self, x: Floats) -> Cubics:
         """The curve through boundary points x (2, m) [m]."""
-        before, after = x[:, self.outlines.previous], x[:, self.outlines.next]
-        beyond = after[:, self.outlines.next]
-        rise = after - x
-        start = self.first[0] * before + self.first[1] * x + self.first[2] * after
-        end = self.last[0] * x + self.last[1] * after + self.last[2] * beyond
-        c = np.stack([x, start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise])
-        return Cubics(self, x, np.ascontiguousarray(c.T.transpose(0, 2, 1)))
+        c = np.empty((x.shape[1], 4, 2))
+        _coefficients(x, self.outlines.previous, self.outlines.next, self.first, self.last, c)
+        return Cubics(self, x, c)
 
     @cached_property
     def ends(self) -> tuple[Floats, Floats]:
@@ -101,6 +98,20 @@ def curve(outlines: Outlines, x: Floats, now: Floats | None = None) -> Curve:
     return Curve(
         outlines, corner, convex, convex | (left & (bent < CORNER_COSINE)), _sides(outlines, corner), first, last
     )
+
+
+@compiled
+def _coefficients(x: Floats, previous: Integers, following: Integers, first: Floats, last: Floats, c: Floats) -> None:
+    """Write the coefficients (m, 4, 2) of the cubics through boundary points x (2, m)."""
+    for i in range(c.shape[0]):
+        h, j = previous[i], following[i]
+        k = following[j]
+        for a in range(2):
+            rise = x[a, j] - x[a, i]
+            start = first[0, i] * x[a, h] + first[1, i] * x[a, i] + first[2, i] * x[a, j]
+            end = last[0, i] * x[a, i] + last[1, i] * x[a, j] + last[2, i] * x[a, k]
+            c[i, 0, a], c[i, 1, a] = x[a, i], start
+            c[i, 2, a], c[i, 3, a] = 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
 
 
 def _turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:

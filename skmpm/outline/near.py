@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skmpm.compiled import compiled
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
 CHUNK = 1_000_000  # pairs processed at a time, which take about 100 MB
-LENGTH_RATIO = 4.0  # of the longest to the shortest segment in a search, whose radius depends on the longest
 
 
 def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floats, Floats]:
@@ -34,11 +32,18 @@ def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floa
     return s, distance
 
 
+@compiled
+def distance_to_segment(x: Floats, c: int, j: int, i: int) -> tuple[float, float]:
+    """The same for boundary point c of x (2, m) and the segment from boundary point j to i."""
+    along_x, along_y = x[0, i] - x[0, j], x[1, i] - x[1, j]
+    dx, dy = x[0, c] - x[0, j], x[1, c] - x[1, j]
+    square = along_x**2 + along_y**2
+    s = min(max((along_x * dx + along_y * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return s, np.hypot(dx - s * along_x, dy - s * along_y)
+
+
 def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, Integers]:
     """Find the boundary points closer than `reach` to a segment of another body.
-
-    Exact for segments of any length: for each group of segments of similar length a tree search finds the midpoints
-    within `reach` plus half the longest segment; the candidates are then selected by their distance to the segment.
 
     Parameters
     ----------
@@ -49,9 +54,7 @@ def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, I
     -------
     c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
     """
-    c, j = pairs_by_midpoints(outlines, x, _near_other_boxes(outlines, x, reach), reach)
-    other = outlines.body[c] != outlines.body[j]
-    return nearer(outlines, x, c[other], j[other], reach)
+    return closer_than(outlines, x, _near_other_boxes(outlines, x, reach), reach, same_body=False)
 
 
 def _near_other_boxes(outlines: Outlines, x: Floats, reach: float) -> Integers:
@@ -92,39 +95,63 @@ def _reach_boxes(
             chosen[j] |= inside
 
 
-def pairs_by_midpoints(outlines: Outlines, x: Floats, chosen: Integers, reach: float) -> tuple[Integers, Integers]:
-    """Pairs of boundary points and segments among those chosen, with all that are closer than `reach` [m]."""
+def closer_than(
+    outlines: Outlines, x: Floats, chosen: Integers, reach: float, *, same_body: bool
+) -> tuple[Integers, Integers]:
+    """Pairs of the chosen boundary points and of the segments that begin at them, closer than `reach` [m].
+
+    Either those of one body or those of two bodies, sorted by point, then by segment. The points are sorted into
+    square bins of side `reach`, or larger so that bins are not more than points and segments do not cross many.
+    """
     if chosen.size == 0:
         return chosen, chosen
     start, end = x[:, chosen], x[:, outlines.next[chosen]]
-    length = np.maximum(np.linalg.norm(end - start, axis=0), np.finfo(np.float64).tiny)
-    family = np.floor(np.log(length.max() / np.maximum(length, 1e-9 * length.max())) / np.log(LENGTH_RATIO))
-    tree = _tree(start)
-    found = []
-    for k in np.unique(family):
-        members = np.flatnonzero(family == k)
-        middles = _tree((start[:, members] + end[:, members]) / 2)
-        c, j = _pairs(tree, middles, reach + length[members].max() / 2)
-        found.append((c, members[j]))
-    c, j = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return chosen[c], chosen[j]
+    low, size = start.min(axis=1), np.ptp(start, axis=1)
+    mean_length = float(np.hypot(*(end - start)).mean())
+    side = max(reach, mean_length, float(np.sqrt(size.prod() / chosen.size)), float(size.max()) / chosen.size)
+    bins = (size / side).astype(np.int64) + 1
+    bin_of_point = np.minimum(((start - low[:, None]) / side).astype(np.int64), bins[:, None] - 1)
+    number = bins[1] * bin_of_point[0] + bin_of_point[1]
+    ends = np.append(0, np.cumsum(np.bincount(number, minlength=int(bins.prod()))))
+    sorted_points = chosen[np.argsort(number, kind="stable")]
+    pairs = _pairs(x, outlines.next, outlines.body, chosen, sorted_points, ends, bins, low, side, reach, same_body)
+    pairs.sort()
+    return pairs // outlines.size, pairs % outlines.size
 
 
-def nearer(outlines: Outlines, x: Floats, c: Integers, j: Integers, reach: float) -> tuple[Integers, Integers]:
-    """Of pairs of boundary points c (k,) and segments j (k,) those closer than `reach` [m], sorted by c, then j."""
-    near = closest(x[:, c], x[:, j], x[:, outlines.next[j]])[1] < reach
-    c, j = c[near], j[near]
-    order = np.argsort(c * outlines.size + j)
-    return c[order], j[order]
-
-
-def _tree(x: Floats) -> Any:
-    return cKDTree(x.T, balanced_tree=False, compact_nodes=False)  # cheaper to build, and searched only once
-
-
-def _pairs(tree: Any, other: Any, radius: float) -> tuple[Integers, Integers]:
-    pairs: NDArray[Any] = tree.sparse_distance_matrix(other, radius * (1 + 1e-12), output_type="ndarray")
-    return pairs["i"], pairs["j"]
+@compiled
+def _pairs(
+    x: Floats,
+    following: Integers,
+    body: Integers,
+    segments: Integers,
+    points: Integers,
+    ends: Integers,
+    bins: Integers,
+    low: Floats,
+    side: float,
+    reach: float,
+    same_body: bool,
+) -> Integers:
+    """The pairs of points in bins and segments, as m point + segment for m boundary points, in any order."""
+    found, size = np.empty(4 * segments.size, dtype=np.int64), 0
+    first, last = np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64)
+    for j in segments:
+        i = following[j]
+        for axis in range(2):
+            lower, upper = min(x[axis, i], x[axis, j]) - reach, max(x[axis, i], x[axis, j]) + reach
+            first[axis] = min(max(int((lower - low[axis]) / side), 0), bins[axis])
+            last[axis] = min(int((upper - low[axis]) / side), bins[axis] - 1) if upper >= low[axis] else -1
+        for column in range(first[0], last[0] + 1):
+            begin, end = bins[1] * column + first[1], bins[1] * column + last[1] + 1
+            for k in range(ends[begin], ends[max(begin, end)]):
+                c = points[k]
+                if (body[c] == body[j]) == same_body and distance_to_segment(x, c, j, i)[1] < reach:
+                    if size == found.size:
+                        found = np.append(found, np.empty_like(found))
+                    found[size] = x.shape[1] * c + j
+                    size += 1
+    return found[:size]
 
 
 def inside(outlines: Outlines, x: Floats, body: Integers | int, y: Floats) -> NDArray[np.bool_]:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
-
-CHUNK = 500_000  # pairs of edges processed at a time, which take about 100 MB
+from skmpm.compiled import compiled, compiled_in_order
+from skmpm.outline.topology import Floats, Integers, Outlines
 
 
 def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Floats]:
@@ -27,19 +24,8 @@ def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Float
     """
     low, high = _boxes(outlines, x, bodies)
     pairs = _box_pairs(low, high)
-    corner = np.maximum(low[:, pairs[0]], low[:, pairs[1]])
-    size = np.minimum(high[:, pairs[0]], high[:, pairs[1]]) - corner
-    first, second = (_edges_in(outlines, x, body, corner, size) for body in pairs)
-    count = np.bincount(second.pair, minlength=pairs.shape[1])
-    start = np.cumsum(count) - count
-    area = np.zeros(pairs.shape[1])
-    for part in chunks(count[first.pair], CHUNK):
-        pair = first.pair[part]
-        e = np.repeat(np.arange(first.pair.size)[part], count[pair])
-        f = ranges(start[pair], count[pair])
-        common = (first.left[e] < second.right[f]) & (second.left[f] < first.right[e])
-        e, f = e[common], f[common]
-        area += np.bincount(first.pair[e], _shared(first, e, second, f), area.size)
+    area, ends = np.zeros(pairs.shape[1]), np.searchsorted(outlines.body, np.arange(bodies + 1))
+    _shared_areas(pairs, low, high, x, outlines.next, ends, area)
     return pairs, np.maximum(area, 0.0)
 
 
@@ -76,49 +62,70 @@ def _box_pairs(low: Floats, high: Floats) -> Integers:
     return np.array((i[order], j[order]))
 
 
-@dataclass(frozen=True, eq=False)
-class _Edges:
-    """Edges left < u < right of one body of each pair, in coordinates of the common window, sorted by pair."""
-
-    pair: Integers  # (k,)
-    left: Floats  # (k,)
-    right: Floats
-    at_left: Floats  # (k,) ordinate v at the left end
-    at_right: Floats
-    sign: Floats  # (k,) +1 if the material is below, -1 if above
-
-
-def _edges_in(outlines: Outlines, x: Floats, body: Integers, corner: Floats, size: Floats) -> _Edges:
-    """Edges of the body (p,) of each pair that intersect its window; u runs along the shorter side of the window."""
-    first = np.searchsorted(outlines.body, body)
-    count = np.searchsorted(outlines.body, body, side="right") - first
-    pair, j = np.repeat(np.arange(body.size), count), ranges(first, count)
-    axis, width = size.argmin(axis=0)[pair], size.min(axis=0)[pair]
-    ends = np.array((j, outlines.next[j]))
-    u, v = x[axis, ends] - corner[axis, pair], x[1 - axis, ends] - corner[1 - axis, pair]
-    meets = (u[0] != u[1]) & (u.min(axis=0) < width) & (u.max(axis=0) > 0)
-    u, v, pair = u[:, meets], v[:, meets], pair[meets]
-    order = np.argsort(u, axis=0)
-    left, right = np.take_along_axis(u, order, axis=0)
-    at_left, at_right = np.take_along_axis(v, order, axis=0)
-    return _Edges(pair, left, right, at_left, at_right, np.sign(u[0] - u[1]))
+@compiled
+def _shared_areas(
+    pairs: Integers, low: Floats, high: Floats, x: Floats, following: Integers, ends: Integers, area: Floats
+) -> None:
+    """Add the shared areas of pairs (2, p) of bodies with boxes `low` to `high` to `area` (p,), zero before."""
+    most = 0
+    for b in range(ends.size - 1):
+        most = max(most, ends[b + 1] - ends[b])
+    edges = np.empty((2, most, 4))
+    for p in range(pairs.shape[1]):
+        a, b = pairs[0, p], pairs[1, p]
+        corner_x, corner_y = max(low[0, a], low[0, b]), max(low[1, a], low[1, b])
+        size_x, size_y = min(high[0, a], high[0, b]) - corner_x, min(high[1, a], high[1, b]) - corner_y
+        axis, width = (0, size_x) if size_x <= size_y else (1, size_y)
+        origin = (corner_x, corner_y) if axis == 0 else (corner_y, corner_x)
+        m = _edges_in(x, following, ends[a], ends[a + 1], axis, origin, width, edges[0])
+        n = _edges_in(x, following, ends[b], ends[b + 1], axis, origin, width, edges[1])
+        for i in range(m):
+            for j in range(n):
+                area[p] += _below_both(edges[0, i], edges[1, j])
 
 
-def _shared(first: _Edges, e: Integers, second: _Edges, f: Integers) -> Floats:
-    """Signed integral of min(v_e, v_f) = (v_e + v_f)/2 - |v_e - v_f|/2 over the common abscissae."""
-    left = np.maximum(first.left[e], second.left[f])
-    right = np.minimum(first.right[e], second.right[f])
-    (a, b), (c, d) = _ordinates(first, e, left, right), _ordinates(second, f, left, right)
-    p, q = np.abs(a - c), np.abs(b - d)
-    crossing = ((a < c) & (b > d)) | ((a > c) & (b < d))
-    total = p + q
-    apart = np.where(crossing, (p**2 + q**2) / np.where(crossing, total, 1.0), total)
-    result: Floats = first.sign[e] * second.sign[f] * (right - left) * (a + b + c + d - apart) / 4
-    return result
+@compiled
+def _edges_in(
+    x: Floats,
+    following: Integers,
+    first: int,
+    last: int,
+    axis: int,
+    origin: tuple[float, float],
+    width: float,
+    edges: Floats,
+) -> int:
+    """Write the edges (k, 4) of boundary points first:last that meet 0 < u < width, and return their number.
+
+    Each as u and v of its start and of its end, with u along the axis, both relative to the origin.
+    """
+    count = 0
+    for i in range(first, last):
+        j = following[i]
+        u, end = x[axis, i] - origin[0], x[axis, j] - origin[0]
+        if u != end and min(u, end) < width and max(u, end) > 0.0:
+            edges[count, 0], edges[count, 1] = u, x[1 - axis, i] - origin[1]
+            edges[count, 2], edges[count, 3] = end, x[1 - axis, j] - origin[1]
+            count += 1
+    return count
 
 
-def _ordinates(edges: _Edges, e: Integers, left: Floats, right: Floats) -> tuple[Floats, Floats]:
-    """Ordinates of edges e at two abscissae."""
-    start, rise = edges.at_left[e], edges.at_right[e] - edges.at_left[e]
-    run = edges.right[e] - edges.left[e]
-    return start + (left - edges.left[e]) / run * rise, start + (right - edges.left[e]) / run * rise
+@compiled_in_order
+def _below_both(e: Floats, f: Floats) -> float:
+    """Signed integral of min(v_e, v_f) = (v_e + v_f)/2 - |v_e - v_f|/2 over the common abscissae of two edges.
+
+    The sign of an edge is that of its direction, positive with the material below it; only products of signs count,
+    which do not depend on the orientation of the axes.
+    """
+    left, right = max(min(e[0], e[2]), min(f[0], f[2])), min(max(e[0], e[2]), max(f[0], f[2]))
+    if left >= right:
+        return 0.0
+    rise_e, rise_f = (e[3] - e[1]) / (e[2] - e[0]), (f[3] - f[1]) / (f[2] - f[0])
+    a, b = e[1] + (left - e[0]) * rise_e, e[1] + (right - e[0]) * rise_e
+    c, d = f[1] + (left - f[0]) * rise_f, f[1] + (right - f[0]) * rise_f
+    p, q = abs(a - c), abs(b - d)
+    apart = p + q
+    if (a < c and b > d) or (a > c and b < d):
+        apart = (p**2 + q**2) / apart
+    same = (e[2] > e[0]) == (f[2] > f[0])
+    return float((1.0 if same else -1.0) * (right - left) * (a + b + c + d - apart) / 4.0)
