@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.compiled import compiled
+from skmpm import assembly_loops as loops
 from skmpm.forms import reference_ghost
 from skmpm.grid import BodyGrids, numbered
 from skmpm.parallel import over_bodies
@@ -63,7 +63,7 @@ class Assembly:
         force = np.zeros_like(displacement)
         if self.ghost.nnz:
             u = displacement.reshape(-1, 2)
-            _ghost_force(self.ghost.indptr, self.ghost.indices, self.ghost.data, u, force.reshape(-1, 2))
+            loops.ghost_force(self.ghost.indptr, self.ghost.indices, self.ghost.data, u, force.reshape(-1, 2))
         return force
 
     def ghost_energy(self, displacement: Array) -> float:
@@ -71,7 +71,7 @@ class Assembly:
         if self.ghost.nnz == 0:
             return 0.0
         u = displacement.reshape(-1, 2)
-        return float(_ghost_energy(self.ghost.indptr, self.ghost.indices, self.ghost.data, u))
+        return float(loops.ghost_energy(self.ghost.indptr, self.ghost.indices, self.ghost.data, u))
 
     def stiffness(self, C: Array, added: tuple[Selection, Array] | None = None) -> Array:
         """Blocks of the stiffness in the pattern of A, (blocks, 2, 2), from tangents `C` (2, 2, 2, 2, n) [Pa].
@@ -81,9 +81,9 @@ class Assembly:
         K, grid = self.ghost_data.copy(), self.grid
         arguments = (self.block_of_cell, grid.cell_of_point, *self._gradients, self.volume, C.reshape(4, 4, -1), K)
         points = grid.point_offsets
-        over_bodies(lambda first, last: _add_stiffness(points[first], points[last], *arguments), points)
+        over_bodies(lambda first, last: loops.add_stiffness(points[first], points[last], *arguments), points)
         if added is not None:
-            _add_rank_two(self.block_of_cell[added[0]], added[1], K)
+            loops.add_rank_two(self.block_of_cell[added[0]], added[1], K)
         return K
 
     @cached_property
@@ -131,7 +131,7 @@ class Assembly:
         number[own] = np.arange(own.size)
         cell, (gx, gy), volume = number[grid.cell_of_point[points]], self._gradients, self.volume[points]
         vectors = np.zeros((own.size, 2, 4, 2))
-        _mean_dilatation_vectors(cell, gx[points], gy[points], volume, slope, mixed, bulk, rest, vectors)
+        loops.mean_dilatation_vectors(cell, gx[points], gy[points], volume, slope, mixed, bulk, rest, vectors)
         return vectors
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
@@ -139,90 +139,6 @@ class Assembly:
         nodes, data = self.grid.nodes, factor * stiffness
         data[self.diagonal_blocks] += self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
         return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
-
-
-@compiled
-def _ghost_force(indptr: NDArray[np.int32], indices: NDArray[np.int32], data: Array, u: Array, force: Array) -> None:
-    """Write G u from differences of u (nodes, 2): rows of G sum to zero, and bodies may be far from their anchor."""
-    for i in range(indptr.size - 1):
-        for e in range(indptr[i], indptr[i + 1]):
-            j = indices[e]
-            force[i, 0] += data[e] * (u[j, 0] - u[i, 0])
-            force[i, 1] += data[e] * (u[j, 1] - u[i, 1])
-
-
-@compiled
-def _ghost_energy(indptr: NDArray[np.int32], indices: NDArray[np.int32], data: Array, u: Array) -> float:
-    """1/2 u' G u from differences of u (nodes, 2)."""
-    total = 0.0
-    for i in range(indptr.size - 1):
-        for e in range(indptr[i], indptr[i + 1]):
-            j = indices[e]
-            total += data[e] * ((u[j, 0] - u[i, 0]) ** 2 + (u[j, 1] - u[i, 1]) ** 2)
-    return -0.25 * total
-
-
-@compiled
-def _add_stiffness(
-    first: int,
-    last: int,
-    block_of_cell: Ints,
-    cell_of_point: Ints,
-    gx: Array,
-    gy: Array,
-    volume: Array,
-    C: Array,
-    K: Array,
-) -> None:
-    """Add V grad N_I : C : grad N_J of points first:last to the blocks K (blocks, 2, 2); symmetric C (4, 4, n)."""
-    for p in range(first, last):
-        V, x, y, block = volume[p], gx[p], gy[p], block_of_cell[cell_of_point[p]]
-        for i in range(2):
-            for k in range(i, 2):
-                xx, xy = V * C[2 * i, 2 * k, p], V * C[2 * i, 2 * k + 1, p]
-                yx, yy = V * C[2 * i + 1, 2 * k, p], V * C[2 * i + 1, 2 * k + 1, p]
-                for I in range(4):  # noqa: E741
-                    by_x, by_y = x[I] * xx + y[I] * yx, x[I] * xy + y[I] * yy
-                    for J in range(4):
-                        value = by_x * x[J] + by_y * y[J]
-                        K[block[I, J], i, k] += value
-                        if i < k:
-                            K[block[J, I], k, i] += value
-
-
-@compiled
-def _add_rank_two(block_of_cell: Ints, vectors: Array, K: Array) -> None:
-    """Add B D' + D B' of every cell, `vectors` (cells, 2, 4, 2), to the blocks K (blocks, 2, 2)."""
-    for c in range(block_of_cell.shape[0]):
-        B, D = vectors[c, 0], vectors[c, 1]
-        for I in range(4):  # noqa: E741
-            for J in range(4):
-                block = block_of_cell[c, I, J]
-                for i in range(2):
-                    for k in range(2):
-                        K[block, i, k] += D[I, i] * B[J, k] + B[I, i] * D[J, k]
-
-
-@compiled
-def _mean_dilatation_vectors(
-    cell: Ints, gx: Array, gy: Array, volume: Array, slope: Array, mixed: Array, bulk: Array, rest: Array, out: Array
-) -> None:
-    """B and D + E B / 2 of every cell, (cells, 2, 4, 2), zero before; see `forms.mean_dilatation_stiffness`."""
-    total, curvature = np.zeros(out.shape[0]), np.zeros(out.shape[0])
-    for p in range(cell.size):
-        c, V = cell[p], volume[p]
-        total[c] += V * rest[p]
-        curvature[c] += V * bulk[p]
-        for I in range(4):  # noqa: E741
-            x, y = V * gx[p, I], V * gy[p, I]
-            for i in range(2):
-                out[c, 0, I, i] += slope[2 * i, p] * x + slope[2 * i + 1, p] * y
-                out[c, 1, I, i] += mixed[2 * i, p] * x + mixed[2 * i + 1, p] * y
-    for c in range(out.shape[0]):
-        half = 0.5 * curvature[c] / total[c]
-        for I in range(4):  # noqa: E741
-            for i in range(2):
-                out[c, 1, I, i] = (out[c, 1, I, i] + half * out[c, 0, I, i]) / total[c]
 
 
 def lumped_mass(grid: BodyGrids, mass: Array) -> Array:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skmpm import assembly, linear, transfer
+from skmpm import assembly_loops, linear, transfer
 from skmpm.contact import shared_grid
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
@@ -288,15 +288,15 @@ def test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make():
 def test_ghost_0_sums_no_force_and_no_energy(monkeypatch):
     """With it some; without it neither loop is called."""
     called = []
-    for name in ("_ghost_force", "_ghost_energy"):
-        loop = getattr(assembly, name)
+    for name in ("ghost_force", "ghost_energy"):
+        loop = getattr(assembly_loops, name)
         monkeypatch.setattr(
-            assembly, name, lambda *args, _name=name, _loop=loop: called.append(_name) or _loop(*args)
+            assembly_loops, name, lambda *args, _name=name, _loop=loop: called.append(_name) or _loop(*args)
         )
     run(alone(), Scheme(ghost=0.0))
     assert not called
     run(alone())
-    assert set(called) == {"_ghost_force", "_ghost_energy"} and len(called) > STEPS
+    assert set(called) == {"ghost_force", "ghost_energy"} and len(called) > STEPS
     own = initial(alone()).derived.assembly
     assert np.count_nonzero(own.ghost.data) == own.ghost.nnz < own.indices.size
 
