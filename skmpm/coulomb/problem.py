@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -63,10 +64,14 @@ class Problem:
     mu: Array  # (k,)
     reference: float  # residuals are relative to this
     contacts: int  # number of rows of contacts; the rows that follow are bilateral
-    largest: float  # bound of the largest eigenvalue of W~ of the contacts
     slide: Array | float = 0.0  # (m,) trial impulse opposite to the velocity of tangential rows without response
     shift: float = REGULARISATION  # added to the diagonal of the matrix of a Newton step
     blocks: Ints | None = None  # (m,) label of the block of each row, of weakly coupled ones; None: strongly coupled
+
+    @cached_property
+    def largest(self) -> float:
+        """Bound of the largest eigenvalue of W~ of the contacts."""
+        return _largest_eigenvalue(self.W[: self.contacts, : self.contacts])
 
     @property
     def uncoupled(self) -> bool:
@@ -130,8 +135,7 @@ def scaled(W: Matrix, q: Array, mu: Array, contacts: int, reference: float | Non
         q[1:contacts:2][mu == 0.0] = 0.0  # frictionless contacts have no tangential unknown
     slope = scaled_friction(mu, s[:contacts])
     reference = max(float(np.linalg.norm(q)) if reference is None else reference, TINY)
-    largest, slide = _largest_eigenvalue(W[:contacts, :contacts]), _slide(W, q, contacts, mu.size)
-    return Problem(W, q, slope, reference, contacts, largest, slide), s
+    return Problem(W, q, slope, reference, contacts, _slide(W, q, contacts, mu.size)), s
 
 
 def _roots(W: Matrix, mu: Array, contacts: int) -> Array:
