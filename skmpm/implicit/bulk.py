@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly, Selection
-from skmpm.material import Anchored, Material, dilatation, is_linear, viscosity_of
+from skmpm.material import Anchored, Material, Points, dilatation, is_linear, viscosity_of
 from skmpm.material import projected as without_negative
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Group(NamedTuple):
     points: Selection
     mean_dilatation: bool  # whether their dilatation is the mean over the cell
 
-    def of(self, values: Array) -> Array:
+    def of(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values (..., n) of these points."""
         return values[..., self.points]
 
@@ -118,26 +118,27 @@ class Bulk:
                 P[..., g.points] += g.of(mean_stress) * dilatation.volume_slope(g.law, g.of(configuration.F))
         return P
 
-    def stiffness(self, configuration: Configuration, *, projected: bool) -> Array:
+    def stiffness(self, configuration: Configuration, *, projected: Points = False) -> Array:
         """Stiffness in the pattern of A, (blocks, 2, 2) [Pa].
 
-        If `projected`, the tangent of every point is replaced by its projection on the positive semi-definite ones:
-        negative eigenvalues are set to zero.
+        The tangents of points that are to be `projected` (n,) are replaced by their projections on the positive
+        semi-definite ones: negative eigenvalues are set to zero.
         """
         return self.assembly.stiffness(*self.tangents(configuration, projected=projected))
 
-    def tangents(self, configuration: Configuration, *, projected: bool) -> tuple[Array, Matrices | None]:
+    def tangents(self, configuration: Configuration, *, projected: Points = False) -> tuple[Array, Matrices | None]:
         """Tangents of the points (2, 2, 2, 2, n) [Pa], and the cell matrices that mean dilatation adds."""
         F = configuration.F
         if configuration.dilatation is None:
-            return self._of_all_points([_tangent(g.law, g.of(F), projected) for g in self.groups]), None
+            return self._of_all_points([_tangent(g, F, projected) for g in self.groups]), None
         _, mean_stress = self._derivatives(configuration)
         parts, added = [], []
         for g, mean in zip(self.groups, self._dilatations_by_group(configuration), strict=True):
             if mean is None or mean_stress is None:
-                parts.append(_tangent(g.law, g.of(F), projected))
+                parts.append(_tangent(g, F, projected))
                 continue
-            C, *others = dilatation.tangents(g.law, g.of(F), mean, g.of(mean_stress), projected=projected)
+            own = g.of(projected) if isinstance(projected, np.ndarray) else projected
+            C, *others = dilatation.tangents(g.law, g.of(F), mean, g.of(mean_stress), projected=own)
             parts.append(C.reshape(2, 2, 2, 2, -1))
             added.append((dilatation.volume_slope(g.law, g.of(F)).reshape(4, -1), *others, g.law.rest(mean.size)))
         volume_gradient, mixed, bulk, rest = (np.concatenate(a, axis=-1) for a in zip(*added, strict=True))
@@ -207,8 +208,9 @@ class Bulk:
         return out
 
 
-def _tangent(law: Anchored, F: Array, projected: bool) -> Array:
-    C = law.tangent(F)
-    if not projected or law.linear:  # the energy of a linear material is convex
+def _tangent(group: Group, F: Array, projected: Points) -> Array:
+    C = group.law.tangent(group.of(F))
+    if projected is False or group.law.linear:  # the energy of a linear material is convex
         return C
-    return without_negative(C.reshape(4, 4, -1)).reshape(C.shape)
+    own = group.of(projected) if isinstance(projected, np.ndarray) else projected
+    return without_negative(C.reshape(4, 4, -1), own).reshape(C.shape)

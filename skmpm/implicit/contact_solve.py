@@ -47,11 +47,11 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
     geometric, scheme = None, increment.scheme
     if contact.frozen is None and not scheme.explicit:  # contacts hardly rotate in an explicit step
         geometric = contact_stiffness(constraints, contact.r, increment.dt, scheme.theta)
-    known_increment = constraints.at_contact_points(solver(contact.impulse - gradient))
+    with_known = solver(contact.impulse - gradient)
     timer.lap("linear")
     W, delassus = _delassus_matrix(contact, solver, geometric)
     timer.lap("delassus")
-    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, known_increment)
+    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, with_known)
     found = linearised.with_stiffness(geometric)
     timer.lap("linear")
     return found
@@ -107,7 +107,7 @@ class _Linearised:
     solver: Solver
     gradient: Array  # (2 nodes,)
     W: sp.csr_array  # of contacts, then of the geometric stiffness
-    known_increment: Array  # (2 m,) velocity increment of the contact points under the known impulses
+    with_known: Array  # (2 nodes,) velocity increment under the known impulses
 
     def with_stiffness(self, geometric: ContactStiffness | None) -> Direction:
         """The direction with the geometric stiffness of contact, or without it if it is not usable.
@@ -123,7 +123,7 @@ class _Linearised:
         contact, constraints = self.contact, self.contact.constraints
         theta = contact.increment.scheme.theta
         impulse = theta * constraints.at_nodes(constraints.D.T @ found.r + geometric.acting.T @ found.rho)
-        direction = self.solver(impulse - self.gradient)
+        direction = self._direction(impulse)
         softening = theta * float((geometric.Z @ constraints.at_contact_points(direction)) @ found.rho)
         largest = MAX_SOFTENING_FIRST if contact.known.normal is None else MAX_SOFTENING
         if softening > largest * float(direction @ (impulse - self.gradient)):
@@ -141,7 +141,14 @@ class _Linearised:
                 f" {found.residual:.2g} (tolerance {self.contact.increment.scheme.contact_tol:g}) here",
             )
         contact = self._after(found.r, found.scale, iterations + found.iterations, failures)
-        return Direction(contact, self.solver(contact.impulse - self.gradient), contact.impulse)
+        return Direction(contact, self._direction(contact.impulse), contact.impulse)
+
+    def _direction(self, impulse: Array) -> Array:
+        """A^-1 (impulse - gradient), (2 nodes,), from that with the known impulses.
+
+        Bodies whose contact impulses stay the same need no second solution.
+        """
+        return self.with_known + self.solver(impulse - self.contact.impulse)
 
     def _after(self, r: Array, scale: ContactScale, iterations: int, failures: int) -> ContactIterate:
         """The contact problem with the impulses of the solve, which are known from now on."""
@@ -160,11 +167,12 @@ class _Linearised:
         contact, constraints, W = self.contact, self.contact.constraints, self.W
         increment, known = contact.increment, contact.lifted
         scheme, k = increment.scheme, known.size
-        with_known = W @ np.concatenate([known, np.zeros(W.shape[0] - k)])
-        q = contact.u + constraints.D @ self.known_increment - with_known[:k]
+        by_known = W @ np.concatenate([known, np.zeros(W.shape[0] - k)])
+        increment_of_points = constraints.at_contact_points(self.with_known)
+        q = contact.u + constraints.D @ increment_of_points - by_known[:k]
         options: dict[str, Any] = {}
         if geometric is not None:
-            p = geometric.Z @ self.known_increment - with_known[k:]
+            p = geometric.Z @ increment_of_points - by_known[k:]
             W = W + _lower_right(geometric.compliance, k)
             bilateral = coulomb.Bilateral(p, np.tile(geometric.contacts, 2))
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.grid import BodyGrids
+from skmpm.linear import NotPositiveDefinite
 
 SMALLER = "use a smaller dt"
 
@@ -27,11 +26,10 @@ def worst_body(grid: BodyGrids, imbalance: NDArray[np.float64]) -> str:
 
 
 def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
-    """The error of a failed Cholesky factorisation; LAPACK names the unknown of the first negative pivot."""
-    found = re.match(r"(\d+)-th leading minor", str(error))
-    if found is None:
+    """The error of a failed Cholesky factorisation."""
+    if not isinstance(error, NotPositiveDefinite):
         return StepRejected("all bodies", str(error))
-    b = int(np.searchsorted(grid.blocks, int(found[1]) - 1, side="right")) - 1
+    b = int(error.bodies[0])
     count = np.bincount(grid.cell_of_point, minlength=grid.cells)[grid.cell_body == b]
     return StepRejected(
         f"body {b}",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.material import bounded_modulus
+from skmpm.material import Points, bounded_modulus
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class ExplicitBulk:
     def _ghost(self, deviation: Array) -> Array:
         return np.asarray(np.repeat(self.ghost_scale, 2) * self.bulk.assembly.ghost_force(deviation))
 
-    def stiffness(self, configuration: Configuration, *, projected: bool) -> Array:
+    def stiffness(self, configuration: Configuration, *, projected: Points = False) -> Array:
         """Stiffness of the ghost penalty, in the pattern of A, (blocks, 2, 2) [Pa]."""
         assembly = self.bulk.assembly
         return np.asarray(np.repeat(self.ghost_scale, np.diff(assembly.indptr))[:, None, None] * assembly.ghost_data)

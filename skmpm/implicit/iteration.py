@@ -97,21 +97,15 @@ def needs_refactorisation(
     return rate > SLOW_RATE or imbalance * rate > tol
 
 
-def factorise(
-    increment: Increment, contact: ContactIterate | None, configuration: Configuration, *, projected: bool
-) -> tuple[Solver, bool]:
-    """Factorise A, or the projected A if no modification of the exact one by `matrix.solver_of` is positive definite.
-
-    Also returns whether A is the projected one; false does not mean that the solver is for the exact A.
-    """
+def factorise(increment: Increment, contact: ContactIterate | None, configuration: Configuration) -> Solver:
+    """Factorise A or, if no modification of it by `matrix.solver_of` is positive definite, the projected A."""
     in_contact = contact is not None and contact.constraints.size > 0
-    if not projected:
-        try:
-            return solver_of(increment, configuration, projected=False, in_contact=in_contact), False
-        except np.linalg.LinAlgError:
-            pass
     try:
-        return solver_of(increment, configuration, projected=True), True
+        return solver_of(increment, configuration, in_contact=in_contact)
+    except np.linalg.LinAlgError:
+        pass
+    try:
+        return solver_of(increment, configuration, projected=True)
     except np.linalg.LinAlgError as error:
         raise indefinite(increment.grid, error) from error
 

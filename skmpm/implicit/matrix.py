@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -10,74 +12,94 @@ from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.residual import Increment
-from skmpm.linear import Solver, diagonal, on_gauge, without_added_inertia
+from skmpm.linear import NotPositiveDefinite, Solver, diagonal, on_gauge, without_added_inertia
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 MIN_ROTATIONAL_STIFFNESS = 0.25  # quadratic form of A for the rotation of a body, over its moment of inertia
 SPRINGS = 6  # of a body on the gauge, at its outermost nodes in as many directions
-SPRING_FACTORS = 2.0, 8.0, 32.0  # over what the rotation lacks, tried in turn: springs deform the body, too
+# Of springs over what the rotation lacks, the second and third where the first is not enough: springs deform the
+# body, too.
+SPRING_FACTORS = 2.0, 4.0, 4.0
 MIN_NODAL_MASS = 0.3  # of a node with a spring, over the largest of the body
 # Weights of the projected matrix in its mixture with A, tried in turn; beside corners 1/16 to 1/4 often suffice.
-PROJECTED_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
+PROJECTED_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 
 
 def solver_of(
-    increment: Increment, configuration: Configuration, *, projected: bool, in_contact: bool = False
+    increment: Increment, configuration: Configuration, *, projected: bool = False, in_contact: bool = False
 ) -> Solver:
-    """The scheme's solver for A, or for a modified matrix if A is indefinite; LinAlgError if that is indefinite too.
+    """The scheme's solver for A, modified in bodies whose block is indefinite; LinAlgError if that is indefinite too.
 
     `projected` replaces the tangent of every point by its projection on the positive semi-definite ones. Otherwise an
-    indefinite A gets rotational inertia in a dynamic step, and in a quasi-static step without floating bodies a part
-    of the projected matrix if there are contacts (`in_contact`).
+    indefinite body gets rotational inertia in a dynamic step. Where that is not enough, and in a quasi-static step,
+    its tangents are projected; in one without floating bodies, with contacts (`in_contact`), as far as needed.
     """
     A = increment.matrix(configuration, projected=projected)
     if increment.gauge is not None and increment.gauge.rotation.any():
-        return _on_gauge(increment, increment.gauge, A, configuration)
+        return _on_gauge(increment, increment.gauge, A, configuration, in_contact)
     try:
         return _solver(increment, A)
-    except np.linalg.LinAlgError:
+    except np.linalg.LinAlgError as error:
         if projected:
             raise
-        if in_contact and not increment.scheme.inertia and not increment.floating.any():
-            return _convexified(increment, A, configuration)
-        if not increment.scheme.inertia:  # only the full projection stabilises bodies that rotate or buckle
-            raise
-        return _with_rotational_inertia(increment, A, configuration)
+        return _modified(increment, A, configuration, _indefinite(increment, error), in_contact)
 
 
-def _convexified(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Solver:
-    """A solver for the first positive definite mixture of exact and projected A, with weights `PROJECTED_SHARES`.
+def _modified(
+    increment: Increment, A: sp.bsr_array, configuration: Configuration, failed: NotPositiveDefinite, in_contact: bool
+) -> Solver:
+    """A solver for A with the blocks of indefinite bodies modified."""
+    if increment.scheme.inertia:
+        return _with_rotational_inertia(increment, A, configuration, failed)
+    # Contacts stabilise modes that A alone does not, such as those of the surface beside an indenting corner, so that
+    # a small weight often suffices; any weight slows convergence. Bodies that rotate or buckle need all of it.
+    shares = PROJECTED_SHARES if in_contact and not increment.floating.any() else (1.0,)
+    return _projected(increment, A, configuration, failed, shares)
 
-    Contacts stabilise modes that A alone does not, such as those of the surface beside an indenting corner, so a
-    small weight of the projected matrix often suffices; any weight slows convergence in all directions. If no mixture
-    is positive definite, the solver is for the projected A.
-    """
-    projected = increment.matrix(configuration, projected=True)
-    for share in PROJECTED_SHARES:
-        data = (1.0 - share) * A.data + share * projected.data
+
+def _projected(
+    increment: Increment,
+    A: sp.bsr_array,
+    configuration: Configuration,
+    failed: NotPositiveDefinite,
+    shares: Sequence[float],
+) -> Solver:
+    """A solver for A with the first definite mixture of exact and projected blocks of indefinite bodies."""
+    exact, projected = A.data.copy(), increment.matrix(configuration, projected=failed.bodies).data
+    for share in shares:
+        own = np.repeat(np.isin(increment.grid.node_body, failed.bodies), np.diff(A.indptr))
+        A.data[own] = (1.0 - share) * exact[own] + share * projected[own]
         try:
-            return _solver(increment, sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
-        except np.linalg.LinAlgError:
-            continue
-    return _solver(increment, projected)
+            return _solver(increment, A, failed)
+        except np.linalg.LinAlgError as error:
+            failed = _indefinite(increment, error)
+    raise failed
 
 
-def _with_rotational_inertia(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Solver:
-    """A solver with additional inertia for bodies under pressure whose rotation is unstable without contacts.
+def _with_rotational_inertia(
+    increment: Increment, A: sp.bsr_array, configuration: Configuration, failed: NotPositiveDefinite
+) -> Solver:
+    """A solver with additional inertia of indefinite bodies: under pressure, their rotation is unstable by itself.
 
     A body under pressure p that rotates by phi while its loads keep their directions loses the energy p V phi^2,
     which exceeds its rotational energy in long steps. Translations keep their inertia, so that an iteration balances
-    the momentum of the body; in scenes with supports, whose reactions enter that balance, they do not.
+    the momentum of the body; in scenes with supports, whose reactions enter that balance, they do not. Bodies that
+    are indefinite all the same have their tangents projected.
     """
     grid, weight = increment.grid, increment.bulk.assembly.mass[::2]
     arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, weight)
     inertia, missing = _rotational_stiffness(increment, A, np.stack([-arm[1], arm[0]], axis=1).ravel())
-    added = missing / np.maximum(inertia, 1e-300)
-    data = A.data.copy()
-    data[increment.bulk.assembly.diagonal_blocks] += (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
-    solver = _solver(increment, sp.bsr_array((data, A.indices, A.indptr), shape=A.shape))
+    added = np.zeros(grid.bodies)
+    added[failed.bodies] = (missing / np.maximum(inertia, 1e-300))[failed.bodies]
+    A.data[increment.bulk.assembly.diagonal_blocks] += (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
+    try:
+        solver = _solver(increment, A, failed)
+    except np.linalg.LinAlgError as error:
+        failed = _indefinite(increment, error)
+        added[failed.bodies] = 0.0
+        solver = _projected(increment, A, configuration, failed, (1.0,))
     if increment.supports is not None:
         return solver
     return without_added_inertia(solver, grid.node_body, added, grid.sums(weight[None])[0])
@@ -95,40 +117,42 @@ def _rotational_stiffness(increment: Increment, A: sp.bsr_array, rotation: Array
     return inertia, np.maximum(MIN_ROTATIONAL_STIFFNESS * inertia - stiffness, 0.0)
 
 
-def _on_gauge(increment: Increment, gauge: Gauge, A: sp.bsr_array, configuration: Configuration) -> Solver:
+def _on_gauge(
+    increment: Increment, gauge: Gauge, A: sp.bsr_array, configuration: Configuration, in_contact: bool
+) -> Solver:
     """A solver for A on the gauge condition, from one for A with springs, which it takes off exactly.
 
     Of a body with the condition, A has one negative eigenvalue, and its mode is close to the rotation. Springs
     against it, each at one node, keep the bandwidth.
     """
-    grid = increment.grid
+    grid, diagonal = increment.grid, increment.bulk.assembly.diagonal_blocks
     inertia, missing = _rotational_stiffness(increment, A, gauge.rotation)
     held = np.flatnonzero(inertia > 0.0)
     node = _spring_nodes(grid, gauge.rotation.reshape(-1, 2), increment.bulk.assembly.mass[::2], held)
-    diagonal = increment.bulk.assembly.diagonal_blocks
     lever = gauge.rotation.reshape(-1, 2)[node]  # (springs, held bodies, 2)
     size = np.hypot(lever[..., 0], lever[..., 1])
     direction = lever / size[..., None]
-    enough = np.maximum(missing, MIN_ROTATIONAL_STIFFNESS * inertia)[held] / (size**2).sum(axis=0)
-    springs, stiffness = np.zeros((grid.nodes, 2, SPRINGS)), np.zeros((grid.bodies, SPRINGS))
+    stiffness = np.maximum(missing, MIN_ROTATIONAL_STIFFNESS * inertia)[held] / (size**2).sum(axis=0)
+    failed: NotPositiveDefinite | None = None
+    for factor in SPRING_FACTORS:
+        stiffness[slice(None) if failed is None else np.isin(held, failed.bodies)] *= factor
+        sprung = _with_blocks(A, diagonal[node], stiffness, direction)
+        try:
+            solver = _solver(increment, sprung, failed)
+            break
+        except np.linalg.LinAlgError as error:
+            failed = _indefinite(increment, error)
+            if np.isin(failed.bodies, held).any():
+                continue
+            solver = _modified(increment, sprung, configuration, failed, in_contact)
+            break
+    else:
+        raise np.linalg.LinAlgError("not positive definite with springs against the rotation of bodies")
+    springs, of_body = np.zeros((grid.nodes, 2, SPRINGS)), np.zeros((grid.bodies, SPRINGS))
+    of_body[held] = stiffness[:, None]
     for j in range(SPRINGS):
         springs[node[j], :, j] = direction[j]
-    for factor in SPRING_FACTORS:
-        stiffness[held] = factor * enough[:, None]
-        try:
-            solver = _definite(increment, _with_blocks(A, diagonal[node], factor * enough, direction), configuration)
-        except np.linalg.LinAlgError:
-            continue
-        return on_gauge(solver, grid.node_body, springs.reshape(-1, SPRINGS), stiffness, gauge.momentum)
-    raise np.linalg.LinAlgError("not positive definite with springs against the rotation of bodies")
-
-
-def _definite(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Solver:
-    """A solver for A, with additional inertia if it is indefinite."""
-    try:
-        return _solver(increment, A)
-    except np.linalg.LinAlgError:
-        return _with_rotational_inertia(increment, A, configuration)
+    return on_gauge(solver, grid.node_body, springs.reshape(-1, SPRINGS), of_body, gauge.momentum)
 
 
 def _with_blocks(A: sp.bsr_array, block: Ints, stiffness: Array, direction: Array) -> sp.bsr_array:
@@ -152,10 +176,20 @@ def _spring_nodes(grid: BodyGrids, rotation: Array, weight: Array, bodies: Ints)
     return np.stack(nodes)
 
 
-def _solver(increment: Increment, A: sp.bsr_array) -> Solver:
+def _solver(increment: Increment, A: sp.bsr_array, failed: NotPositiveDefinite | None = None) -> Solver:
+    """The scheme's solver for A, which differs from a matrix that has `failed` in these bodies only."""
     grid, linear = increment.grid, increment.scheme.linear
     if increment.supports is not None:
         return increment.supports.factorised(linear, A, grid.blocks, grid.rigid_motions())
+    if failed is not None:
+        return failed.resume(A)
     if increment.scheme.explicit and increment.scheme.ghost == 0.0:
         linear = diagonal
     return linear(A, grid.blocks, grid.rigid_motions())
+
+
+def _indefinite(increment: Increment, error: np.linalg.LinAlgError) -> NotPositiveDefinite:
+    """The error of a solver that may not tell which bodies are indefinite: then all of them."""
+    if isinstance(error, NotPositiveDefinite):
+        return error
+    return NotPositiveDefinite(np.arange(increment.grid.bodies), lambda A: _solver(increment, A))

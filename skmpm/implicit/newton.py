@@ -75,7 +75,7 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
         if iteration >= limit + converged:  # a full step more balances the momentum of a converged iterate
             break
         if factor.due(increment, contact, iteration, balance.norm, before):
-            factor, contact = factor.released(balance.norm), contact.without_delassus() if contact else None
+            factor, contact = factor.released(), contact.without_delassus() if contact else None
             factor = factor.renewed(increment, contact, configuration)
             timer.lap("factorisation")
         stalled = iteration > 2 and balance.norm > STALLED_RATE * before
@@ -123,7 +123,6 @@ class _Factor:
     """The factorised matrix of the iteration."""
 
     solver: Solver | None
-    projected: bool = False  # whether it is that of the projected A
     count: int = 0  # factorisations in this step
 
     def due(
@@ -135,14 +134,13 @@ class _Factor:
         pays = needs_refactorisation(increment, contact, iteration, norm, before)
         return pays and not increment.material_response.linear
 
-    def released(self, norm: float) -> _Factor:
-        """The same without its solver, so that only one is in memory; near a solution the exact A is tried again."""
-        return replace(self, solver=None, projected=self.projected and norm > 0.01)
+    def released(self) -> _Factor:
+        """The same without its solver, so that only one is in memory."""
+        return replace(self, solver=None)
 
     def renewed(self, increment: Increment, contact: ContactIterate | None, configuration: Configuration) -> _Factor:
         """The factorised matrix at a configuration."""
-        solver, projected = factorise(increment, contact, configuration, projected=self.projected)
-        return _Factor(solver, projected, self.count + 1)
+        return _Factor(factorise(increment, contact, configuration), self.count + 1)
 
 
 def _direction(

@@ -64,7 +64,6 @@ class Iterate:
     solver: Solver | None
     acceleration: AndersonAcceleration  # of the Newton iteration
     centre_acceleration: AndersonAcceleration  # of the proximal centre
-    projected: bool = False
     factorisations: int = 0
     relaxation: float = 1.0  # factor on accelerated steps
     before: float = np.inf  # relative out-of-balance norm of the previous iteration

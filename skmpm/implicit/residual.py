@@ -16,6 +16,7 @@ from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import ExplicitBulk
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.viscous import ViscousBulk
+from skmpm.material import Points
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -234,14 +235,17 @@ class Increment:
         elastic = self._theta_dt * self.modulus * length * np.sqrt(w.size)
         return float(20.0 * np.finfo(float).eps * (elastic + inertia))
 
-    def matrix(self, configuration: Configuration, *, projected: bool = False) -> sp.bsr_array:
+    def matrix(self, configuration: Configuration, *, projected: Ints | bool = False) -> sp.bsr_array:
         """A = M + theta^2 dt^2 K; in a quasi-static step springs or the proximal weight of floating bodies replace M.
 
-        If `projected`, K is positive semi-definite (`Bulk.stiffness`). In an explicit step dt^2 K is the ghost
-        penalty on accelerations.
+        K of `projected` bodies, all or (k,), is positive semi-definite (`Bulk.stiffness`). In an explicit step dt^2 K
+        is the ghost penalty on accelerations.
         """
-        assembly = self.bulk.assembly
-        K = self.material_response.stiffness(configuration, projected=projected)
+        assembly, grid = self.bulk.assembly, self.grid
+        points: Points = False
+        if projected is not False:
+            points = projected is True or np.isin(grid.cell_body, projected)[grid.cell_of_point]
+        K = self.material_response.stiffness(configuration, projected=points)
         if self.scheme.inertia:
             return assembly.matrix(K, self._theta_dt**2)
         if self.proximal is not None:

@@ -137,10 +137,9 @@ def _iterate(iterate: Iterate, balance: OutOfBalance, timer: Timer) -> None:
     stalled = stalls and balance.iteration > iterate.centre_iteration + patience
     due = needs_refactorisation(increment, iterate.contact, balance.iteration, balance.relative, iterate.before)
     if iterate.solver is None or (due and not increment.material_response.linear):
-        iterate.solver, projected = None, iterate.projected and balance.relative > 0.01
+        iterate.solver = None
         iterate.contact = iterate.contact.without_delassus()
-        found = factorise(increment, iterate.contact, iterate.configuration, projected=projected)
-        iterate.solver, iterate.projected = found
+        iterate.solver = factorise(increment, iterate.contact, iterate.configuration)
         iterate.factorisations += 1
         timer.lap("factorisation")
     iterate.relaxation = RELAXATION if stalled else iterate.relaxation

@@ -12,7 +12,7 @@ from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.low_rank import LowRank, on_gauge, without_added_inertia
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
-from skmpm.linear.solver import Linear, Solver, half_bandwidth
+from skmpm.linear.solver import Linear, NotPositiveDefinite, Solver, half_bandwidth
 from skmpm.linear.threads import one_thread
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Direct",
     "Linear",
     "LowRank",
+    "NotPositiveDefinite",
     "Solver",
     "amg",
     "banded",

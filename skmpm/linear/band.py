@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skmpm.compiled import compiled
 from skmpm.linear import lapack
 from skmpm.linear.blockwise import Rows, by_body
-from skmpm.linear.solver import Solver
+from skmpm.linear.solver import NotPositiveDefinite, Solver
 from skmpm.parallel import over_bodies
 
 Array = NDArray[np.float64]
@@ -31,13 +31,18 @@ class Banded:
     name: str = "banded"
 
     def __call__(self, b: Array, /) -> Array:
-        """A^-1 b."""
+        """A^-1 b; bodies where b is zero cost nothing."""
         x = np.array(b, dtype=np.float64)
-        for body in np.flatnonzero(np.diff(self.blocks)).tolist():
-            start, stop = self.blocks[body], self.blocks[body + 1]
-            own = np.asfortranarray(x[start:stop])
-            lapack.solve(_band_of(self, body), own)
-            x[start:stop] = own
+
+        def solve(first: int, last: int) -> None:
+            for body in range(first, last):
+                start, stop = self.blocks[body], self.blocks[body + 1]
+                if x[start:stop].any():
+                    own = np.asfortranarray(x[start:stop])
+                    lapack.solve(_band_of(self, body), own)
+                    x[start:stop] = own
+
+        over_bodies(solve, self.blocks)
         return x
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
@@ -64,18 +69,24 @@ def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     blocks = np.asarray(blocks, dtype=np.int64)
     heights = _widths(A, blocks) + PANEL
     offsets = np.append(0, np.cumsum(heights * np.diff(blocks)))
-    factor = Banded(np.zeros(offsets[-1]), offsets, blocks)
-    failed = np.zeros(blocks.size - 1, dtype=np.int64)
+    return _factorised(
+        Banded(np.empty(offsets[-1]), offsets, blocks), A, heights, np.ones(blocks.size - 1, dtype=bool)
+    )
+
+
+def _factorised(factor: Banded, A: sp.bsr_array, heights: Ints, chosen: NDArray[np.bool_]) -> Banded:
+    """The factor with the blocks of A of the chosen bodies; its bands are overwritten."""
+    blocks, failed = factor.blocks, np.zeros(chosen.size, dtype=bool)
 
     def factorise(first: int, last: int) -> None:
-        _fill(first, last, A.indptr, A.indices, A.data, blocks, heights, offsets, factor.bands)
-        for body in range(first, last):
+        _fill(first, last, chosen, A.indptr, A.indices, A.data, blocks, heights, factor.offsets, factor.bands)
+        for body in (np.flatnonzero(chosen[first:last]) + first).tolist():
             if blocks[body + 1] > blocks[body]:
-                failed[body] = lapack.factorise(_band_of(factor, body))
+                failed[body] = lapack.factorise(_band_of(factor, body)) > 0
 
     over_bodies(factorise, blocks)
-    for body in np.flatnonzero(failed)[:1].tolist():
-        raise np.linalg.LinAlgError(f"{blocks[body] + failed[body]}-th leading minor not positive definite")
+    if failed.any():
+        raise NotPositiveDefinite(np.flatnonzero(failed), lambda B: _factorised(factor, B, heights, failed))
     return factor
 
 
@@ -95,6 +106,7 @@ def _widths(A: sp.bsr_array, blocks: Ints) -> Ints:
 def _fill(
     first: int,
     last: int,
+    chosen: NDArray[np.bool_],
     indptr: NDArray[np.integer],
     indices: NDArray[np.integer],
     data: Array,
@@ -103,9 +115,12 @@ def _fill(
     offsets: Ints,
     bands: Array,
 ) -> None:
-    """Write the lower triangle of A to bands that are zero."""
+    """Write the lower triangle of A to the bands of the chosen bodies."""
     for body in range(first, last):
+        if not chosen[body]:
+            continue
         height, start = heights[body], blocks[body] // 2
+        bands[offsets[body] : offsets[body + 1]] = 0.0
         for row in range(start, blocks[body + 1] // 2):
             for e in range(indptr[row], indptr[row + 1]):
                 column = indices[e]

@@ -27,6 +27,15 @@ class Solver(Protocol):
         """H A^-1 H^T, (k, k), for rows H (k, n) that touch one body each."""
 
 
+class NotPositiveDefinite(np.linalg.LinAlgError):
+    """The blocks of some bodies are not positive definite; those of the others are factorised."""
+
+    def __init__(self, bodies: Ints, resume: Callable[[sp.bsr_array], Solver]) -> None:
+        super().__init__(f"the blocks of bodies {bodies.tolist()} are not positive definite")
+        self.bodies = bodies  # (k,)
+        self.resume = resume  # the solver for a matrix that differs from the first in these bodies only
+
+
 Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
 
 

@@ -5,7 +5,7 @@ the mean dilatation of cells, `viscous` Kelvin-Voigt viscosity; `check` compares
 """
 
 from skmpm.material import dilatation
-from skmpm.material.anchored import Anchored, projected
+from skmpm.material.anchored import Anchored, Points, projected
 from skmpm.material.check import check_material
 from skmpm.material.invariants import Hyperelastic
 from skmpm.material.law import (
@@ -36,6 +36,7 @@ __all__ = [
     "MooneyRivlin",
     "NeoHookean",
     "Ogden",
+    "Points",
     "Rigid",
     "Viscous",
     "Yeoh",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skmpm.material.law import Material, determinant, is_linear, product
 
 Array = NDArray[np.float64]
+Points = NDArray[np.bool_] | bool  # a mask (n,), all points or none
 
 
 @dataclass(frozen=True)
@@ -82,10 +83,10 @@ class Anchored:
         return np.asarray(np.einsum("ijp,kjp->ikp", P, F) / determinant(F))
 
 
-def projected(H: Array) -> Array:
-    """Symmetric matrices (m, m, n) with their negative eigenvalues set to zero."""
-    M = np.moveaxis(H, -1, 0)
-    doubtful = np.flatnonzero(~_definite(H))
+def projected(H: Array, where: Points = True) -> Array:
+    """Symmetric matrices (m, m, n) with their negative eigenvalues set to zero, at all points or where said (n,)."""
+    M, chosen = np.moveaxis(H, -1, 0), np.flatnonzero(np.broadcast_to(where, H.shape[-1:]))
+    doubtful = chosen[~_definite(H[..., chosen])]
     if doubtful.size == 0:
         return H
     out = M.copy()

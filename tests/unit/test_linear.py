@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from skmpm import linear
 from skmpm.assembly import prepare
 from skmpm.grid import build_grids
+from skmpm.linear import lapack
 from skmpm.material import NeoHookean, projected
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg, "direct": linear.direct}
@@ -185,6 +186,26 @@ def test_the_bandwidth_is_the_largest_distance_of_an_entry_from_the_diagonal():
 def test_banded_refuses_an_indefinite_matrix():
     with pytest.raises(np.linalg.LinAlgError):
         linear.banded(*indefinite())
+
+
+def test_banded_goes_on_with_the_bodies_that_were_not_definite():
+    """Body 0 is factorised once, body 1 again: the solver is that of the second matrix in both."""
+    A, blocks, motions = indefinite()
+    with pytest.raises(linear.NotPositiveDefinite, match=r"bodies \[1\] are not positive definite") as found:
+        linear.banded(A, blocks, motions)
+    assert found.value.bodies.tolist() == [1]
+    better = sp.bsr_array(A + sp.diags_array(np.repeat([0.0, 3.0], 4)), blocksize=(2, 2))
+    b = np.arange(1.0, 9.0)
+    assert found.value.resume(better)(b) == pytest.approx(b / better.diagonal(), rel=1e-15)
+
+
+def test_banded_solves_nothing_where_the_right_hand_side_is_zero(monkeypatch):
+    A, blocks, motions = system(1e-3)
+    solve, b, solved = linear.banded(A, blocks, motions), np.zeros(A.shape[0]), []
+    b[blocks[2]] = 1.0
+    everything, one_body = solve(b), lapack.solve
+    monkeypatch.setattr(lapack, "solve", lambda band, own: (solved.append(own.size), one_body(band, own)))
+    assert np.array_equal(solve(b), everything) and solved == [blocks[3] - blocks[2]]
 
 
 def test_banded_solves_bodies_that_are_smaller_than_the_band():
