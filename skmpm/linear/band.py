@@ -32,18 +32,10 @@ class Banded:
 
     def __call__(self, b: Array, /) -> Array:
         """A^-1 b; bodies where b is zero cost nothing."""
-        x = np.array(b, dtype=np.float64)
-
-        def solve(first: int, last: int) -> None:
-            for body in range(first, last):
-                start, stop = self.blocks[body], self.blocks[body + 1]
-                if x[start:stop].any():
-                    own = np.asfortranarray(x[start:stop])
-                    lapack.solve(_band_of(self, body), own)
-                    x[start:stop] = own
-
-        over_bodies(solve, self.blocks)
-        return x
+        columns = 1 if b.ndim == 1 else b.shape[1]
+        x = np.array(b.T, dtype=np.float64, order="C").reshape(columns, b.shape[0])
+        over_bodies(lambda first, last: _solve(first, last, self.bands, self.offsets, self.blocks, x), self.blocks)
+        return x.reshape(b.T.shape).T
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """H A^-1 H^T = sum over bodies of Z^T Z, Z = L^-1 H_b^T."""
@@ -131,6 +123,59 @@ def _fill(
                     bands[at + height] = data[e, 1, 1]
                     if column < row:
                         bands[at + height - 1] = data[e, 0, 1]
+
+
+@compiled
+def _solve(first: int, last: int, bands: Array, offsets: Ints, blocks: Ints, x: Array) -> None:
+    """Overwrite right-hand sides x (k, n) by (L L^T)^-1 x in the bodies first:last where they are not zero."""
+    for body in range(first, last):
+        band, n = bands[offsets[body] : offsets[body + 1]], blocks[body + 1] - blocks[body]
+        for k in range(x.shape[0]):
+            own = x[k, blocks[body] : blocks[body + 1]]
+            if own.any():
+                _substitute(band, band.size // n, own)
+
+
+@compiled
+def _substitute(band: Array, height: int, x: Array) -> None:
+    """Forward and back substitution in place, PANEL columns of L at once where there are as many.
+
+    Entry (i, j) of L is band[j height + i - j]; it is zero beyond the band by less than PANEL rows.
+    """
+    n, width = x.size, height - PANEL
+    full = n - n % PANEL
+    for j in range(0, full, PANEL):
+        a = j * height
+        b, c, d = a + height - 1, a + 2 * (height - 1), a + 3 * (height - 1)  # band[b + i] is entry (j + i, j + 1)
+        x0 = x[j] / band[a]
+        x1 = (x[j + 1] - band[a + 1] * x0) / band[b + 1]
+        x2 = (x[j + 2] - band[a + 2] * x0 - band[b + 2] * x1) / band[c + 2]
+        x3 = (x[j + 3] - band[a + 3] * x0 - band[b + 3] * x1 - band[c + 3] * x2) / band[d + 3]
+        x[j], x[j + 1], x[j + 2], x[j + 3] = x0, x1, x2, x3
+        for i in range(PANEL, min(width + PANEL, n - j)):
+            x[j + i] -= band[a + i] * x0 + band[b + i] * x1 + band[c + i] * x2 + band[d + i] * x3
+    for j in range(full, n):
+        x[j] /= band[j * height]
+        for i in range(1, n - j):
+            x[j + i] -= band[j * height + i] * x[j]
+    for j in range(n - 1, full - 1, -1):
+        for i in range(1, n - j):
+            x[j] -= band[j * height + i] * x[j + i]
+        x[j] /= band[j * height]
+    for j in range(full - PANEL, -1, -PANEL):
+        a = j * height
+        b, c, d = a + height - 1, a + 2 * (height - 1), a + 3 * (height - 1)
+        s0, s1, s2, s3 = x[j], x[j + 1], x[j + 2], x[j + 3]
+        for i in range(PANEL, min(width + PANEL, n - j)):
+            s0 -= band[a + i] * x[j + i]
+            s1 -= band[b + i] * x[j + i]
+            s2 -= band[c + i] * x[j + i]
+            s3 -= band[d + i] * x[j + i]
+        x3 = s3 / band[d + 3]
+        x2 = (s2 - band[c + 3] * x3) / band[c + 2]
+        x1 = (s1 - band[b + 2] * x2 - band[b + 3] * x3) / band[b + 1]
+        x0 = (s0 - band[a + 1] * x1 - band[a + 2] * x2 - band[a + 3] * x3) / band[a]
+        x[j], x[j + 1], x[j + 2], x[j + 3] = x0, x1, x2, x3
 
 
 @compiled

@@ -25,7 +25,7 @@ def _routine(name: str, arguments: int) -> Any:
     return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * arguments)(_ADDRESS(capsule, _NAME(capsule)))
 
 
-_pbtrf, _pbtrs = _routine("dpbtrf", 6), _routine("dpbtrs", 9)
+_pbtrf = _routine("dpbtrf", 6)
 
 
 def _int(value: int) -> Any:
@@ -41,13 +41,3 @@ def factorise(band: Array) -> int:
     info = ctypes.c_int()
     _pbtrf(ctypes.byref(_LOWER), _int(n), _int(height - 1), band.ctypes.data, _int(height), ctypes.byref(info))
     return info.value
-
-
-def solve(band: Array, b: Array) -> None:
-    """Overwrite b (n, columns), in Fortran order, by the solution; `band` (rows, n) is a factor of `factorise`."""
-    height, n = band.shape
-    info, columns = ctypes.c_int(), 1 if b.ndim == 1 else b.shape[1]
-    _pbtrs(
-        ctypes.byref(_LOWER), _int(n), _int(height - 1), _int(columns), band.ctypes.data, _int(height),
-        b.ctypes.data, _int(n), ctypes.byref(info),
-    )  # fmt: skip

@@ -6,11 +6,12 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
 import skmpm
-from skmpm import parallel
+from skmpm import linear, parallel
 from skmpm.linear import lapack
 
 
@@ -86,7 +87,7 @@ def test_a_wrong_number_of_threads_is_refused(wrong):
 
 
 @given(st.integers(0, 1000), st.integers(1, 40), st.integers(1, 12))
-def test_banded_cholesky_through_pointers_solves_the_system(seed, n, height):
+def test_banded_cholesky_through_pointers_finds_the_factor(seed, n, height):
     rng = np.random.default_rng(seed)
     height = min(height, n)
     L = np.tril(rng.normal(size=(n, n)) / height) * (np.subtract.outer(np.arange(n), np.arange(n)) < height)
@@ -95,11 +96,23 @@ def test_banded_cholesky_through_pointers_solves_the_system(seed, n, height):
     for k in range(height):
         band[k, : n - k] = np.diagonal(A, -k)
     assert lapack.factorise(band) == 0
-    np.testing.assert_allclose(band[0], np.diag(L), rtol=1e-9)
-    b = np.asfortranarray(rng.normal(size=(n, 2)))
-    x = b.copy(order="F")
-    lapack.solve(band, x)
-    np.testing.assert_allclose(A @ x, b, atol=1e-8 * np.linalg.cond(A))
+    for k in range(height):
+        np.testing.assert_allclose(band[k, : n - k], np.diagonal(L, -k), rtol=1e-9, atol=1e-12)
+
+
+@given(st.integers(0, 1000), st.lists(st.integers(0, 12), min_size=1, max_size=5), st.integers(1, 6))
+def test_banded_solutions_of_bodies_of_any_size_and_bandwidth(seed, nodes, reach):
+    """Sizes around the number of columns that substitutions take at once, one right-hand side and three."""
+    rng = np.random.default_rng(seed)
+    blocks = 2 * np.append(0, np.cumsum(nodes))
+    node = np.arange(blocks[-1]) // 2
+    body = np.searchsorted(blocks[1:], 2 * node, side="right")
+    near = (np.abs(np.subtract.outer(node, node)) < reach) & np.equal.outer(body, body)
+    A = rng.uniform(-1.0, 1.0, near.shape) * near
+    A = A + A.T + 8.0 * reach * np.eye(node.size)
+    solve = linear.banded(sp.bsr_array(A, blocksize=(2, 2)), blocks, np.zeros((node.size, 3)))
+    for b in (rng.normal(size=node.size), rng.normal(size=(node.size, 3))):
+        np.testing.assert_allclose(A @ solve(b), b, atol=1e-13)
 
 
 def test_the_order_of_the_first_minor_that_is_not_positive_definite_is_returned():
