@@ -10,6 +10,7 @@ from skmpm.io import CheckpointError, load, record, save
 from skmpm.material import LinearElastic, Material, MooneyRivlin, NeoHookean, Ogden, Rigid, Yeoh, check_material
 from skmpm.observe import Network, Observables, Traction, contact_pressure, network, observe
 from skmpm.packing import Packing, PackingError, packing
+from skmpm.plot import animate, plot
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.preflight import Suggestion, preflight, suggest
 from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Support, Wall
@@ -43,6 +44,7 @@ __all__ = [
     "Traction",
     "Wall",
     "Yeoh",
+    "animate",
     "box",
     "check_material",
     "contact",
@@ -57,6 +59,7 @@ __all__ = [
     "observe",
     "outline",
     "packing",
+    "plot",
     "preflight",
     "record",
     "save",

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.io.checkpoint import writable
-from skmpm.material import Rigid, determinant, is_linear, poisson_ratio
-from skmpm.scene import Scene, State
+from skmpm.material import determinant
+from skmpm.scene import Scene, State, stress_zz
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -209,7 +209,7 @@ def _check(path: Path, file: Any, scene: Scene) -> None:
 def _point_data(scene: Scene, state: State) -> dict[str, Array]:
     """The fields of a state that are written, points first."""
     sigma, zero = state.stress, np.zeros(state.x.shape[1])
-    sigma_zz = _stress_zz(scene, state)
+    sigma_zz = stress_zz(scene, state)
     rows = [[sigma[0, 0], sigma[0, 1], zero], [sigma[1, 0], sigma[1, 1], zero], [zero, zero, sigma_zz]]
     return {
         "Points": np.stack([*state.x, zero], axis=1),
@@ -219,21 +219,3 @@ def _point_data(scene: Scene, state: State) -> dict[str, Array]:
         "volume": state.volume,
         "det_F": determinant(state.F),
     }
-
-
-def _stress_zz(scene: Scene, state: State) -> Array:
-    """Out-of-plane Cauchy stress of plane strain, (n,) [Pa]; nan where a material does not say.
-
-    Linear materials: nu (sigma_xx + sigma_yy); others have it from their `stress_zz`.
-    """
-    out = np.zeros(state.x.shape[1])
-    for b, material in enumerate(body.material for body in scene.bodies):
-        own = slice(scene.offsets[b], scene.offsets[b + 1])
-        if isinstance(material, Rigid):
-            continue
-        if is_linear(material):
-            out[own] = poisson_ratio(material) * (state.stress[0, 0, own] + state.stress[1, 1, own])
-        else:
-            known = getattr(material, "stress_zz", None)
-            out[own] = np.nan if known is None else known(state.F[:, :, own])
-    return out

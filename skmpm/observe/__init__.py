@@ -1,8 +1,9 @@
 """Observables of a state: solid fraction, shapes and stress of packings, their contact network, contact tractions."""
 
 from skmpm.observe.bodies import PerBody
+from skmpm.observe.contact_network import mass_centres
 from skmpm.observe.observables import Observables, observe
 from skmpm.observe.pairs import Network, network
 from skmpm.observe.traction import Traction, contact_pressure
 
-__all__ = ["Network", "Observables", "PerBody", "Traction", "contact_pressure", "network", "observe"]
+__all__ = ["Network", "Observables", "PerBody", "Traction", "contact_pressure", "mass_centres", "network", "observe"]

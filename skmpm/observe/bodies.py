@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.observe.contact_length import contact_length, contact_lengths
-from skmpm.observe.network import (
+from skmpm.observe.contact_network import (
     coefficient_of,
     half_branches,
     mass_centres,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.observe.network import CLOSED, forced
+from skmpm.observe.contact_network import CLOSED, forced
 from skmpm.outline import Outlines, half_segments
 from skmpm.scene import Contacts
 

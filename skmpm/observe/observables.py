@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.observe.bodies import PerBody, away_from_walls, per_body
-from skmpm.observe.network import half_branches, moments
+from skmpm.observe.contact_network import half_branches, moments
 from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, State, check_fits

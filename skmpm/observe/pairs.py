@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.observe.contact_length import contact_lengths
-from skmpm.observe.network import between, coefficient_of, force_vectors, mass_centres, pairs_of, touching
+from skmpm.observe.contact_network import between, coefficient_of, force_vectors, mass_centres, pairs_of, touching
 from skmpm.scene import Scene, State, check_fits
 
 Array = NDArray[np.float64]

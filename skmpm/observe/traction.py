@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.observe.network import FORCED, force_vectors
+from skmpm.observe.contact_network import FORCED, force_vectors
 from skmpm.observe.sides import Placed, Side, place, sides
 from skmpm.scene import Scene, SceneError, State, check_fits
 

@@ -23,6 +23,7 @@ from skmpm.outline.measures import (
 )
 from skmpm.outline.near import candidates, closest, distance_to_segment, inside
 from skmpm.outline.overlaps import lens_depth, overlap
+from skmpm.outline.polylines import Polylines, polylines
 from skmpm.outline.topology import Outlines, outlines
 from skmpm.outline.widths import slit_width, thickness
 
@@ -31,6 +32,7 @@ __all__ = [
     "Cubics",
     "Curve",
     "Outlines",
+    "Polylines",
     "apart",
     "area",
     "bend",
@@ -53,6 +55,7 @@ __all__ = [
     "outlines",
     "overlap",
     "perimeter",
+    "polylines",
     "second_moments",
     "slit_width",
     "thickness",

@@ -2,6 +2,7 @@
 
 from skmpm.scene.fits import check_fits, check_initial_positions
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
+from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_velocities
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
@@ -24,6 +25,8 @@ __all__ = [
     "check_fits",
     "check_initial_positions",
     "field_values",
+    "mises",
     "motion",
     "prescribed_velocities",
+    "stress_zz",
 ]

@@ -7,7 +7,7 @@ import pytest
 
 import skmpm
 from skmpm import Body, LinearElastic, Points, Rigid, Scene, SceneError, Scheme, Wall, disc, initial, network, observe
-from skmpm.observe.network import rattlers
+from skmpm.observe.contact_network import rattlers
 from skmpm.scene import Contacts
 
 SOFT = LinearElastic(1e6, 0.3, 1000.0)

@@ -1,0 +1,97 @@
+"""What the colours of a picture mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.plot.units import prefixed
+from skmpm.scene import Scene, State, mises
+
+Array = NDArray[np.float64]
+Limits = tuple[float, float]
+
+SEQUENTIAL, DIVERGING = "viridis", "RdBu_r"
+OUTLIERS = 1.0  # [%] of points beyond each end of the colour scale: those beside corners would set it alone
+# Of compression: where tension is less, pressures have a sequential map, since a little tension is mostly noise.
+SIGNED = 0.25
+NAMES = "pressure, mises, displacement, speed, body"
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Values by point, and the name and unit of their colour bar; no values: one colour for each body."""
+
+    values: Array | None  # (n,)
+    name: str
+    unit: str
+
+    @property
+    def by_body(self) -> bool:
+        """Whether colours tell bodies apart."""
+        return self.values is None
+
+
+def field_of(scene: Scene, state: State, colour: str | NDArray[np.floating]) -> Field:
+    """The field that is named or given, by point (n,) or by body (bodies,)."""
+    if isinstance(colour, str):
+        return _named(scene, state, colour)
+    values, n, bodies = np.asarray(colour), state.x.shape[1], len(scene.bodies)
+    if values.shape not in ((n,), (bodies,)) or values.dtype.kind not in "fiub":
+        raise ValueError(
+            f"plot: colour is an array of {values.dtype} of shape {values.shape}; give numbers by point ({n},) or by"
+            f" body ({bodies},), or one of {NAMES}"
+        )
+    values = values.astype(np.float64)
+    return Field(values if values.size == n else values[scene.owner], "", "")
+
+
+def _named(scene: Scene, state: State, name: str) -> Field:
+    if name == "body":
+        return Field(None, name, "")
+    if name == "pressure":
+        return Field(-0.5 * (state.stress[0, 0] + state.stress[1, 1]), name, "Pa")
+    if name == "mises":
+        return Field(mises(scene, state), "von Mises stress", "Pa")
+    if name == "displacement":
+        return Field(np.hypot(*(state.x - scene.initial_positions)), name, "m")
+    if name == "speed":
+        return Field(np.hypot(*state.v), name, "m/s")
+    raise ValueError(f"plot: colour = {name!r}; use one of {NAMES}, or an array by point or by body")
+
+
+def limits_of(scene: Scene, fields: Sequence[Field]) -> Limits:
+    """Limits of a colour scale for several states: the range without outliers, of points of deformable bodies."""
+    own = scene.deformable_points
+    parts = [field.values[own] for field in fields if field.values is not None]
+    values = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.zeros(0)
+    if values.size == 0:
+        return 0.0, 1.0
+    low, high = np.percentile(values, (OUTLIERS, 100.0 - OUTLIERS)).tolist()
+    if (fields[0].unit and -SIGNED * high <= low <= 0.0 <= high) or fields[0].name in ("displacement", "speed"):
+        low = 0.0
+    elif low < 0.0 < high:
+        low, high = -max(-low, high), max(-low, high)
+    return (low, high) if high > low else (low, low + (abs(low) or 1.0))
+
+
+def colour_map(limits: Limits) -> str:
+    """The colour map: diverging where the limits are those of signed values."""
+    return DIVERGING if limits[0] == -limits[1] else SEQUENTIAL
+
+
+def beyond(scene: Scene, field: Field, limits: Limits) -> str:
+    """Which ends of the colour scale values of deformable bodies exceed, in matplotlib's words."""
+    assert field.values is not None
+    values = field.values[scene.deformable_points]
+    ends = bool((values < limits[0]).any()), bool((values > limits[1]).any())
+    return {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
+
+
+def label(field: Field, limits: Limits) -> tuple[float, str]:
+    """Scale and label of a colour bar."""
+    scale, unit = prefixed(field.unit, max(abs(limits[0]), abs(limits[1])))
+    return scale, f"{field.name} [{unit}]" if unit else field.name

@@ -1,0 +1,114 @@
+"""`plot`: a picture of a state."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.plot.bodies import draw_bodies
+from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of, label
+from skmpm.plot.forces import add_key, draw_forces
+from skmpm.plot.style import Style, in_multiples, style_of
+from skmpm.plot.surroundings import draw_supports, draw_walls
+from skmpm.plot.units import prefixed
+from skmpm.scene import Scene, State, check_fits
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def plot(
+    scene: Scene,
+    state: State,
+    colour: str | NDArray[np.floating] = "pressure",
+    *,
+    forces: bool = False,
+    axes: Axes | None = None,
+    limits: Limits | None = None,
+    legend: bool = True,
+) -> Axes:
+    """Draw the bodies of a state, filled by a field, with walls and supports.
+
+    Boundaries are the smooth curves on which contact acts. Fields are linear between material points.
+
+    Parameters
+    ----------
+    scene, state : what is drawn
+    colour : "pressure" or "mises" [Pa], "displacement" since t = 0 [m], "speed" [m/s], "body", or an array by point
+        (n,) or by body (bodies,)
+    forces : draw the contact network: lines between the centres of bodies that touch, or from a centre to a wall, as
+        wide as their normal force
+    axes : drawn into; by default those of a new figure
+    limits : of the colour scale, in SI units; by default the range of the values without 1 % at each end
+    legend : add a colour bar and, with forces, a key of their lines
+
+    Returns
+    -------
+    the axes, in metres; their ticks and the colour bar show multiples of the units
+
+    Raises
+    ------
+    ImportError
+        if matplotlib is not installed
+    ValueError
+        if colour is no name or array of these shapes, or limits are not two ascending numbers
+    SceneError
+        if the state belongs to another scene
+    """
+    check_fits(scene, state, "plot")
+    field = field_of(scene, state, colour)
+    style = style_of(scene, [state], [field], forces=forces, limits=limits)
+    axes = new_axes() if axes is None else axes
+    draw(axes, scene, state, field, style)
+    if legend:
+        add_legend(axes, scene, field, style)
+    return axes
+
+
+def new_axes() -> Axes:
+    """Axes of a new figure."""
+    axes: Axes = matplotlib_module("pyplot").subplots(layout="constrained")[1]
+    return axes
+
+
+def matplotlib_module(name: str) -> Any:
+    """A module of matplotlib; ImportError, with the remedy, if it is not installed."""
+    try:
+        return import_module(f"matplotlib.{name}")
+    except ImportError as error:
+        raise ImportError('plot needs matplotlib; install it with: pip install "skmpm[plot]"') from error
+
+
+def draw(axes: Axes, scene: Scene, state: State, field: Field, style: Style) -> None:
+    """Draw bodies, walls, supports and forces into axes, without a legend."""
+    draw_walls(axes, state, style.view)
+    draw_bodies(axes, scene, state, field, style)
+    draw_supports(axes, scene, state)
+    if style.largest_force is not None:
+        draw_forces(axes, scene, state, style.largest_force)
+    axes.set_aspect("equal")
+    (left, low), (right, high) = style.view.tolist()
+    axes.set(xlim=(left, right), ylim=(low, high))
+    scale, unit = prefixed("m", 0.3 * max(right - left, high - low))
+    for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
+        axis.set_major_formatter(in_multiples(scale))
+        axis.set_label_text(f"{name} [{unit}]")
+
+
+def add_legend(axes: Axes, scene: Scene, field: Field, style: Style) -> None:
+    """Add the colour bar, as high as the axes, and the key of the forces."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    if field.values is not None:
+        scale, name = label(field, style.limits)
+        colours = ScalarMappable(Normalize(*style.limits), colour_map(style.limits))
+        picture: Any = axes.get_figure()
+        place, ends = axes.inset_axes((1.03, 0.0, 0.035, 1.0)), beyond(scene, field, style.limits)
+        bar = picture.colorbar(colours, cax=place, label=name, extend=ends)
+        bar.ax.yaxis.set_major_formatter(in_multiples(scale))
+    if style.largest_force:
+        add_key(axes, scene, style.largest_force)

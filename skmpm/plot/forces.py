@@ -1,0 +1,64 @@
+"""The contact network in pictures."""
+
+from __future__ import annotations
+
+from math import floor, log10
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.observe import mass_centres, network
+from skmpm.plot.units import prefixed
+from skmpm.scene import Scene, State
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+COLOUR = "#b2182b"
+# [pt] line of the largest force in a picture of one body, divided by the square root of their number, and in any: a
+# fifth of a disc in one of 300.
+WIDEST_OF_ONE, WIDEST = 60.0, 6.0
+
+
+def draw_forces(axes: Axes, scene: Scene, state: State, largest: float) -> None:
+    """Draw lines as wide as the normal forces between bodies, the widest for the force `largest` [N/m]."""
+    from matplotlib.collections import LineCollection
+
+    lines, force = chains(scene, state)
+    options: dict[str, Any] = {"colors": COLOUR, "capstyle": "round", "alpha": 0.85, "zorder": 3.5}
+    axes.add_collection(LineCollection(list(lines), linewidths=_width(scene, force, largest), **options))
+
+
+def chains(scene: Scene, state: State) -> tuple[Array, Array]:
+    """Lines (k, 2, 2) [m] between the centres of mass of bodies that touch, and their normal forces (k,) [N/m].
+
+    From a wall or a rigid body they begin at the centre of the contact.
+    """
+    pairs, centre = network(scene, state), mass_centres(scene, state)
+    ends = []
+    for body in pairs.bodies:
+        own = (body >= 0) & scene.deformable[np.maximum(body, 0)]
+        ends.append(np.where(own, centre[:, np.maximum(body, 0)], pairs.centre).T)
+    return np.stack(ends, axis=1), pairs.force[0]
+
+
+def add_key(axes: Axes, scene: Scene, largest: float) -> None:
+    """Add the width of the line of a round force above the axes, on the left."""
+    from matplotlib.lines import Line2D
+
+    power = 10.0 ** floor(log10(largest))
+    force = max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= largest * (1.0 + 1e-9))
+    scale, unit = prefixed("N/m", force)
+    width = float(_width(scene, np.array(force), largest))
+    line = Line2D([], [], color=COLOUR, linewidth=width, solid_capstyle="butt")
+    place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+    axes.legend([line], [f"normal force {force / scale:g} {unit}"], frameon=False, **place)
+
+
+def _width(scene: Scene, force: Array, largest: float) -> Array:
+    """Widths of lines [pt] of forces, which pull where they are negative: then they have none."""
+    widest = min(WIDEST, WIDEST_OF_ONE / float(np.sqrt(len(scene.bodies))))
+    return np.asarray(widest * np.maximum(force, 0.0) / max(largest, np.finfo(float).tiny))

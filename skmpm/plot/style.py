@@ -1,0 +1,50 @@
+"""What the pictures of a film have in common: colour scale, scale of forces, view."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.observe import network
+from skmpm.plot.fields import Field, Limits, limits_of
+from skmpm.plot.surroundings import view_of
+from skmpm.scene import Scene, State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Style:
+    """The scales and the view of a picture."""
+
+    limits: Limits  # of the colours
+    largest_force: float | None  # [N/m] drawn with the widest line; None: no forces
+    view: Array  # (2, 2) lower left and upper right corners [m]
+
+
+def style_of(
+    scene: Scene, states: Sequence[State], fields: Sequence[Field], *, forces: bool, limits: Limits | None
+) -> Style:
+    """Scales and view that suit all of these states."""
+    limits = limits_of(scene, fields) if limits is None else _checked(limits)
+    largest = max(float(network(scene, s).force[0].max(initial=0.0)) for s in states) if forces else None
+    views = np.stack([view_of(s, s.x) for s in states])
+    return Style(limits, largest, np.stack([views[:, 0].min(axis=0), views[:, 1].max(axis=0)]))
+
+
+def _checked(limits: Limits) -> Limits:
+    try:
+        low, high = (float(value) for value in limits)
+    except (TypeError, ValueError):
+        low, high = 0.0, 0.0
+    if not low < high:
+        raise ValueError(f"plot: limits = {limits!r}; give two numbers, the lower one first")
+    return low, high
+
+
+def in_multiples(scale: float) -> Callable[[float, object], str]:
+    """A formatter of ticks in multiples of a unit."""
+    return lambda value, _: f"{round(value / scale, 9):g}"

@@ -1,0 +1,21 @@
+"""Units of axes and colour bars."""
+
+from __future__ import annotations
+
+from math import floor, log10
+
+PREFIXES = {-3: "n", -2: "u", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}  # by powers of 1000
+MICRO = "µ"
+
+
+def prefixed(unit: str, size: float) -> tuple[float, str]:
+    """The scale and the name of the multiple of a unit in which `size` is between 1 and 1000: 1e6 and "MPa".
+
+    Units that are no single symbol, and none, keep their scale.
+    """
+    if unit not in ("Pa", "m", "s", "m/s", "N/m") or not 0.0 < size < float("inf"):
+        return 1.0, unit
+    power = min(max(floor(log10(size) / 3.0 + 1e-9), -3), 3)
+    if unit in ("m", "s") and power > 0:
+        power = 0
+    return 1000.0**power, PREFIXES[power].replace("u", MICRO) + unit

@@ -1,0 +1,37 @@
+"""The out-of-plane stress of plane strain, and the equivalent stress, which needs it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import Rigid, is_linear, poisson_ratio
+from skmpm.scene.scene import Scene
+from skmpm.scene.state import State
+
+Array = NDArray[np.float64]
+
+
+def stress_zz(scene: Scene, state: State) -> Array:
+    """Out-of-plane Cauchy stress of plane strain, (n,) [Pa]; nan where a material does not say, 0 in rigid bodies.
+
+    Linear materials: nu (sigma_xx + sigma_yy); others have it from their `stress_zz`.
+    """
+    out = np.zeros(state.x.shape[1])
+    for b, material in enumerate(body.material for body in scene.bodies):
+        own = slice(scene.offsets[b], scene.offsets[b + 1])
+        if isinstance(material, Rigid):
+            continue
+        if is_linear(material):
+            out[own] = poisson_ratio(material) * (state.stress[0, 0, own] + state.stress[1, 1, own])
+        else:
+            known = getattr(material, "stress_zz", None)
+            out[own] = np.nan if known is None else known(state.F[:, :, own])
+    return out
+
+
+def mises(scene: Scene, state: State) -> Array:
+    """Equivalent stress of von Mises, (3/2 s : s)^(1/2) with the deviator s in three dimensions, (n,) [Pa]."""
+    (xx, xy), (_, yy) = state.stress
+    zz = stress_zz(scene, state)
+    return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2))

@@ -1,0 +1,301 @@
+"""Pictures: what is drawn, as arrays, against the state."""
+
+import subprocess
+import sys
+from itertools import pairwise
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib import pyplot
+from matplotlib.collections import LineCollection, PathCollection, TriMesh
+from PIL import Image
+
+from skmpm import (
+    Body,
+    NeoHookean,
+    Points,
+    Rigid,
+    Scene,
+    SceneError,
+    Scheme,
+    Support,
+    Wall,
+    animate,
+    box,
+    contact,
+    disc,
+    initial,
+    network,
+    outline,
+    plot,
+    simulate,
+)
+from skmpm.plot.bodies import PARTS, body_paths
+from skmpm.plot.surroundings import view_of, wall_shapes
+from skmpm.plot.triangles import triangles
+from skmpm.plot.units import prefixed
+
+matplotlib.use("Agg")
+GEL = NeoHookean(1e6, 0.45, 1000.0)
+R = 1e-3
+
+
+@pytest.fixture(autouse=True)
+def _close():
+    yield
+    pyplot.close("all")
+
+
+@pytest.fixture(scope="module")
+def squeezed():
+    """Two discs on each other under a lid."""
+    bodies = [Body(disc((0.0, y * R), R, spacing=R / 6), GEL) for y in (1.0, 3.0)]
+    walls = [Wall((0.0, 0.0), (0.0, 1.0)), Wall((0.0, 4 * R), (0.0, -1.0), velocity=(0.0, -1.0))]
+    scene = Scene(bodies, cell=R / 4, walls=walls, friction=0.5)
+    return scene, list(simulate(scene, dt=2e-5, until=2e-4))
+
+
+def annulus():
+    """A ring of four boundary loops' worth of points: outer radius 2 R, inner radius R."""
+    outer, inner = disc((0.0, 0.0), 2 * R, spacing=R / 6), disc((0.0, 0.0), R, spacing=R / 6)
+    rim = outer.x[:, outer.outline[0]]
+    hole = inner.x[:, inner.outline[0]][:, ::-1]
+    own = np.hypot(*outer.x) > 1.08 * R
+    own[outer.outline[0]] = False
+    x = np.concatenate([rim, hole, outer.x[:, own]], axis=1)
+    loops = (np.arange(rim.shape[1]), rim.shape[1] + np.arange(hole.shape[1]))
+    return Points(x, np.full(x.shape[1], 3 * np.pi * R**2 / x.shape[1]), loops)
+
+
+def boundary_of(scene, state):
+    place = scene.outlines.point
+    return outline.polylines(scene.outlines, scene.initial_positions[:, place], state.x[:, place], PARTS)
+
+
+def area(path):
+    """Signed area of all loops of a path, holes negative."""
+    total = 0.0
+    for loop in path.to_polygons():
+        x, y = loop.T
+        total += 0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])
+    return total
+
+
+def size_of(mesh):
+    """Area of all triangles, none counted as negative."""
+    a, b, c = np.moveaxis(mesh.x[:, mesh.corners], -1, 0)
+    (ux, uy), (vx, vy) = b - a, c - a
+    return np.abs(ux * vy - uy * vx).sum() / 2
+
+
+def drawn(axes, kind):
+    return [artist for artist in axes.collections if isinstance(artist, kind)]
+
+
+def test_bodies_are_bounded_by_the_curves_on_which_contact_acts(squeezed):
+    """The area within the drawn loops is that within the cubics to the square of the length of their lines."""
+    scene, (*_, state) = squeezed
+    axes = plot(scene, state, "body")
+    (shapes,) = drawn(axes, PathCollection)
+    place = scene.outlines.point
+    x = state.x[:, place]
+    exact = outline.curve(scene.outlines, scene.initial_positions[:, place], x).through(x).area(2)
+    assert [area(path) for path in shapes.get_paths()] == pytest.approx(exact, rel=3e-4)
+    assert shapes.get_facecolors().shape == (2, 4) and not np.array_equal(*shapes.get_facecolors())
+    assert not drawn(axes, TriMesh)
+
+
+def test_a_hole_is_not_filled():
+    scene = Scene([Body(annulus(), GEL)], cell=R / 4)
+    state = initial(scene)
+    (path,), (body,) = body_paths(boundary_of(scene, state))
+    assert body == 0 and area(path) == pytest.approx(3 * np.pi * R**2, rel=2e-3)
+    mesh = triangles(scene, state, boundary_of(scene, state), np.array([0]))
+    assert size_of(mesh) == pytest.approx(3 * np.pi * R**2, rel=2e-3)
+    assert np.hypot(*mesh.x[:, mesh.corners].mean(axis=2)).min() > 0.99 * R
+
+
+@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+def test_linear_fields_are_drawn_exactly(a, b, c):
+    scene = Scene([Body(annulus(), GEL), Body(box((3 * R, 0.0), (R, R), spacing=R / 6), GEL)], cell=R / 4)
+    state = initial(scene)
+    mesh = triangles(scene, state, boundary_of(scene, state), np.arange(2))
+    field = a + (b * state.x[0] + c * state.x[1]) / R
+    # Between boundary points values are linear in the curve's parameter: exact up to the curve's second derivative.
+    assert mesh.values(field) == pytest.approx(a + (b * mesh.x[0] + c * mesh.x[1]) / R, abs=0.02)
+    assert np.array_equal(mesh.values(field)[: field.size], field)
+
+
+def test_no_triangle_crosses_a_notch():
+    """An L-shaped body: none of the triangles lies in the missing quarter, and together they fill the rest."""
+    x, y = (np.ravel(a) for a in np.meshgrid(np.linspace(0, 2 * R, 13), np.linspace(0, 2 * R, 13)))
+    own = (x < 1.01 * R) | (y < 1.01 * R)
+    x, y = x[own], y[own]
+    corners = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2], [0, 0]]) * R
+    steps = [a + (b - a) * t for a, b in pairwise(corners)
+             for t in np.arange(0, 1 - 1e-9, R / 6 / np.hypot(*(b - a)))]  # fmt: skip
+    loop = [int(np.argmin((x - p[0]) ** 2 + (y - p[1]) ** 2)) for p in steps]
+    points = Points(np.stack([x, y]), np.full(x.size, 3 * R**2 / x.size), (np.array(loop),))
+    scene = Scene([Body(points, GEL)], cell=R / 4)
+    state = initial(scene)
+    mesh = triangles(scene, state, boundary_of(scene, state), np.array([0]))
+    centre = mesh.x[:, mesh.corners].mean(axis=2)
+    assert not ((centre[0] > 1.001 * R) & (centre[1] > 1.001 * R)).any()
+    assert size_of(mesh) == pytest.approx(3 * R**2, rel=1e-6)
+
+
+def test_colours_are_those_of_the_values(squeezed):
+    scene, (*_, state) = squeezed
+    pressure = -0.5 * (state.stress[0, 0] + state.stress[1, 1])
+    (mesh,) = drawn(plot(scene, state), TriMesh)
+    assert np.array_equal(mesh.get_array()[: pressure.size], pressure)
+    assert mesh.get_clim()[1] == pytest.approx(np.percentile(pressure, 99))
+    (mesh,) = drawn(plot(scene, state, np.array([3.0, 5.0]), limits=(2.0, 6.0)), TriMesh)
+    assert np.unique(mesh.get_array()).tolist() == [3.0, 5.0] and mesh.get_clim() == (2.0, 6.0)
+    (mesh,) = drawn(plot(scene, state, "displacement"), TriMesh)
+    moved = np.hypot(*(state.x - scene.initial_positions))
+    assert np.array_equal(mesh.get_array()[: moved.size], moved) and mesh.get_clim()[0] == 0.0
+
+
+def test_the_equivalent_stress_of_a_uniaxial_strain():
+    """F = diag(1, 1.1): from the two principal stresses of the plane and the third, by the textbook formula."""
+    scene = Scene([Body(box((0, 0), (R, R), spacing=R / 5), GEL)], cell=R / 4)
+    state = initial(scene)
+    F = np.zeros_like(state.F)
+    F[0, 0], F[1, 1] = 1.0, 1.1
+    stress = GEL.stress(F)  # first Piola-Kirchhoff; Cauchy is P F' / J
+    sigma = np.einsum("ijn,kjn->ikn", stress, F) / 1.1
+    state = type(state)(**{**vars(state), "F": F, "stress": sigma})
+    a, b, c = sigma[0, 0, 0], sigma[1, 1, 0], GEL.stress_zz(F)[0]
+    expected = np.sqrt(((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2) / 2.0)
+    (mesh,) = drawn(plot(scene, state, "mises"), TriMesh)
+    assert np.asarray(mesh.get_array()) == pytest.approx(np.full(mesh.get_array().size, expected), rel=1e-12)
+
+
+def test_signed_values_have_a_map_with_its_middle_at_zero(squeezed):
+    scene, (*_, state) = squeezed
+    (mesh,) = drawn(plot(scene, state, np.array([-1.0, 3.0])), TriMesh)
+    assert mesh.get_clim() == (-3.0, 3.0) and mesh.get_cmap().name == "RdBu_r"
+
+
+def test_lines_are_as_wide_as_the_forces(squeezed):
+    scene, (*_, state) = squeezed
+    pairs, axes = network(scene, state), plot(scene, state, "body", forces=True)
+    lines = drawn(axes, LineCollection)[-1]
+    ratio = lines.get_linewidths() / pairs.force[0]
+    assert pairs.size == 3 and ratio == pytest.approx(np.full(3, ratio[0]))
+    centres = [np.average(state.x[:, scene.owner == b], axis=1, weights=state.mass[scene.owner == b]) for b in (0, 1)]
+    between = int(np.flatnonzero((pairs.bodies >= 0).all(axis=0))[0])
+    assert np.allclose(lines.get_segments()[between], centres)
+    wall = int(np.flatnonzero(pairs.bodies[1] == -1)[0])
+    assert np.allclose(lines.get_segments()[wall], [centres[0], pairs.centre[:, wall]])
+    assert "normal force" in axes.get_legend().get_texts()[0].get_text()
+
+
+def test_walls_are_drawn_where_they_are_now_and_end_at_each_other():
+    scene = Scene(
+        [Body(disc((2 * R, 2 * R), 1.6 * R, spacing=R / 4), GEL)], cell=R / 3,
+        walls=[Wall((0, 0), (0, 1)), Wall((9, 4 * R), (0, -1), velocity=(0.0, -1.0)), Wall((0, 7), (1, 0)),
+               Wall((4 * R, 0), (-1, 0))],
+    )  # fmt: skip
+    *_, state = simulate(scene, dt=1e-5, until=1e-4)
+    shapes = wall_shapes(state, view_of(state, state.x))
+    top = 4 * R - 1e-4
+    ends = [[(0, 0), (4 * R, 0)], [(0, top), (4 * R, top)], [(0, 0), (0, top)], [(4 * R, 0), (4 * R, top)]]
+    for (line, strip), expected in zip(shapes, ends, strict=True):
+        assert np.sort(line, axis=0) == pytest.approx(np.array(expected), abs=1e-12)
+        assert strip.shape == (4, 2)
+    outside = {tuple(np.round(strip.mean(axis=0) - line.mean(axis=0), 9) > 0) for line, strip in shapes}
+    assert len(outside) >= 3  # to the left and below, above, to the right
+
+
+def test_rigid_bodies_are_grey_and_points_without_outline_are_dots():
+    other = disc((3 * R, 0.0), R, spacing=R / 4)
+    bare = Points(other.x, other.volume)
+    scene = Scene(
+        [Body(disc((0, 0), R, spacing=R / 4), Rigid(1000.0)), Body(bare, GEL)], cell=R / 3,
+        supports=[Support(lambda x: x[0] > 3.8 * R)],
+    )  # fmt: skip
+    state = initial(scene, scheme=Scheme(contact=contact.shared_grid, anchor=0.0))
+    axes = plot(scene, state, "speed")
+    shapes, dots = drawn(axes, PathCollection)
+    assert len(shapes.get_paths()) == 1 and np.allclose(shapes.get_facecolors()[0], [0.72, 0.72, 0.72, 1.0])
+    assert dots.get_offsets().shape == (bare.x.shape[1], 2)
+    assert pytest.approx(state.x[:, scene.supported[0].points]) == np.asarray(axes.lines[0].get_xydata()).T
+
+
+def test_ticks_show_multiples_of_the_units(squeezed):
+    scene, (*_, state) = squeezed
+    axes = plot(scene, state, limits=(0.0, 2e5), forces=True)
+    assert axes.get_xlabel() == "x [mm]" and axes.xaxis.get_major_formatter()(2e-3, 0) == "2"
+    bar = axes.child_axes[0]
+    assert bar.get_ylabel() == "pressure [kPa]" and bar.yaxis.get_major_formatter()(5e4, 0) == "50"
+
+
+@given(st.floats(1e-12, 1e12))
+def test_multiples_of_units_lie_between_1_and_1000(size):
+    scale, unit = prefixed("Pa", size)
+    assert unit.endswith("Pa") and (1.0 - 1e-6 <= size / scale <= 1000.0 or unit in ("nPa", "GPa"))
+
+
+@pytest.mark.parametrize(
+    ("colour", "limits", "message"),
+    [
+        ("presure", None, "colour = 'presure'; use one of pressure, mises"),
+        (np.zeros(7), None, r"array of float64 of shape \(7,\); give numbers by point \(\d+,\) or by body \(2,\)"),
+        (np.zeros((2, 2)), None, r"of shape \(2, 2\)"),
+        (np.array(["a", "b"]), None, "array of <U1"),
+        ("body", (1.0, 1.0), r"limits = \(1.0, 1.0\); give two numbers, the lower one first"),
+        ("body", 3.0, "limits = 3.0; give two numbers"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(squeezed, colour, limits, message):
+    with pytest.raises(ValueError, match=message):
+        plot(squeezed[0], squeezed[1][-1], colour, limits=limits)
+
+
+def test_a_state_of_another_scene_is_refused(squeezed):
+    scene = Scene([Body(disc((0, 0), R, spacing=R / 4), GEL)], cell=R / 3)
+    with pytest.raises(SceneError, match="plot"):
+        plot(scene, squeezed[1][-1])
+    with pytest.raises(SceneError, match="animate"):
+        animate(squeezed[1], "film.gif", scene=scene)
+
+
+def test_a_film_has_a_frame_for_each_state_with_one_scale(squeezed, tmp_path):
+    scene, states = squeezed
+    film = animate(states, tmp_path / "film.gif", scene=scene, forces=True, dpi=40)
+    with Image.open(film) as images:
+        assert images.n_frames == len(states)
+        first = np.asarray(images.convert("RGB"))
+        images.seek(images.n_frames - 1)
+        assert not np.array_equal(first, np.asarray(images.convert("RGB")))
+    assert not pyplot.get_fignums()
+
+
+def test_films_that_cannot_be_written_are_refused_before_anything_is_drawn(squeezed, tmp_path, monkeypatch):
+    scene, states = squeezed
+    monkeypatch.setattr(sys.modules["skmpm.plot.film"], "new_axes", lambda: pytest.fail("drawn"))
+    with pytest.raises(ValueError, match="animate: there are no states"):
+        animate([], tmp_path / "film.gif", scene=scene)
+    with pytest.raises(ValueError, match=r"has the suffix '.avi'; use .mp4, .gif or .html"):
+        animate(states, tmp_path / "film.avi", scene=scene)
+    with pytest.raises(FileNotFoundError, match=r"the directory .*none does not exist"):
+        animate(states, tmp_path / "none" / "film.gif", scene=scene)
+    monkeypatch.setattr("matplotlib.animation.writers.is_available", lambda kind: False)
+    with pytest.raises(ValueError, match=r"film.mp4 needs ffmpeg, which is not installed"):
+        animate(states, tmp_path / "film.mp4", scene=scene)
+
+
+def test_matplotlib_is_not_imported_with_the_library():
+    code = "import sys, skmpm; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_without_matplotlib_the_remedy_is_named(squeezed, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
+    with pytest.raises(ImportError, match=r'plot needs matplotlib; install it with: pip install "skmpm\[plot\]"'):
+        plot(squeezed[0], squeezed[1][-1])
