@@ -11,7 +11,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -47,9 +47,9 @@ def main(out: Path) -> list[skmpm.State]:
         itself = state.contacts.bodies[0] == state.contacts.bodies[1]
         force = state.contacts.force[0, itself].sum()
         print(f"lid down by {R * state.t * 1e3:.1f} mm: {state.wall_force[1, 1]:.1f} N/m, mouth {force:.1f} N/m")
-    figure, axes = plt.subplots(1, 3, figsize=(9, 3), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, 3, figsize=(9, 3), layout="constrained")
     for ax, state in zip(axes, (states[0], states[len(states) // 2], states[-1]), strict=True):
-        plot(scene, state, "pressure", axes=ax)
+        skmpm.plot(scene, state, axes=ax, limits=(-3e4, 3e4), legend=ax is axes[-1])
     save(figure, out / "c_ring.png")
     return states
 

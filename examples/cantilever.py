@@ -11,7 +11,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 from skfem import Basis, ElementQuad2, ElementVector, FacetBasis, LinearForm, MeshQuad, condense, solve
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -32,8 +32,7 @@ def material_points(out: Path) -> float:
     state = skmpm.step(scene, skmpm.initial(scene, scheme=scheme), 1.0, scheme=scheme)
     print(f"reaction {state.support_force[0]} N/m, {state.report.newton} solve")
     axes = plt.figure(figsize=(7, 2.2), layout="constrained").add_subplot()
-    plot(scene, state, state.stress[0, 0], axes=axes)
-    axes.figure.colorbar(axes.collections[0], label="stress xx [Pa]")
+    skmpm.plot(scene, state, state.stress[0, 0], axes=axes, label="stress xx [Pa]")
     save(axes.figure, out / "cantilever.png")
     end = points.x[0] == right
     return float(np.interp(bottom + DEPTH / 2, points.x[1, end], (state.x - points.x)[1, end]))

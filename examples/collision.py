@@ -12,7 +12,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -46,8 +46,7 @@ def main(out: Path) -> dict[float, tuple[float, float]]:
         label = rf"$\theta$ = {theta:g}: restitution {found[theta][0]:.2f}"
         right.plot([state.t for state in states], v[:, 0] / SPEED, label=label)
     closest = min(states, key=lambda state: np.ptp(state.x[0]))
-    plot(scene, closest, "pressure", axes=left).set_title(f"t = {closest.t:.2f} s")
-    figure.colorbar(left.collections[0], ax=left, label="pressure [Pa]", location="bottom")
+    skmpm.plot(scene, closest, axes=left).set_title(f"t = {closest.t:.2f} s")
     right.set(xlabel="time [s]", ylabel="speed of the left disc / initial")
     right.legend()
     save(figure, out / "collision.png")

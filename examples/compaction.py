@@ -13,7 +13,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, pressure, save
+from drawing import save
 
 import skmpm
 
@@ -58,14 +58,14 @@ def row(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observabl
 
 
 def draw(scene: skmpm.Scene, stages: list[skmpm.State], path: Path) -> None:
-    """Draw stages by body and by pressure, with their solid fractions."""
+    """Draw the forces between bodies and the pressure in them at some stages, with their solid fractions."""
     figure, axes = plt.subplots(2, len(stages), figsize=(3.0 * len(stages), 6.0), layout="constrained")
-    top = max(float(np.percentile(pressure(state), 98)) for state in stages)
     for (above, below), state in zip(axes.T, stages, strict=True):
-        plot(scene, state, axes=above).set_title(f"{skmpm.observe(scene, state).solid_fraction:.3f}")
-        plot(scene, state, "pressure", axes=below, limits=(0.0, top))
+        last = {"legend": state is stages[-1]}
+        skmpm.plot(scene, state, "body", forces=True, axes=above, **last)
+        skmpm.plot(scene, state, axes=below, limits=(0.0, 2.0 * skmpm.observe(scene, stages[-1]).pressure), **last)
+        below.set_title(f"{skmpm.observe(scene, state).solid_fraction:.3f}")
         above.axis("off"), below.axis("off")
-    figure.colorbar(below.collections[0], ax=axes, label="pressure [Pa]", shrink=0.5)
     save(figure, path)
 
 

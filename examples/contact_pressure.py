@@ -12,7 +12,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -38,9 +38,7 @@ def main(out: Path) -> tuple[float, float]:
     hertz, x = 2.0 * force / (np.pi * a), np.linspace(-a, a, 201)
 
     left, right = plt.figure(figsize=(9, 3.6), layout="constrained").subplots(1, 2)
-    plot(scene, state, "pressure", axes=left)
-    left.set(xlabel="x [m]", ylabel="y [m]", title="pressure in the rubber [Pa]")
-    left.figure.colorbar(left.collections[0])
+    skmpm.plot(scene, state, axes=left)
     for length, style, label in ((0.0, ".", "point forces"), (None, "-", "contact_pressure")):
         found = skmpm.contact_pressure(scene, state, 0, length=length)
         floor = np.flatnonzero(found.x[1] < 0.3 * R)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -37,10 +37,10 @@ def main(out: Path) -> skmpm.State:
 
     axes = plt.figure(figsize=(6, 4), layout="constrained").add_subplot()
     for state in islice(states, 0, None, 100):
-        plot(scene, state, axes=axes)
+        skmpm.plot(scene, state, "body", axes=axes)
     t = np.linspace(0.0, UNTIL, 50)
     axes.plot(0.1 + VELOCITY[0] * t, 0.05 + VELOCITY[1] * t - 0.5 * G * t**2, "k--", label="mass point")
-    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set(xlim=(-0.05, 0.65), ylim=(-0.05, 0.4))
     axes.legend()
     save(axes.figure, out / "fall.png")
     return states[-1]

@@ -14,7 +14,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import meshio
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -49,8 +49,7 @@ def main(out: Path) -> tuple[float, float]:
     ring = 6.72 * E / (1.0 - NU**2) * THICK**3 / 12.0 / R**3 * closed
     print(f"plates {1e3 * closed:.2f} mm closer: {force:.4g} N/m, thin ring {ring:.4g} N/m")
     axes = plt.figure(figsize=(5, 4), layout="constrained").add_subplot()
-    plot(scene, state, "pressure", axes=axes)
-    axes.figure.colorbar(axes.collections[0], label="pressure [Pa]")
+    skmpm.plot(scene, state, axes=axes)
     save(axes.figure, out / "from_mesh.png")
     return force, ring
 

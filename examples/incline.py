@@ -11,7 +11,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -45,8 +45,7 @@ def main(out: Path) -> dict[float, tuple[float, float]]:
         right.plot(t, speed, color=f"C{k}", label=f"friction {friction:g}")
         right.plot(t, formula, "k:", label="closed form" if k == 0 else None)
         if friction == 0.2:
-            plot(scene, states[-1], "pressure", axes=left)
-            figure.colorbar(left.collections[0], ax=left, label="pressure [Pa]", shrink=0.7)
+            skmpm.plot(scene, states[-1], axes=left)
     right.set(xlabel="time [s]", ylabel="speed down the slope [m/s]")
     right.legend()
     save(figure, out / "incline.png")

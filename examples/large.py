@@ -12,7 +12,7 @@ from time import perf_counter
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -47,8 +47,7 @@ def main(out: Path, points: int = 100_000) -> tuple[float, float]:
     print(f"{seconds:.1f} s; the lowest point sinks by {sag:.4g} m; support force less weight: {error:.0e}")
 
     axes = plt.figure(figsize=(5, 4), layout="constrained").add_subplot()
-    plot(scene, state, 1e3 * np.hypot(*(state.x - start.x)), axes=axes)
-    axes.figure.colorbar(axes.collections[0], label="displacement [mm]")
+    skmpm.plot(scene, state, "displacement", axes=axes)
     save(axes.figure, out / "large.png")
     return float(sag), float(error)
 

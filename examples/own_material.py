@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -50,8 +50,7 @@ def main(out: Path) -> tuple[skmpm.Scene, skmpm.State]:
     *_, state = skmpm.simulate(scene, dt=5e-5, until=1.2 * R)
     kept = np.bincount(state.body, state.volume) / np.bincount(state.body, scene.initial_volumes)
     print("area kept: foam {:.4f}, rubber {:.4f}".format(*kept))
-    axes = plot(scene, state, state.volume / scene.initial_volumes)
-    axes.figure.colorbar(axes.collections[0], label="volume ratio J", orientation="horizontal")
+    axes = skmpm.plot(scene, state, state.volume / scene.initial_volumes, label="volume ratio J")
     save(axes.figure, out / "own_material.png")
     return scene, state
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import compaction
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -37,8 +37,7 @@ def main(out: Path, discs: int = 60, until: float = 0.92, steps: int = 240) -> l
             print("step {:4d}  kinetic {:.4f}  elastic {:.4f}  rotation {:.4f}".format(step, *table[-1]))
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4), layout="constrained")
-    plot(scene, state, "pressure", axes=left).axis("off")
-    figure.colorbar(left.collections[0], ax=left, label="pressure [Pa]", location="left", shrink=0.7)
+    skmpm.plot(scene, state, axes=left)
     for column, label in enumerate(
         ("kinetic energy [J/m]", "elastic energy [J/m]", "largest rotation rate [rad/step]")
     ):

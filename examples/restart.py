@@ -13,7 +13,7 @@ from time import sleep
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import plot, save
+from drawing import save
 from squeeze import scene
 
 import skmpm
@@ -53,9 +53,8 @@ def main(out: Path) -> dict[str, bool]:
     for axis, state, name in zip(
         axes, (begun, resumed, uninterrupted), ("killed", "resumed", "uninterrupted"), strict=True
     ):
-        plot(scene, state, "pressure", axes=axis, limits=(0.0, 1.5e6)).set_title(f"{name}, t = {state.t:.2g} s")
-        axis.axis("off")
-    figure.colorbar(axes[0].collections[0], ax=axes, label="pressure [Pa]")
+        skmpm.plot(scene, state, axes=axis, limits=(0.0, 1.5e6), legend=axis is axes[-1])
+        axis.set_title(f"{name}, t = {state.t:.2g} s")
     save(figure, out / "restart.png")
     return same
 

@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from drawing import plot, save
+from drawing import save
 
 import skmpm
 
@@ -37,9 +37,7 @@ def main(out: Path) -> skmpm.State:
     print(f"energy [J/m]: {state.report.energy}")
 
     axes = plt.figure(figsize=(4, 5), layout="constrained").add_subplot()
-    plot(scene, state, "pressure", axes=axes)
-    axes.set(xlabel="x [m]", ylabel="y [m]")
-    axes.figure.colorbar(axes.collections[0], label="pressure [Pa]")
+    skmpm.plot(scene, state, axes=axes, forces=True)
     save(axes.figure, out / "squeeze.png")
     return state
 

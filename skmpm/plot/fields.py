@@ -35,7 +35,7 @@ class Field:
         return self.values is None
 
 
-def field_of(scene: Scene, state: State, colour: str | NDArray[np.floating]) -> Field:
+def field_of(scene: Scene, state: State, colour: str | NDArray[np.floating], label: str = "") -> Field:
     """The field that is named or given, by point (n,) or by body (bodies,)."""
     if isinstance(colour, str):
         return _named(scene, state, colour)
@@ -46,7 +46,7 @@ def field_of(scene: Scene, state: State, colour: str | NDArray[np.floating]) -> 
             f" body ({bodies},), or one of {NAMES}"
         )
     values = values.astype(np.float64)
-    return Field(values if values.size == n else values[scene.owner], "", "")
+    return Field(values if values.size == n else values[scene.owner], label, "")
 
 
 def _named(scene: Scene, state: State, name: str) -> Field:
@@ -91,7 +91,7 @@ def beyond(scene: Scene, field: Field, limits: Limits) -> str:
     return {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
 
 
-def label(field: Field, limits: Limits) -> tuple[float, str]:
+def scale_of(field: Field, limits: Limits) -> tuple[float, str]:
     """Scale and label of a colour bar."""
     scale, unit = prefixed(field.unit, max(abs(limits[0]), abs(limits[1])))
     return scale, f"{field.name} [{unit}]" if unit else field.name

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.plot.bodies import draw_bodies
-from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of, label
+from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of, scale_of
 from skmpm.plot.forces import add_key, draw_forces
 from skmpm.plot.style import Style, in_multiples, style_of
 from skmpm.plot.surroundings import draw_supports, draw_walls
@@ -29,6 +29,7 @@ def plot(
     axes: Axes | None = None,
     limits: Limits | None = None,
     legend: bool = True,
+    label: str = "",
 ) -> Axes:
     """Draw the bodies of a state, filled by a field, with walls and supports.
 
@@ -44,6 +45,7 @@ def plot(
     axes : drawn into; by default those of a new figure
     limits : of the colour scale, in SI units; by default the range of the values without 1 % at each end
     legend : add a colour bar and, with forces, a key of their lines
+    label : of the colour bar of an array, with the unit in which its values are
 
     Returns
     -------
@@ -59,7 +61,7 @@ def plot(
         if the state belongs to another scene
     """
     check_fits(scene, state, "plot")
-    field = field_of(scene, state, colour)
+    field = field_of(scene, state, colour, label)
     style = style_of(scene, [state], [field], forces=forces, limits=limits)
     axes = new_axes() if axes is None else axes
     draw(axes, scene, state, field, style)
@@ -104,7 +106,7 @@ def add_legend(axes: Axes, scene: Scene, field: Field, style: Style) -> None:
     from matplotlib.colors import Normalize
 
     if field.values is not None:
-        scale, name = label(field, style.limits)
+        scale, name = scale_of(field, style.limits)
         colours = ScalarMappable(Normalize(*style.limits), colour_map(style.limits))
         picture: Any = axes.get_figure()
         place, ends = axes.inset_axes((1.03, 0.0, 0.035, 1.0)), beyond(scene, field, style.limits)

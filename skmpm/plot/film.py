@@ -26,6 +26,7 @@ def animate(
     colour: str | NDArray[np.floating] = "pressure",
     forces: bool = False,
     limits: Limits | None = None,
+    label: str = "",
     fps: int = 20,
     dpi: float = 120.0,
 ) -> Path:
@@ -35,7 +36,7 @@ def animate(
     ----------
     states : in the order of their frames; all are held in memory
     path : the file; its suffix .mp4 (needs ffmpeg), .gif or .html decides the format
-    scene, colour, forces, limits : as for `plot`
+    scene, colour, forces, limits, label : as for `plot`
     fps : frames per second
     dpi : pixels per inch, of a figure of 6.4 by 4.8 inches
 
@@ -57,7 +58,7 @@ def animate(
     for state in frames:
         check_fits(scene, state, "animate")
     writer, axes = _writer(path, fps), new_axes()
-    fields = [field_of(scene, state, colour) for state in frames]
+    fields = [field_of(scene, state, colour, label) for state in frames]
     style = style_of(scene, frames, fields, forces=forces, limits=limits)
     picture: Any = axes.get_figure()
     add_legend(axes, scene, fields[-1], style)

@@ -147,6 +147,18 @@ def test_no_triangle_crosses_a_notch():
     assert size_of(mesh) == pytest.approx(3 * R**2, rel=1e-6)
 
 
+def test_fields_end_at_boundaries_and_the_view_at_what_is_drawn():
+    scene = Scene([Body(disc((0.0, 0.0), 1.0, spacing=0.2), GEL)], cell=0.25, walls=[Wall((0.0, -1.0), (0.0, 1.0))])
+    axes = plot(scene, initial(scene), np.ones(scene.owner.size), label="one [1]")
+    low = -1.0 - 0.08  # the wall is as thick as the margin
+    assert np.allclose([*axes.get_xlim(), *axes.get_ylim()], [-1.04, 1.04, low, 1.04], atol=0.01)
+    (field,) = drawn(axes, TriMesh)
+    clip = field.get_clip_path().get_fully_transformed_path()
+    assert not clip.contains_point(axes.transData.transform((0.8, 0.8)))
+    assert clip.contains_point(axes.transData.transform((0.5, 0.5)))
+    assert axes.child_axes[0].get_ylabel() == "one [1]"
+
+
 def test_colours_are_those_of_the_values(squeezed):
     scene, (*_, state) = squeezed
     pressure = -0.5 * (state.stress[0, 0] + state.stress[1, 1])
