@@ -8,7 +8,7 @@ ParaView.
 from skmpm import contact, coulomb, linear, outline, transfer
 from skmpm.io import CheckpointError, load, record, save
 from skmpm.material import LinearElastic, Material, MooneyRivlin, NeoHookean, Ogden, Rigid, Yeoh, check_material
-from skmpm.observe import Network, Observables, Traction, contact_pressure, network, observe
+from skmpm.observe import Network, Observables, Traction, contact_pressure, network, observe, pair_correlation
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
 from skmpm.points import Points, box, disc, from_mesh
@@ -59,6 +59,7 @@ __all__ = [
     "observe",
     "outline",
     "packing",
+    "pair_correlation",
     "plot",
     "preflight",
     "record",

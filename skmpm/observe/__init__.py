@@ -3,7 +3,18 @@
 from skmpm.observe.bodies import PerBody
 from skmpm.observe.contact_network import mass_centres
 from skmpm.observe.observables import Observables, observe
+from skmpm.observe.pair_correlation import pair_correlation
 from skmpm.observe.pairs import Network, network
 from skmpm.observe.traction import Traction, contact_pressure
 
-__all__ = ["Network", "Observables", "PerBody", "Traction", "contact_pressure", "mass_centres", "network", "observe"]
+__all__ = [
+    "Network",
+    "Observables",
+    "PerBody",
+    "Traction",
+    "contact_pressure",
+    "mass_centres",
+    "network",
+    "observe",
+    "pair_correlation",
+]

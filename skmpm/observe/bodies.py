@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from skmpm.observe.contact_network import (
     touching_pairs,
 )
 from skmpm.outline import Outlines
+from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State
 
 Array = NDArray[np.float64]
@@ -29,14 +30,17 @@ ROUND = 1e-9  # relative difference of the principal moments below which a body 
 MARGIN = 2.0  # mean diameters between the walls and the interior
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PerBody:
     """Observables of each body, whether or not it enters the means."""
+
+    __repr__ = with_shapes
 
     counted: Bools  # (bodies,) enters the means: deformable and, with `interior`, in the interior
     centre: Array  # (2, bodies) of mass [m]
     diameter: Array  # (bodies,) of the disc of the initial area [m]
     area: Array  # (bodies,) inside the smooth outline [m2]; nan without an outline
+    perimeter: Array  # (bodies,) of the smooth outline, holes included [m]; nan without an outline
     volume_ratio: Array  # (bodies,) J = sum V0 det F / sum V0
     coordination: Array  # (bodies,) bodies and walls that touch it
     coordination_without_rattlers: Array  # (bodies,) those that are no rattlers; nan for a rattler
@@ -47,6 +51,25 @@ class PerBody:
     stress: Array  # (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive
     pressure: Array  # (bodies,) -tr/2 of it [Pa]
     pressure_points: Array  # (bodies,) of the material points, kinetic part included [Pa]
+
+    @property
+    def shape_factor(self) -> Array:
+        """Perimeter^2 / (4 pi area), (bodies,), 1 for a disc; Boromand et al., Phys. Rev. Lett. 121 (2018) 248003."""
+        return np.asarray(self.perimeter**2 / (4.0 * np.pi * self.area))
+
+    @property
+    def deviatoric_stress(self) -> Array:
+        """Half the difference of the principal values of `stress`, (bodies,) [Pa]."""
+        (xx, xy), (yx, yy) = self.stress
+        return np.asarray(np.hypot(0.5 * (xx - yy), 0.5 * (xy + yx)))
+
+    def table(self) -> dict[str, NDArray[np.generic]]:
+        """Columns (bodies,) by name, as `pandas.DataFrame` takes them."""
+        own: dict[str, NDArray[np.generic]] = {f.name: getattr(self, f.name) for f in fields(self)}
+        del own["centre"], own["stress"]
+        own |= {"x": self.centre[0], "y": self.centre[1]}
+        own |= {f"stress_{a}{b}": self.stress[i, j] for i, a in enumerate("xy") for j, b in enumerate("xy")}
+        return own | {"shape_factor": self.shape_factor, "deviatoric_stress": self.deviatoric_stress}
 
 
 def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) -> PerBody:
@@ -68,6 +91,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
         centre=centre,
         diameter=diameter,
         area=area,
+        perimeter=np.where(scene.outlined, smooth.perimeter(n), np.nan),
         volume_ratio=volume / initial,
         coordination=neighbours(pairs, n).astype(np.float64),
         coordination_without_rattlers=_without_rattlers(scene, pairs),

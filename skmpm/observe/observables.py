@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,18 @@ from skmpm.observe.bodies import PerBody, away_from_walls, per_body
 from skmpm.observe.contact_network import half_branches, moments
 from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
 from skmpm.outline import Outlines
+from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Observables:
     """The observables of a packing; `observe` defines them. Stress: tension positive."""
+
+    __repr__ = with_shapes
 
     solid_fraction: float  # areas inside the smooth outlines / box
     solid_fraction_nominal: float  # initial volumes / box
@@ -37,6 +40,12 @@ class Observables:
     stress: Array  # (2, 2) of the contacts [Pa]
     wall_pressure: Array  # (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
     bodies: PerBody
+
+    def table(self) -> dict[str, float]:
+        """The observables that are numbers, and the components of the stress: one row of a table over time."""
+        row = {f.name: getattr(self, f.name) for f in fields(self)}
+        row |= {f"stress_{a}{b}": float(self.stress[i, j]) for i, a in enumerate("xy") for j, b in enumerate("xy")}
+        return {name: value for name, value in row.items() if isinstance(value, float)}
 
 
 def observe(scene: Scene, state: State, *, interior: bool = False) -> Observables:

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from skmpm.observe.contact_length import contact_lengths
 from skmpm.observe.contact_network import between, coefficient_of, force_vectors, mass_centres, pairs_of, touching
+from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Network:
     """The contacts of a packing by pairs of bodies that touch; `network` makes it.
 
@@ -36,6 +37,8 @@ class Network:
         without friction or force, and with cohesion
     contacts : (k,) number of contacts merged
     """
+
+    __repr__ = with_shapes
 
     bodies: Ints
     normal: Array
@@ -67,6 +70,22 @@ class Network:
         """
         n = self.normal
         return n @ n.T / self.size if self.size else np.full((2, 2), np.nan)
+
+    def force_distribution(self, bins: int = 40, largest: float = 6.0) -> tuple[Array, Array]:
+        """Probability density of normal forces over their mean, of pairs that press.
+
+        Radjai, Jean, Moreau & Roux, Phys. Rev. Lett. 77 (1996) 274.
+
+        Returns
+        -------
+        f : (bins,) centres of the bins, between 0 and `largest`
+        density : (bins,) its integral is the fraction of forces up to `largest`; nan without forces
+        """
+        force, edges = self.force[0][self.force[0] > 0.0], np.linspace(0.0, largest, bins + 1)
+        centre = 0.5 * (edges[1:] + edges[:-1])
+        if force.size == 0:
+            return centre, np.full(bins, np.nan)
+        return centre, np.histogram(force / force.mean(), edges)[0] / (force.size * np.diff(edges))
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Columns (k,) by name, as `pandas.DataFrame` takes them."""

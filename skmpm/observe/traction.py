@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.observe.contact_network import FORCED, force_vectors
 from skmpm.observe.sides import Placed, Side, place, sides
+from skmpm.representation import with_shapes
 from skmpm.scene import Scene, SceneError, State, check_fits
 
 Array = NDArray[np.float64]
@@ -22,7 +23,7 @@ Ints = NDArray[np.int64]
 AVERAGING = 1.3
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Traction:
     """Contact traction along the boundary of a body, linear between its boundary points; `contact_pressure` makes it.
 
@@ -44,6 +45,8 @@ class Traction:
     pressure : (m,) [Pa] normal traction, positive in compression, negative where cohesion bears tension
     shear : (m,) [Pa] tangential traction, positive along increasing arc length
     """
+
+    __repr__ = with_shapes
 
     body: int
     point: Ints

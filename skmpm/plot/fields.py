@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.plot.units import prefixed
 from skmpm.scene import Scene, State, mises
+from skmpm.units import prefixed
 
 Array = NDArray[np.float64]
 Limits = tuple[float, float]

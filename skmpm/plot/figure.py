@@ -13,8 +13,8 @@ from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of, scale
 from skmpm.plot.forces import add_key, draw_forces
 from skmpm.plot.style import Style, in_multiples, style_of
 from skmpm.plot.surroundings import draw_supports, draw_walls
-from skmpm.plot.units import prefixed
 from skmpm.scene import Scene, State, check_fits
+from skmpm.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

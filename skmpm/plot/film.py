@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from skmpm.plot.fields import Limits, field_of
 from skmpm.plot.figure import add_legend, draw, matplotlib_module, new_axes
 from skmpm.plot.style import style_of
-from skmpm.plot.units import prefixed
 from skmpm.scene import Scene, State, check_fits
+from skmpm.units import prefixed
 
 WRITERS = {".mp4": "ffmpeg", ".gif": "pillow", ".html": "html"}
 

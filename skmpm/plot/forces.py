@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.observe import mass_centres, network
-from skmpm.plot.units import prefixed
 from skmpm.scene import Scene, State
+from skmpm.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

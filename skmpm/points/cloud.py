@@ -14,7 +14,7 @@ Integers = NDArray[np.int64]
 ROWS = 200_000  # pairs of edges tested for crossing at a time
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Points:
     """Material points of one body and, if it has one, its outline.
 
@@ -38,6 +38,9 @@ class Points:
         object.__setattr__(self, "x", np.array(self.x, dtype=np.float64))
         object.__setattr__(self, "volume", np.array(self.volume, dtype=np.float64))
         object.__setattr__(self, "outline", tuple(np.array(loop, dtype=np.int64) for loop in self.outline))
+
+    def __repr__(self) -> str:
+        return f"Points({self.size} points, {len(self.outline)} loops)"
 
     @property
     def size(self) -> int:

@@ -11,16 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import Rigid
 from skmpm.outline import Outlines, folded, outlines, thickness
+from skmpm.representation import line, table
 from skmpm.scene.check import check
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
 from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
+from skmpm.units import quantity
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
     """Bodies and walls on a background grid of square cells.
 
@@ -63,6 +65,19 @@ class Scene:
                 raise SceneError(f"{name}: expected a list, got a {type(several).__name__}")
             object.__setattr__(self, name, tuple(several))
         check(self)
+
+    def __repr__(self) -> str:
+        return line("Scene", self._facts())
+
+    def _repr_html_(self) -> str:
+        return table("Scene", self._facts())
+
+    def _facts(self) -> dict[str, object]:
+        materials = sorted({type(body.material).__name__ for body in self.bodies})
+        facts: dict[str, object] = {"bodies": f"{len(self.bodies)} of {', '.join(materials)}"}
+        facts |= {"points": int(self.offsets[-1]), "cell": quantity(self.cell, "m")}
+        facts |= {name: len(getattr(self, name)) for name in ("walls", "supports", "loads") if getattr(self, name)}
+        return facts | {"friction": self.friction} | ({"cohesion [Pa]": self.cohesion} if self.cohesion else {})
 
     @cached_property
     def offsets(self) -> Ints:

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.representation import line, table, with_shapes
+from skmpm.units import quantity
+
 if TYPE_CHECKING:
     from skmpm.assembly import Assembly
     from skmpm.constraint_elimination import Elimination
@@ -25,9 +28,11 @@ class StepFailed(RuntimeError):  # noqa: N818  (public name)
         self.state, self.retryable = state, retryable
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Contacts:
     """The contacts at the end of a step; walls are bodies -1, -2, ..."""
+
+    __repr__ = with_shapes
 
     bodies: Ints  # (2, k); the same twice where parts of one body touch
     x: Array  # (2, k) [m]
@@ -69,7 +74,7 @@ class StepControl:
     chosen: float = 0.0  # [s] where steps are chosen, the next one at most; 0 before the first
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """Cost and residuals of a step."""
 
@@ -86,8 +91,22 @@ class Report:
     energy: Energy = Energy()
     seconds: dict[str, float] = field(default_factory=dict)  # by phase
 
+    def __repr__(self) -> str:
+        return line("Report", self._facts())
 
-@dataclass(frozen=True)
+    def _repr_html_(self) -> str:
+        return table(
+            "Report", self._facts() | {f"{name} [s]": f"{value:.3g}" for name, value in self.seconds.items()}
+        )
+
+    def _facts(self) -> dict[str, object]:
+        facts: dict[str, object] = {"dt =": quantity(self.dt, "s"), "Newton iterations": self.newton}
+        facts |= {"contact iterations": self.contact, "retries": self.retries, "residual": f"{self.residual:.2g}"}
+        facts |= {"imbalance": f"{self.imbalance:.2g}", "overlap": f"{self.overlap:.2g}"}
+        return facts | {"took": quantity(sum(self.seconds.values()), "s")}
+
+
+@dataclass(frozen=True, repr=False)
 class State:
     """Everything needed for a restart; arrays are read-only by convention."""
 
@@ -113,6 +132,18 @@ class State:
     report: Report
     step_control: StepControl = StepControl()
     derived: Derived | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        return line("State", self._facts())
+
+    def _repr_html_(self) -> str:
+        return table("State", self._facts() | {"last step": self.report})
+
+    def _facts(self) -> dict[str, object]:
+        energy, facts = self.report.energy, dict[str, object]()
+        facts |= {"t =": quantity(self.t, "s"), "bodies": int(self.body.max(initial=-1)) + 1}
+        facts |= {"points": self.x.shape[1], "contacts": self.contacts.gap.size}
+        return facts | {"kinetic energy [J/m]": f"{energy.kinetic:.3g}", "elastic": f"{energy.elastic:.3g}"}
 
 
 @dataclass(frozen=True)

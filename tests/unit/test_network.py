@@ -213,3 +213,14 @@ def test_points_without_outline_do_not_matter_to_other_pairs():
     scene = row(2)
     bare = replace(scene, bodies=[replace(b, points=Points(b.points.x, b.points.volume)) for b in scene.bodies])
     assert network(bare, initial(bare, scheme=Scheme.nezamabadi2017())).size == 0
+
+
+def test_the_force_distribution_is_a_density_of_forces_over_their_mean():
+    rng = np.random.default_rng(0)
+    force = np.stack([np.append(rng.exponential(3.0, 200_000), -1.0), np.zeros(200_001)])
+    one = network(row(), touch(row()))
+    many = replace(one, force=force)
+    f, density = many.force_distribution(bins=60)
+    assert density.sum() * 0.1 == pytest.approx(np.mean(force[0, :-1] / force[0, :-1].mean() < 6.0), abs=1e-12)
+    assert density[f < 3.0] == pytest.approx(np.exp(-f[f < 3.0]), abs=0.03)
+    assert np.isnan(replace(one, force=np.zeros((2, 1))).force_distribution()[1]).all()

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skmpm.material import NeoHookean, Rigid
-from skmpm.observe import observe
+from skmpm.observe import observe, pair_correlation
 from skmpm.observe.regions import area_inside, contains, region, share_inside
 from skmpm.outline import outlines
 from skmpm.points import Points, disc
+from skmpm.points import box as block
 from skmpm.scene import Body, Contacts, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate
@@ -681,3 +682,69 @@ def test_observing_changes_nothing():
     observe(scene, state, interior=True)
     for name, a in before.items():
         np.testing.assert_array_equal(getattr(state, name), a)
+
+
+# --- shapes, tables, order
+
+
+def test_the_shape_factor_of_a_disc_and_of_a_square():
+    """1 and 4/pi; the perimeter is that of the curves, to the fourth order of the spacing of boundary points."""
+    round_, square = disc((0.0, 0.0), 1.0, spacing=0.1), block((3.0, 0.0), (1.0, 1.0), spacing=0.1)
+    scene = Scene([Body(round_, SOFT), Body(square, SOFT)], cell=0.25)
+    bodies = observe(scene, initial(scene)).bodies
+    assert bodies.perimeter == pytest.approx([2.0 * np.pi, 4.0], rel=1e-4)
+    assert bodies.shape_factor == pytest.approx([1.0, 4.0 / np.pi], rel=1e-4)
+
+
+def test_the_deviatoric_stress_does_not_depend_on_the_axes():
+    """A uniaxial stress of 2, turned by any angle: half the difference of its principal values is 1."""
+    scene = lattice(2)
+    bodies = observe(scene, pressed(initial(scene), np.ones((2, 1)))).bodies
+    for angle in (0.0, 0.3, 1.1):
+        n = np.array([np.cos(angle), np.sin(angle)])
+        turned = replace(bodies, stress=np.repeat(2.0 * np.outer(n, n)[:, :, None], 4, axis=2))
+        assert turned.deviatoric_stress == pytest.approx(np.ones(4))
+
+
+def test_tables_have_a_column_for_every_observable():
+    scene = lattice(2)
+    seen = observe(scene, pressed(initial(scene), np.ones((2, 1))))
+    row, columns = seen.table(), seen.bodies.table()
+    assert row["coordination"] == seen.coordination and row["stress_xy"] == seen.stress[0, 1]
+    assert all(isinstance(value, float) for value in row.values())
+    assert {column.shape for column in columns.values()} == {(4,)}
+    assert np.array_equal(columns["stress_yx"], seen.bodies.stress[1, 0]) and np.array_equal(
+        columns["y"], seen.bodies.centre[1]
+    )
+
+
+def test_pair_correlation_of_a_square_lattice():
+    """Integrals over the peaks of g are the numbers of neighbours at 1, sqrt 2, 2 and sqrt 5 lattice constants."""
+    n, size = 13, 1.0
+    bodies = [Body(disc((i + 0.5, j + 0.5), 0.3, spacing=0.2), SOFT) for i in range(n) for j in range(n)]
+    walls = [Wall((0, 0), (0, 1)), Wall((0, 0), (1, 0)), Wall((n, n), (0, -1)), Wall((n, n), (-1, 0))]
+    scene = Scene(bodies, cell=0.25, walls=walls)
+    r, g = pair_correlation(scene, initial(scene), bins=48, largest=2.4)
+    neighbours = g * 2.0 * np.pi * r * 0.05 / size**2  # of each ring, for a density of one per cell
+    inner = (n - 2 * 2.4) ** 2 / 9**2  # area of the region over that of the nine by nine cells whose centres it has
+    for distance, count in ((1.0, 4), (np.sqrt(2.0), 4), (2.0, 4), (np.sqrt(5.0), 8)):
+        own = np.abs(r - distance) < 0.06
+        assert neighbours[own].sum() == pytest.approx(count * inner, rel=2e-3)
+    assert g[r < 0.9].max() == 0.0
+
+
+def test_pair_correlation_of_random_places_is_one():
+    rng = np.random.default_rng(0)
+    bodies = [Body(disc((i % 30 + 0.5, i // 30 + 0.5), 0.3, spacing=0.2), SOFT) for i in range(900)]
+    walls = [Wall((0, 0), (0, 1)), Wall((0, 0), (1, 0)), Wall((30, 30), (0, -1)), Wall((30, 30), (-1, 0))]
+    scene = Scene(bodies, cell=0.25, walls=walls)
+    state = initial(scene)
+    x = np.repeat(rng.uniform(0.0, 30.0, (2, 900)), np.diff(scene.offsets), axis=1)
+    _, g = pair_correlation(scene, replace(state, x=x), bins=10, largest=5.0)
+    assert np.abs(g[2:] - 1.0).max() < 0.1  # 400 references with 3 neighbours per unit of area
+
+
+def test_pair_correlation_is_refused_where_every_centre_is_near_a_wall():
+    scene = lattice(2)
+    with pytest.raises(SceneError, match=r"no centre of a body is farther than largest = .* m from all walls"):
+        pair_correlation(scene, initial(scene))

@@ -36,7 +36,7 @@ from skmpm import (
 from skmpm.plot.bodies import PARTS, body_paths
 from skmpm.plot.surroundings import view_of, wall_shapes
 from skmpm.plot.triangles import triangles
-from skmpm.plot.units import prefixed
+from skmpm.units import prefixed
 
 matplotlib.use("Agg")
 GEL = NeoHookean(1e6, 0.45, 1000.0)

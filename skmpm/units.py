@@ -1,4 +1,4 @@
-"""Units of axes and colour bars."""
+"""Multiples of units for people to read."""
 
 from __future__ import annotations
 
@@ -19,3 +19,9 @@ def prefixed(unit: str, size: float) -> tuple[float, str]:
     if unit in ("m", "s") and power > 0:
         power = 0
     return 1000.0**power, PREFIXES[power].replace("u", MICRO) + unit
+
+
+def quantity(value: float, unit: str) -> str:
+    """A value with a prefixed unit, three digits: 8e-6 s is "8 µs"."""
+    scale, name = prefixed(unit, abs(value))
+    return f"{value / scale:.3g} {name}"

@@ -1,0 +1,61 @@
+"""`pair_correlation`: the radial distribution function of the centres of bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skmpm.observe.contact_network import mass_centres
+from skmpm.observe.regions import contains, region
+from skmpm.scene import Scene, SceneError, State, check_fits
+
+Array = NDArray[np.float64]
+
+DIAMETERS = 4.0  # mean diameters up to which the function is computed by default
+
+
+def pair_correlation(
+    scene: Scene, state: State, *, bins: int = 80, largest: float | None = None
+) -> tuple[Array, Array]:
+    """The radial distribution function g of the centres of mass of deformable bodies.
+
+    g(r) is the mean density of centres at the distance r from a centre, over their mean density: 1 without order. The
+    mean is over the centres farther than `largest` from every wall, so no ring is cut by a wall; their number over
+    the area of the region in which they lie is the mean density (Allen & Tildesley, Computer Simulation of Liquids).
+
+    Parameters
+    ----------
+    bins : number of rings
+    largest : outer radius of the last ring [m]; by default four mean diameters
+
+    Returns
+    -------
+    r : (bins,) mean radii of the rings [m]
+    g : (bins,)
+
+    Raises
+    ------
+    SceneError
+        if no centre is that far from the walls, the walls do not enclose the bodies, or the state belongs to another
+        scene
+    """
+    check_fits(scene, state, "pair_correlation")
+    own = scene.deformable
+    if largest is None:
+        area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]
+        largest = DIAMETERS * float(2.0 * np.sqrt(area / np.pi).mean())
+    centre, normal = mass_centres(scene, state)[:, own], scene.normals
+    inner = region(normal, state.walls.T + largest * normal)
+    chosen = contains(inner, centre)
+    if not (np.isfinite(inner.area) and chosen.any()):
+        raise SceneError(
+            f"pair_correlation: no centre of a body is farther than largest = {largest:.3g} m from all walls; give a"
+            " smaller one"
+        )
+    edges = np.linspace(0.0, largest, bins + 1)
+    pairs = cKDTree(centre[:, chosen].T).sparse_distance_matrix(cKDTree(centre.T), largest, output_type="ndarray")
+    apart = pairs["v"][pairs["v"] > 0.0]
+    references, rings = np.count_nonzero(chosen), np.pi * np.diff(edges**2)
+    g = np.histogram(apart, edges)[0] * inner.area / (references**2 * rings)
+    return np.sqrt(0.5 * (edges[1:] ** 2 + edges[:-1] ** 2)), g
