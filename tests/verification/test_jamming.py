@@ -163,7 +163,21 @@ def _rows_of_jamming():
         ),
         Row("the same without friction: pressure over that of mean field", "1, an upper estimate",
             f"Phi - Phi_4 = {numbers(ABOVE)}", "; ".join(numbers(o) for o in over), "-", "shown", test),
+        *_row_of_resolution(onset[0.0], test),
         *(_row_of_cost(mu, own, lid, test) for mu, own in runs.items()),
+    ]  # fmt: skip
+
+
+def _row_of_resolution(onset, test):
+    """The first of the packings without friction on a finer grid."""
+    if not packings.has("jamming_r8"):
+        return []
+    finer = jammed(packings.read("jamming_r8"))
+    return [
+        Row("the first of them without friction with R/h = 8: jamming fraction", f"{onset[0]:.4f} with R/h = 5",
+            "R/h = 8", f"{finer:.4f}", "-",
+            f"change less than the packings' scatter, {np.ptp(onset):.2g}: "
+            + verdict(abs(finer - onset[0]) < np.ptp(onset)), test)
     ]  # fmt: skip
 
 
