@@ -5,6 +5,7 @@ from skmpm.observe.contact_network import mass_centres
 from skmpm.observe.observables import Observables, observe
 from skmpm.observe.pair_correlation import pair_correlation
 from skmpm.observe.pairs import Network, network
+from skmpm.observe.regions import box_area
 from skmpm.observe.traction import Traction, contact_pressure
 
 __all__ = [
@@ -12,6 +13,7 @@ __all__ = [
     "Observables",
     "PerBody",
     "Traction",
+    "box_area",
     "contact_pressure",
     "mass_centres",
     "network",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.outline import Outlines
+from skmpm.scene import State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,6 +35,11 @@ def region(normal: Array, point: Array) -> Region:
     distance = np.einsum("iw,iw->w", normal, point.mean(axis=1)[:, None] - point)
     area = float(length @ distance) / 2.0
     return Region(normal, point, length, area if area > 0.0 else float("nan"))
+
+
+def box_area(state: State) -> float:
+    """Area of the intersection of the walls of a state [m2]; nan if it is not closed."""
+    return region(state.wall_normals.T, state.walls.T).area
 
 
 def _lengths(normal: Array, point: Array) -> Array:

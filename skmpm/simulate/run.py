@@ -62,9 +62,9 @@ def simulate(
     friction, gravity and moduli than before. Bodies and walls are where the state has them, also where the scene's
     `Wall.point` is another: a wall goes on from there.
 
-    `progress` shows step, time, ETA, residual and retries on a terminal; `checkpoint`
-    is a file that keeps the last state, written every half minute and when the run ends: at `until`, by an error,
-    because the caller's loop does, or by SIGTERM (unless the caller handles that signal).
+    `progress` shows step, time, ETA, solid fraction or stroke, and retries on a terminal or in a notebook;
+    `checkpoint` is a file that keeps the last state, written every half minute and when the run ends: at `until`, by
+    an error, because the caller's loop does, or by SIGTERM (unless the caller handles that signal).
 
     Raises
     ------
@@ -114,7 +114,7 @@ def _run(
     """The loop of `simulate`."""
     saved, retried = perf_counter(), RetrySummary()
     try:
-        with Progress(state.t, until, shown=progress) as bar, _exit_at_sigterm(wanted=checkpoint is not None):
+        with Progress(scene, state, until, shown=progress) as bar, _exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * state.step_control.dt:
                 if pace is None:
                     state, failures = advance_with_retries(scene, state, until, scheme)

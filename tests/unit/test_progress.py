@@ -9,8 +9,8 @@ import pytest
 
 from skmpm.material import LinearElastic
 from skmpm.points import disc
-from skmpm.progress import Progress
-from skmpm.scene import Body, Scene
+from skmpm.progress import WIDTH, Progress
+from skmpm.scene import Body, Energy, Scene, Wall
 from skmpm.simulate import initial, simulate
 
 SCENE = Scene([Body(disc((0, 0), 1.0, spacing=0.5), LinearElastic(1e6, 0.3, 1e3), velocity=(1, 0))], cell=0.5)
@@ -20,7 +20,7 @@ SCENE = Scene([Body(disc((0, 0), 1.0, spacing=0.5), LinearElastic(1e6, 0.3, 1e3)
 def terminal(monkeypatch):
     """Make stderr a terminal, whatever stream pytest puts there."""
     stderr = SimpleNamespace(isatty=lambda: True, write=lambda text: sys.stderr.write(text), flush=lambda: None)
-    monkeypatch.setattr("skmpm.progress.sys", SimpleNamespace(stderr=stderr))
+    monkeypatch.setattr("skmpm.progress.sys", SimpleNamespace(stderr=stderr, modules={}))
 
 
 def run(capsys, *, progress):
@@ -33,8 +33,8 @@ def run(capsys, *, progress):
 def test_progress_prints_on_a_terminal(capsys, terminal):
     _, text = run(capsys, progress=True)
     first = text.split("\r")[1]
-    assert re.match(r"step 1  t = 0.001 s   20.0 %  ETA \d+:\d\d  residual 0.0e\+00 *", first)
-    assert len(first.rstrip("\n")) == 78
+    assert re.match(r"step 1  t = 1 ms   20.0 %  ETA \d+:\d\d  dynamic *", first)
+    assert len(first.rstrip("\n")) == WIDTH
     assert text.endswith("\n")
 
 
@@ -51,7 +51,7 @@ def test_the_line_is_redrawn_at_most_five_times_a_second(capsys, terminal, monke
     states, _ = run(capsys, progress=False)
     clock = iter([0.0, 0.3, 0.31, 0.32, 0.51, 0.6])
     monkeypatch.setattr("skmpm.progress.perf_counter", lambda: next(clock))
-    with Progress(0.0, 5e-3, shown=True) as bar:
+    with Progress(SCENE, initial(SCENE), 5e-3, shown=True) as bar:
         for state in states:
             bar.show(state)
     lines = capsys.readouterr().err.split("\r")[1:]
@@ -60,7 +60,7 @@ def test_the_line_is_redrawn_at_most_five_times_a_second(capsys, terminal, monke
 
 
 def test_a_run_that_fails_leaves_the_line_and_the_error_alone(capsys, terminal):
-    with pytest.raises(RuntimeError, match="broken"), Progress(0.0, 1.0, shown=True) as bar:
+    with pytest.raises(RuntimeError, match="broken"), Progress(SCENE, initial(SCENE), 1.0, shown=True) as bar:
         bar.show(next(iter(simulate(SCENE, dt=1e-3, until=5e-3))))
         raise RuntimeError("broken")
     assert capsys.readouterr().err.endswith("\n")
@@ -73,10 +73,49 @@ def test_nothing_is_printed_when_there_is_nothing_to_do(capsys, terminal):
 
 def test_retries_are_counted(capsys, terminal):
     state = initial(SCENE)
-    with Progress(0.0, 1.0, shown=True) as bar:
+    with Progress(SCENE, initial(SCENE), 1.0, shown=True) as bar:
         for retries in (0, 2, 1):
             bar._drawn = 0.0
             bar.show(replace(state, report=replace(state.report, retries=retries)))
     lines = capsys.readouterr().err.split("\r")[1:]
     assert "retries" not in lines[0]
     assert [line.split("retries ")[1].split()[0] for line in lines[1:]] == ["2", "3"]
+
+
+def shown(capsys, scene, state):
+    start = initial(scene)
+    capsys.readouterr()
+    with Progress(scene, start, 1.0, shown=True) as bar:
+        bar.show(state)
+    return capsys.readouterr().err
+
+
+def boxed(*, lid):
+    """A disc of area 3.14 in a box of 3 by 4, without lid an open one."""
+    walls = [Wall((-1.5, -1.0), (0, 1)), Wall((-1.5, 0.0), (1, 0)), Wall((1.5, 0.0), (-1, 0))]
+    top = [Wall((0.0, 3.0), (0, -1), velocity=(0.0, -1.0))] if lid else []
+    return Scene([Body(disc((0, 0), 1.0, spacing=0.5), LinearElastic(1e6, 0.3, 1e3))], cell=0.5, walls=[*walls, *top])
+
+
+def test_the_solid_fraction_or_the_stroke_is_shown(capsys, terminal):
+    closed, open_ = boxed(lid=True), boxed(lid=False)
+    state = initial(closed)
+    lower = replace(state, t=0.5, walls=state.walls.copy())
+    lower.walls[3, 1] -= 1.0
+    assert "solid fraction 0.349" in shown(capsys, closed, lower)  # pi / 9
+    moved = initial(open_)
+    moved.walls[0, 1] += 0.25
+    assert "stroke 250 mm" in shown(capsys, open_, replace(moved, t=0.5))
+
+
+def test_the_motion_is_quasi_static_where_kinetic_energy_is_small(capsys, terminal):
+    state = initial(SCENE)
+    for kinetic, kind in ((0.9, "quasi-static"), (1.1, "dynamic")):
+        report = replace(state.report, energy=Energy(kinetic=kinetic, elastic=100.0))
+        assert f"  {kind}" in shown(capsys, SCENE, replace(state, report=report))
+
+
+def test_notebooks_see_it_too(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: False)
+    monkeypatch.setitem(sys.modules, "ipykernel", SimpleNamespace())
+    assert run(capsys, progress=True)[1].startswith("\rstep 1  ")
