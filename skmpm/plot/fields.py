@@ -38,7 +38,7 @@ class Field:
 def field_of(scene: Scene, state: State, colour: str | NDArray[np.floating], label: str = "") -> Field:
     """The field that is named or given, by point (n,) or by body (bodies,)."""
     if isinstance(colour, str):
-        return _named(scene, state, colour)
+        return _known(scene, _named(scene, state, colour))
     values, n, bodies = np.asarray(colour), state.x.shape[1], len(scene.bodies)
     if values.shape not in ((n,), (bodies,)) or values.dtype.kind not in "fiub":
         raise ValueError(
@@ -46,7 +46,17 @@ def field_of(scene: Scene, state: State, colour: str | NDArray[np.floating], lab
             f" body ({bodies},), or one of {NAMES}"
         )
     values = values.astype(np.float64)
-    return Field(values if values.size == n else values[scene.owner], label, "")
+    return _known(scene, Field(values if values.size == n else values[scene.owner], label, ""))
+
+
+def _known(scene: Scene, field: Field) -> Field:
+    """The field; ValueError if it has no value at any point of a deformable body."""
+    own = np.zeros(0) if field.values is None else field.values[scene.deformable_points]
+    if own.size and not np.isfinite(own).any():
+        where = "; the equivalent stress needs `stress_zz` of the materials" if "Mises" in field.name else ""
+        name = field.name or "colour"
+        raise ValueError(f"plot: {name} is nan or inf at every point{where}; colour by another field")
+    return field
 
 
 def _named(scene: Scene, state: State, name: str) -> Field:

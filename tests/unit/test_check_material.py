@@ -8,7 +8,7 @@ import pytest
 
 from skmpm import Body, NeoHookean, Rigid, Scene, SceneError, check_material, disc, initial, save, simulate
 from skmpm.io import load
-from skmpm.io.paraview import _stress_zz
+from skmpm.scene import stress_zz
 
 GEL = NeoHookean(1e6, 0.3, 1000.0)
 BALL = disc((0.0, 0.0), 1e-3, spacing=0.25e-3)
@@ -217,8 +217,8 @@ def test_a_material_of_ones_own_moves_as_that_of_the_library_bit_for_bit(tmp_pat
     (ahead,) = simulate(thrown(Own()), dt=5e-6, until=4.5e-5, start=back)
     (expected,) = simulate(thrown(GEL), dt=5e-6, until=4.5e-5, start=ends[0])
     assert np.array_equal(ahead.x, expected.x)
-    assert np.isnan(_stress_zz(thrown(Own()), ahead)).all()
-    assert np.isfinite(_stress_zz(thrown(GEL), ahead)).all()
+    assert np.isnan(stress_zz(thrown(Own()), ahead)).all()
+    assert np.isfinite(stress_zz(thrown(GEL), ahead)).all()
 
 
 def test_equal_materials_are_evaluated_together(monkeypatch):

@@ -260,6 +260,7 @@ def test_multiples_of_units_lie_between_1_and_1000(size):
         (np.zeros(7), None, r"array of float64 of shape \(7,\); give numbers by point \(\d+,\) or by body \(2,\)"),
         (np.zeros((2, 2)), None, r"of shape \(2, 2\)"),
         (np.array(["a", "b"]), None, "array of <U1"),
+        (np.full(2, np.nan), None, "colour is nan or inf at every point; colour by another field"),
         ("body", (1.0, 1.0), r"limits = \(1.0, 1.0\); give two numbers, the lower one first"),
         ("body", 3.0, "limits = 3.0; give two numbers"),
     ],
