@@ -2,21 +2,19 @@
 
     python examples/paraview.py
 
-`skmpm.record` writes one file that ParaView (5.12 or later) opens and any HDF5 library reads: points and fields of
-all frames, concatenated; `Steps/PointOffsets` holds the start of each. The file is valid after every frame.
+`skmpm.record` writes one file that ParaView (6.0 or later) opens, with blocks of points, bodies and contacts. It is
+valid after every frame. `skmpm.read` returns the frames as arrays.
 """
 
 import argparse
 from pathlib import Path
 
-import h5py
 import matplotlib.pyplot as plt
 import numpy as np
 from drawing import save
 
 import skmpm
 
-Frame = tuple[float, np.ndarray, np.ndarray]
 R, DT, UNTIL, EVERY = 0.01, 4e-4, 0.24, 25  # [m], [s], [s], steps between frames
 gel = skmpm.NeoHookean(E=2e4, nu=0.3, density=1000.0)
 centres = [(2.1 * R * i + 1.2 * R + 0.3 * R * (j % 2), (2.1 * j + 1.5) * R) for j in range(4) for i in range(3)]
@@ -26,15 +24,7 @@ walls = [skmpm.Wall((0, 0), (0, 1), friction=0.3), *sides]
 scene = skmpm.Scene(bodies, cell=R / 4, walls=walls, friction=0.3, gravity=(0.0, -9.81))
 
 
-def read(path: Path) -> list[Frame]:
-    """Time [s], positions (n, 2) [m] and pressures (n,) [Pa] of all frames."""
-    with h5py.File(path) as file:
-        vtk = file["VTKHDF"]
-        n, steps = int(vtk["NumberOfPoints"][0]), zip(vtk["Steps/Values"], vtk["Steps/PointOffsets"], strict=True)
-        return [(t, vtk["Points"][k : k + n, :2], vtk["PointData/pressure"][k : k + n]) for t, k in steps]
-
-
-def main(out: Path) -> tuple[skmpm.State, list[Frame]]:
+def main(out: Path) -> tuple[skmpm.State, skmpm.io.Recording]:
     """The last recorded state, and the frames that were read back."""
     print(skmpm.preflight(scene, DT))
     out.mkdir(parents=True, exist_ok=True)
@@ -42,12 +32,16 @@ def main(out: Path) -> tuple[skmpm.State, list[Frame]]:
         for step, state in enumerate(skmpm.simulate(scene, dt=DT, until=UNTIL), start=1):
             if step % EVERY == 0:
                 series.write(last := state)
-    frames = read(out / "fall.vtkhdf")
-    print(f"{len(frames)} frames of {last.x.shape[1]} points; the last at t = {frames[-1][0]:.3f} s")
+    frames = skmpm.read(out / "fall.vtkhdf")
+    print(f"{len(frames)} frames of {last.x.shape[1]} points; the last at t = {frames[-1].t:.3f} s")
     figure, axes = plt.subplots(1, 4, figsize=(9, 3.5), layout="constrained")
-    for axis, (t, x, p) in zip(axes, [*frames[:18:6], frames[-1]], strict=True):
-        dots = axis.scatter(*x.T, c=p, s=2.0, vmin=0.0, vmax=np.percentile(frames[-1][2], 98))
-        axis.set(aspect="equal", title=f"t = {t:.2f} s", xticks=[], yticks=[], xlim=(0, 7 * R), ylim=(0, 9.5 * R))
+    top = np.percentile(frames[-1].points["pressure"], 98)
+    for axis, frame in zip(axes, [*frames[:18:6], frames[-1]], strict=True):
+        dots = axis.scatter(*frame.x, c=frame.points["pressure"], s=2.0, vmin=0.0, vmax=top)
+        for line, force in zip(frame.contacts["lines"], frame.contacts["normal_force"], strict=True):
+            axis.plot(*line.T, "r", linewidth=3.0 * force / frames[-1].contacts["normal_force"].max())
+        axis.set(aspect="equal", title=f"t = {frame.t:.2f} s", xlim=(0, 7 * R), ylim=(0, 9.5 * R))
+        axis.set(xticks=[], yticks=[])
     figure.colorbar(dots, ax=axes, label="pressure [Pa]")
     save(figure, out / "paraview.png")
     return last, frames

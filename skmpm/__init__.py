@@ -6,7 +6,7 @@ ParaView.
 """
 
 from skmpm import contact, coulomb, linear, outline, transfer
-from skmpm.io import CheckpointError, load, record, save
+from skmpm.io import CheckpointError, load, read, record, save
 from skmpm.material import LinearElastic, Material, MooneyRivlin, NeoHookean, Ogden, Rigid, Yeoh, check_material
 from skmpm.observe import Network, Observables, Traction, contact_pressure, network, observe, pair_correlation
 from skmpm.packing import Packing, PackingError, packing
@@ -62,6 +62,7 @@ __all__ = [
     "pair_correlation",
     "plot",
     "preflight",
+    "read",
     "record",
     "save",
     "simulate",

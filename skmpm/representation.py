@@ -33,6 +33,8 @@ def with_shapes(of: DataclassInstance) -> str:
 def _short(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return f"<{value.dtype} {value.shape}>"
-    if isinstance(value, tuple) and len(value) > 3:
+    if isinstance(value, dict):
+        return f"<{', '.join(map(str, value))}>"
+    if isinstance(value, tuple) and (len(value) > 3 or any(isinstance(item, np.ndarray) for item in value)):
         return f"<{len(value)} of {type(value[0]).__name__}>"
     return f"{value:.6g}" if isinstance(value, float) else repr(value)

@@ -1,6 +1,7 @@
-"""Checkpoints (`save`, `load`) and time series for ParaView (`record`)."""
+"""Checkpoints (`save`, `load`) and time series for ParaView (`record`, `read`)."""
 
 from skmpm.io.checkpoint import CheckpointError, load, save, writable
-from skmpm.io.paraview import Recorder, record
+from skmpm.io.reading import Frame, Recording, read
+from skmpm.io.recording import Recorder, record
 
-__all__ = ["CheckpointError", "Recorder", "load", "record", "save", "writable"]
+__all__ = ["CheckpointError", "Frame", "Recorder", "Recording", "load", "read", "record", "save", "writable"]

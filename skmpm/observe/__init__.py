@@ -4,7 +4,7 @@ from skmpm.observe.bodies import PerBody
 from skmpm.observe.contact_network import mass_centres
 from skmpm.observe.observables import Observables, observe
 from skmpm.observe.pair_correlation import pair_correlation
-from skmpm.observe.pairs import Network, network
+from skmpm.observe.pairs import Network, force_lines, network
 from skmpm.observe.regions import box_area
 from skmpm.observe.traction import Traction, contact_pressure
 
@@ -15,6 +15,7 @@ __all__ = [
     "Traction",
     "box_area",
     "contact_pressure",
+    "force_lines",
     "mass_centres",
     "network",
     "observe",

@@ -151,6 +151,14 @@ def network(scene: Scene, state: State) -> Network:
     )
 
 
+def force_lines(scene: Scene, state: State, pairs: Network) -> Array:
+    """Lines (k, 2, 2) [m] between the centres of mass of the bodies of pairs, by which force chains are drawn.
+
+    Of walls and rigid bodies they begin at the centre of the contact.
+    """
+    return np.stack([_ends(scene, state, body, pairs.centre).T for body in pairs.bodies], axis=1)
+
+
 def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:
     """Ends of the branches at bodies (k,): their centres of mass, or `centre` (2, k) at walls and rigid bodies."""
     own = (body >= 0) & scene.deformable[np.maximum(body, 0)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.observe import mass_centres, network
+from skmpm.observe import force_lines, network
 from skmpm.scene import Scene, State
 from skmpm.units import prefixed
 
@@ -27,22 +27,10 @@ def draw_forces(axes: Axes, scene: Scene, state: State, largest: float) -> None:
     """Draw lines as wide as the normal forces between bodies, the widest for the force `largest` [N/m]."""
     from matplotlib.collections import LineCollection
 
-    lines, force = chains(scene, state)
+    pairs = network(scene, state)
+    lines, widths = force_lines(scene, state, pairs), _width(scene, pairs.force[0], largest)
     options: dict[str, Any] = {"colors": COLOUR, "capstyle": "round", "alpha": 0.85, "zorder": 3.5}
-    axes.add_collection(LineCollection(list(lines), linewidths=_width(scene, force, largest), **options))
-
-
-def chains(scene: Scene, state: State) -> tuple[Array, Array]:
-    """Lines (k, 2, 2) [m] between the centres of mass of bodies that touch, and their normal forces (k,) [N/m].
-
-    From a wall or a rigid body they begin at the centre of the contact.
-    """
-    pairs, centre = network(scene, state), mass_centres(scene, state)
-    ends = []
-    for body in pairs.bodies:
-        own = (body >= 0) & scene.deformable[np.maximum(body, 0)]
-        ends.append(np.where(own, centre[:, np.maximum(body, 0)], pairs.centre).T)
-    return np.stack(ends, axis=1), pairs.force[0]
+    axes.add_collection(LineCollection(list(lines), linewidths=widths, **options))
 
 
 def add_key(axes: Axes, scene: Scene, largest: float) -> None:

@@ -15,10 +15,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skmpm.io import CheckpointError, checkpoint, load, paraview, record, save
+from skmpm.io import CheckpointError, checkpoint, load, read, record, save, vtkhdf
 from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.observe import network, observe
 from skmpm.points import Points, disc
-from skmpm.scene import Body, Report, Scene, State, Wall
+from skmpm.scene import Body, Contacts, Report, Scene, State, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, step
 
@@ -335,8 +336,8 @@ def test_a_restart_is_bit_exact(tmp_path, material, scheme):
 # --- recordings ---
 
 
-def read(path):
-    """All steps as VTK sees them: a list of (time, points, cells by kind, point data)."""
+def as_vtk_sees(path):
+    """All steps: a list of (time, blocks), each block with its points, cells by kind and data."""
     reader = vtk.vtkHDFReader()
     assert reader.CanReadFile(str(path))
     reader.SetFileName(str(path))
@@ -350,17 +351,28 @@ def read(path):
     for k, t in enumerate(times):
         reader.SetStep(k)
         reader.Update()
-        grid = reader.GetOutputDataObject(0)
-        data = {
-            grid.GetPointData().GetArrayName(i): vtk_to_numpy(grid.GetPointData().GetArray(i)).copy()
-            for i in range(grid.GetPointData().GetNumberOfArrays())
-        }
-        cells = [
+        blocks = reader.GetOutputDataObject(0)
+        names = [blocks.GetMetaData(i).Get(vtk.vtkCompositeDataSet.NAME()) for i in range(blocks.GetNumberOfBlocks())]
+        steps.append((t, {name: _block(blocks.GetBlock(i)) for i, name in enumerate(names)}))
+    return steps
+
+
+def _block(grid):
+    return {
+        "x": vtk_to_numpy(grid.GetPoints().GetData()).copy() if grid.GetNumberOfPoints() else np.zeros((0, 3)),
+        "cells": [
             [[ids.GetId(i) for i in range(ids.GetNumberOfIds())] for ids in _cells(array)]
             for array in (grid.GetVerts(), grid.GetLines(), grid.GetPolys(), grid.GetStrips())
-        ]
-        steps.append((t, vtk_to_numpy(grid.GetPoints().GetData()).copy(), cells, data))
-    return steps
+        ],
+        **_data(grid.GetPointData()),
+        **_data(grid.GetCellData()),
+    }
+
+
+def _data(fields):
+    return {
+        fields.GetArrayName(i): vtk_to_numpy(fields.GetArray(i)).copy() for i in range(fields.GetNumberOfArrays())
+    }
 
 
 def _cells(array):
@@ -379,12 +391,14 @@ def write(path, scene, states, **options):
 def test_vtk_reads_what_was_written(tmp_path, states):
     scene = discs()
     write(tmp_path / "run.vtkhdf", scene, states)
-    steps = read(tmp_path / "run.vtkhdf")
-    assert [t for t, *_ in steps] == [state.t for state in states]
-    for (_, points, cells, data), state in zip(steps, states, strict=True):
-        n = state.body.size
-        np.testing.assert_array_equal(points, np.vstack([state.x, np.zeros(n)]).T)
+    steps = as_vtk_sees(tmp_path / "run.vtkhdf")
+    assert [t for t, _ in steps] == [state.t for state in states]
+    for (_, blocks), state in zip(steps, states, strict=True):
+        n, data = state.body.size, blocks["points"]
+        np.testing.assert_array_equal(data["x"], np.vstack([state.x, np.zeros(n)]).T)
         np.testing.assert_allclose(data["velocity"], np.vstack([state.v, np.zeros(n)]).T, rtol=1e-6)
+        moved = np.vstack([state.x - scene.initial_positions, np.zeros(n)]).T
+        np.testing.assert_allclose(data["displacement"], moved, rtol=1e-6)
         np.testing.assert_array_equal(data["body"], state.body)
         np.testing.assert_allclose(data["volume"], state.volume, rtol=1e-6)
         np.testing.assert_allclose(data["det_F"], np.linalg.det(state.F.T), rtol=1e-6)
@@ -395,11 +409,80 @@ def test_vtk_reads_what_was_written(tmp_path, states):
         assert not stress[:, :2, 2].any()
         pressure = -0.5 * np.trace(stress[:, :2, :2], axis1=1, axis2=2)
         np.testing.assert_allclose(data["pressure"], pressure, atol=1e-6 * scale)
-        assert cells[0] == [[p] for p in range(n)]
-        assert cells[1] == cells[3] == []
-        first = scene.offsets
-        assert cells[2] == [list(first[b] + scene.bodies[b].points.outline[0]) for b in (0, 1)]
-    assert np.abs(steps[-1][1] - steps[0][1]).max() > 1e-5  # it moved
+        assert data["cells"] == [[[p] for p in range(n)], [], [], []]
+    assert np.abs(steps[-1][1]["points"]["x"] - steps[0][1]["points"]["x"]).max() > 1e-5  # it moved
+
+
+def test_bodies_are_smooth_polygons_with_data_of_the_body(tmp_path, states):
+    """Every fourth point is a boundary point; the area within is that of `observe`, to a thousandth."""
+    scene = discs()
+    write(tmp_path / "s", scene, states)
+    for (_, blocks), state in zip(as_vtk_sees(tmp_path / "s"), states, strict=True):
+        bodies, seen, place = blocks["bodies"], observe(scene, state).bodies, scene.outlines.point
+        np.testing.assert_array_equal(bodies["x"][::4, :2].T, state.x[:, place])
+        assert [len(kind) for kind in bodies["cells"]] == [0, 0, 2, 0] and bodies["body"].tolist() == [0, 1]
+        for b, loop in enumerate(bodies["cells"][2]):
+            x, y = bodies["x"][loop, :2].T
+            area = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+            assert area == pytest.approx(seen.area[b], rel=1e-3)
+        for name in ("pressure", "deviatoric_stress", "coordination", "volume_ratio", "aspect_ratio"):
+            np.testing.assert_allclose(bodies[name], getattr(seen, name), rtol=1e-6, atol=1e-30)
+        momentum = [
+            np.average(state.v[:, state.body == b], axis=1, weights=state.mass[state.body == b]) for b in (0, 1)
+        ]
+        np.testing.assert_allclose(bodies["velocity"][:, :2], momentum, rtol=1e-6, atol=1e-12)
+
+
+def test_contacts_are_lines_whose_number_changes(tmp_path, states):
+    scene, last = discs(), replace(states[-1], t=1.0, contacts=Contacts.none())
+    states, counts = [replace(last, t=-1.0), *states, last], []
+    write(tmp_path / "s", scene, states)
+    for (_, blocks), state in zip(as_vtk_sees(tmp_path / "s"), states, strict=True):
+        pairs, lines = network(scene, state), blocks["contacts"]
+        counts.append(pairs.size)
+        assert lines["cells"][1] == [[2 * i, 2 * i + 1] for i in range(pairs.size)]
+        np.testing.assert_array_equal(lines["first"], pairs.bodies[0])
+        np.testing.assert_array_equal(lines["second"], pairs.bodies[1])
+        np.testing.assert_allclose(lines["normal_force"], pairs.force[0], rtol=1e-6)
+        np.testing.assert_allclose(lines["tangential_force"], pairs.force[1], rtol=1e-6)
+        apart = np.diff(lines["x"].reshape(-1, 2, 3)[:, :, :2], axis=1)[:, 0].T
+        np.testing.assert_allclose(apart, -pairs.branch, atol=1e-12)
+    assert counts[0] == counts[-1] == 0 < counts[1]
+
+
+def test_read_returns_what_was_written(tmp_path, states):
+    scene = discs()
+    write(tmp_path / "s", scene, states)
+    recording = read(tmp_path / "s")
+    assert len(recording) == len(states) and recording.t.tolist() == [state.t for state in states]
+    assert [frame.t for frame in recording] == recording.t.tolist()
+    assert "5 frames" in repr(recording) and len(repr(recording[0])) < 700
+    for frame, state in zip(recording, states, strict=True):
+        np.testing.assert_array_equal(frame.x, state.x)
+        np.testing.assert_allclose(frame.points["stress"][:2, :2], state.stress, rtol=1e-6, atol=1e-3)
+        np.testing.assert_allclose(frame.points["velocity"], state.v, rtol=1e-6, atol=1e-30)
+        boundary = np.concatenate(frame.outlines, axis=1)
+        np.testing.assert_array_equal(boundary[:, ::4], state.x[:, scene.outlines.point])
+        assert frame.bodies["body"].tolist() == [0, 1]
+        pairs = network(scene, state)
+        assert frame.contacts["lines"].shape == (pairs.size, 2, 2)
+        np.testing.assert_allclose(frame.contacts["normal_force"], pairs.force[0], rtol=1e-6)
+    np.testing.assert_array_equal(recording[-1].x, states[-1].x)
+    assert [frame.t for frame in recording[1:3]] == [state.t for state in states[1:3]]
+    with pytest.raises(IndexError):
+        recording[len(states)]
+
+
+def test_what_cannot_be_read_is_explained(tmp_path, tiny):
+    with pytest.raises(FileNotFoundError):
+        read(tmp_path / "none")
+    (tmp_path / "text").write_text("hello")
+    with pytest.raises(ValueError, match=r"text: cannot be read .*; give a file of `record`"):
+        read(tmp_path / "text")
+    with h5py.File(tmp_path / "other", "w") as file:
+        file["x"] = 1
+    with pytest.raises(ValueError, match="other: not a recording; give a file of `record`"):
+        read(tmp_path / "other")
 
 
 @pytest.mark.parametrize("law", [LinearElastic, NeoHookean])
@@ -411,38 +494,45 @@ def test_out_of_plane_stress_is_that_of_plane_strain(tmp_path, law):
     F = np.repeat((np.eye(2) + eps)[:, :, None], state.body.size, axis=2)
     state = replace(state, F=F, stress=scene.bodies[0].material.stress(F))
     write(tmp_path / "s", scene, [state])
-    zz = read(tmp_path / "s")[0][3]["stress"][:, 8]
+    zz = read(tmp_path / "s")[0].points["stress"][2, 2]
     np.testing.assert_allclose(zz, scene.bodies[0].material.lame[0] * np.trace(eps), rtol=1e-4)
 
 
 def test_bodies_with_holes_get_lines_and_rigid_bodies_no_stress(tmp_path):
+    """Lines come before polygons in data of cells: the body of each is its own."""
     square = np.array([[0.0, 3, 3, 0, 1, 1, 2, 2], [0.0, 0, 3, 3, 1, 2, 2, 1]])
+    solid = Points(square[:, :4] + np.array([[10.0], [0.0]]), np.ones(4), (np.arange(4),))
     frame = Points(square, np.ones(8), (np.arange(4), np.arange(4, 8)))
     cloud = Points(square + np.array([[5.0], [0.0]]), np.ones(8))
-    scene = Scene([Body(frame, Rigid(1.0)), Body(cloud, LinearElastic(1e6, 0.3, 1e3))], cell=1.0)
+    bodies = [Body(solid, Rigid(1.0)), Body(frame, Rigid(1.0)), Body(cloud, LinearElastic(1e6, 0.3, 1e3))]
+    scene = Scene(bodies, cell=1.0)
     write(tmp_path / "s", scene, [initial(scene, scheme=Scheme.nezamabadi2017())])
-    _, _, cells, data = read(tmp_path / "s")[0]
-    assert cells[1:3] == [[[0, 1, 2, 3, 0], [4, 5, 6, 7, 4]], []]
-    assert not data["stress"].any()
+    _, blocks = as_vtk_sees(tmp_path / "s")[0]
+    outlines = blocks["bodies"]
+    assert outlines["cells"] == [[], [[*range(16, 32), 16], [*range(32, 48), 32]], [[*range(16)]], []]
+    assert outlines["body"].tolist() == [1, 1, 0]
+    assert not blocks["points"]["stress"].any()
+    assert [loop.shape for loop in read(tmp_path / "s")[0].outlines] == [(2, 16)] * 3
 
 
 def test_layout_of_the_file(tmp_path, states):
-    """The cells are written once, a step is one compressed chunk, and offsets say where each begins."""
+    """Cells that do not change are written once, chunks are compressed, and offsets say where each step begins."""
     path, n, k = tmp_path / "s", states[0].body.size, len(states)
     write(path, discs(), states)
     with h5py.File(path) as file:
-        group = file["VTKHDF"]
-        assert group.attrs["Type"] == b"PolyData"
-        assert group.attrs["Version"].tolist() == [2, 0]
-        assert group["Vertices/Connectivity"].shape == group["PointData/body"].shape == (n,)
+        assert file["VTKHDF"].attrs["Type"] == b"MultiBlockDataSet"
+        group = file["VTKHDF/points"]
+        assert group.attrs["Type"] == b"PolyData" and group.attrs["Version"].tolist() == [2, 3]
+        assert group["Vertices/Connectivity"].shape == (n,) and group["NumberOfPoints"][:].tolist() == [n]
         for data in (group["Points"], group["PointData/stress"]):
             assert data.shape[0] == n * k
-            assert (data.chunks[0], data.compression, data.compression_opts) == (n, "gzip", 1)
-        assert group["Steps"].attrs["NSteps"] == k
+            assert (data.compression, data.compression_opts) == ("gzip", 1)
+        for steps in (group["Steps"], file["VTKHDF/Steps"], file["VTKHDF/contacts/Steps"]):
+            assert steps.attrs["NSteps"] == k
         assert group["Steps/PointOffsets"][:].tolist() == [n * i for i in range(k)]
         assert group["Steps/PointDataOffsets/velocity"][:].tolist() == [n * i for i in range(k)]
         assert group["Steps/CellOffsets"].shape == (k, 4)
-        for name in ("PartOffsets", "CellOffsets", "ConnectivityIdOffsets", "PointDataOffsets/body"):
+        for name in ("PartOffsets", "CellOffsets", "ConnectivityIdOffsets"):
             assert not group["Steps"][name][:].any()
 
 
@@ -450,11 +540,11 @@ def test_append_continues_and_a_new_file_is_the_default(tmp_path, states):
     path, scene = tmp_path / "s", discs()
     write(path, scene, states[:2], append=True)  # nothing there yet
     write(path, scene, states[2:], append=True)
-    assert [t for t, *_ in read(path)] == [state.t for state in states]
+    assert read(path).t.tolist() == [state.t for state in states]
     write(path, scene, [], append=True)
     assert len(read(path)) == len(states)
     write(path, scene, states[1:2])
-    assert [t for t, *_ in read(path)] == [states[1].t]
+    assert read(path).t.tolist() == [states[1].t]
 
 
 def test_append_replaces_what_a_restart_computes_again(tmp_path, states):
@@ -463,22 +553,25 @@ def test_append_replaces_what_a_restart_computes_again(tmp_path, states):
     marked = [replace(state, v=state.v + 1.0) for state in states[2:4]]
     write(path, scene, marked, append=True)
     steps = read(path)
-    assert [t for t, *_ in steps] == [state.t for state in states[:4]]
-    np.testing.assert_allclose(steps[1][3]["velocity"][:, :2].T, states[1].v, atol=1e-6)
-    np.testing.assert_allclose(steps[3][3]["velocity"][:, :2].T, states[3].v + 1.0, atol=1e-6)
+    assert steps.t.tolist() == [state.t for state in states[:4]]
+    np.testing.assert_allclose(steps[1].points["velocity"], states[1].v, atol=1e-6)
+    np.testing.assert_allclose(steps[3].points["velocity"], states[3].v + 1.0, atol=1e-6)
+    assert len(as_vtk_sees(path)) == 4
+    for frame, state in zip(steps, states[:2], strict=False):
+        np.testing.assert_allclose(frame.contacts["normal_force"], network(scene, state).force[0], rtol=1e-6)
 
 
 def test_an_unfinished_step_does_not_count(tmp_path, states, monkeypatch):
     """The run dies after the fields are written, before the step is counted."""
     path, scene = tmp_path / "s", discs()
 
-    def die(k, t, n):
-        if k == 2:
+    def die(block, steps):
+        if steps == 3:
             raise KeyboardInterrupt
-        return offsets(k, t, n)
+        count(block, steps)
 
-    offsets = paraview._offsets
-    monkeypatch.setattr(paraview, "_offsets", die)
+    count = vtkhdf.Block.count
+    monkeypatch.setattr(vtkhdf.Block, "count", die)
     with pytest.raises(KeyboardInterrupt):
         write(path, scene, states)
     monkeypatch.undo()
@@ -486,7 +579,8 @@ def test_an_unfinished_step_does_not_count(tmp_path, states, monkeypatch):
     write(path, scene, states[2:], append=True)
     steps = read(path)
     assert len(steps) == len(states)
-    np.testing.assert_array_equal(steps[-1][1][:, :2].T, states[-1].x)
+    np.testing.assert_array_equal(steps[-1].x, states[-1].x)
+    assert len(as_vtk_sees(path)) == len(states)
 
 
 def test_a_killed_run_leaves_a_readable_file_that_can_be_continued(tmp_path, states):
@@ -510,7 +604,7 @@ with record({str(path)!r}, discs()) as film:
     with subprocess.Popen([sys.executable, "-c", code], text=True, **pipes) as process:
         for line in process.stdout:
             if int(line) == 5:
-                assert len(read(path)) == 6
+                assert len(as_vtk_sees(path)) == len(read(path)) == 6
                 process.stdin.write("go on\n")
                 process.stdin.flush()
             if int(line) == 9:
@@ -519,9 +613,10 @@ with record({str(path)!r}, discs()) as film:
         last = int([line, *process.stdout.readlines()][-1])
     steps = read(path)
     assert len(steps) > last
-    np.testing.assert_array_equal(steps[-1][1][:, :2].T, states[-1].x)
+    np.testing.assert_array_equal(steps[-1].x, states[-1].x)
     write(path, scene, [replace(states[0], t=1e9)], append=True)
-    assert [t for t, *_ in read(path)] == [*map(float, range(len(steps))), 1e9]
+    assert read(path).t.tolist() == [*map(float, range(len(steps))), 1e9]
+    assert len(as_vtk_sees(path)) == len(steps) + 1
 
 
 def test_misuse_of_a_recording_is_explained(tmp_path, states):

@@ -1,0 +1,77 @@
+"""What is recorded of a state, by blocks of the file: points, bodies and contacts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.io.vtkhdf import PolyData
+from skmpm.material import determinant
+from skmpm.observe import force_lines, network, observe
+from skmpm.scene import Scene, State, stress_zz
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+PARTS = 4  # lines between two boundary points of a recorded outline
+OF_BODIES = ("pressure", "deviatoric_stress", "coordination", "volume_ratio", "aspect_ratio")
+
+
+def blocks_of(scene: Scene, state: State) -> dict[str, PolyData]:
+    """The blocks of a state by name."""
+    return {"points": _points(scene, state), "bodies": _bodies(scene, state), "contacts": _contacts(scene, state)}
+
+
+def _points(scene: Scene, state: State) -> PolyData:
+    """One vertex per material point."""
+    sigma, zero = state.stress, np.zeros(state.x.shape[1])
+    rows = [[sigma[0, 0], sigma[0, 1], zero], [sigma[1, 0], sigma[1, 1], zero], [zero, zero, stress_zz(scene, state)]]
+    data = {
+        "body": scene.owner,
+        "velocity": _in_space(state.v),
+        "displacement": _in_space(state.x - scene.initial_positions),
+        "stress": np.stack([entry for row in rows for entry in row], axis=1),
+        "pressure": -0.5 * (sigma[0, 0] + sigma[1, 1]),
+        "volume": state.volume,
+        "det_F": determinant(state.F),
+    }
+    return PolyData(_in_space(state.x), {"Vertices": list(np.arange(state.x.shape[1])[:, None])}, data)
+
+
+def _bodies(scene: Scene, state: State) -> PolyData:
+    """The smooth boundaries: a polygon per body, lines for those with holes, with data of the body."""
+    place = scene.outlines.point
+    x, reference = state.x[:, place], scene.initial_positions[:, place]
+    curve = outline.polylines(scene.outlines, reference, x, PARTS)
+    owner = curve.outlines.body[curve.loops[:-1]]
+    loops = [np.arange(*curve.loops[i : i + 2]) for i in range(owner.size)]
+    single = np.bincount(owner, minlength=len(scene.bodies))[owner] == 1
+    lines = [np.append(loop, loop[0]) for loop, one in zip(loops, single, strict=True) if not one]
+    cells = {"Lines": lines, "Polygons": [loop for loop, one in zip(loops, single, strict=True) if one]}
+    body = np.concatenate([owner[~single], owner[single]])
+    seen = observe(scene, state).bodies
+    start, mass = scene.offsets[:-1], np.add.reduceat(state.mass, scene.offsets[:-1])
+    velocity = np.add.reduceat(state.mass * state.v, start, axis=1) / mass
+    data = {"body": body, "velocity": _in_space(velocity[:, body])}
+    return PolyData(_in_space(curve.x), cells, {}, data | {name: getattr(seen, name)[body] for name in OF_BODIES})
+
+
+def _contacts(scene: Scene, state: State) -> PolyData:
+    """A line for each pair of bodies that touch, between their centres, with its forces."""
+    pairs = network(scene, state)
+    ends, number = force_lines(scene, state, pairs), np.arange(2 * pairs.size)
+    data = {
+        "first": pairs.bodies[0],
+        "second": pairs.bodies[1],
+        "normal_force": pairs.force[0],
+        "tangential_force": pairs.force[1],
+        "mobilised_friction": pairs.mobilised_friction,
+        "length": pairs.length,
+    }
+    return PolyData(_in_space(ends.reshape(-1, 2).T), {"Lines": list(number.reshape(-1, 2))}, {}, data)
+
+
+def _in_space(vectors: Array) -> Array:
+    """Vectors (2, k) with a third component 0, (k, 3)."""
+    return np.stack([*vectors, np.zeros(vectors.shape[1])], axis=1)

@@ -1,0 +1,122 @@
+"""`read`: the frames of a recording as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.io.recording import open_file
+from skmpm.io.vtkhdf import KINDS
+from skmpm.representation import with_shapes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Frame:
+    """One time of a recording, in the precision of the file: positions double, fields single.
+
+    Attributes
+    ----------
+    t : time [s]
+    x : (2, n) positions of the material points [m]
+    points : fields by point: body (n,), velocity [m/s] and displacement [m] (2, n), stress (3, 3, n) and pressure
+        (n,) [Pa], volume (n,) [m2], det_F (n,)
+    outlines : the smooth boundaries, loops of points (2, k) [m]; holes are loops of their own
+    bodies : fields by loop: body, velocity (2, loops), and observables of the body, as `record` lists them
+    contacts : fields by pair of bodies that touch, as `record` lists them, and lines (k, 2, 2) [m] between them
+    """
+
+    t: float
+    x: Array
+    points: dict[str, NDArray[Any]]
+    outlines: tuple[Array, ...]
+    bodies: dict[str, NDArray[Any]]
+    contacts: dict[str, NDArray[Any]]
+
+    __repr__ = with_shapes
+
+
+class Recording(Sequence[Frame]):
+    """The frames of a recording, read from the file when they are asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with open_file(path, "r") as file:
+            if "skmpm/body" not in file or "VTKHDF/Steps" not in file:
+                raise ValueError(f"{path}: not a recording; give a file of `record`")
+            steps = file["VTKHDF/Steps"]
+            self.t: Array = steps["Values"][: steps.attrs["NSteps"]]  # times of the frames [s]
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    @overload
+    def __getitem__(self, k: int) -> Frame: ...
+    @overload
+    def __getitem__(self, k: slice) -> list[Frame]: ...
+    def __getitem__(self, k: int | slice) -> Frame | list[Frame]:
+        if isinstance(k, slice):
+            return [self[i] for i in range(*k.indices(len(self)))]
+        k = range(len(self))[k]
+        with open_file(self.path, "r") as file:
+            vtk = file["VTKHDF"]
+            x, points, _, _ = _step(vtk["points"], k)
+            boundary, _, bodies, loops = _step(vtk["bodies"], k)
+            ends, _, contacts, _ = _step(vtk["contacts"], k)
+        outlines = tuple(boundary[:, loop[:-1] if loop[0] == loop[-1] else loop] for loop in loops)
+        contacts["lines"] = ends.T.reshape(-1, 2, 2)
+        return Frame(float(self.t[k]), x, points, outlines, bodies, contacts)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[k] for k in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"Recording({str(self.path)!r}, {len(self)} frames)"
+
+
+def read(path: str | Path) -> Recording:
+    """Open a recording: `for frame in read("run.vtkhdf")`, `read("run.vtkhdf")[-1]`.
+
+    A run that continues may write while the file is read; frames that it adds are seen by another `read`.
+
+    Raises
+    ------
+    FileNotFoundError
+        if there is no such file
+    ValueError
+        if it is not a recording
+    ImportError
+        if h5py is not installed
+    """
+    return Recording(Path(path))
+
+
+def _step(block: Any, k: int) -> tuple[Array, dict[str, NDArray[Any]], dict[str, NDArray[Any]], list[NDArray[Any]]]:
+    """Points (2, n), their data, those of cells, and the cells of a block at step k."""
+    steps, constant = block["Steps"], bool(block.attrs["constant"])
+    part, cells = 0 if constant else k, list[NDArray[Any]]()
+    first, n = int(steps["PointOffsets"][k]), int(block["NumberOfPoints"][part])
+    for i, kind in enumerate(KINDS):
+        group = block[kind]
+        count, size = int(group["NumberOfCells"][part]), int(group["NumberOfConnectivityIds"][part])
+        begin, start = int(steps["CellOffsets"][k, i]), int(steps["ConnectivityIdOffsets"][k, i])
+        ends = group["Offsets"][begin + part : begin + part + count + 1]
+        cells += np.split(group["Connectivity"][start : start + size], ends[1:-1]) if count else []
+    of_points = {name: _fields(data, first, n) for name, data in block["PointData"].items()}
+    offsets = steps["CellDataOffsets"]
+    of_cells = {name: _fields(data, int(offsets[name][k]), len(cells)) for name, data in block["CellData"].items()}
+    return block["Points"][first : first + n, :2].T, of_points, of_cells, cells
+
+
+def _fields(data: Any, first: int, count: int) -> NDArray[Any]:
+    """Scalars (count,), vectors (2, count) or tensors (3, 3, count)."""
+    values = data[first : first + count]
+    if values.ndim == 1:
+        return np.asarray(values)
+    return np.asarray(values[:, :2].T if values.shape[1] == 3 else values.T.reshape(3, 3, -1))

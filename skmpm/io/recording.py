@@ -1,0 +1,160 @@
+"""Time series for ParaView (6.0 or later): one temporal VTKHDF file that grows with the run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.io.blocks import blocks_of
+from skmpm.io.checkpoint import writable
+from skmpm.io.vtkhdf import VERSION, Block
+from skmpm.scene import Scene, State
+
+Array = NDArray[np.float64]
+
+CONSTANT = ("points", "bodies")  # blocks whose cells do not change
+
+
+@contextmanager
+def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[Recorder]:
+    """Record states for ParaView; `with record("run.vtkhdf", scene) as film: film.write(state)`.
+
+    The file can be read after every `write`, also while the run continues (a reader that meets an unfinished write
+    must read again) and after it is killed. `read` returns its frames as arrays. It has three blocks:
+
+    - points: a vertex per material point, with velocity [m/s], displacement since t = 0 [m], stress (9, Cauchy, row
+      by row, tension positive; zz is that of plane strain) and pressure -(xx + yy)/2 [Pa], volume [m2], det_F, body
+    - bodies: the smooth boundaries, polygons or, around holes, lines, with data of the body: velocity of the centre
+      of mass, pressure, deviatoric_stress, coordination, volume_ratio and aspect_ratio as in `observe`, body
+    - contacts: a line between the centres of each pair of bodies that touch, to the contact on walls, with first and
+      second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction and length [m] as
+      `network` defines them
+
+    Positions have double precision, fields single.
+
+    Parameters
+    ----------
+    path : the file; ParaView recognises the suffix .vtkhdf
+    scene : the scene whose states are written
+    append : continue an existing file after its last complete step; steps from the time of the first state written
+        on, which a restart from an earlier checkpoint computes again, are replaced
+
+    Raises
+    ------
+    ImportError
+        if h5py is not installed
+    FileNotFoundError, IsADirectoryError
+        if the directory of the file does not exist, or the path is a directory
+    ValueError
+        if the file to be continued is not a recording of this scene
+    """
+    path = writable(path)
+    again = append and path.exists()
+    with open_file(path, "r+" if again else "w") as file:
+        if again:
+            _check(path, file, scene)
+        else:
+            _create(file, scene)
+        yield Recorder(path, scene, file)
+
+
+class Recorder:
+    """An open recording: see `record`."""
+
+    def __init__(self, path: Path, scene: Scene, file: Any) -> None:
+        self._path, self._scene, self._file = path, scene, file
+        self._vtk = file["VTKHDF"]
+        self._steps = int(self._vtk["Steps"].attrs["NSteps"])
+        self._earlier = self._vtk["Steps/Values"][: self._steps]  # times of the run that is continued
+        self._blocks = {name: Block(self._vtk[name]) for name in self._vtk["Assembly"]}
+        self._t = -np.inf
+
+    def write(self, state: State) -> None:
+        """Append a state and flush it to the file.
+
+        Raises
+        ------
+        ValueError
+            if the state does not belong to this scene, or is not later than the last one written
+        """
+        n = int(self._scene.offsets[-1])
+        if state.x.shape != (2, n):
+            raise ValueError(
+                f"{self._path}: the state has {state.x.shape[1]} points, the scene {n}; record its states"
+            )
+        self._go_to(state.t)
+        k, values = self._steps, self._vtk["Steps/Values"]
+        for name, data in blocks_of(self._scene, state).items():
+            if name not in self._blocks:
+                self._blocks[name] = Block.create(self._vtk, name, data, constant=name in CONSTANT)
+                self._vtk["Assembly"][name] = h5().SoftLink(f"/VTKHDF/{name}")
+            self._blocks[name].append(k, state.t, data)
+        values.resize(k + 1, axis=0)
+        values[k] = state.t
+        # The step counts only when it is complete in the file: a run may be killed at any line.
+        self._file.flush()
+        self._count(k + 1)
+
+    def _count(self, steps: int) -> None:
+        """Say how many steps are complete; the blocks may have more than the file, never fewer."""
+        for block in self._blocks.values():
+            block.count(steps)
+        self._steps = self._vtk["Steps"].attrs["NSteps"] = steps
+        self._file.flush()
+
+    def _go_to(self, t: float) -> None:
+        """Check that time increases; drop the steps of an earlier run that are computed again."""
+        if not t > self._t:
+            raise ValueError(f"{self._path}: t = {t} s is not later than {self._t} s; write states in order")
+        kept = int(np.count_nonzero(self._earlier < t))
+        if kept < self._earlier.size:
+            self._count(kept)
+        self._earlier, self._t = self._earlier[:0], t
+
+
+def h5() -> Any:
+    """The module h5py; ImportError, with the remedy, if it is not installed."""
+    try:
+        import h5py
+    except ImportError as error:
+        raise ImportError('record needs h5py; install it with: pip install "skmpm[io]"') from error
+    return h5py
+
+
+def open_file(path: Path, mode: str) -> Any:
+    """An open HDF5 file; ValueError if it is none."""
+    h5py = h5()
+    try:
+        # No lock: ParaView can read the file while it grows.
+        return h5py.File(path, mode, locking=False)
+    except OSError as error:
+        if mode == "w" or isinstance(error, FileNotFoundError):
+            raise
+        done, remedy = "read", "give a file of `record`"
+        if mode == "r+":
+            done, remedy = "continued", "record to a new file with append=False"
+        raise ValueError(f"{path}: cannot be {done} ({error}); {remedy}") from error
+
+
+def _create(file: Any, scene: Scene) -> None:
+    vtk = file.create_group("VTKHDF", track_order=True)
+    vtk.attrs["Version"], vtk.attrs["Type"] = VERSION, np.bytes_("MultiBlockDataSet")
+    vtk.create_group("Assembly", track_order=True)
+    file["skmpm/body"] = scene.owner
+    steps = vtk.create_group("Steps")
+    steps.attrs["NSteps"] = 0
+    steps.create_dataset("Values", (0,), np.float64, maxshape=(None,), chunks=(256,))
+    file.flush()
+
+
+def _check(path: Path, file: Any, scene: Scene) -> None:
+    """Raise ValueError unless the file is a recording of this scene."""
+    if not ("skmpm/body" in file and "VTKHDF/Steps" in file and "NSteps" in file["VTKHDF/Steps"].attrs):
+        raise ValueError(f"{path}: not a recording; record to a new file with append=False")
+    if not np.array_equal(file["skmpm/body"], scene.owner):
+        raise ValueError(f"{path}: a recording of another scene; record to a new file with append=False")
