@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 PARTS = 4  # lines between two boundary points of a recorded outline
+OF_CONTACTS = ("first", "second", "normal_force", "tangential_force", "mobilised_friction", "length")
 OF_BODIES = ("pressure", "deviatoric_stress", "coordination", "volume_ratio", "aspect_ratio")
 
 
@@ -36,7 +39,7 @@ def _points(scene: Scene, state: State) -> PolyData:
         "volume": state.volume,
         "det_F": determinant(state.F),
     }
-    return PolyData(_in_space(state.x), {"Vertices": list(np.arange(state.x.shape[1])[:, None])}, data)
+    return PolyData(_in_space(state.x), {"Vertices": np.arange(state.x.shape[1])[:, None]}, data)
 
 
 def _bodies(scene: Scene, state: State) -> PolyData:
@@ -48,7 +51,10 @@ def _bodies(scene: Scene, state: State) -> PolyData:
     loops = [np.arange(*curve.loops[i : i + 2]) for i in range(owner.size)]
     single = np.bincount(owner, minlength=len(scene.bodies))[owner] == 1
     lines = [np.append(loop, loop[0]) for loop, one in zip(loops, single, strict=True) if not one]
-    cells = {"Lines": lines, "Polygons": [loop for loop, one in zip(loops, single, strict=True) if one]}
+    cells: dict[str, Sequence[Ints] | Ints] = {
+        "Lines": lines,
+        "Polygons": [loop for loop, one in zip(loops, single, strict=True) if one],
+    }
     body = np.concatenate([owner[~single], owner[single]])
     seen = observe(scene, state).bodies
     start, mass = scene.offsets[:-1], np.add.reduceat(state.mass, scene.offsets[:-1])
@@ -61,15 +67,9 @@ def _contacts(scene: Scene, state: State) -> PolyData:
     """A line for each pair of bodies that touch, between their centres, with its forces."""
     pairs = network(scene, state)
     ends, number = force_lines(scene, state, pairs), np.arange(2 * pairs.size)
-    data = {
-        "first": pairs.bodies[0],
-        "second": pairs.bodies[1],
-        "normal_force": pairs.force[0],
-        "tangential_force": pairs.force[1],
-        "mobilised_friction": pairs.mobilised_friction,
-        "length": pairs.length,
-    }
-    return PolyData(_in_space(ends.reshape(-1, 2).T), {"Lines": list(number.reshape(-1, 2))}, {}, data)
+    table = pairs.table()
+    data = {name: table[name] for name in OF_CONTACTS}
+    return PolyData(_in_space(ends.reshape(-1, 2).T), {"Lines": number.reshape(-1, 2)}, {}, data)
 
 
 def _in_space(vectors: Array) -> Array:

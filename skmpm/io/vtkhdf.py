@@ -6,7 +6,7 @@ step are appended to extendible datasets; cells that do not change are written o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,7 +26,7 @@ class PolyData:
     """One step of a block: points, the cells that connect them, and data of both."""
 
     points: Array  # (n, 3) [m]
-    cells: Mapping[str, list[Ints]]  # by kind, the points of each
+    cells: Mapping[str, Sequence[Ints] | Ints]  # by kind, the points of each
     of_points: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (n, ...)
     of_cells: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (cells, ...), lines before polygons
 
@@ -99,18 +99,18 @@ class Block:
             return int(self._group["NumberOfPoints"][part])
         return sum(int(self._group[kind]["NumberOfCells"][part]) for kind in KINDS)
 
-    def _append_cells(self, k: int, cells: Mapping[str, list[Ints]]) -> Ints:
+    def _append_cells(self, k: int, cells: Mapping[str, Sequence[Ints] | Ints]) -> Ints:
         """Write the cells of part k; return where they and their connectivity begin, (2, 4)."""
         begin = np.zeros((2, 4), dtype=np.int64)
         for i, kind in enumerate(KINDS):
-            group, loops = self._group[kind], cells.get(kind, [])
+            group, loops = self._group[kind], cells.get(kind, ())
             count, size = (group[part][:k] for part in ("NumberOfCells", "NumberOfConnectivityIds"))
             # Parts without cells get room for one: VTK takes steps whose cells begin at one place for one part.
             begin[:, i] = np.maximum(count, 1).sum(), size.sum()
             ends = np.cumsum([0, *map(len, loops)])
             _write(group["NumberOfCells"], k, [len(loops)])
             _write(group["NumberOfConnectivityIds"], k, [ends[-1]])
-            _write(group["Offsets"], int(begin[0, i]) + k, ends if loops else [0, 0])  # every part has one more
+            _write(group["Offsets"], int(begin[0, i]) + k, ends if len(loops) else [0, 0])  # every part has one more
             _write(group["Connectivity"], int(begin[1, i]), np.concatenate([np.zeros(0, dtype=np.int64), *loops]))
         return begin
 
