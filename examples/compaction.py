@@ -93,6 +93,8 @@ def run(options: argparse.Namespace) -> list[Line]:
         if len(lines) % options.every:
             series.write(state)
     draw(scene, [*stages, state], out / "stages.png")
+    if options.film:
+        skmpm.animate(skmpm.read(out / "packing.vtkhdf"), out / "packing.gif", forces=True, fps=10)
     print("; ".join(f"{name} {lines[-1][name]:.4g}" for name in ("solid_fraction", "pressure", "coordination")))
     return lines
 
@@ -113,6 +115,7 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--until", type=float, default=0.95, help="nominal solid fraction at the end")
     options.add_argument("--scheme", choices=SCHEMES, default="balanced")
     options.add_argument("--every", type=int, default=10, help="steps between frames of the ParaView series")
+    options.add_argument("--film", action="store_true", help="make a film of the frames of the series")
     options.add_argument("--out", type=Path, default=Path("out/compaction"), help="directory of the results")
     return options
 

@@ -1,4 +1,4 @@
-"""What is recorded of a state, by blocks of the file: points, bodies and contacts."""
+"""What is recorded of a state, by blocks of the file: points, bodies, contacts and walls."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from skmpm import outline
 from skmpm.io.vtkhdf import PolyData
 from skmpm.material import determinant
 from skmpm.observe import force_lines, network, observe
-from skmpm.scene import Scene, State, stress_zz
+from skmpm.scene import Scene, State, stress_zz, view_of, wall_lines
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -23,7 +23,12 @@ OF_BODIES = ("pressure", "deviatoric_stress", "coordination", "volume_ratio", "a
 
 def blocks_of(scene: Scene, state: State) -> dict[str, PolyData]:
     """The blocks of a state by name."""
-    return {"points": _points(scene, state), "bodies": _bodies(scene, state), "contacts": _contacts(scene, state)}
+    return {
+        "points": _points(scene, state),
+        "bodies": _bodies(scene, state),
+        "contacts": _contacts(scene, state),
+        "walls": _walls(state),
+    }
 
 
 def _points(scene: Scene, state: State) -> PolyData:
@@ -70,6 +75,15 @@ def _contacts(scene: Scene, state: State) -> PolyData:
     table = pairs.table()
     data = {name: table[name] for name in OF_CONTACTS}
     return PolyData(_in_space(ends.reshape(-1, 2).T), {"Lines": number.reshape(-1, 2)}, {}, data)
+
+
+def _walls(state: State) -> PolyData:
+    """A line for each wall near the bodies."""
+    lines, walls = wall_lines(state.walls, state.wall_normals, view_of(state.x, state.walls, state.wall_normals))
+    point, normal = state.walls[walls].T, state.wall_normals[walls].T
+    data = {"wall": -1 - walls, "point": _in_space(point), "normal": _in_space(normal)}
+    cells = {"Lines": np.arange(2 * walls.size).reshape(-1, 2)}
+    return PolyData(_in_space(lines.reshape(-1, 2).T), cells, {}, data)
 
 
 def _in_space(vectors: Array) -> Array:

@@ -30,6 +30,10 @@ class Frame:
     outlines : the smooth boundaries, loops of points (2, k) [m]; holes are loops of their own
     bodies : fields by loop: body, velocity (2, loops), and observables of the body, as `record` lists them
     contacts : fields by pair of bodies that touch, as `record` lists them, and lines (k, 2, 2) [m] between them
+    walls : wall (k,), point and normal (2, k) of the walls near the bodies, and their lines (k, 2, 2) [m]
+    deformable : (bodies,) whether bodies deform
+    boundary_points, held_points : indices of the material points on the outlines, loop after loop, and of those held
+        by supports
     """
 
     t: float
@@ -38,6 +42,10 @@ class Frame:
     outlines: tuple[Array, ...]
     bodies: dict[str, NDArray[Any]]
     contacts: dict[str, NDArray[Any]]
+    walls: dict[str, NDArray[Any]]
+    deformable: NDArray[np.bool_]
+    boundary_points: NDArray[np.int64]
+    held_points: NDArray[np.int64]
 
     __repr__ = with_shapes
 
@@ -48,8 +56,10 @@ class Recording(Sequence[Frame]):
     def __init__(self, path: Path) -> None:
         self.path = path
         with open_file(path, "r") as file:
-            if "skmpm/body" not in file or "VTKHDF/Steps" not in file:
+            if "skmpm/held_points" not in file or "VTKHDF/Steps" not in file:
                 raise ValueError(f"{path}: not a recording; give a file of `record`")
+            constants = ("deformable", "boundary_points", "held_points")
+            self._constants = {name: file["skmpm"][name][()] for name in constants}
             steps = file["VTKHDF/Steps"]
             self.t: Array = steps["Values"][: steps.attrs["NSteps"]]  # times of the frames [s]
 
@@ -69,9 +79,13 @@ class Recording(Sequence[Frame]):
             x, points, _, _ = _step(vtk["points"], k)
             boundary, _, bodies, loops = _step(vtk["bodies"], k)
             ends, _, contacts, _ = _step(vtk["contacts"], k)
-        outlines = tuple(boundary[:, loop[:-1] if loop[0] == loop[-1] else loop] for loop in loops)
-        contacts["lines"] = ends.T.reshape(-1, 2, 2)
-        return Frame(float(self.t[k]), x, points, outlines, bodies, contacts)
+            corners, _, walls, _ = _step(vtk["walls"], k)
+        order = np.argsort([loop[0] for loop in loops])  # as in the scene, where holes do not come first
+        closed = [loop[:-1] if loop[0] == loop[-1] else loop for loop in loops]
+        outlines = tuple(boundary[:, closed[i]] for i in order)
+        bodies = {name: values[..., order] for name, values in bodies.items()}
+        contacts["lines"], walls["lines"] = (place.T.reshape(-1, 2, 2) for place in (ends, corners))
+        return Frame(float(self.t[k]), x, points, outlines, bodies, contacts, walls, **self._constants)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))

@@ -25,7 +25,7 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     """Record states for ParaView; `with record("run.vtkhdf", scene) as film: film.write(state)`.
 
     The file can be read after every `write`, also while the run continues (a reader that meets an unfinished write
-    must read again) and after it is killed. `read` returns its frames as arrays. It has three blocks:
+    must read again) and after it is killed. `read` returns its frames as arrays. It has four blocks:
 
     - points: a vertex per material point, with velocity [m/s], displacement since t = 0 [m], stress (9, Cauchy, row
       by row, tension positive; zz is that of plane strain) and pressure -(xx + yy)/2 [Pa], volume [m2], det_F, body
@@ -34,6 +34,7 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     - contacts: a line between the centres of each pair of bodies that touch, to the contact on walls, with first and
       second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction and length [m] as
       `network` defines them
+    - walls: a line for each wall near the bodies, with wall (-1, -2, ...), a point [m] and the normal of each
 
     Positions have double precision, fields single.
 
@@ -145,16 +146,30 @@ def _create(file: Any, scene: Scene) -> None:
     vtk = file.create_group("VTKHDF", track_order=True)
     vtk.attrs["Version"], vtk.attrs["Type"] = VERSION, np.bytes_("MultiBlockDataSet")
     vtk.create_group("Assembly", track_order=True)
-    file["skmpm/body"] = scene.owner
+    for name, values in _constants(scene).items():
+        file[f"skmpm/{name}"] = values
     steps = vtk.create_group("Steps")
     steps.attrs["NSteps"] = 0
     steps.create_dataset("Values", (0,), np.float64, maxshape=(None,), chunks=(256,))
     file.flush()
 
 
+def _constants(scene: Scene) -> dict[str, NDArray[Any]]:
+    """What every frame has of the scene."""
+    held = [place.points for place in scene.supported]
+    return {
+        "body": scene.owner,
+        "deformable": scene.deformable,
+        "boundary_points": scene.outlines.point,
+        "held_points": np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *held])),
+    }
+
+
 def _check(path: Path, file: Any, scene: Scene) -> None:
     """Raise ValueError unless the file is a recording of this scene."""
-    if not ("skmpm/body" in file and "VTKHDF/Steps" in file and "NSteps" in file["VTKHDF/Steps"].attrs):
+    known = _constants(scene)
+    complete = all(name in file for name in ("VTKHDF/Steps", *(f"skmpm/{name}" for name in known)))
+    if not (complete and "NSteps" in file["VTKHDF/Steps"].attrs):
         raise ValueError(f"{path}: not a recording; record to a new file with append=False")
-    if not np.array_equal(file["skmpm/body"], scene.owner):
+    if not all(np.array_equal(file[f"skmpm/{name}"], values) for name, values in known.items()):
         raise ValueError(f"{path}: a recording of another scene; record to a new file with append=False")

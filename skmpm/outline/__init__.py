@@ -23,7 +23,7 @@ from skmpm.outline.measures import (
 )
 from skmpm.outline.near import candidates, closest, distance_to_segment, inside
 from skmpm.outline.overlaps import lens_depth, overlap
-from skmpm.outline.polylines import Polylines, polylines
+from skmpm.outline.polylines import Polylines, joined, polylines
 from skmpm.outline.topology import Outlines, outlines
 from skmpm.outline.widths import slit_width, thickness
 
@@ -50,6 +50,7 @@ __all__ = [
     "folded",
     "half_segments",
     "inside",
+    "joined",
     "lens_depth",
     "normals",
     "outlines",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skmpm.outline.curve import curve
-from skmpm.outline.topology import Floats, Integers, Outlines
+from skmpm.outline.topology import Floats, Integers, Outlines, outlines
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,3 +40,12 @@ def polylines(boundary: Outlines, reference: Floats, x: Floats, parts: int) -> P
     previous[following] = np.arange(following.size)
     fine = Outlines(segment, boundary.body[segment], following, previous)
     return Polylines(points, fine, parts * begins, parts)
+
+
+def joined(loops: Sequence[Floats], body: Integers, parts: int) -> Polylines:
+    """Polylines of given loops of points (2, k parts) [m] of bodies (loops,), in ascending order."""
+    size = np.array([loop.shape[1] for loop in loops], dtype=np.int64)
+    start = np.append(0, np.cumsum(size))
+    fine = outlines([[np.arange(count)] for count in size.tolist()], start[:-1])
+    fine = replace(fine, point=fine.point // parts, body=np.repeat(body, size))
+    return Polylines(np.concatenate([np.zeros((2, 0)), *loops], axis=1), fine, start, parts)

@@ -7,43 +7,40 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm import outline
 from skmpm.outline import Polylines
 from skmpm.plot.fields import Field, colour_map
+from skmpm.plot.snapshot import Snapshot
 from skmpm.plot.style import Style
 from skmpm.plot.triangles import triangles
-from skmpm.scene import Scene, State
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Ints = NDArray[np.int64]
 
-PARTS = 6  # lines between two boundary points: at 300 dpi a disc of 30 of them is round
 COLOURS = ("#8ecae6", "#f2b880", "#a3c9a8", "#d8a7b1", "#b8b3d9", "#e6d690", "#9fc5c1", "#c9b8a8")
 RIGID, EDGE, EDGE_WIDTH = "0.72", "0.25", 0.5  # greys, and a width [pt]
 
 
-def draw_bodies(axes: Axes, scene: Scene, state: State, field: Field, style: Style) -> None:
+def draw_bodies(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
     """Fill the bodies by a field or by their colours, rigid ones grey, and draw their boundaries.
 
     Bodies without outline are drawn as their points.
     """
     from matplotlib.collections import PathCollection
 
-    place = scene.outlines.point
-    boundary = outline.polylines(scene.outlines, scene.initial_positions[:, place], state.x[:, place], PARTS)
+    boundary = seen.boundary()
     paths, bodies = body_paths(boundary)
-    faces = [COLOURS[b % len(COLOURS)] if scene.deformable[b] else RIGID for b in bodies.tolist()]
+    faces = [COLOURS[b % len(COLOURS)] if seen.deformable[b] else RIGID for b in bodies.tolist()]
     if field.values is not None:
-        soft = [path for path, b in zip(paths, bodies.tolist(), strict=True) if scene.deformable[b]]
-        _shade(axes, scene, state, boundary, soft, field.values, style)
-        faces = ["none" if scene.deformable[b] else RIGID for b in bodies.tolist()]
+        soft = [path for path, b in zip(paths, bodies.tolist(), strict=True) if seen.deformable[b]]
+        _shade(axes, seen, boundary, soft, field.values, style)
+        faces = ["none" if seen.deformable[b] else RIGID for b in bodies.tolist()]
     axes.add_collection(PathCollection(paths, facecolors=faces, edgecolors=EDGE, linewidths=EDGE_WIDTH, zorder=2.0))
-    bare = np.flatnonzero(~scene.outlined[scene.owner])
+    bare = np.flatnonzero(~seen.outlined[seen.owner])
     if bare.size:
-        values = scene.owner[bare] % len(COLOURS) if field.values is None else field.values[bare]
-        _scatter(axes, state.x[:, bare], values, None if field.values is None else style)
+        values = seen.owner[bare] % len(COLOURS) if field.values is None else field.values[bare]
+        _scatter(axes, seen.x[:, bare], values, None if field.values is None else style)
 
 
 def body_paths(boundary: Polylines) -> tuple[list[Any], Ints]:
@@ -60,8 +57,7 @@ def body_paths(boundary: Polylines) -> tuple[list[Any], Ints]:
 
 def _shade(
     axes: Axes,
-    scene: Scene,
-    state: State,
+    seen: Snapshot,
     boundary: Polylines,
     paths: list[Any],
     values: NDArray[np.float64],
@@ -72,7 +68,7 @@ def _shade(
     from matplotlib.path import Path
     from matplotlib.tri import Triangulation
 
-    mesh = triangles(scene, state, boundary, np.flatnonzero(scene.deformable & scene.outlined))
+    mesh = triangles(seen.x, seen.owner, seen.boundary_points, boundary, np.flatnonzero(seen.deformable))
     if mesh.corners.size == 0:
         return
     options: dict[str, Any] = {"cmap": colour_map(style.limits), "vmin": style.limits[0], "vmax": style.limits[1]}

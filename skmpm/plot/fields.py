@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Scene, State, mises
+from skmpm.plot.snapshot import Snapshot
 from skmpm.units import prefixed
 
 Array = NDArray[np.float64]
@@ -18,7 +18,8 @@ SEQUENTIAL, DIVERGING = "viridis", "RdBu_r"
 OUTLIERS = 1.0  # [%] of points beyond each end of the colour scale: those beside corners would set it alone
 # Of compression: where tension is less, pressures have a sequential map, since a little tension is mostly noise.
 SIGNED = 0.25
-NAMES = "pressure, mises, displacement, speed, body"
+UNITS = {"pressure": "Pa", "mises": "Pa", "displacement": "m", "speed": "m/s"}
+NAMES = ", ".join([*UNITS, "body"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,23 +36,23 @@ class Field:
         return self.values is None
 
 
-def field_of(scene: Scene, state: State, colour: str | NDArray[np.floating], label: str = "") -> Field:
+def field_of(seen: Snapshot, colour: str | NDArray[np.floating], label: str = "") -> Field:
     """The field that is named or given, by point (n,) or by body (bodies,)."""
     if isinstance(colour, str):
-        return _known(scene, _named(scene, state, colour))
-    values, n, bodies = np.asarray(colour), state.x.shape[1], len(scene.bodies)
+        return _known(seen, _named(seen, colour))
+    values, n, bodies = np.asarray(colour), seen.owner.size, seen.deformable.size
     if values.shape not in ((n,), (bodies,)) or values.dtype.kind not in "fiub":
         raise ValueError(
             f"plot: colour is an array of {values.dtype} of shape {values.shape}; give numbers by point ({n},) or by"
             f" body ({bodies},), or one of {NAMES}"
         )
     values = values.astype(np.float64)
-    return _known(scene, Field(values if values.size == n else values[scene.owner], label, ""))
+    return _known(seen, Field(values if values.size == n else values[seen.owner], label, ""))
 
 
-def _known(scene: Scene, field: Field) -> Field:
+def _known(seen: Snapshot, field: Field) -> Field:
     """The field; ValueError if it has no value at any point of a deformable body."""
-    own = np.zeros(0) if field.values is None else field.values[scene.deformable_points]
+    own = np.zeros(0) if field.values is None else field.values[seen.inside_deformable]
     if own.size and not np.isfinite(own).any():
         where = "; the equivalent stress needs `stress_zz` of the materials" if "Mises" in field.name else ""
         name = field.name or "colour"
@@ -59,23 +60,17 @@ def _known(scene: Scene, field: Field) -> Field:
     return field
 
 
-def _named(scene: Scene, state: State, name: str) -> Field:
+def _named(seen: Snapshot, name: str) -> Field:
     if name == "body":
         return Field(None, name, "")
-    if name == "pressure":
-        return Field(-0.5 * (state.stress[0, 0] + state.stress[1, 1]), name, "Pa")
-    if name == "mises":
-        return Field(mises(scene, state), "von Mises stress", "Pa")
-    if name == "displacement":
-        return Field(np.hypot(*(state.x - scene.initial_positions)), name, "m")
-    if name == "speed":
-        return Field(np.hypot(*state.v), name, "m/s")
-    raise ValueError(f"plot: colour = {name!r}; use one of {NAMES}, or an array by point or by body")
+    if name not in UNITS:
+        raise ValueError(f"plot: colour = {name!r}; use one of {NAMES}, or an array by point or by body")
+    return Field(seen.values(name), "von Mises stress" if name == "mises" else name, UNITS[name])
 
 
-def limits_of(scene: Scene, fields: Sequence[Field]) -> Limits:
+def limits_of(seen: Snapshot, fields: Sequence[Field]) -> Limits:
     """Limits of a colour scale for several states: the range without outliers, of points of deformable bodies."""
-    own = scene.deformable_points
+    own = seen.inside_deformable
     parts = [field.values[own] for field in fields if field.values is not None]
     values = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.zeros(0)
     if values.size == 0:
@@ -93,10 +88,10 @@ def colour_map(limits: Limits) -> str:
     return DIVERGING if limits[0] == -limits[1] else SEQUENTIAL
 
 
-def beyond(scene: Scene, field: Field, limits: Limits) -> str:
+def beyond(seen: Snapshot, field: Field, limits: Limits) -> str:
     """Which ends of the colour scale values of deformable bodies exceed, in matplotlib's words."""
     assert field.values is not None
-    values = field.values[scene.deformable_points]
+    values = field.values[seen.inside_deformable]
     ends = bool((values < limits[0]).any()), bool((values > limits[1]).any())
     return {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
 

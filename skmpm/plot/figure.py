@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skmpm.plot.bodies import draw_bodies
 from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of, scale_of
 from skmpm.plot.forces import add_key, draw_forces
+from skmpm.plot.snapshot import OfState, Snapshot
 from skmpm.plot.style import Style, in_multiples, style_of
 from skmpm.plot.surroundings import draw_supports, draw_walls
 from skmpm.scene import Scene, State, check_fits
@@ -61,12 +62,13 @@ def plot(
         if the state belongs to another scene
     """
     check_fits(scene, state, "plot")
-    field = field_of(scene, state, colour, label)
-    style = style_of(scene, [state], [field], forces=forces, limits=limits)
+    seen = OfState.of(scene, state)
+    field = field_of(seen, colour, label)
+    style = style_of([seen], [field], forces=forces, limits=limits)
     axes = new_axes() if axes is None else axes
-    draw(axes, scene, state, field, style)
+    draw(axes, seen, field, style)
     if legend:
-        add_legend(axes, scene, field, style)
+        add_legend(axes, seen, field, style)
     return axes
 
 
@@ -84,13 +86,13 @@ def matplotlib_module(name: str) -> Any:
         raise ImportError('plot needs matplotlib; install it with: pip install "skmpm[plot]"') from error
 
 
-def draw(axes: Axes, scene: Scene, state: State, field: Field, style: Style) -> None:
+def draw(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
     """Draw bodies, walls, supports and forces into axes, without a legend."""
-    draw_walls(axes, state, style.view)
-    draw_bodies(axes, scene, state, field, style)
-    draw_supports(axes, scene, state)
+    draw_walls(axes, seen, style.view)
+    draw_bodies(axes, seen, field, style)
+    draw_supports(axes, seen)
     if style.largest_force is not None:
-        draw_forces(axes, scene, state, style.largest_force)
+        draw_forces(axes, seen, style.largest_force)
     axes.set_aspect("equal")
     (left, low), (right, high) = style.view.tolist()
     axes.set(xlim=(left, right), ylim=(low, high))
@@ -100,7 +102,7 @@ def draw(axes: Axes, scene: Scene, state: State, field: Field, style: Style) -> 
         axis.set_label_text(f"{name} [{unit}]")
 
 
-def add_legend(axes: Axes, scene: Scene, field: Field, style: Style) -> None:
+def add_legend(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
     """Add the colour bar, as high as the axes, and the key of the forces."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
@@ -109,8 +111,8 @@ def add_legend(axes: Axes, scene: Scene, field: Field, style: Style) -> None:
         scale, name = scale_of(field, style.limits)
         colours = ScalarMappable(Normalize(*style.limits), colour_map(style.limits))
         picture: Any = axes.get_figure()
-        place, ends = axes.inset_axes((1.03, 0.0, 0.035, 1.0)), beyond(scene, field, style.limits)
+        place, ends = axes.inset_axes((1.03, 0.0, 0.035, 1.0)), beyond(seen, field, style.limits)
         bar = picture.colorbar(colours, cax=place, label=name, extend=ends)
         bar.ax.yaxis.set_major_formatter(in_multiples(scale))
     if style.largest_force:
-        add_key(axes, scene, style.largest_force)
+        add_key(axes, seen, style.largest_force)

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.io import Frame
 from skmpm.plot.fields import Limits, field_of
 from skmpm.plot.figure import add_legend, draw, matplotlib_module, new_axes
+from skmpm.plot.snapshot import OfFrame, OfState, Snapshot
 from skmpm.plot.style import style_of
 from skmpm.scene import Scene, State, check_fits
 from skmpm.units import prefixed
@@ -19,10 +21,10 @@ WRITERS = {".mp4": "ffmpeg", ".gif": "pillow", ".html": "html"}
 
 
 def animate(
-    states: Iterable[State],
+    states: Iterable[State] | Iterable[Frame],
     path: str | Path,
     *,
-    scene: Scene,
+    scene: Scene | None = None,
     colour: str | NDArray[np.floating] = "pressure",
     forces: bool = False,
     limits: Limits | None = None,
@@ -30,13 +32,14 @@ def animate(
     fps: int = 20,
     dpi: float = 120.0,
 ) -> Path:
-    """Write a film of states as `plot` draws them, with one colour scale, force scale and view for all.
+    """Write a film of states or of a recording as `plot` draws them, with one colour scale, force scale and view.
 
     Parameters
     ----------
-    states : in the order of their frames; all are held in memory
+    states : states, or frames of a recording as of `read("run.vtkhdf")[::10]`; all are held in memory
     path : the file; its suffix .mp4 (needs ffmpeg), .gif or .html decides the format
-    scene, colour, forces, limits, label : as for `plot`
+    scene : the scene of the states; recordings need none
+    colour, forces, limits, label : as for `plot`
     fps : frames per second
     dpi : pixels per inch, of a figure of 6.4 by 4.8 inches
 
@@ -49,35 +52,49 @@ def animate(
     ImportError
         if matplotlib is not installed
     ValueError
-        if there is no state, the suffix is another, ffmpeg is needed and not found, or as for `plot`
+        if there is no state, or states without scene, the suffix is another, ffmpeg is needed and not found, or as
+        for `plot`
     FileNotFoundError
         if the directory of the file does not exist
     """
-    path, frames = Path(path), list(states)
-    _check(path, frames)
-    for state in frames:
-        check_fits(scene, state, "animate")
+    path = Path(path)
+    _check(path)
+    pictures = _pictures(states, scene)
     writer, axes = _writer(path, fps), new_axes()
-    fields = [field_of(scene, state, colour, label) for state in frames]
-    style = style_of(scene, frames, fields, forces=forces, limits=limits)
+    fields = [field_of(seen, colour, label) for seen in pictures]
+    style = style_of(pictures, fields, forces=forces, limits=limits)
     picture: Any = axes.get_figure()
-    add_legend(axes, scene, fields[-1], style)
+    add_legend(axes, pictures[-1], fields[-1], style)
     with writer.saving(picture, str(path), dpi):
-        for state, field in zip(frames, fields, strict=True):
+        for seen, field in zip(pictures, fields, strict=True):
             for artist in [*axes.collections, *axes.lines]:
                 artist.remove()
-            draw(axes, scene, state, field, style)
-            scale, unit = prefixed("s", state.t)
-            axes.set_title(f"t = {state.t / scale:.4g} {unit}", loc="right")
+            draw(axes, seen, field, style)
+            scale, unit = prefixed("s", seen.t)
+            axes.set_title(f"t = {seen.t / scale:.4g} {unit}", loc="right")
             writer.grab_frame()
     matplotlib_module("pyplot").close(picture)
     return path
 
 
-def _check(path: Path, frames: list[State]) -> None:
-    """Raise an error where no film can be written, before anything is drawn."""
-    if not frames:
+def _pictures(states: Iterable[State] | Iterable[Frame], scene: Scene | None) -> list[Snapshot]:
+    """What is drawn of states or frames; ValueError if there is none, or no scene of a state."""
+    pictures = list[Snapshot]()
+    for state in states:
+        if isinstance(state, Frame):
+            pictures.append(OfFrame.of(state))
+        elif scene is None:
+            raise ValueError("animate: states need their scene; give scene=")
+        else:
+            check_fits(scene, state, "animate")
+            pictures.append(OfState.of(scene, state))
+    if not pictures:
         raise ValueError("animate: there are no states")
+    return pictures
+
+
+def _check(path: Path) -> None:
+    """Raise an error where no film can be written, before anything is drawn."""
     if path.suffix.lower() not in WRITERS:
         raise ValueError(f"animate: {path} has the suffix {path.suffix!r}; use .mp4, .gif or .html")
     if not path.parent.is_dir():

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.observe import network
 from skmpm.plot.fields import Field, Limits, limits_of
-from skmpm.plot.surroundings import view_of
-from skmpm.scene import Scene, State
+from skmpm.plot.snapshot import Snapshot
+from skmpm.scene import view_of
 
 Array = NDArray[np.float64]
 
@@ -25,13 +24,11 @@ class Style:
     view: Array  # (2, 2) lower left and upper right corners [m]
 
 
-def style_of(
-    scene: Scene, states: Sequence[State], fields: Sequence[Field], *, forces: bool, limits: Limits | None
-) -> Style:
-    """Scales and view that suit all of these states."""
-    limits = limits_of(scene, fields) if limits is None else _checked(limits)
-    largest = max(float(network(scene, s).force[0].max(initial=0.0)) for s in states) if forces else None
-    views = np.stack([view_of(s, s.x) for s in states])
+def style_of(pictures: Sequence[Snapshot], fields: Sequence[Field], *, forces: bool, limits: Limits | None) -> Style:
+    """Scales and view that suit all of these pictures."""
+    limits = limits_of(pictures[0], fields) if limits is None else _checked(limits)
+    largest = max(float(seen.forces()[1].max(initial=0.0)) for seen in pictures) if forces else None
+    views = np.stack([view_of(seen.x, seen.walls, seen.wall_normals) for seen in pictures])
     return Style(limits, largest, np.stack([views[:, 0].min(axis=0), views[:, 1].max(axis=0)]))
 
 

@@ -10,7 +10,6 @@ from scipy.spatial import Delaunay, QhullError
 
 from skmpm import outline
 from skmpm.outline import Polylines
-from skmpm.scene import Scene, State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,25 +33,33 @@ class Triangles:
         return np.append(by_point, between)
 
 
-def triangles(scene: Scene, state: State, boundary: Polylines, bodies: Ints) -> Triangles:
-    """Triangulate some bodies (Delaunay), and leave out what lies outside their curves, as in notches and holes."""
-    n, between = state.x.shape[1], np.arange(boundary.outlines.size) % boundary.parts > 0
-    x = np.concatenate([state.x, boundary.x[:, between]], axis=1)
-    owner = np.append(scene.owner, boundary.outlines.body[between])
+def triangles(points: Array, owner: Ints, boundary_points: Ints, boundary: Polylines, bodies: Ints) -> Triangles:
+    """Triangulate some bodies (Delaunay), and leave out what lies outside their curves, as in notches and holes.
+
+    Parameters
+    ----------
+    points, owner : (2, n) [m] material points, and (n,) their bodies
+    boundary_points : (m,) those of them that are on the boundary
+    boundary : the curves through these
+    bodies : to be filled; those without outline are left out
+    """
+    n, between = owner.size, np.arange(boundary.outlines.size) % boundary.parts > 0
+    x = np.concatenate([points, boundary.x[:, between]], axis=1)
+    owner = np.append(owner, boundary.outlines.body[between])
     on_boundary = np.ones(owner.size, dtype=bool)
     on_boundary[:n] = False
-    on_boundary[scene.outlines.point] = True
+    on_boundary[boundary_points] = True
     order = np.argsort(owner, kind="stable")
-    ends = np.searchsorted(owner[order], np.arange(len(scene.bodies) + 1))
+    ordered = owner[order]
     found = [np.zeros((0, 3), dtype=np.int64)]
-    for b in bodies.tolist():
-        own = order[ends[b] : ends[b + 1]]
+    for b in np.intersect1d(bodies, boundary.outlines.body).tolist():
+        own = order[slice(*np.searchsorted(ordered, (b, b + 1)))]
         found.append(own[_delaunay(x[:, own])])
     corners = np.concatenate(found)
     doubtful = np.flatnonzero(on_boundary[corners].all(axis=1))  # the others have a corner inside
     centre = x[:, corners[doubtful]].mean(axis=2)
     outside = ~outline.inside(boundary.outlines, boundary.x, owner[corners[doubtful, 0]], centre)
-    return Triangles(x, np.delete(corners, doubtful[outside], axis=0), boundary, scene.outlines.point)
+    return Triangles(x, np.delete(corners, doubtful[outside], axis=0), boundary, boundary_points)
 
 
 def _delaunay(x: Array) -> Ints:

@@ -6,6 +6,7 @@ from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_velocities
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
+from skmpm.scene.walls_in_view import view_of, wall_lines
 
 __all__ = [
     "Body",
@@ -29,4 +30,6 @@ __all__ = [
     "motion",
     "prescribed_velocities",
     "stress_zz",
+    "view_of",
+    "wall_lines",
 ]

@@ -30,8 +30,13 @@ def stress_zz(scene: Scene, state: State) -> Array:
     return out
 
 
-def mises(scene: Scene, state: State) -> Array:
-    """Equivalent stress of von Mises, (3/2 s : s)^(1/2) with the deviator s in three dimensions, (n,) [Pa]."""
-    (xx, xy), (_, yy) = state.stress
-    zz = stress_zz(scene, state)
+def mises(stress: Array, zz: Array) -> Array:
+    """Equivalent stress of von Mises, (3/2 s : s)^(1/2) with the deviator s in three dimensions, (n,) [Pa].
+
+    Parameters
+    ----------
+    stress : (2 or 3, 2 or 3, n) Cauchy stress in the plane [Pa]
+    zz : (n,) that out of the plane
+    """
+    xx, yy, xy = stress[0, 0], stress[1, 1], stress[0, 1]
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2))

@@ -23,6 +23,7 @@ from skmpm.scene import Body, Contacts, Report, Scene, State, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, step
 
+pyvista = pytest.importorskip("pyvista")
 vtk = pytest.importorskip("vtk")
 from vtk.util.numpy_support import vtk_to_numpy  # noqa: E402
 
@@ -411,6 +412,34 @@ def test_vtk_reads_what_was_written(tmp_path, states):
         np.testing.assert_allclose(data["pressure"], pressure, atol=1e-6 * scale)
         assert data["cells"] == [[[p] for p in range(n)], [], [], []]
     assert np.abs(steps[-1][1]["points"]["x"] - steps[0][1]["points"]["x"]).max() > 1e-5  # it moved
+
+
+def test_pyvista_reads_what_was_written(tmp_path, states):
+    path = tmp_path / "run.vtkhdf"
+    write(path, discs(), states)
+    reader = pyvista.get_reader(path)
+    for k, state in enumerate(states):
+        reader.reader.SetStep(k)  # pyvista has no times of its own for this reader
+        blocks = reader.read()
+        assert reader.reader.GetTimeValue() == state.t
+        assert blocks.keys() == ["points", "bodies", "contacts", "walls"]
+        np.testing.assert_array_equal(blocks["points"].points[:, :2].T, state.x)
+        np.testing.assert_allclose(blocks["points"]["velocity"][:, :2].T, state.v, rtol=1e-6, atol=1e-30)
+        assert blocks["bodies"].n_cells == 2 and blocks["walls"].n_cells == 2
+
+
+def test_walls_are_lines_that_move(tmp_path, states):
+    """One to the left of the discs, which moves, and one below, each to the end of the other."""
+    write(tmp_path / "s", discs(), states)
+    for frame, state in zip(read(tmp_path / "s"), states, strict=True):
+        assert frame.walls["wall"].tolist() == [-1, -2]
+        np.testing.assert_allclose(frame.walls["point"].T, state.walls, rtol=1e-6)
+        np.testing.assert_allclose(frame.walls["normal"].T, state.wall_normals)
+        corner = [state.walls[0, 0], -1e-3]
+        upright, floor = frame.walls["lines"]
+        assert min(np.hypot(*(upright - corner).T)) < 1e-15 and min(np.hypot(*(floor - corner).T)) < 1e-15
+        assert np.ptp(upright[:, 0]) < 1e-15 and np.ptp(floor[:, 1]) < 1e-15
+        assert upright[:, 1].max() > 1e-3 and floor[:, 0].max() > 3e-3
 
 
 def test_bodies_are_smooth_polygons_with_data_of_the_body(tmp_path, states):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import pyplot
-from matplotlib.collections import LineCollection, PathCollection, TriMesh
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection, TriMesh
 from PIL import Image
 
 from skmpm import (
@@ -31,11 +31,14 @@ from skmpm import (
     network,
     outline,
     plot,
+    read,
+    record,
     simulate,
 )
-from skmpm.plot.bodies import PARTS, body_paths
-from skmpm.plot.surroundings import view_of, wall_shapes
+from skmpm.plot.bodies import body_paths
+from skmpm.plot.snapshot import OfState
 from skmpm.plot.triangles import triangles
+from skmpm.scene import view_of, wall_lines
 from skmpm.units import prefixed
 
 matplotlib.use("Agg")
@@ -70,9 +73,9 @@ def annulus():
     return Points(x, np.full(x.shape[1], 3 * np.pi * R**2 / x.shape[1]), loops)
 
 
-def boundary_of(scene, state):
-    place = scene.outlines.point
-    return outline.polylines(scene.outlines, scene.initial_positions[:, place], state.x[:, place], PARTS)
+def triangulated(scene, state):
+    return triangles(state.x, scene.owner, scene.outlines.point, OfState.of(scene, state).boundary(),
+                     np.arange(len(scene.bodies)))  # fmt: skip
 
 
 def area(path):
@@ -111,9 +114,9 @@ def test_bodies_are_bounded_by_the_curves_on_which_contact_acts(squeezed):
 def test_a_hole_is_not_filled():
     scene = Scene([Body(annulus(), GEL)], cell=R / 4)
     state = initial(scene)
-    (path,), (body,) = body_paths(boundary_of(scene, state))
+    (path,), (body,) = body_paths(OfState.of(scene, state).boundary())
     assert body == 0 and area(path) == pytest.approx(3 * np.pi * R**2, rel=2e-3)
-    mesh = triangles(scene, state, boundary_of(scene, state), np.array([0]))
+    mesh = triangulated(scene, state)
     assert size_of(mesh) == pytest.approx(3 * np.pi * R**2, rel=2e-3)
     assert np.hypot(*mesh.x[:, mesh.corners].mean(axis=2)).min() > 0.99 * R
 
@@ -122,7 +125,7 @@ def test_a_hole_is_not_filled():
 def test_linear_fields_are_drawn_exactly(a, b, c):
     scene = Scene([Body(annulus(), GEL), Body(box((3 * R, 0.0), (R, R), spacing=R / 6), GEL)], cell=R / 4)
     state = initial(scene)
-    mesh = triangles(scene, state, boundary_of(scene, state), np.arange(2))
+    mesh = triangulated(scene, state)
     field = a + (b * state.x[0] + c * state.x[1]) / R
     # Between boundary points values are linear in the curve's parameter: exact up to the curve's second derivative.
     assert mesh.values(field) == pytest.approx(a + (b * mesh.x[0] + c * mesh.x[1]) / R, abs=0.02)
@@ -141,7 +144,7 @@ def test_no_triangle_crosses_a_notch():
     points = Points(np.stack([x, y]), np.full(x.size, 3 * R**2 / x.size), (np.array(loop),))
     scene = Scene([Body(points, GEL)], cell=R / 4)
     state = initial(scene)
-    mesh = triangles(scene, state, boundary_of(scene, state), np.array([0]))
+    mesh = triangulated(scene, state)
     centre = mesh.x[:, mesh.corners].mean(axis=2)
     assert not ((centre[0] > 1.001 * R) & (centre[1] > 1.001 * R)).any()
     assert size_of(mesh) == pytest.approx(3 * R**2, rel=1e-6)
@@ -214,14 +217,19 @@ def test_walls_are_drawn_where_they_are_now_and_end_at_each_other():
                Wall((4 * R, 0), (-1, 0))],
     )  # fmt: skip
     *_, state = simulate(scene, dt=1e-5, until=1e-4)
-    shapes = wall_shapes(state, view_of(state, state.x))
+    walls = state.walls, state.wall_normals
+    lines, of = wall_lines(*walls, view_of(state.x, *walls))
     top = 4 * R - 1e-4
     ends = [[(0, 0), (4 * R, 0)], [(0, top), (4 * R, top)], [(0, 0), (0, top)], [(4 * R, 0), (4 * R, top)]]
-    for (line, strip), expected in zip(shapes, ends, strict=True):
+    assert of.tolist() == [0, 1, 2, 3]
+    for line, expected in zip(lines, ends, strict=True):
         assert np.sort(line, axis=0) == pytest.approx(np.array(expected), abs=1e-12)
-        assert strip.shape == (4, 2)
-    outside = {tuple(np.round(strip.mean(axis=0) - line.mean(axis=0), 9) > 0) for line, strip in shapes}
-    assert len(outside) >= 3  # to the left and below, above, to the right
+    drawn_lines, strips = drawn(plot(scene, state), LineCollection)[-1], drawn(plot(scene, state), PolyCollection)[0]
+    assert len(drawn_lines.get_segments()) == 4
+    centres = [np.asarray(path.vertices[:4]).mean(axis=0) for path in strips.get_paths()]
+    middle = np.array([2 * R, top / 2])
+    for line, centre in zip(lines, centres, strict=True):  # strips lie outside
+        assert np.hypot(*(centre - middle)) > np.hypot(*(line.mean(axis=0) - middle))
 
 
 def test_rigid_bodies_are_grey_and_points_without_outline_are_dots():
@@ -289,6 +297,53 @@ def test_a_film_has_a_frame_for_each_state_with_one_scale(squeezed, tmp_path):
     assert not pyplot.get_fignums()
 
 
+def with_hole_and_support():
+    """A ring pulled to the right by its left half, above a rigid block, between a wall and another far away."""
+    block = box((-2 * R, -4 * R), (4 * R, 1.5 * R), spacing=R / 4)
+    bodies = [Body(block, Rigid(1000.0)), Body(annulus(), GEL, velocity=(1.0, 0.0))]
+    return Scene(bodies, cell=R / 4, supports=[Support(lambda x: x[0] < -1.5 * R, velocity=(1.0, 0.0))],
+                 walls=[Wall((0, -4 * R), (0, 1)), Wall((0, 50 * R), (0, -1))])  # fmt: skip
+
+
+def same_artists(axes, others):
+    """Assert that curves, fields and lines of two axes have the same coordinates and values, to single precision."""
+    for kind in (PathCollection, TriMesh, LineCollection, PolyCollection):
+        for a, b in zip(drawn(axes, kind), drawn(others, kind), strict=True):
+            for one, other in zip(a.get_paths(), b.get_paths(), strict=True):
+                np.testing.assert_allclose(one.vertices, other.vertices, atol=1e-6 * R)
+            if a.get_array() is not None:
+                np.testing.assert_allclose(a.get_array(), b.get_array(), rtol=2e-6, atol=1e-6 * a.get_clim()[1])
+            np.testing.assert_allclose(a.get_linewidths(), b.get_linewidths(), rtol=1e-6)
+            np.testing.assert_array_equal(a.get_facecolors(), b.get_facecolors())
+    for a, b in zip(axes.lines, others.lines, strict=True):
+        np.testing.assert_array_equal(a.get_xydata(), b.get_xydata())
+    assert axes.get_legend() is None or axes.get_legend().get_texts()[0].get_text() == (
+        others.get_legend().get_texts()[0].get_text())  # fmt: skip
+
+
+@pytest.mark.parametrize("colour", ["pressure", "mises", "displacement", "speed", "body"])
+@pytest.mark.parametrize("build", ["squeezed", "with_hole_and_support"])
+def test_a_recorded_frame_is_drawn_as_its_state(tmp_path, monkeypatch, request, build, colour):
+    """Curves, triangles, values, walls, supports, forces: the same artists, from the file alone."""
+    monkeypatch.setattr(sys.modules["skmpm.plot.snapshot"], "PARTS", 4)  # as recorded
+    if build == "squeezed":
+        scene, states = request.getfixturevalue(build)
+    else:
+        scene = with_hole_and_support()
+        states = list(simulate(scene, dt=1e-5, until=3e-5))
+    with record(tmp_path / "run.vtkhdf", scene) as file:
+        for state in states:
+            file.write(state)
+    films = []
+    for k, (frames, options) in enumerate([(states, {"scene": scene}), (read(tmp_path / "run.vtkhdf"), {})]):
+        picture = pyplot.subplots()[1]
+        monkeypatch.setattr(sys.modules["skmpm.plot.film"], "new_axes", lambda picture=picture: picture)
+        animate(frames, tmp_path / f"{k}.gif", colour=colour, forces=True, dpi=20, **options)
+        films.append(picture)
+    same_artists(*films)
+    np.testing.assert_allclose(films[0].get_xlim(), films[1].get_xlim())
+
+
 def test_films_that_cannot_be_written_are_refused_before_anything_is_drawn(squeezed, tmp_path, monkeypatch):
     scene, states = squeezed
     monkeypatch.setattr(sys.modules["skmpm.plot.film"], "new_axes", lambda: pytest.fail("drawn"))
@@ -298,6 +353,8 @@ def test_films_that_cannot_be_written_are_refused_before_anything_is_drawn(squee
         animate(states, tmp_path / "film.avi", scene=scene)
     with pytest.raises(FileNotFoundError, match=r"the directory .*none does not exist"):
         animate(states, tmp_path / "none" / "film.gif", scene=scene)
+    with pytest.raises(ValueError, match="animate: states need their scene; give scene="):
+        animate(states, tmp_path / "film.gif")
     monkeypatch.setattr("matplotlib.animation.writers.is_available", lambda kind: False)
     with pytest.raises(ValueError, match=r"film.mp4 needs ffmpeg, which is not installed"):
         animate(states, tmp_path / "film.mp4", scene=scene)

@@ -1,0 +1,127 @@
+"""What is drawn, of a state or of a frame of a recording."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm import outline
+from skmpm.io import Frame
+from skmpm.observe import force_lines, network
+from skmpm.outline import Polylines
+from skmpm.scene import Scene, State, mises, stress_zz
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+PARTS = 6  # lines between two boundary points: at 300 dpi a disc of 30 of them is round
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot(ABC):
+    """Bodies, walls and forces at one time; what costs is computed when it is drawn."""
+
+    t: float  # [s]
+    x: Array  # (2, n) material points [m]
+    owner: Ints  # (n,) their bodies
+    deformable: Bools  # (bodies,)
+    boundary_points: Ints  # (m,) material points on the outlines, loop after loop
+    held: Ints  # (h,) material points whose velocity supports prescribe
+    walls: Array  # (w, 2) a point of each [m]
+    wall_normals: Array  # (w, 2)
+
+    @property
+    def outlined(self) -> Bools:
+        """Whether bodies have an outline, (bodies,)."""
+        return np.bincount(self.owner[self.boundary_points], minlength=self.deformable.size) > 0
+
+    @property
+    def inside_deformable(self) -> Bools:
+        """Whether material points belong to deformable bodies, (n,)."""
+        return self.deformable[self.owner]
+
+    @abstractmethod
+    def boundary(self) -> Polylines:
+        """The smooth boundaries, through the boundary points."""
+
+    @abstractmethod
+    def values(self, name: str) -> Array:
+        """The field "pressure", "mises", "displacement" or "speed" at the material points, (n,) in SI units."""
+
+    @abstractmethod
+    def forces(self) -> tuple[Array, Array]:
+        """Lines (k, 2, 2) [m] of the contact network and the normal forces (k,) [N/m] along them."""
+
+
+@dataclass(frozen=True, eq=False)
+class OfState(Snapshot):
+    """What is drawn of a state."""
+
+    scene: Scene
+    state: State
+
+    @classmethod
+    def of(cls, scene: Scene, state: State) -> OfState:
+        """The snapshot of a state that belongs to the scene."""
+        place = [held.points for held in scene.supported]
+        held = np.unique(np.concatenate(place)) if place else np.zeros(0, dtype=np.int64)
+        bodies = scene.deformable, scene.outlines.point, held
+        return cls(state.t, state.x, scene.owner, *bodies, state.walls, state.wall_normals, scene, state)
+
+    def boundary(self) -> Polylines:
+        """The curves on which contact acts."""
+        scene, place = self.scene, self.boundary_points
+        return outline.polylines(scene.outlines, scene.initial_positions[:, place], self.x[:, place], PARTS)
+
+    def values(self, name: str) -> Array:
+        """A field of the state."""
+        state = self.state
+        if name == "displacement":
+            return np.asarray(np.hypot(*(state.x - self.scene.initial_positions)))
+        if name == "speed":
+            return np.asarray(np.hypot(*state.v))
+        if name == "mises":
+            return mises(state.stress, stress_zz(self.scene, state))
+        return np.asarray(-0.5 * (state.stress[0, 0] + state.stress[1, 1]))
+
+    def forces(self) -> tuple[Array, Array]:
+        """The contact network of the state."""
+        pairs = network(self.scene, self.state)
+        return force_lines(self.scene, self.state, pairs), pairs.force[0]
+
+
+@dataclass(frozen=True, eq=False)
+class OfFrame(Snapshot):
+    """What is drawn of a frame of a recording."""
+
+    frame: Frame
+
+    @classmethod
+    def of(cls, frame: Frame) -> OfFrame:
+        """The snapshot of a frame."""
+        bodies = frame.points["body"], frame.deformable, frame.boundary_points, frame.held_points
+        return cls(frame.t, frame.x, *bodies, frame.walls["point"].T, frame.walls["normal"].T, frame)
+
+    def boundary(self) -> Polylines:
+        """The recorded boundaries."""
+        loops = self.frame.outlines
+        parts = sum(loop.shape[1] for loop in loops) // max(self.boundary_points.size, 1)
+        return outline.joined(loops, self.frame.bodies["body"], parts)
+
+    def values(self, name: str) -> Array:
+        """A recorded field."""
+        fields = self.frame.points
+        if name in ("displacement", "speed"):
+            return np.asarray(np.hypot(*fields["velocity" if name == "speed" else name]), dtype=np.float64)
+        if name == "mises":
+            stress = fields["stress"].astype(np.float64)
+            return mises(stress, stress[2, 2])
+        return fields[name].astype(np.float64)
+
+    def forces(self) -> tuple[Array, Array]:
+        """The recorded contact network."""
+        return self.frame.contacts["lines"], self.frame.contacts["normal_force"]
