@@ -88,7 +88,7 @@ def packing(
     x, size = _grow(_scatter(scaled, box, rng), scaled, box, friction, np.sqrt(ease), rng)
     if size < 1.0:
         raise PackingError(
-            f"the discs jam at a solid fraction of {solid_fraction * size**2:.3f}, "
+            f"the discs jam at a solid fraction of {solid_fraction * size**2:.4f}, "
             f"below the requested {solid_fraction:g}; lower solid_fraction or friction, or try another seed"
         )
     return Packing(x * unit, R, float(width), height)
