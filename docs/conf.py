@@ -1,8 +1,104 @@
-"""Sphinx configuration; build with `python -m sphinx -W docs docs/_build`."""
+"""Sphinx configuration; `python -m sphinx -W -n docs docs/_build` runs tutorials and examples and builds the site."""
 
-project = "skmpm"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
-myst_enable_extensions = ["dollarmath"]
+import re
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from run_examples import PICTURES, arguments
+
+import skmpm
+
+project, author = "skmpm", "The skmpm developers"
+version = release = skmpm.__version__
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx-mathjax-offline",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "tutorials"]
+suppress_warnings = ["config.cache"]  # the gallery's functions
+nitpicky = True
+# Types of other libraries, whose pages a build without a network cannot link, and internal ones.
+nitpick_ignore_regex = [("py:.*", r"(?!skmpm).*"), ("py:.*", r"skmpm\..*\.(BodyGrids|Derived|PrescribedVelocities)")]
+
+default_role = "autolink"
+rst_prolog = ".. currentmodule:: skmpm"
+autosummary_generate = False
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_typehints = "none"  # docstrings say shapes and units, which the types do not
+napoleon_use_rtype = False
+napoleon_use_ivar = False
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-html_theme = "furo"
-exclude_patterns = ["_build"]
+
+html_theme = "pydata_sphinx_theme"
+html_title = f"skmpm {version}"
+html_static_path = ["static"]
+html_css_files = ["skmpm.css"]
+html_show_sourcelink = False
+html_theme_options = {
+    "show_prev_next": False,
+    "navigation_with_keys": False,
+    "show_nav_level": 1,
+    "header_links_before_dropdown": 6,
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "secondary_sidebar_items": ["page-toc"],
+}
+html_sidebars = {"getting_started": [], "limits": []}
+copyright = "2026, The skmpm developers"  # noqa: A001
+
+sphinx_gallery_conf = {
+    "examples_dirs": ["tutorials", "../examples"],
+    "gallery_dirs": ["generated/tutorials", "generated/gallery"],
+    "filename_pattern": r"\.py$",
+    "ignore_pattern": r"(__init__|drawing)\.py$|/studies/",
+    "within_subsection_order": "FileNameSortKey",
+    "image_scrapers": ("matplotlib", PICTURES),
+    "reset_argv": arguments,
+    "copyfile_regex": r"$^",
+    "download_all_examples": False,
+    "capture_repr": ("_repr_html_",),
+    "show_signature": False,
+    "remove_config_comments": True,
+    "abort_on_example_error": True,
+    "min_reported_time": 1e9,
+    "show_memory": False,
+    "reference_url": {"skmpm": None},
+    "backreferences_dir": None,
+    "plot_gallery": True,
+}
+
+
+def setup(app):
+    """Read docstrings as they are written here, and link classes that are public in `skmpm` by their public names."""
+    app.connect("autodoc-process-docstring", _described, priority=400)  # before napoleon
+    app.connect("missing-reference", _public)
+
+
+def _described(app, what, name, obj, options, lines):
+    """Turn what follows "name : " in lists of parameters, and what is returned, into descriptions."""
+    sections = re.split(r"^(?=.+\n-+$)", "\n".join(lines), flags=re.MULTILINE)
+    for k, section in enumerate(sections):
+        if section.startswith(("Parameters\n", "Attributes\n")):
+            sections[k] = re.sub(r"^([\w, *]+?) : ", r"\1\n    ", section, flags=re.MULTILINE)
+        elif section.startswith("Returns\n"):
+            head, rule, *text = section.split("\n")
+            sections[k] = "\n".join([head, rule, ":", *(f"    {line.strip()}" if line else "" for line in text)])
+    lines[:] = "".join(sections).split("\n")
+
+
+def _public(app, env, node, content):
+    target = str(node.get("reftarget", ""))
+    name = re.sub(r"^skmpm\..*\.", "skmpm.", target)
+    if name == target or node.get("refdomain") != "py":
+        return None
+    domain = env.get_domain("py")
+    return domain.resolve_xref(env, node["refdoc"], app.builder, node["reftype"], name, node, content)

@@ -1,4 +1,7 @@
-"""A C-ring pressed flat until it touches itself: self-contact.
+"""Self-contact of a C-ring
+========================
+
+A C-ring pressed flat until it touches itself: self-contact.
 
     python examples/c_ring.py
 

@@ -1,4 +1,7 @@
-"""A clamped beam with an end load in one quasi-static step, compared with finite elements of scikit-fem.
+"""A cantilever against finite elements
+====================================
+
+A clamped beam with an end load in one quasi-static step, compared with finite elements of scikit-fem.
 
     python examples/cantilever.py
 

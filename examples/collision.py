@@ -1,4 +1,7 @@
-"""Two discs collide head-on: momentum is conserved to round-off, kinetic energy as the time scheme allows.
+"""Collision of two discs
+======================
+
+Two discs collide head-on: momentum is conserved to round-off, kinetic energy as the time scheme allows.
 
     python examples/collision.py
 

@@ -1,4 +1,7 @@
-"""The main job: soft discs squeezed in a box by a moving lid, with friction between them.
+"""Compaction of a packing
+=======================
+
+The main job: soft discs squeezed in a box by a moving lid, with friction between them.
 
     python examples/compaction.py --discs 30 --out out/compaction    # without --discs 300 of them, minutes
 

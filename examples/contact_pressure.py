@@ -1,4 +1,7 @@
-"""Contact pressure of an O-ring's cross section squeezed between two plates, and the table of its contacts.
+"""Contact pressure of an O-ring
+=============================
+
+Contact pressure of an O-ring's cross section squeezed between two plates, and the table of its contacts.
 
     python examples/contact_pressure.py
 

@@ -1,4 +1,7 @@
-"""One body in free fall: a minimal simulation.
+"""Free fall
+=========
+
+One body in free fall: a minimal simulation.
 
     python examples/fall.py
 

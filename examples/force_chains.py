@@ -1,4 +1,7 @@
-"""What a packing looks like: force chains, fabric, g(r), deviatoric stress of the bodies, and a film.
+"""Force chains, order and fabric
+==============================
+
+What a packing looks like: force chains, fabric, g(r), deviatoric stress of the bodies, and a film.
 
     python examples/force_chains.py
 

@@ -1,4 +1,7 @@
-"""A body from a mesh in gmsh's format: a tube is compressed between two plates.
+"""A tube from a mesh
+==================
+
+A body from a mesh in gmsh's format: a tube is compressed between two plates.
 
     python examples/from_mesh.py
 

@@ -1,4 +1,7 @@
-"""A block on a slope: it sticks if tan(slope) is below the friction coefficient, else it slides with a known speed.
+"""Sticking and sliding on a slope
+===============================
+
+A block on a slope: it sticks if tan(slope) is below the friction coefficient, else it slides with a known speed.
 
     python examples/incline.py
 

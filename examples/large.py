@@ -1,4 +1,7 @@
-"""One large body by algebraic multigrid: a disc suspended by part of its boundary deforms under its weight.
+"""One large body
+==============
+
+One large body by algebraic multigrid: a disc suspended by part of its boundary deforms under its weight.
 
     OPENBLAS_NUM_THREADS=1 python examples/large.py --points 100000
 

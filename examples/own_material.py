@@ -1,4 +1,7 @@
-"""A material of your own, as functions of F: a foam (left) keeps more area than rubber of the same E and nu (right).
+"""A material of your own
+======================
+
+A material of your own, as functions of F: a foam (left) keeps more area than rubber of the same E and nu (right).
 
 Run `python examples/own_material.py`; `check_material` compares the functions with each other.
 """

@@ -1,4 +1,7 @@
-"""Record a time series for ParaView, and read it back: discs fall into a box.
+"""Recording for ParaView
+======================
+
+Record a time series for ParaView, and read it back: discs fall into a box.
 
     python examples/paraview.py
 

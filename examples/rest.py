@@ -1,4 +1,7 @@
-"""A packing comes to rest: frictionless discs are compressed, the lid stops, and the motion decays.
+"""A packing comes to rest
+=======================
+
+A packing comes to rest: frictionless discs are compressed, the lid stops, and the motion decays.
 
     python examples/rest.py --discs 60
 

@@ -1,4 +1,7 @@
-"""Checkpoint, kill, resume: a run resumed from a checkpoint ends in the same state, bit for bit.
+"""Restart from a checkpoint
+=========================
+
+Checkpoint, kill, resume: a run resumed from a checkpoint ends in the same state, bit for bit.
 
     python examples/restart.py
 

@@ -1,4 +1,7 @@
-"""Two soft discs compressed between two walls: contact and friction.
+"""Two discs between walls
+=======================
+
+Two soft discs compressed between two walls: contact and friction.
 
     python examples/squeeze.py
 

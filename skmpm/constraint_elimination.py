@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 # Pivots of G'G below this fraction of the largest belong to nearly redundant constraints. At 1e-2 a cantilever at 45
-# degrees to the grid is 1.3 % too stiff instead of 4 % with all constraints (docs/architecture.md).
+# degrees to the grid is 1.3 % too stiff instead of 4 % with all constraints (docs/developers/architecture.md).
 PIVOT_TOLERANCE = 1e-2
 ROUND_OFF = 1e-13  # entries of the elimination matrices below this, of order one otherwise, are dropped
 
@@ -95,8 +95,8 @@ def eliminate(G: sp.csr_array, B: sp.csr_array, blocks: Ints, rigid_motions: Arr
     diagonal pivoting (LAPACK pstrf) selects the unknowns to eliminate, largest weights first, and stops where the
     remaining constraints are nearly redundant. Otherwise a boundary at an angle to the grid would fix all nodes of
     the cells it cuts (Bechet, Moes & Wohlmuth, IJNME 78, 2009), and a cantilever at 45 degrees to the grid would be
-    4 % too stiff at 8 cells over its depth (docs/architecture.md). Connected sets of constraints are eliminated one
-    after the other.
+    4 % too stiff at 8 cells over its depth (docs/developers/architecture.md). Connected sets of constraints are
+    eliminated one after the other.
     """
     n = G.shape[1]
     gram, right = sp.csr_array(G.T @ G), sp.csr_array(G.T @ B)

@@ -22,12 +22,12 @@ NU_TOLERANCE = 1e-9  # round-off of a Poisson's ratio computed from Lame constan
 
 @dataclass(frozen=True, kw_only=True)
 class Scheme:
-    """How a scene is solved; the defaults are `Scheme.balanced()`, the measured optimum of `docs/work_precision.md`.
+    """How a scene is solved; the defaults are `Scheme.balanced()`, the optimum of docs/studies/work_precision.md.
 
     Parameters
     ----------
     theta : Moreau-Jean parameter in [1/2, 1]: 1 is backward Euler, 1/2 the midpoint rule
-    anchor : regrid when the strain or rotation since the last regridding, max |F - I|, exceeds this; inf: never
+    anchor : regrid when the strain or rotation since the last regridding, ``max |F - I|``, exceeds this; inf: never
         (total Lagrangian), 0: at every step (updated Lagrangian, as in Nezamabadi et al. 2017)
     contact : `contact.point_to_curve`, `contact.shared_grid` or another formulation (`skmpm.contact`)
     transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
@@ -117,7 +117,7 @@ class Scheme:
 
         Meant for R/h = 3.2, points 0.74 h apart and four times the time step of `balanced`. Its error is 20 % (stress
         of a cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision) and 11 % (work to
-        compress a packing), for 1/1.4, 1/1.5, 1/4.4, 1/3.4 of the cost of `balanced` (`docs/work_precision.md`).
+        compress a packing), for 1/1.4, 1/1.5, 1/4.4, 1/3.4 of the cost of `balanced` (study work_precision).
         `choices` are fields that differ, as in `Scheme.fast(inertia=False)`.
         """
         return replace(Scheme(newton_tol=1e-2), **choices)

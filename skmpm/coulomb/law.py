@@ -29,7 +29,7 @@ def project(r: ArrayLike, mu: ArrayLike) -> Array:
 def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, reference: float = 1.0) -> float:
     """Return ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables, zero iff (r, u) obeys the law.
 
-    With the term mu |u_t| n the natural map describes Coulomb friction exactly and not its convex relaxation (De
+    With the term ``mu |u_t| n`` the natural map describes Coulomb friction exactly and not its convex relaxation (De
     Saxce & Feng, Math. Comput. Modelling 28 (1998) 225-245). The residual certifies the solution of any solver.
     r [N s], u [m/s] and scale = diag(W) [1/kg] are (2k,) or, without friction, (k,); rows are scaled by `row_scales`.
     """
@@ -54,7 +54,7 @@ def natural(r: Array, u: Array, mu: Array) -> Array:
 
 
 def clip_to_cone(r: Array, mu: Array) -> Array:
-    """Clip r to the friction cones: r_n = max(r_n, 0), then |r_t| <= mu r_n; not the orthogonal projection."""
+    """Clip r to the friction cones: r_n = max(r_n, 0), then ``|r_t| <= mu r_n``; not the orthogonal projection."""
     r_n, r_t, mu = split(r, mu)
     r_n = np.maximum(r_n, 0.0)
     return np.hstack([r_n, np.clip(r_t, -mu * r_n, mu * r_n)]).ravel()

@@ -51,7 +51,7 @@ class Info:
     ----------
     iterations : Newton steps
     sweeps : between them
-    residual : of the natural map, relative to |q~| or to `reference`
+    residual : of the natural map, relative to ``|q~|`` or to `reference`
     converged : whether that is within the tolerance
     bilateral : the bilateral unknowns, (m,)
     pieces : of the paths of Lemke's method, the last resort
@@ -85,13 +85,13 @@ def solve(
     begin with the contact states of r0; if they do not converge, they begin again after accelerated projected
     gradient steps ("sweeps"). Where these fail too, because W is singular or nearly singular, proximal problems are
     solved. The last resort, for up to 1,500 rows, is Lemke's method: a path of solutions that begins with all
-    contacts open. It ends at a solution if some motion opens every contact by more than mu |u_t|, but may be too long
-    (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the solution is explicit. The solver
-    stops when `residual` is below tol |q~|, never on the size of an increment; tangential rows of frictionless
-    contacts do not count in q~. ``info.converged`` is False, and r the best iterate, if ``iterations`` Newton steps
-    do not suffice or 150 of them do not halve the residual, and Lemke's method fails.
+    contacts open. It ends at a solution if some motion opens every contact by more than ``mu |u_t|``, but may be too
+    long (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the solution is explicit. The
+    solver stops when `residual` is below ``tol |q~|``, never on the size of an increment; tangential rows of
+    frictionless contacts do not count in q~. ``info.converged`` is False, and r the best iterate, if ``iterations``
+    Newton steps do not suffice or 150 of them do not halve the residual, and Lemke's method fails.
     The usual reason is that no solution exists (a rigid jam). If W is singular, r is one of many solutions.
-    Round-off, about 1e-16 |W~| |r~|, bounds the residual from below.
+    Round-off, about ``1e-16 |W~| |r~|``, bounds the residual from below.
 
     Parameters
     ----------
@@ -99,11 +99,11 @@ def solve(
     q : (2k,) or (k,) relative velocities in the absence of impulses, plus gap / dt on the normal rows [m/s]
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
     r0 : like q, initial impulses [N s]
-    tol : largest residual relative to |q~|, or to `reference`
+    tol : largest residual relative to ``|q~|``, or to `reference`
     sweeps : of the first round; the second round doubles them
     iterations : largest number of Newton steps; Lemke's method is not used if it is below 150, or with `bilateral`
     bilateral : further unknowns without a cone that are coupled with the impulses
-    reference : value that residuals are relative to, instead of |q~|, as in `residual`
+    reference : value that residuals are relative to, instead of ``|q~|``, as in `residual`
     damped : whether Newton steps are damped; of many solutions, as in quasi-static steps, r is then closer to r0
     pairs : (k,) labels of contacts, the same for those between the same bodies; given where these are weakly coupled
         with others, as in short dynamic steps, so that an iterative linear solver is tried before LU

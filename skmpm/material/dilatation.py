@@ -10,7 +10,7 @@ makes a neo-Hookean solid resist dilatation with stays that of the point,
 
 so that lambda alone multiplies theta at small strain (Nagtegaal, Parks & Rice, CMAME 4, 1974); without it, peaks of
 pressure are averaged away. A linear material takes F + 1/2 (theta - tr(F - I)) I for F-bar, theta the mean of
-tr(F - I), and g = 1/2 tr(F - I)^2: it stays linear. docs/method.md derives what is computed here.
+tr(F - I), and g = 1/2 tr(F - I)^2: it stays linear. docs/theory/method.md derives what is computed here.
 """
 
 from __future__ import annotations

@@ -32,25 +32,44 @@ MARGIN = 2.0  # mean diameters between the walls and the interior
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PerBody:
-    """Observables of each body, whether or not it enters the means."""
+    """Observables of each body, whether or not it enters the means.
+
+    Attributes
+    ----------
+    counted : (bodies,) enters the means: deformable and, with `interior`, in the interior
+    centre : (2, bodies) of mass [m]
+    diameter : (bodies,) of the disc of the initial area [m]
+    area : (bodies,) inside the smooth outline [m2]; nan without an outline
+    perimeter : (bodies,) of the smooth outline, holes included [m]; nan without an outline
+    volume_ratio : (bodies,) J = sum V0 det F / sum V0
+    coordination : (bodies,) bodies and walls that touch it
+    coordination_without_rattlers : (bodies,) those that are no rattlers; nan for a rattler
+    contact_surface : (bodies,) length in contact over pi diameter
+    aspect_ratio : (bodies,) extents along the principal axes, long over short; 1 if round
+    angle : (bodies,) of the long axis, in (-pi/2, pi/2] [rad]; nan for a round body
+    overlap : (bodies,) area shared with other bodies / area
+    stress : (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive
+    pressure : (bodies,) -tr/2 of it [Pa]
+    pressure_points : (bodies,) of the material points, kinetic part included [Pa]
+    """
 
     __repr__ = with_shapes
 
-    counted: Bools  # (bodies,) enters the means: deformable and, with `interior`, in the interior
-    centre: Array  # (2, bodies) of mass [m]
-    diameter: Array  # (bodies,) of the disc of the initial area [m]
-    area: Array  # (bodies,) inside the smooth outline [m2]; nan without an outline
-    perimeter: Array  # (bodies,) of the smooth outline, holes included [m]; nan without an outline
-    volume_ratio: Array  # (bodies,) J = sum V0 det F / sum V0
-    coordination: Array  # (bodies,) bodies and walls that touch it
-    coordination_without_rattlers: Array  # (bodies,) those that are no rattlers; nan for a rattler
-    contact_surface: Array  # (bodies,) length in contact over pi diameter
-    aspect_ratio: Array  # (bodies,) extents along the principal axes, long over short; 1 if round
-    angle: Array  # (bodies,) of the long axis, in (-pi/2, pi/2] [rad]; nan for a round body
-    overlap: Array  # (bodies,) area shared with other bodies / area
-    stress: Array  # (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive
-    pressure: Array  # (bodies,) -tr/2 of it [Pa]
-    pressure_points: Array  # (bodies,) of the material points, kinetic part included [Pa]
+    counted: Bools
+    centre: Array
+    diameter: Array
+    area: Array
+    perimeter: Array
+    volume_ratio: Array
+    coordination: Array
+    coordination_without_rattlers: Array
+    contact_surface: Array
+    aspect_ratio: Array
+    angle: Array
+    overlap: Array
+    stress: Array
+    pressure: Array
+    pressure_points: Array
 
     @property
     def shape_factor(self) -> Array:

@@ -21,24 +21,43 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observables:
-    """The observables of a packing; `observe` defines them. Stress: tension positive."""
+    """The observables of a packing; `observe` defines them. Stress: tension positive.
+
+    Attributes
+    ----------
+    solid_fraction : areas inside the smooth outlines / box
+    solid_fraction_nominal : initial volumes / box
+    coordination : Z, mean number of bodies and walls that touch a body
+    coordination_without_rattlers : Z of the bodies that contacts can hold
+    contact_surface : S, share of the perimeters in contact
+    anisotropy : A_m, of the directions of long axes
+    aspect_ratio : mean of long over short extents
+    overlap : area shared by two bodies / area of all outlines
+    pressure : = pressure_contacts [Pa]
+    pressure_contacts : -tr/2 of the stress of the contact forces [Pa]
+    pressure_points : mean over the material points, kinetic part included [Pa]
+    pressure_walls : mean of wall_pressure over the walls that bound the box [Pa]
+    stress : (2, 2) of the contacts [Pa]
+    wall_pressure : (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
+    bodies : the same of each body, `PerBody`
+    """
 
     __repr__ = with_shapes
 
-    solid_fraction: float  # areas inside the smooth outlines / box
-    solid_fraction_nominal: float  # initial volumes / box
-    coordination: float  # Z
-    coordination_without_rattlers: float  # Z of the bodies that contacts can hold
-    contact_surface: float  # S
-    anisotropy: float  # A_m
-    aspect_ratio: float  # alpha
-    overlap: float  # area shared by two bodies / area of all outlines
-    pressure: float  # = pressure_contacts [Pa]
-    pressure_contacts: float  # [Pa]
-    pressure_points: float  # [Pa]
-    pressure_walls: float  # mean of wall_pressure over the walls that bound the box [Pa]
-    stress: Array  # (2, 2) of the contacts [Pa]
-    wall_pressure: Array  # (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
+    solid_fraction: float
+    solid_fraction_nominal: float
+    coordination: float
+    coordination_without_rattlers: float
+    contact_surface: float
+    anisotropy: float
+    aspect_ratio: float
+    overlap: float
+    pressure: float
+    pressure_contacts: float
+    pressure_points: float
+    pressure_walls: float
+    stress: Array
+    wall_pressure: Array
     bodies: PerBody
 
     def table(self) -> dict[str, float]:

@@ -33,8 +33,8 @@ class Network:
     branch : (2, k) [m] from the centre of mass of the second body to that of the first; from or to `centre` for
         walls and rigid bodies, whose motion is prescribed
     friction : (k,) Coulomb coefficient
-    mobilised_friction : (k,) |sum T| / (mu sum N) over the contacts of the pair, each in its own frame, 0 to 1; nan
-        without friction or force, and with cohesion
+    mobilised_friction : (k,) ``|sum T| / (mu sum N)`` over the contacts of the pair, each in its own frame, 0 to 1;
+        nan without friction or force, and with cohesion
     contacts : (k,) number of contacts merged
     """
 

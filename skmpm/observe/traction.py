@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 # Default half-width of the averaging kernel [cells]. Hertz contacts 1.6 to 3.1 cells wide on either side, points h/3,
-# h/2 and 0.74 h apart (docs/verification.md, contact pressure): peaks are off by up to 21, 14 and 34 % at 1.0 and by
+# h/2 and 0.74 h apart (docs/verification/contact_pressure.md): peaks are off by up to 21, 14 and 34 % at 1.0 and by
 # up to 12, 7 and 19 % at 1.3; at 1.7 the narrowest contact is flattened by 6, 9 and 15 % on average.
 AVERAGING = 1.3
 
@@ -70,13 +70,14 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
 
     Contact points may be denser than the grid resolves: force over tributary length then alternates, by 1.1 p0 (rms)
     in a Hertz contact of points h/3 apart. So each force is spread over the boundary by a tent of half-width `length`
-    (a running mean over `length`, taken twice) and projected on the hat functions of the boundary points,
+    (a running mean over `length`, taken twice) and projected on the hat functions of the boundary points::
 
         t_i = sum_k F_k int phi(s - s_k) N_i ds / int N_i ds,     phi(s) = max(1 - |s| / length, 0) / length.
 
     The kernel is not negative and conserves the resultant, on a straight boundary also the moment. At corners it is
     reflected, which keeps a uniform traction uniform; a force closer to a corner than `length` may move away from it
-    by up to length/3. A contact narrower than `length` appears wider, with a lower pressure (docs/measures.md).
+    by up to length/3. A contact narrower than `length` appears wider, with a lower pressure
+    (docs/how_to/measures.md).
 
     Parameters
     ----------

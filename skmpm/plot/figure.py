@@ -96,7 +96,7 @@ def draw(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
     axes.set_aspect("equal")
     (left, low), (right, high) = style.view.tolist()
     axes.set(xlim=(left, right), ylim=(low, high))
-    scale, unit = prefixed("m", 0.3 * max(right - left, high - low))
+    scale, unit = prefixed("m", max(right - left, high - low))
     for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
         axis.set_major_formatter(in_multiples(scale))
         axis.set_label_text(f"{name} [{unit}]")

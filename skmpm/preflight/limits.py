@@ -50,9 +50,12 @@ STEPS = 1000  # over which the rotation of a spinning body is extrapolated
 Lines = Iterator[str]
 
 
-def warnings_of(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> list[str]:
-    """A line for everything outside the verified range: object, value, what was verified, remedy."""
-    return [line for check in CHECKS for line in check(scene, metrics, scheme)]
+def warnings_of(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> list[tuple[str, str]]:
+    """Topic and text of everything outside the verified range: object, value, what was verified, remedy.
+
+    Topics are the sections of docs/how_to/warnings.md.
+    """
+    return [(topic, line) for topic, check in CHECKS.items() for line in check(scene, metrics, scheme)]
 
 
 def _text(value: float, limit: Limit) -> str:
@@ -220,20 +223,20 @@ def _edges(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
         yield f"{where} without inertia; {verified}; use inertia, or a radius of {radius:.4g} m"  # test_punch
 
 
-CHECKS: tuple[Callable[[Scene, SceneMetrics, Scheme], Lines], ...] = (
-    _resolution,
-    _thin,
-    _slit,
-    _points,
-    _sampling,
-    _courant,
-    _travel,
-    _incompressible,
-    _ratios,
-    _friction,
-    cohesion_warnings,
-    rolling_warnings,
-    _small_strain,
-    _scheme,
-    _edges,
-)
+CHECKS: dict[str, Callable[[Scene, SceneMetrics, Scheme], Lines]] = {
+    "resolution": _resolution,
+    "thin-parts": _thin,
+    "slits": _slit,
+    "points-per-cell": _points,
+    "sampling": _sampling,
+    "waves": _courant,
+    "motion-per-step": _travel,
+    "incompressibility": _incompressible,
+    "unequal-bodies": _ratios,
+    "friction": _friction,
+    "cohesion": cohesion_warnings,
+    "gentle-slopes": rolling_warnings,
+    "small-strain": _small_strain,
+    "scheme": _scheme,
+    "rigid-edges": _edges,
+}

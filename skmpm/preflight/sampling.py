@@ -25,7 +25,7 @@ def stress_errors(scene: Scene) -> Array:
     of the area. And where the fitted weights of the points do not integrate the gradients of the shape functions as
     the exact parts of the cells do, a uniform stress leaves a force g [cells x stress] at a node, and the body
     deforms until these vanish; the first sweep of Jacobi's method lowers the energy by 3/8 sum |g|^2 per filled cell.
-    `docs/preflight.md` compares this with measured errors.
+    `docs/how_to/preflight.md` compares this with measured errors.
     """
     boundary = scene.outlines
     bounded = scene.deformable & scene.outlined

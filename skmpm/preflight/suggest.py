@@ -1,4 +1,4 @@
-"""Cell, spacing and time step for a wanted error, from laws fitted to the runs of `docs/work_precision.md`."""
+"""Cell, spacing and time step for a wanted error, from laws fitted to the runs of docs/studies/work_precision.md."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Suggestion:
 def suggest(scene: Scene, *, error: float) -> Suggestion:
     """The cheapest cell, spacing of points and time step for an error, with `Scheme.balanced()`.
 
-    The error is relative: the largest of those that `docs/work_precision.md` measures on its scene of that kind.
+    The error is relative: the largest of those that the study work_precision measures on its scene of that kind.
     *Bending*, without contact: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts.
     *Impact*, bodies with initial velocities: velocities afterwards. *Packing*, six or more bodies that are driven:
     pressure, work and aspect ratio. *Pour*, bodies that fall: as packing, or pressing if few. Only materials,

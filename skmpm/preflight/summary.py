@@ -10,6 +10,9 @@ from skmpm.preflight.limits import warnings_of
 from skmpm.preflight.metrics import SceneMetrics, examine, first_step
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
+from skmpm.simulate.step_length import MAX_APPROACH
+
+PAGE = "docs/how_to/warnings.md"
 
 
 def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme()) -> str:  # noqa: B008
@@ -18,7 +21,8 @@ def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme(
     Without dt [s], motions per step are those of the first step that `simulate` chooses.
 
     Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling. A line
-    that begins with `!` is a warning: the object, its value, what was verified and the remedy.
+    that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in brackets, the section
+    docs/how_to/warnings.md that explains it.
 
     Raises
     ------
@@ -29,11 +33,13 @@ def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme(
     """
     step = first_step(scene, scheme) if dt is None else dt
     metrics = examine(scene, step, scheme)
-    if dt is None:  # chosen steps resolve waves where they matter
-        metrics = replace(metrics, waves=False)
+    if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen
+        metrics = replace(metrics, waves=False, approach=min(metrics.approach, MAX_APPROACH), fall=0.0)
     chosen = {"step": f"chosen, {step:.3g} s at first"} if dt is None else {}
     lines = [f"{name:8s}  {text}" for name, text in {**_lines(metrics), **chosen}.items()]
-    warnings = [f"! {text}" for text in warnings_of(scene, metrics, scheme)]
+    warnings = [f"! {text} [{topic}]" for topic, text in warnings_of(scene, metrics, scheme)]
+    if warnings:
+        warnings.append(f"about [...]: sections of {PAGE}")
     return "\n".join([*lines, *(warnings or ["no warnings"])])
 
 

@@ -30,17 +30,28 @@ class StepFailed(RuntimeError):  # noqa: N818  (public name)
 
 @dataclass(frozen=True, repr=False)
 class Contacts:
-    """The contacts at the end of a step; walls are bodies -1, -2, ..."""
+    """The contacts at the end of a step; walls are bodies -1, -2, ...
+
+    Attributes
+    ----------
+    bodies : (2, k) the two bodies, walls -1, -2, ...; the same twice where parts of one body touch
+    x : (2, k) contact points [m]
+    normal : (2, k) unit, from the second to the first body
+    force : (2, k) [N/m] on the first body, in (n, t), t = (-n_y, n_x)
+    gap : (k,) distance, negative where boundaries overlap [m]
+    key : (k,) identity of a contact from step to step, for the warm start
+    point : (k,) boundary point of the first body in contact; -1 at a grid node
+    """
 
     __repr__ = with_shapes
 
-    bodies: Ints  # (2, k); the same twice where parts of one body touch
-    x: Array  # (2, k) [m]
-    normal: Array  # (2, k) unit, from the second to the first body
-    force: Array  # (2, k) [N/m] on the first body, in (n, t), t = (-n_y, n_x)
-    gap: Array  # (k,) [m]
-    key: Ints  # (k,) identity of a contact from step to step, for the warm start
-    point: Ints  # (k,) boundary point of the first body in contact; -1 at a grid node
+    bodies: Ints
+    x: Array
+    normal: Array
+    force: Array
+    gap: Array
+    key: Ints
+    point: Ints
 
     @staticmethod
     def none() -> Contacts:
@@ -51,45 +62,82 @@ class Contacts:
 
 @dataclass(frozen=True)
 class Energy:
-    """The energy budget [J/m]; terms other than kinetic and elastic are sums since t = 0."""
+    """The energy budget [J/m]; terms other than kinetic and elastic are sums since t = 0.
+
+    Attributes
+    ----------
+    kinetic : of the nodal velocities
+    elastic : including the ghost penalty
+    external : work of gravity, loads, walls and supports
+    push_out : work of contacts that remove an overlap of an earlier step
+    cohesion : work of cohesive contacts on gaps that close, negative where they open
+    regridding : change of the points' energy by regridding
+    viscous : dissipated by the viscosity of materials
+    dissipated : the remainder: friction, impacts, the time scheme, the transfer
+    """
 
     kinetic: float = 0.0
-    elastic: float = 0.0  # including the ghost penalty
-    external: float = 0.0  # work of gravity, loads, walls and supports
-    push_out: float = 0.0  # work of contacts that remove an overlap of an earlier step
-    cohesion: float = 0.0  # work of cohesive contacts on gaps that close, negative where they open
-    regridding: float = 0.0  # change of the points' energy by regridding
-    viscous: float = 0.0  # dissipated by the viscosity of materials
-    dissipated: float = 0.0  # the remainder: friction, impacts, the time scheme, the transfer
+    elastic: float = 0.0
+    external: float = 0.0
+    push_out: float = 0.0
+    cohesion: float = 0.0
+    regridding: float = 0.0
+    viscous: float = 0.0
+    dissipated: float = 0.0
 
 
 @dataclass(frozen=True)
 class StepControl:
-    """Step control of `simulate`: with a requested dt, after failures the next step is dt / 2^halvings."""
+    """Step control of `simulate`: with a requested dt, after failures the next step is dt / 2^halvings.
 
-    dt: float = 0.0  # [s] the requested step; 0 if steps are chosen
+    Attributes
+    ----------
+    dt : [s] the requested step; 0 if steps are chosen
+    halvings : of the requested step
+    successes : successful steps since the last failure or doubling
+    part : completed part of the requested step [1/1024]
+    chosen : [s] where steps are chosen, the next one at most; 0 before the first
+    """
+
+    dt: float = 0.0
     halvings: int = 0
-    successes: int = 0  # successful steps since the last failure or doubling
-    part: int = 0  # completed part of the requested step [1/1024]
-    chosen: float = 0.0  # [s] where steps are chosen, the next one at most; 0 before the first
+    successes: int = 0
+    part: int = 0
+    chosen: float = 0.0
 
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """Cost and residuals of a step."""
+    """Cost and residuals of a step.
 
-    dt: float = 0.0  # length of the step [s]
-    retries: int = 0  # failures of longer steps before this one
-    newton: int = 0  # Newton iterations
-    factorisations: int = 0  # factorisations of A
-    contact: int = 0  # iterations of the contact solver, over all Newton iterations
-    residual: float = 0.0  # natural-map residual of the contact law at the end of the step
-    imbalance: float = 0.0  # residual of the momentum balance over the largest of its terms
-    frozen_normals: bool = False  # whether contact normals are those of an earlier Newton iteration
-    unbalanced: float = 0.0  # largest resultant force on a body over the mean contact force (`simulate.unbalanced`)
-    overlap: float = 0.0  # area shared by bodies / area of all bodies
+    Attributes
+    ----------
+    dt : length of the step [s]
+    retries : failures of longer steps before this one
+    newton : Newton iterations
+    factorisations : factorisations of A
+    contact : iterations of the contact solver, over all Newton iterations
+    residual : natural-map residual of the contact law at the end of the step
+    imbalance : residual of the momentum balance over the largest of its terms
+    frozen_normals : whether contact normals are those of an earlier Newton iteration
+    unbalanced : largest resultant force on a body over the mean contact force (`simulate.unbalanced`)
+    overlap : area shared by bodies / area of all bodies
+    energy : energy budget, an `Energy`
+    seconds : wall time by phase [s]
+    """
+
+    dt: float = 0.0
+    retries: int = 0
+    newton: int = 0
+    factorisations: int = 0
+    contact: int = 0
+    residual: float = 0.0
+    imbalance: float = 0.0
+    frozen_normals: bool = False
+    unbalanced: float = 0.0
+    overlap: float = 0.0
     energy: Energy = Energy()
-    seconds: dict[str, float] = field(default_factory=dict)  # by phase
+    seconds: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return line("Report", self._facts())
@@ -108,26 +156,52 @@ class Report:
 
 @dataclass(frozen=True, repr=False)
 class State:
-    """Everything needed for a restart; arrays are read-only by convention."""
+    """Everything needed for a restart; arrays are read-only by convention.
 
-    t: float  # [s]
-    x: Array  # (2, n) positions [m]
-    v: Array  # (2, n) velocities [m/s]
-    F: Array  # (2, 2, n) deformation gradients
-    C: Array  # (2, 2, n) affine velocity (APIC), by anchor position [1/s]
-    stress: Array  # (2, 2, n) elastic Cauchy stress [Pa], tension positive; without what viscosity adds
-    mass: Array  # (n,) [kg/m]
-    volume: Array  # (n,) current [m2]
-    weight: Array  # (n,) current quadrature weights of the points [m2]
-    body: Ints  # (n,)
-    x_anchor: Array  # (2, n) positions when the body grids were built [m]
-    F_anchor: Array  # (2, 2, n)
-    stress_anchor: Array  # (2, 2, n) [Pa]
-    displacement: Array  # (2 nodes,) of the nodes since the body grids were built [m]
-    walls: Array  # (walls, 2) a point of each wall [m]
-    wall_normals: Array  # (walls, 2) unit, towards the free side
-    wall_force: Array  # (walls, 2) exerted by the bodies in the last step [N/m]
-    support_force: Array  # (supports, 2) the same on each support
+    Attributes
+    ----------
+    t : time [s]
+    x : (2, n) positions [m]
+    v : (2, n) velocities [m/s]
+    F : (2, 2, n) deformation gradients, [i, j] = dx_i / dX_j
+    C : (2, 2, n) affine velocity (APIC), by anchor position [1/s]
+    stress : (2, 2, n) elastic Cauchy stress [Pa], tension positive; without what viscosity adds
+    mass : (n,) [kg/m]
+    volume : (n,) current [m2]
+    weight : (n,) current quadrature weights of the points [m2]
+    body : (n,)
+    x_anchor : (2, n) positions when the body grids were built [m]
+    F_anchor : (2, 2, n)
+    stress_anchor : (2, 2, n) stress then [Pa]
+    displacement : (2 nodes,) of the nodes since the body grids were built [m]
+    walls : (walls, 2) a point of each wall [m]
+    wall_normals : (walls, 2) unit, towards the free side
+    wall_force : (walls, 2) exerted by the bodies in the last step [N/m]
+    support_force : (supports, 2) the same on each support [N/m]
+    contacts : those at the end of the last step, `Contacts`
+    report : cost and residuals of the last step, a `Report`
+    step_control : what `simulate` continues with
+    derived : cached data that follow from the rest
+    """
+
+    t: float
+    x: Array
+    v: Array
+    F: Array
+    C: Array
+    stress: Array
+    mass: Array
+    volume: Array
+    weight: Array
+    body: Ints
+    x_anchor: Array
+    F_anchor: Array
+    stress_anchor: Array
+    displacement: Array
+    walls: Array
+    wall_normals: Array
+    wall_force: Array
+    support_force: Array
     contacts: Contacts
     report: Report
     step_control: StepControl = StepControl()

@@ -3,8 +3,8 @@
 Three distances limit a step: those that driven objects move, and bodies past each other, by their present
 velocities and gravity, which are the limits of `preflight`; and, where waves set the pace (`simulate.loading`),
 0.1 R, with R the radius of the smallest body, which is what `Scheme.balanced` is meant for
-(`docs/work_precision.md`); not the waves that gravity causes in bodies at rest when it begins to act. In slow motion
-the limit is a displacement, so that the number of steps does not depend on the speed of a lid.
+(docs/studies/work_precision.md); not the waves that gravity causes in bodies at rest when it begins to act. In slow
+motion the limit is a displacement, so that the number of steps does not depend on the speed of a lid.
 
 Below the limit, steps follow the number of Newton iterations: the next one is sqrt(4 / iterations) times as long, in
 quasi-static steps sqrt(15 / iterations), at least half and at most twice. Contacts that rearrange take more

@@ -7,7 +7,7 @@ import pytest
 import skmpm
 from examples import own_material
 
-PAGE = Path(__file__).parents[2] / "docs" / "own_material.md"
+PAGE = Path(__file__).parents[2] / "docs" / "how_to" / "own_material.md"
 
 
 def test_own_material(tmp_path, capsys):

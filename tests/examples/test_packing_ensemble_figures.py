@@ -281,7 +281,7 @@ def ran(code, tmp_path_factory):
 
 def drawn(code, study, docs):
     docs.mkdir()
-    shutil.copy(ROOT / "docs" / "packing_ensemble.md", docs)
+    shutil.copy(ROOT / "docs" / "studies" / "packing_ensemble.md", docs)
     rows = code.figures.main(code.figures.parser().parse_args(["--study", str(study), "--docs", str(docs)]))
     return rows, (docs / "packing_ensemble.md").read_text()
 

@@ -10,7 +10,7 @@ import pytest
 
 import skmpm
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "studies"
 
 
 @pytest.fixture

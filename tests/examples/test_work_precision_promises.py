@@ -21,7 +21,7 @@ def test_a_block_and_a_rubber_disc_err_by_no_more_than_twice_what_was_asked(k, e
 
 def test_the_page_has_all_promises():
     """A line for every scene and error of the script, and the verdict."""
-    page = (ROOT / "docs" / "work_precision.md").read_text().split("<!-- promises -->")[1]
+    page = (ROOT / "docs" / "studies" / "work_precision.md").read_text().split("<!-- promises -->")[1]
     for promise in promises.promises():
         for error in promise.errors:
             assert f"| {promise.name} | {promise.against} | {100 * error:g} |" in page

@@ -22,7 +22,7 @@ MOMENTUM = 1e-10  # of sum m |v| + dt sum |forces|, per step
 ENERGY = 1e-6  # of the largest of all energies so far: Newton's tolerance; what a run may gain, in all
 CONE = 1e-9  # of friction f_n, and of the largest force
 UNBALANCED = 3.0  # newton_tol, which bounds the root of squares over the nodes: sums are larger, twice was seen
-NEUTRAL = 1e-3  # of its forces: what a body may lack along motions without resistance, as docs/method.md promises
+NEUTRAL = 1e-3  # of its forces: what a body may lack along motions without resistance, see docs/theory/method.md
 MOMENT = 1e-3  # of sum |arm| |force|, and stress times area
 MOMENT_MOVING = 0.05  # the same where bodies move: the transfer to points keeps it of rigid motions only; 0.026 seen
 MOMENT_COARSE = 0.2  # and in collisions at up to the speed of waves at R/h = 1.5; 0.06 seen
@@ -256,7 +256,7 @@ class Watch:
         if self.case.scheme.theta == 1.0 and self.case.scheme.inertia:  # other rules may gain
             self._limit("energy gained", (kinetic + elastic - allowed) / scale, ENERGY, new, "energy gained")
             fell = old.report.energy.dissipated - energy.dissipated
-            if self.stack or self._concave():  # what backward Euler may gain (docs/method.md)
+            if self.stack or self._concave():  # what backward Euler may gain (docs/theory/method.md)
                 fell -= CURVED * self._exchanged(old, new, before)
             self._limit("dissipation undone", fell / scale, ENERGY, new, "dissipated energy came back")
         missing = max(abs(energy.external - self.external) - self.rounded, 0.0)

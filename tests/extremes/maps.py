@@ -1,4 +1,4 @@
-"""The maps of docs/stability.md, one per parameter, and the page's table and list of failures."""
+"""The maps of docs/studies/stability.md, one per parameter, and the page's table and list of failures."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def failures(found: dict[str, list[dict[str, str]]]) -> list[str]:
 
 
 def page() -> None:
-    """Draw the maps and write what is between the marks of docs/stability.md."""
+    """Draw the maps and write what is between the marks of docs/studies/stability.md."""
     found = {parameter: rows for parameter in SWEEPS if (rows := read(parameter))}
     missing = [f"{parameter} {s.label} {name}" for parameter in found for s, name in columns(parameter)
                if not any(r["setting"] == s.label and r["scene"] == name for r in found[parameter])]  # fmt: skip

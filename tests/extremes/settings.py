@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenes import SCENES
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "stability.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "studies" / "stability.md"
 KEPT = PAGE.with_suffix("")
 LIMIT = 120  # [s] of the processor for a run; beyond it is "too long"
 COLUMNS = ("setting", "scene", "kind", "steps", "retries", "newton", "reached", "error", "seconds")

@@ -1,7 +1,8 @@
 """Vary parameters over their range: `python tests/extremes/sweeps.py [parameter ...] [--processes n]`, default all.
 
-Each setting is run on the scenes and kept in docs/stability/<parameter>.csv; what is there is not run again. Then
-docs/stability.md gets its table, its list of failures and one map per parameter: `sweeps.py draw` does only that.
+Each setting is run on the scenes and kept in docs/studies/stability/<parameter>.csv; what is there is not run again.
+Then docs/studies/stability.md gets its table, its list of failures and one map per parameter: `sweeps.py draw` does
+only that.
 """
 
 from __future__ import annotations

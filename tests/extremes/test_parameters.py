@@ -1,6 +1,6 @@
 """Every parameter at the ends and in the middle of its range: a right result or one clear error.
 
-Problem: the scenes of docs/stability.md, the squeeze with 3 discs at R/h = 2 and a faster lid. Reference and
+Problem: the scenes of docs/studies/stability.md, the squeeze with 3 discs at R/h = 2 and a faster lid. Reference and
 tolerances: the limits of `checks.py`, which are stated on that page. The full sweeps are run by `sweeps.py`.
 """
 

@@ -30,6 +30,7 @@ from skmpm import (
 from skmpm.preflight import limits, preflight, suggest
 from skmpm.preflight.limits import warnings_of
 from skmpm.preflight.metrics import examine, memory_of
+from skmpm.preflight.summary import PAGE
 
 ROOT = Path(__file__).parents[2]
 FINE = "no warnings"
@@ -53,7 +54,7 @@ def pair(first=GEL, second=GEL, velocity=0.0, **options):
 
 
 def lines(text):
-    return [line[2:] for line in text.splitlines() if line.startswith("! ")]
+    return [re.sub(r" \[[a-z-]+\]$", "", line[2:]) for line in text.splitlines() if line.startswith("! ")]
 
 
 # Numbers.
@@ -423,13 +424,20 @@ def test_a_body_alone_needs_no_warning_of_contact():
 
 
 def test_every_check_and_limit_is_tested_here_and_documented():
-    """The table of docs/preflight.md has every limit."""
+    """The table of docs/how_to/preflight.md has every limit."""
     known = {name: value for name, value in vars(limits).items() if isinstance(value, limits.Limit)}
     assert {limit for limit, *_ in LIMITED.values()} == set(known.values())
-    page = (ROOT / "docs" / "preflight.md").read_text()
+    page = (ROOT / "docs" / "how_to" / "preflight.md").read_text()
     for name, limit in known.items():
         assert re.search(rf"^\| `{name}` \|.*\| {limit.value:g} \|", page, re.MULTILINE), name
     assert preflight(readme_scene(), 5e-6) in page
+
+
+def test_every_warning_names_a_section_that_explains_it():
+    page = (ROOT / PAGE).read_text()
+    assert set(limits.CHECKS) == {title.lower().replace(" ", "-") for title in re.findall(r"(?m)^## (.+)$", page)}
+    text = preflight(Scene([round_body(spin=0.2 / DT, material=STIFF)], cell=H), DT).splitlines()
+    assert text[-2].endswith("use NeoHookean [small-strain]") and text[-1] == f"about [...]: sections of {PAGE}"
 
 
 def on_a_slope(young, degrees, spacing=0.1 * 0.625):

@@ -1,4 +1,4 @@
-"""Common parts of all verifications: a row of the table in docs/verification.md, norms and rates."""
+"""Common parts of all verifications: a row of the table in docs/verification, norms and rates."""
 
 from dataclasses import dataclass
 

@@ -205,7 +205,7 @@ def test_a_disc_without_range_comes_off_at_the_force_of_one_boundary_point():
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     where = placings(20)
     found = []
     for c, range_ in (*BLOCKS, (1e-2, 0.0)):

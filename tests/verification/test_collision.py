@@ -240,7 +240,7 @@ def worst(hits, name):
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     table, kept = [], "test_collision_keeps_momentum_and_closes_its_energy_budget"
     for kind, (impact, friction) in KINDS.items():
         hits = [collide(p, dt=0.02, impact=impact, friction=friction) for p in positions(CASES)]

@@ -445,7 +445,7 @@ def library_row(name):
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     found, worst, counts = trials(None)
     singular, worst_singular, _ = trials(3)
     several = sum(count > 1 for count in counts)

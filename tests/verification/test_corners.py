@@ -316,7 +316,7 @@ def witness(found):
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     where, table = f"R/h = 5, {POSITIONS} positions", []
     for on in ("face", "wall"):
         runs = [pressed(k, on) for k in range(POSITIONS)]

@@ -345,7 +345,7 @@ def test_midpoint_swells_a_disc_by_an_eighth_of_the_square_of_its_turn():
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     return [*bar_rows(), *spin_rows(), *stress_rows()]
 
 

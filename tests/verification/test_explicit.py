@@ -185,7 +185,7 @@ def test_solvers_agree(solver):
 
 
 def rows():
-    """Lines of docs/verification.md."""
+    """Lines of docs/verification."""
     steps = (0.6, 0.3, 0.15)
     found, _ = zip(*(difference(courant) for courant in steps), strict=True)
     periods = {dt: (measured_period(dt)[0], slowed(1.0, dt)) for dt in (0.02, 0.05)}

@@ -142,7 +142,7 @@ def percent(values):
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     result = []
     for mean_dilatation in (True, False):
         for cells, count in ((5, 20), (8, 20), (16, 6)):

@@ -235,7 +235,7 @@ def verdict(goal, values, bar):
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     where = positions(CASES)
     slides, sticks = ([block(mu, position) for position in where] for mu in (SLIDES, STICKS))
     rolls, slips = (np.array([disc_errors(round_body(mu, p), mu) for p in where]) for mu in (ROLLS, SLIPS))

@@ -153,7 +153,7 @@ def per_cell(run):
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     runs = {points: ride(rings) for points, rings in POINTS.items()}
     grids = f"R/h = 5, {', '.join(POINTS)} points per cell"
     worst = [np.abs(run.kept - 1.0).max() for run in runs.values()]

@@ -44,7 +44,7 @@ def test_stored_tables_can_be_read():
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     table = []
     for cells in FINE:
         runs = measured(cells)

@@ -112,7 +112,7 @@ def test_the_jamming_fraction_is_that_of_the_line():
 
 @pytest.mark.parametrize("friction", RANGES)
 def test_the_packings_jam_where_others_found(friction):
-    """The mean over the packings, and both definitions where there is no friction; as docs/verification.md shows."""
+    """The mean over the packings, and both definitions where there is no friction; as docs/verification shows."""
     runs = slow(friction)
     found = np.array([jammed(run) for run in runs])
     assert len(runs) == len(packings.SEEDS)
@@ -215,7 +215,7 @@ def _rows_of_poisson():
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     by_nodes = measured(SHARED, "jamming_shared_grid_r{}")
     early = list(by_nodes.values())
     apparent, later = (np.array([jammed(run, window) for run in early]) for window in (ONSET, HIGHER))

@@ -168,7 +168,7 @@ PILES, BURDENS = range(4), 20
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     rests = np.array([at_rest(settle(seed)) for seed in PILES]).T
     draw = np.random.default_rng(5)
     found = [burden(offset=tuple(draw.uniform(0.0, 1.0, 2))) for _ in range(BURDENS)]

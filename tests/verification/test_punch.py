@@ -2,7 +2,7 @@
 
 E = 1 MPa, height 0.1 m, width 3 heights, the punch as wide as the block is high. It goes down by 40 % of the height.
 Stress has no bound at a sharp edge; what the tests ask for is that the contacts are found and that Newton
-converges (`docs/stability.md` has all variants).
+converges (`docs/studies/stability.md` has all variants).
 """
 
 import logging
@@ -82,7 +82,7 @@ def reached(case, radius):
 
 
 def table():
-    """The rows of `docs/stability.md`: `python tests/verification/test_punch.py`, ten minutes."""
+    """The rows of `docs/studies/stability.md`: `python tests/verification/test_punch.py`, ten minutes."""
     yield "| nu | friction | mean dilatation | position | H/h |" + "".join(f" r = {r:g} h |" for r in RADII)
     yield "|---|---|---|---|---|" + "---|" * len(RADII)
     for case in VARIANTS:

@@ -155,7 +155,7 @@ def verdict(goal, values, bar):
 
 
 def rows():
-    """What docs/verification.md shows of this module."""
+    """What docs/verification shows of this module."""
     where, table = placements(CASES), []
     for young, cells, spacing in ((1e6, 5, 8), (1e6, 10, 20), (1e7, 5, 8)):
         for slope in SLOPES:

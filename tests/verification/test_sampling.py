@@ -2,7 +2,7 @@
 
 A block of 10 x 10 cells is compressed by 0.1 % between plates, without friction and inertia; the force is compared
 with that of plane strain. Its points are those of `box` or of meshes, at three angles and positions on the grid.
-`table` makes the one of `docs/preflight.md`: `python tests/verification/test_sampling.py`.
+`table` makes the one of `docs/how_to/preflight.md`: `python tests/verification/test_sampling.py`.
 """
 
 import sys
@@ -132,7 +132,7 @@ def test_a_spinning_ring_of_long_cells_is_warned_of_and_one_of_short_cells_is_ri
 
 
 def table():
-    """The rows of the table in docs/preflight.md."""
+    """The rows of the table in docs/how_to/preflight.md."""
     yield "| points | per filled cell | estimate [%] | measured [%] |\n|---|---|---|---|"
     for name in CLOUDS:
         each = CLOUDS[name]().size / L**2

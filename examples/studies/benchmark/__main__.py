@@ -1,6 +1,6 @@
 """What a step costs: by phases, beside one sparse LU of the same matrix, and as scenes grow; resumable.
 
-    python -m examples.studies.benchmark --out out/benchmark      # measure what is missing, write docs/performance.md
+    python -m examples.studies.benchmark --out out/benchmark      # measure what is missing, write its page
     python -m examples.studies.benchmark crossover                # banded Cholesky against multigrid
     python -m examples.studies.benchmark large --points 1000000   # one body by multigrid, in detail
 

@@ -1,4 +1,4 @@
-"""docs/performance.md, its figure and its csv, from the results of `study.py`."""
+"""docs/studies/performance.md, its figure and its csv, from the results of `study.py`."""
 
 from __future__ import annotations
 
@@ -180,6 +180,6 @@ def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -
         "## One large body\n",
         LARGE,
         single_table(found),
-        "All figures are in `docs/performance/results.csv`.",
+        "All figures are in `docs/studies/performance/results.csv`.",
     ]
     (docs / "performance.md").write_text("\n".join(parts) + "\n")

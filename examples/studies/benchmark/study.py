@@ -1,6 +1,6 @@
 """What a step costs: by phases, beside one sparse LU of the same matrix, and as scenes grow.
 
-    python -m examples.studies.benchmark                  # everything: see docs/performance.md for how long it takes
+    python -m examples.studies.benchmark                  # everything: its page says how long it takes
     python -m examples.studies.benchmark --discs 100 300  # some sizes only
     python -m examples.studies.benchmark --page           # the page from what has been measured
 
@@ -25,7 +25,7 @@ from .. import pages
 from . import page
 from .scenes import layout
 
-ROOT = pages.DOCS.parent
+ROOT = pages.DOCS.parents[1]
 QUICK = {
     "discs": [10, 20],
     "main": 20,

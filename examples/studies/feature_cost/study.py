@@ -1,6 +1,6 @@
-"""What each feature costs when it is on, and what is not done when it is off: a table for `docs/work_precision.md`.
+"""What each feature costs when it is on, and what is not done when it is off: a table of the page work_precision.
 
-    OPENBLAS_NUM_THREADS=1 python -m examples.studies.feature_cost --docs docs
+    OPENBLAS_NUM_THREADS=1 python -m examples.studies.feature_cost --docs docs/studies
 
 Each line compares two ways to run a scene from the same state. Calls of the library's functions, unknowns, matrix
 entries and solves of a few steps are counted; then both make steps in turn and their processor times are compared.
@@ -211,7 +211,7 @@ def table(options: argparse.Namespace) -> str:
 def parser() -> argparse.ArgumentParser:
     """Options; the defaults are those of the page."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--docs", type=Path, default=Path("docs"), help="where work_precision.md is")
+    options.add_argument("--docs", type=Path, default=Path("docs/studies"), help="where work_precision.md is")
     options.add_argument("--discs", type=int, default=30, help="of the packing")
     options.add_argument("--cells", type=float, default=5.0, help="per radius of these")
     options.add_argument("--large", type=float, default=20.0, help="cells per radius of the single disc")

@@ -28,7 +28,7 @@ NOT_RUN = "not run"
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the tables in docs/packing_ensemble.md."""
+    """One line of the tables in docs/studies/packing_ensemble.md."""
 
     claim: str
     rule: str

@@ -1,10 +1,10 @@
 """Figures and tables of the study from what `study.py` ran.
 
-    python -m examples.studies.packing_ensemble figures --study out/study --docs docs
+    python -m examples.studies.packing_ensemble figures --study out/study --docs docs/studies
 
-Draws into `docs/packing_ensemble/` and writes the parts of `docs/packing_ensemble.md` that stand between markers: the
-claims of Nezamabadi et al. (2017) with what was measured, the checks, the members and the pictures there are. Nothing
-is run.
+Draws into docs/studies/packing_ensemble/ and writes the parts of docs/studies/packing_ensemble.md that stand between
+markers: the claims of Nezamabadi et al. (2017) with what was measured, the checks, the members and the pictures there
+are. Nothing is run.
 """
 
 from __future__ import annotations
@@ -120,5 +120,5 @@ def parser() -> argparse.ArgumentParser:
     """Where the study is, and where the page."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--study", type=Path, default=Path("out/study"), help="directory of study.py's results")
-    options.add_argument("--docs", type=Path, default=Path("docs"), help="directory that holds packing_ensemble.md")
+    options.add_argument("--docs", type=Path, default=Path("docs/studies"), help="directory of packing_ensemble.md")
     return options

@@ -4,7 +4,7 @@
 
 Takes the options of `compaction.py`. Writes `observables.csv`, a ParaView series `packing.vtkhdf`, `curves.png`
 (pressure, contact surface, anisotropy, aspect ratio, coordination against solid fraction) and `checks.csv`, whose
-worst values it prints at the end. `docs/results.md` is made of them.
+worst values it prints at the end. `docs/studies/results.md` is made of them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The figures of docs/packing_ensemble.md, drawn from the members of the study."""
+"""The figures of docs/studies/packing_ensemble.md, drawn from the members of the study."""
 
 from __future__ import annotations
 

@@ -238,7 +238,7 @@ def display() -> Progress:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Options; the defaults are the study of `docs/packing_ensemble.md`."""
+    """Options; the defaults are the study of `docs/studies/packing_ensemble.md`."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     options.add_argument(
         "--discs", type=int, default=300, help="a third of them in the mode of Nezamabadi et al. (2017)"

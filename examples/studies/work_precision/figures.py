@@ -1,4 +1,4 @@
-"""The figures of docs/work_precision.md."""
+"""The figures of docs/studies/work_precision.md."""
 
 from __future__ import annotations
 

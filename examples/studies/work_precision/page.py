@@ -1,4 +1,4 @@
-"""docs/work_precision.md, its figures and its csv, from the results of `study.py`.
+"""docs/studies/work_precision.md, its figures and its csv, from the results of `study.py`.
 
     python -m examples.studies.work_precision page --study out/tradeoff --docs docs
 

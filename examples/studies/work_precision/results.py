@@ -1,4 +1,4 @@
-"""Runs with their errors, Pareto fronts and slopes, by the rules of docs/work_precision.md."""
+"""Runs with their errors, Pareto fronts and slopes, by the rules of docs/studies/work_precision.md."""
 
 from __future__ import annotations
 

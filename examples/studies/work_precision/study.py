@@ -1,7 +1,7 @@
 """The work-precision study: what an error costs, parameter by parameter, on four scenes.
 
     export OPENBLAS_NUM_THREADS=1
-    python -m examples.studies.work_precision --out out/tradeoff         # all of it, see docs/work_precision.md
+    python -m examples.studies.work_precision --out out/tradeoff         # all of it; its page says how long it takes
     python -m examples.studies.work_precision --scenes hertz --runs 16   # a scene, a small sample
     python -m examples.studies.work_precision page --study out/tradeoff  # the page from what has been run
 
@@ -177,7 +177,7 @@ def manifest() -> dict[str, Any]:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Options; the defaults are the study of `docs/work_precision.md`."""
+    """Options; the defaults are the study of `docs/studies/work_precision.md`."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--scenes", nargs="+", choices=list(scenes.CASES), default=list(scenes.CASES))
     options.add_argument("--runs", type=int, default=96, help="size of the sample; half of it on the packing")

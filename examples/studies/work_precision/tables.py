@@ -1,4 +1,4 @@
-"""The tables of docs/work_precision.md."""
+"""The tables of docs/studies/work_precision.md."""
 
 from __future__ import annotations
 
