@@ -17,7 +17,7 @@ from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Suppor
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 __all__ = [
     "Body",

@@ -1,4 +1,4 @@
-"""The API reference names everything public, once."""
+"""The API reference names everything public, once, and the citation this version."""
 
 import re
 from pathlib import Path
@@ -15,3 +15,8 @@ def test_the_api_reference_has_every_public_name():
     )
     assert sorted(set(named)) == sorted(skmpm.__all__)
     assert len(named) == len(set(named))
+
+
+def test_the_citation_is_that_of_this_version():
+    citation = (Path(__file__).parents[2] / "CITATION.cff").read_text()
+    assert f"\nversion: {skmpm.__version__}\n" in citation
