@@ -34,7 +34,8 @@ autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 autodoc_typehints = "none"  # docstrings say shapes and units, which the types do not
 napoleon_use_rtype = False
-napoleon_use_ivar = False
+napoleon_attr_annotations = False
+napoleon_custom_sections = [("Attributes", "params_style")]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 

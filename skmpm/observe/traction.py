@@ -61,7 +61,7 @@ class Traction:
 
     @property
     def force(self) -> Array:
-        """Resultant, (2,) [N/m]: the sum of the contact forces on the body."""
+        """Resultant of the contact forces on the body, (2,) [N/m]."""
         return np.asarray(self.traction @ self.length)
 
 

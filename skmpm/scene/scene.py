@@ -91,7 +91,7 @@ class Scene:
 
     @cached_property
     def deformable_points(self) -> NDArray[np.bool_] | slice:
-        """The points of deformable bodies as an index: a slice, which copies nothing, if these are all points."""
+        """Index of the points of deformable bodies; if these are all points, a slice, which copies nothing."""
         own = self.deformable[self.owner]
         return slice(None) if own.all() else own
 
