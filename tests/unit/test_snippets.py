@@ -15,8 +15,8 @@ ROOT = Path(__file__).parents[2]
 def test_the_script_of_a_page_runs(page, tmp_path):
     """In a process of its own: what it needs it imports."""
     (code,) = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text(), re.DOTALL | re.MULTILINE)
-    environment = os.environ | {"MPLBACKEND": "Agg"}
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, check=False)
+    options = {"cwd": tmp_path, "env": os.environ | {"MPLBACKEND": "Agg"}, "capture_output": True}
+    done = subprocess.run([sys.executable, "-c", code], check=False, **options)
     assert done.returncode == 0, done.stderr.decode()
     force = float(re.findall(r"[-+.\de]+", done.stdout.decode())[-1])
     assert force > 50.0  # the last line ends with the force on the lid [N/m]
