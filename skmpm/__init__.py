@@ -13,7 +13,7 @@ from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.preflight import Suggestion, preflight, suggest
-from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Support, Wall
+from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Support, Wall, continued
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 
@@ -49,6 +49,7 @@ __all__ = [
     "check_material",
     "contact",
     "contact_pressure",
+    "continued",
     "coulomb",
     "disc",
     "from_mesh",

@@ -2,8 +2,8 @@
 Pour and settle
 ===============
 
-Discs fall into a box under gravity, collide, and come to rest. Then the
-floor lifts the pile.
+Discs fall into a box under gravity, collide, and come to rest. Then a lid is
+put on the pile.
 """
 
 # %%
@@ -60,16 +60,18 @@ print(f"kinetic energy {state.report.energy.kinetic:.1e} J/m")
 print(f"the walls carry {carried / weight:.4f} of the weight")
 
 # %%
-# Continue in another scene
-# -------------------------
-# A scene is a frozen dataclass: `dataclasses.replace` makes one that differs. The state continues
-# in it, as long as the bodies and their grids are the same and the number of walls, too. Here the
-# floor starts to move up, slowly: the pile is lifted.
+# Another stage: a lid
+# --------------------
+# A scene is frozen; `dataclasses.replace` makes another one. `continued` takes the state over into
+# it: the bodies stay as they are, walls that both scenes have go on from where they are, and a new
+# one begins at its `point`. Here a lid is put on the pile, and comes down slowly.
 
 from dataclasses import replace
 
-moving = replace(scene, walls=[replace(box[0], velocity=(0.0, 0.05)), *box[1:]])
-*_, lifted = skmpm.simulate(moving, until=state.t + 0.1, start=state)
-rise = np.average(lifted.x[1], weights=lifted.mass) - np.average(state.x[1], weights=state.mass)
-print(f"the floor rose by 5 mm, the centre of mass by {1e3 * rise:.2f} mm")
-skmpm.plot(scene, lifted, "body", forces=True)
+top = state.x[1].max()
+lid = skmpm.Wall((0.0, top + 0.1 * R), (0.0, -1.0), velocity=(0.0, -0.1))
+covered = replace(scene, walls=[*box, lid])
+start = skmpm.continued(scene, state, covered)
+states = list(skmpm.simulate(covered, until=state.t + 0.1, start=start))
+print(f"force on the lid {states[-1].wall_force[3, 1] / weight:.1f} times the weight of the pile")
+skmpm.plot(covered, states[-1], forces=True)

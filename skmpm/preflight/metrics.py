@@ -14,7 +14,7 @@ from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import Rigid, is_linear
 from skmpm.outline import chord_sagitta, slit_width
 from skmpm.preflight.sampling import stress_errors
-from skmpm.scene import Scene
+from skmpm.scene import Scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.initial_state import (
@@ -82,6 +82,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     check_explicit("preflight", scene, scheme)
     check_cohesion("preflight", scene, scheme)
+    check_walls_at_start(scene)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
     soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]

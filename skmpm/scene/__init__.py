@@ -1,10 +1,12 @@
 """The scene (`Scene`), its state (`State`), and the checks of both."""
 
+from skmpm.scene.check import check_walls_at_start
 from skmpm.scene.fits import check_fits, check_initial_positions
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_velocities
 from skmpm.scene.scene import Scene
+from skmpm.scene.stages import continued
 from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
 from skmpm.scene.walls_in_view import view_of, wall_lines
 
@@ -25,6 +27,8 @@ __all__ = [
     "Wall",
     "check_fits",
     "check_initial_positions",
+    "check_walls_at_start",
+    "continued",
     "field_values",
     "mises",
     "motion",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from inspect import signature
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import Isotropic, Rigid, lacking
 from skmpm.outline import Outlines, area, lens_depth, overlap
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MAX_AREA_RATIO = 1.5  # of the points' volume and the area in their outline, which may exclude half a spacing
+TOUCHING = 1e-3  # [cells] overlap at the start up to which things touch
 
 
 def check(scene: Scene) -> None:
@@ -53,7 +55,7 @@ def check(scene: Scene) -> None:
         _check_wall(f"wall {i}", wall)
     _check_supports(scene)
     _check_loads(scene)
-    _check_start(scene)
+    _check_overlaps(scene)
 
 
 def _check_body(name: str, body: Body) -> None:
@@ -170,22 +172,30 @@ def _check_loads(scene: Scene) -> None:
         _check_not_empty(f"load {i}: where", scene, loaded)
 
 
-def _check_start(scene: Scene, tolerance: float = 1e-3) -> None:
-    """Bodies may touch at the start, but not overlap or cross a wall by more than `tolerance` cells."""
-    slack = tolerance * scene.cell
-    for i, wall in enumerate(scene.walls):
-        normal, point = np.asarray(wall.normal, dtype=float), np.asarray(wall.point, dtype=float)
-        for b, body in enumerate(scene.bodies):
-            depth = -float((normal @ (body.points.x - point[:, None])).min())
-            if depth > slack and not isinstance(body.material, Rigid):
-                raise SceneError(
-                    f"wall {i} cuts body {b}: a point lies {depth:.3g} m behind it; move the wall or the body"
-                )
+def check_walls_at_start(scene: Scene) -> None:
+    """Raise SceneError if a wall cuts a deformable body at t = 0."""
+    walls = dict(enumerate(wall.point for wall in scene.walls))
+    remedy = "move the wall or the body; a wall of a later stage begins in skmpm.continued"
+    check_walls(scene, scene.initial_positions, walls, remedy)
+
+
+def check_walls(scene: Scene, x: Array, walls: Mapping[int, ArrayLike], remedy: str) -> None:
+    """Raise SceneError if a deformable body, with points x (2, n), lies behind one of the walls at points (2,)."""
+    own = np.flatnonzero(scene.deformable[scene.owner])
+    for i, point in walls.items():
+        behind = scene.normals[:, i] @ (np.asarray(point)[:, None] - x[:, own])
+        if behind.max(initial=0.0) > TOUCHING * scene.cell:
+            b = scene.owner[own[np.argmax(behind)]]
+            raise SceneError(f"wall {i} cuts body {b}: a point lies {behind.max():.3g} m behind it; {remedy}")
+
+
+def _check_overlaps(scene: Scene) -> None:
+    """Bodies may touch at the start, but not overlap by more than `TOUCHING` cells."""
     boundary = scene.outlines
     if boundary.point.size == 0:
         return
     x = scene.initial_positions[:, boundary.point]
-    first = _first_overlap(scene, boundary, x, slack)
+    first = _first_overlap(scene, boundary, x, TOUCHING * scene.cell)
     if first is not None:
         a, b, depth = first
         raise SceneError(

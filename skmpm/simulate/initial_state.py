@@ -17,6 +17,7 @@ from skmpm.scene import (
     Scene,
     SceneError,
     State,
+    check_walls_at_start,
     field_values,
     motion,
     prescribed_velocities,
@@ -34,6 +35,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     check_scheme("initial", scheme)
     check_explicit("initial", scene, scheme)
     check_cohesion("initial", scene, scheme)
+    check_walls_at_start(scene)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
     density = np.array([b.material.density for b in scene.bodies])

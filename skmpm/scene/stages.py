@@ -1,0 +1,113 @@
+"""Stages: a state continues in another scene of the same bodies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.scene.check import check_walls
+from skmpm.scene.fits import check_fits
+from skmpm.scene.objects import SceneError, Wall
+from skmpm.scene.scene import Scene
+from skmpm.scene.state import Contacts, State, StepControl
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def continued(scene: Scene, state: State, new_scene: Scene) -> State:
+    """The state of a scene as a start in a new scene of the same bodies: `simulate(new_scene, start=continued(...))`.
+
+    Walls, supports, loads, friction, cohesion and gravity may differ. A wall with the `point` and the `normal` of a
+    wall of the old scene is that wall, and goes on from where it is; any other is new and begins at its `point`.
+    Walls that the new scene lacks are removed, with their contacts. Supports and loads hold the points where
+    `where(x)` is true at t = 0, as always. Time goes on, so functions of time are taken at the time of the state.
+
+    Raises
+    ------
+    SceneError
+        if the state does not belong to the old scene, the new scene has other bodies or another cell, a new wall
+        stands where a body is, or two walls of the new scene are the same one
+    """
+    check_fits(scene, state, "continued")
+    _check_bodies(scene, new_scene)
+    former = _former_walls(scene, new_scene)
+    kept = former >= 0
+    walls = np.array([wall.point for wall in new_scene.walls], dtype=float).reshape(-1, 2)
+    walls[kept] = state.walls[former[kept]]
+    force = np.zeros_like(walls)
+    force[kept] = state.wall_force[former[kept]]
+    new = {i: walls[i] for i in np.flatnonzero(~kept).tolist()}
+    check_walls(new_scene, state.x, new, f"at t = {state.t:.6g} s; move the new wall")
+    return replace(
+        state,
+        walls=walls,
+        wall_normals=new_scene.normals.T.copy(),
+        wall_force=force,
+        support_force=np.zeros((len(new_scene.supports), 2)),
+        contacts=_with_walls(scene, state.contacts, former),
+        step_control=StepControl(),
+    )
+
+
+def _check_bodies(scene: Scene, new_scene: Scene) -> None:
+    """Raise SceneError where the new scene has other bodies, or another cell."""
+    remedy = "stages keep the bodies, their order and the cell; dataclasses.replace(scene, walls=...) does"
+    if len(new_scene.bodies) != len(scene.bodies):
+        raise SceneError(
+            f"continued: the new scene has {len(new_scene.bodies)} bodies, the old one {len(scene.bodies)}; {remedy}"
+        )
+    if new_scene.cell != scene.cell:
+        raise SceneError(f"continued: the new scene has cell = {new_scene.cell}, the old one {scene.cell}; {remedy}")
+    for b, (old, new) in enumerate(zip(scene.bodies, new_scene.bodies, strict=True)):
+        same = old.points is new.points or (
+            np.array_equal(old.points.x, new.points.x) and np.array_equal(old.points.volume, new.points.volume)
+        )
+        if not same or old.material.density != new.material.density:
+            what = "another density" if same else "other points"
+            raise SceneError(f"continued: body {b} of the new scene has {what}; {remedy}")
+
+
+def _former_walls(scene: Scene, new_scene: Scene) -> Ints:
+    """For each wall of the new scene its index in the old one, -1 for a new wall, (walls,)."""
+    former = np.array([_index(scene, wall) for wall in new_scene.walls], dtype=np.int64)
+    known, count = np.unique(former[former >= 0], return_counts=True)
+    if (count > 1).any():
+        i = int(known[np.argmax(count)])
+        twice = np.flatnonzero(former == i).tolist()
+        raise SceneError(
+            f"continued: walls {twice[0]} and {twice[1]} of the new scene have the point and the normal of wall {i};"
+            " give each wall once"
+        )
+    return former
+
+
+def _index(scene: Scene, wall: Wall) -> int:
+    """The index of a wall among those of a scene, by its point and normal; -1 if it is none of them."""
+    for i, old in enumerate(scene.walls):
+        if np.array_equal(old.point, wall.point) and np.array_equal(old.normal, wall.normal):
+            return i
+    return -1
+
+
+def _with_walls(scene: Scene, contacts: Contacts, former: Ints) -> Contacts:
+    """The contacts without those of removed walls, and with the new indices of the others."""
+    index = np.full(len(scene.walls), -1)
+    index[former[former >= 0]] = np.flatnonzero(former >= 0)
+    wall = -1 - contacts.bodies[1]
+    on_wall = wall >= 0
+    now = np.where(on_wall, index[np.maximum(wall, 0)] if index.size else -1, 0)
+    stay = np.flatnonzero(~on_wall | (now >= 0))
+    shift = np.where(on_wall, now - wall, 0) * scene.outlines.size  # keys number the boundary points wall by wall
+    return replace(
+        contacts,
+        bodies=np.stack([contacts.bodies[0], np.where(on_wall, -1 - now, contacts.bodies[1])])[:, stay],
+        x=contacts.x[:, stay],
+        normal=contacts.normal[:, stay],
+        force=contacts.force[:, stay],
+        gap=contacts.gap[stay],
+        key=np.where(contacts.key >= 0, contacts.key + shift, contacts.key - shift)[stay],
+        point=contacts.point[stay],
+    )

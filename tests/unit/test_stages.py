@@ -1,0 +1,167 @@
+"""Stages: what goes on, what begins, what ends."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from skmpm import (
+    Body,
+    LinearElastic,
+    Load,
+    NeoHookean,
+    Rigid,
+    Scene,
+    SceneError,
+    Scheme,
+    Support,
+    Wall,
+    box,
+    continued,
+    disc,
+    preflight,
+    simulate,
+    step,
+)
+
+R, DT = 1e-3, 2e-5
+GEL = NeoHookean(1e6, 0.3, 1000.0)
+FLOOR, LEFT, RIGHT = Wall((0, 0), (0, 1), friction=0.3), Wall((0, 0), (1, 0)), Wall((4 * R, 0), (-1, 0))
+LID = Wall((0, 2 * R), (0, -1), velocity=(0.0, -2.0))
+
+
+def pressed(walls=(FLOOR, LEFT, RIGHT, LID), **options):
+    """Two discs between walls, pressed by a moving lid."""
+    bodies = [Body(disc((x, R), R, spacing=R / 5), GEL) for x in (R, 3 * R)]
+    return Scene(bodies, cell=R / 3.5, walls=walls, friction=0.2, **options)
+
+
+@pytest.fixture(scope="module")
+def run():
+    """The scene and a state in which all of its six contacts bear force."""
+    scene = pressed()
+    *_, state = simulate(scene, dt=DT, until=8 * DT)
+    assert np.unique(state.contacts.bodies[1]).tolist() == [-4, -3, -2, -1, 1]
+    return scene, state
+
+
+def assert_same(one, other):
+    for f in fields(one):
+        if f.name not in ("derived", "report", "contacts", "step_control"):
+            assert np.array_equal(getattr(one, f.name), getattr(other, f.name)), f.name
+    for f in fields(one.contacts):
+        assert np.array_equal(getattr(one.contacts, f.name), getattr(other.contacts, f.name)), f.name
+
+
+def test_the_same_scene_goes_on_bit_for_bit(run):
+    scene, state = run
+    begun = continued(scene, state, pressed())
+    assert_same(begun, state)
+    assert_same(step(scene, begun, DT), step(scene, state, DT))
+
+
+def test_walls_in_another_order_are_the_same_walls(run):
+    """Contacts keep their forces: the first iteration begins where the last step ended."""
+    scene, state = run
+    order = [3, 0, 2, 1]
+    other = pressed([scene.walls[i] for i in order])
+    begun = continued(scene, state, other)
+    assert np.array_equal(begun.walls, state.walls[order]) and np.array_equal(
+        begun.wall_force, state.wall_force[order]
+    )
+    after, expected = step(other, begun, DT), step(scene, state, DT)
+    assert after.report.newton == expected.report.newton
+    np.testing.assert_allclose(after.x, expected.x, atol=1e-12 * R)
+    np.testing.assert_allclose(after.wall_force, expected.wall_force[order], rtol=1e-9)
+    keys = [dict(zip(s.contacts.key.tolist(), s.contacts.bodies[1].tolist(), strict=True)) for s in (begun, after)]
+    shared = keys[0].keys() & keys[1].keys()
+    assert len(shared) > 10 and all(keys[0][k] == keys[1][k] for k in shared)
+
+
+def test_a_wall_goes_on_from_where_it_is_with_another_velocity(run):
+    scene, state = run
+    stopped = pressed((FLOOR, LEFT, RIGHT, replace(LID, velocity=(0.0, 0.0))))
+    begun = continued(scene, state, stopped)
+    assert begun.walls[3, 1] == pytest.approx(2 * R - 2.0 * 8 * DT)
+    assert step(stopped, begun, DT).walls[3, 1] == begun.walls[3, 1]
+
+
+def test_without_a_wall_its_contacts_are_gone(run):
+    scene, state = run
+    lifted = pressed((FLOOR, LEFT, RIGHT))
+    begun = continued(scene, state, lifted)
+    assert begun.contacts.bodies[1].min() == -3 and begun.contacts.gap.size < state.contacts.gap.size
+    *_, after = simulate(lifted, dt=DT, until=state.t + 20 * DT, start=begun)
+    assert after.x[1].max() > 2 * R - 0.5 * 2.0 * 8 * DT  # the discs are round again
+
+
+def test_a_lid_that_is_added_after_pouring_presses(run):
+    """Above the pile, where bodies were at the start."""
+    bodies = [Body(disc((R, y), R, spacing=R / 5), GEL) for y in (R, 4 * R)]
+    pour = Scene(bodies, cell=R / 3.5, walls=[FLOOR, LEFT, Wall((2.1 * R, 0), (-1, 0))], gravity=(0.0, -400.0))
+    *_, state = simulate(pour, until=0.02)
+    top = state.x[1].max()
+    assert top < 4 * R
+    lid = Wall((0.0, top + 0.01 * R), (0.0, -1.0), velocity=(0.0, -0.1))
+    with_lid = replace(pour, walls=[*pour.walls, lid])
+    with pytest.raises(SceneError, match=r"wall 3 cuts body 1.*later stage begins in skmpm.continued"):
+        preflight(with_lid)
+    *_, after = simulate(with_lid, until=state.t + 2e-3, start=continued(pour, state, with_lid))
+    assert after.wall_force[3, 1] > 0.1 * 400.0 * state.mass.sum()
+    assert after.x[1].max() < after.walls[3, 1] + 1e-3 * R
+
+
+def test_supports_are_released_and_loads_added():
+    """A block held at both ends by supports, loaded, then released at one end: statics of both stages."""
+    solid = LinearElastic(1e6, 0.3, 1000.0)
+    bar = Body(box((0.0, 0.0), (8 * R, R), spacing=R / 8), solid)
+    ends = [Support(lambda x: x[0] < 0.01 * R), Support(lambda x: x[0] > 7.99 * R)]
+    held = Scene([bar], cell=R / 4, supports=ends)
+    scheme = Scheme(inertia=False)
+    *_, state = simulate(held, dt=1.0, until=1.0, scheme=scheme)
+    pulled = replace(held, supports=ends[:1], loads=[Load(lambda x: x[0] > 7.99 * R, (10.0, 0.0))])
+    begun = continued(held, state, pulled)
+    assert begun.support_force.shape == (1, 2)
+    *_, after = simulate(pulled, dt=1.0, until=2.0, start=begun, scheme=scheme)
+    assert after.support_force[0, 0] == pytest.approx(10.0, rel=1e-6)
+    stretch = (after.x[0].max() - 8 * R) / (8 * R)
+    assert stretch == pytest.approx(10.0 / R * (1 - 0.3**2) / 1e6, rel=0.05)  # plane strain
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda s: replace(s, bodies=s.bodies[:1]),
+            "continued: the new scene has 1 bodies, the old one 2",
+        ),
+        (lambda s: replace(s, cell=R / 3), "continued: the new scene has cell = 0.000333.*, the old one 0.000285"),
+        (
+            lambda s: replace(s, bodies=[s.bodies[0], Body(disc((3 * R, R), R, spacing=R / 6), GEL)]),
+            "continued: body 1 of the new scene has other points",
+        ),
+        (
+            lambda s: replace(s, bodies=[s.bodies[0], replace(s.bodies[1], material=NeoHookean(1e6, 0.3, 900.0))]),
+            "continued: body 1 of the new scene has another density",
+        ),
+        (
+            lambda s: replace(s, walls=[*s.walls, Wall((0, R), (0, 1))]),
+            r"wall 4 cuts body \d: a point lies .* m behind it; at t = 0.00016 s; move the new wall",
+        ),
+        (
+            lambda s: replace(s, walls=[*s.walls, FLOOR]),
+            "continued: walls 0 and 4 of the new scene have the point and the normal of wall 0; give each wall once",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_named(run, change, message):
+    scene, state = run
+    with pytest.raises(SceneError, match=message):
+        continued(scene, state, change(scene))
+
+
+def test_a_state_of_another_scene_is_refused(run):
+    other = Body(box((2 * R, 0), (R, R), spacing=R / 4), Rigid(1.0))
+    alone = Scene([Body(disc((0, 0), R, spacing=R / 5), GEL), other], cell=R / 3)
+    with pytest.raises(SceneError, match="continued: the state has"):
+        continued(alone, run[1], run[0])
