@@ -78,21 +78,21 @@ def point_to_curve(
     if inertia:
         close = _with_closest_points(scene, state, close, roles, prescribed, wall_velocities, dt)
 
-    def contact(near: Neighbours, moved: Array) -> ContactPairs:
-        walls = enumerate(zip(state.walls, dt * wall_velocities, strict=True))
-        on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
+    def contact(near: Neighbours, moved: Array, walls: Array) -> ContactPairs:
+        steps = enumerate(zip(state.walls, dt * walls, strict=True))
+        on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in steps)
         between = no_contacts() if near.none else contacts_between_bodies(scene, near, start, moved, theta)
         return joined([between, *on_walls])
 
-    def linearise(w: Array) -> Constraints:
+    def linearise(w: Array, walls: Array = wall_velocities) -> Constraints:
         moved = dt * ((interpolation @ w.reshape(-1, 2)).T + prescribed)
         needed = 2.0 * float(np.abs(moved).max(initial=0.0))
         near = close
         if needed > near.margin:
             near = replace(neighbours(scene, curve, roles, own, start, grid.cell, reach, needed), shifts=close.shifts)
-        found = contact(near, moved)
+        found = contact(near, moved, walls)
         strength = tensile_strength(scene, boundary, start, found, roles.rank) if scene.cohesive else 0.0 * found.gap
-        return _constraints(scene, found, strength, start + moved, interpolation, w, prescribed, wall_velocities, dt)
+        return _constraints(scene, found, strength, start + moved, interpolation, w, prescribed, walls, dt)
 
     return linearise
 

@@ -216,7 +216,7 @@ def component_along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
     return sp.csr_array((data, columns, 2 * matrix.indptr), shape=(matrix.shape[0], 2 * matrix.shape[1]))
 
 
-Linearise = Callable[[Array], Constraints]
+Linearise = Callable[..., Constraints]  # nodal velocity and, with driven walls, velocities of the walls (walls, 2)
 ContactFormulation = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities, bool], Linearise]
 
 

@@ -18,6 +18,7 @@ motion in one iteration and do not enter the residual.
 
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, KnownForces
+from skmpm.implicit.driven_walls import DrivenWalls
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
@@ -29,6 +30,7 @@ __all__ = [
     "Bulk",
     "Configuration",
     "ContactProblem",
+    "DrivenWalls",
     "End",
     "Gauge",
     "Increment",

@@ -13,6 +13,7 @@ from skmpm.contact import Constraints, Linearise
 from skmpm.implicit.candidate_contacts import candidates
 from skmpm.implicit.contact_scale import ContactScale
 from skmpm.implicit.contact_stiffness import sticking
+from skmpm.implicit.driven_walls import DrivenWalls
 from skmpm.implicit.errors import pair
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.timer import Timer
@@ -64,6 +65,16 @@ class ContactProblem:
         default_factory=lambda: np.zeros((2, 0), dtype=bool)
     )
     delassus: Delassus | None = None  # of an earlier step with the same matrix
+    driven: DrivenWalls | None = None  # walls whose velocities are unknowns
+
+    @cached_property
+    def wall_velocity(self) -> Array:
+        """The velocities of the driven walls at which the iteration begins, (p,) [m/s]."""
+        return np.zeros(0) if self.driven is None else self.driven.v0
+
+    def constraints(self, w: Array, z: Array) -> Constraints:
+        """The constraints about the nodal velocity w (2 nodes,) and velocities of the driven walls (p,)."""
+        return self.linearise(w) if self.driven is None else self.linearise(w, self.driven.velocities(z))
 
     @cached_property
     def speed_round_off(self) -> float:
@@ -73,7 +84,7 @@ class ContactProblem:
 
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about the velocity w (2 nodes,)."""
-        return _iterate(self, w, self.known, self.delassus, None)
+        return _iterate(self, w, self.wall_velocity, self.known, self.delassus, None)
 
 
 @dataclass(frozen=True)
@@ -88,6 +99,7 @@ class ContactIterate:
     constraints: Constraints  # with the frozen geometry, if there is one, else `current`
     r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
     u: Array  # relative velocities at w, with gaps over dt
+    z: Array  # velocities of the driven walls, (p,) [m/s]
     iterations: int = 0  # of the contact solver in this step
     stiffness_failures: int = 0  # contact solves with geometric stiffness that did not converge
 
@@ -100,6 +112,12 @@ class ContactIterate:
     def impulse(self) -> Array:
         """The contact impulse theta H^T r at the nodes, (2 nodes,) [kg m/s per m]."""
         return self.increment.scheme.theta * self.constraints.at_nodes(self.constraints.D.T @ self.r)
+
+    @cached_property
+    def wall_imbalance(self) -> Array:
+        """Out-of-balance impulse of the driven walls, (p,) [kg m/s per m]."""
+        driven = self.problem.driven
+        return np.zeros(0) if driven is None else driven.imbalance(self.z, self.constraints, self.r)
 
     @property
     def lifted(self) -> Array:
@@ -135,7 +153,7 @@ class ContactIterate:
 
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about another velocity, with the frozen geometry if there is one."""
-        found = _iterate(self.problem, w, self.known, self.delassus, self.frozen)
+        found = _iterate(self.problem, w, self.z, self.known, self.delassus, self.frozen)
         return replace(found, iterations=self.iterations, stiffness_failures=self.stiffness_failures)
 
     def with_frozen_geometry(self, frozen: Constraints | None) -> ContactIterate:
@@ -149,14 +167,19 @@ class ContactIterate:
 
 
 def _iterate(
-    problem: ContactProblem, w: Array, known: KnownForces, delassus: Delassus | None, frozen: Constraints | None
+    problem: ContactProblem,
+    w: Array,
+    z: Array,
+    known: KnownForces,
+    delassus: Delassus | None,
+    frozen: Constraints | None,
 ) -> ContactIterate:
-    """Linearise about w, with the known impulses."""
+    """Linearise about w and z, with the known impulses."""
     problem.timer.lap("bulk")
     increment = problem.increment
-    current = candidates(problem.linearise(w), increment.grid, increment.supports, problem.supported)
+    current = candidates(problem.constraints(w, z), increment.grid, increment.supports, problem.supported)
     constraints = current.with_frames_of(frozen, w) if frozen is not None and frozen.size else current
     r = known.on(constraints, increment.dt)
     u = constraints.D @ constraints.at_contact_points(w) + constraints.offset
     problem.timer.lap("detection")
-    return ContactIterate(problem, known, delassus, frozen, current, constraints, r, u)
+    return ContactIterate(problem, known, delassus, frozen, current, constraints, r, u, z)

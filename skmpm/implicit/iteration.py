@@ -14,6 +14,7 @@ from skmpm.implicit.matrix import solver_of
 from skmpm.implicit.residual import MAX_DRIFT, Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
+from skmpm.scene import PrescribedVelocities
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,18 @@ class Solution:
     imbalance: float  # relative out-of-balance norm
     reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
     solver: Solver | None  # of the last iteration
+
+    def motions(self, prescribed: PrescribedVelocities) -> PrescribedVelocities:
+        """The prescribed velocities with those of driven walls, which the step has found."""
+        driven = None if self.contact is None else self.contact.problem.driven
+        if self.contact is None or driven is None:
+            return prescribed
+        return prescribed.with_walls(driven.walls, driven.velocities(self.contact.z))
+
+    def wall_velocity(self, motions: PrescribedVelocities) -> Array:
+        """The velocities of the walls at the end of the step, (walls, 2) [m/s]."""
+        driven = None if self.contact is None else self.contact.problem.driven
+        return motions.walls if self.contact is None or driven is None else driven.end_velocities(self.contact.z)
 
 
 def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
@@ -112,9 +125,16 @@ def factorise(increment: Increment, contact: ContactIterate | None, configuratio
 
 def with_contact(increment: Increment, contact: ContactIterate, size: float) -> tuple[Array, float, float]:
     """Contact impulse (2 nodes,), residual of the contact law, and the norm of the largest term with contact."""
-    impulse = contact.impulse
+    impulse, driven = contact.impulse, contact.problem.driven
     round_off = contact.impulse_round_off / increment.scheme.newton_tol
-    return impulse, contact.residual, max(size, float(np.linalg.norm(impulse)), round_off)
+    on_walls = 0.0 if driven is None else driven.size(contact.z)
+    return impulse, contact.residual, max(size, float(np.linalg.norm(impulse)), round_off, on_walls)
+
+
+def out_of_balance_norm(increment: Increment, contact: ContactIterate | None, out_of_balance: Array) -> float:
+    """The norm of an out-of-balance impulse (2 nodes,) with contact, and of those of driven walls."""
+    nodes = float(np.linalg.norm(increment.on_free_dofs(out_of_balance)))
+    return nodes if contact is None else float(np.hypot(nodes, np.linalg.norm(contact.wall_imbalance)))
 
 
 def unmet_criteria(

@@ -30,6 +30,7 @@ from skmpm.implicit.iteration import (
     first_velocity,
     needs_refactorisation,
     not_converged,
+    out_of_balance_norm,
     unmet_criteria,
     with_contact,
 )
@@ -112,7 +113,7 @@ def _evaluate(
     contact_impulse, residual, scheme = np.zeros_like(gradient), 0.0, increment.scheme
     if contact:
         contact_impulse, residual, size = with_contact(increment, contact, size)
-    norm = float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse)))
+    norm = out_of_balance_norm(increment, contact, gradient - contact_impulse)
     norm = norm / size if size > 0.0 else 0.0
     small = norm <= scheme.newton_tol and residual <= scheme.gap_tol
     return _Balance(gradient, contact_impulse, residual, norm, small)

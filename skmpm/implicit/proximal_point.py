@@ -25,7 +25,7 @@ from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.floating import NEGLIGIBLE_RESULTANT, FloatingBodies, excess_cells, limited, negligible
-from skmpm.implicit.iteration import SLOW_RATE, with_contact
+from skmpm.implicit.iteration import SLOW_RATE, out_of_balance_norm, with_contact
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
 
@@ -93,8 +93,8 @@ def evaluate(iterate: Iterate, iteration: int) -> OutOfBalance:
 def _out_of_balance(
     iterate: Iterate, iteration: int, gradient: Array, contact_impulse: Array, residual: float, size: float
 ) -> OutOfBalance:
-    proximal, free = iterate.proximal_impulse, iterate.increment.on_free_dofs
-    norms = (float(np.linalg.norm(free(g - contact_impulse))) for g in (gradient, gradient - proximal))
+    proximal, without = iterate.proximal_impulse, gradient - contact_impulse
+    norms = (out_of_balance_norm(iterate.increment, iterate.contact, g) for g in (without, without - proximal))
     relative = (norm / size if size > 0.0 else 0.0 for norm in norms)
     return OutOfBalance(iteration, gradient, contact_impulse, residual, size, *relative)
 

@@ -17,6 +17,7 @@ from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
+from skmpm.simulate.driven import check_driven, driven_by_force, moving_at_start
 from skmpm.simulate.initial_state import (
     can_touch,
     check_cohesion,
@@ -73,7 +74,9 @@ class SceneMetrics:
 
 def first_step(scene: Scene, scheme: Scheme) -> float:
     """The length of the first step where steps are chosen [s]; 1 s if nothing limits it."""
-    dt = pace_of(scene, scheme, 0.0, 0.0).limit(scene, scheme, 0.0, initial_motion(scene)[0], np.inf)
+    check_driven("preflight", scene, scheme)
+    now = moving_at_start(scene, initial_motion(scene)[0])
+    dt = pace_of(scene, scheme, 0.0, 0.0).limit(scene, scheme, 0.0, now, np.inf)
     return dt if np.isfinite(dt) else 1.0
 
 
@@ -83,12 +86,15 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     check_explicit("preflight", scene, scheme)
     check_cohesion("preflight", scene, scheme)
     check_walls_at_start(scene)
+    check_driven("preflight", scene, scheme)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
     soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
     wave, (grid, width) = fastest_wave(scene), _grid(scene)
     solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
     lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
+    if not lid:
+        lid_name = ", ".join(name for name, _ in driven_by_force(scene))
     loading, (_, C) = loading_of(scene), initial_motion(scene)
     rotation = np.zeros(count.size)
     np.maximum.at(rotation, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))

@@ -55,7 +55,7 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
         "grid": f"{metrics.cells} cells of {metrics.cell:.6g} m, {metrics.unknowns} unknowns",
         "R/h": f"{metrics.resolution.min():.3g} smallest, {metrics.resolution.mean():.3g} mean; {_across(metrics)}",
         "dt c/h": f"{metrics.courant:.3g}, c = {metrics.wave:.4g} m/s" if metrics.inertia else "none without inertia",
-        "driven": f"{metrics.lid_name}, {metrics.lid:.3g} h a step" if metrics.lid else "nothing",
+        "driven": f"{metrics.lid_name}, {metrics.lid:.3g} h a step" if metrics.lid else metrics.lid_name or "nothing",
         "motion": _motion(metrics),
         "bulk": f"{law}; {f'theta = {metrics.theta:g}' if metrics.inertia else 'quasi-static'}",
         "contact": _contact(metrics),

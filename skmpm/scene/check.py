@@ -15,7 +15,7 @@ from skmpm.outline import Outlines, area, lens_depth, overlap
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
-from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, vector
+from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, scalar, vector
 from skmpm.scene.point_sets import PointSet
 
 if TYPE_CHECKING:
@@ -128,9 +128,26 @@ def _check_wall(name: str, wall: Wall) -> None:
     length = float(np.linalg.norm(normal))
     if abs(length - 1.0) > 1e-9:
         raise SceneError(f"{name}: normal = {normal} has length {length:.6g}; divide it by its length")
-    motion(wall.velocity, 0.0, f"{name}: velocity")
+    velocity = motion(wall.velocity, 0.0, f"{name}: velocity")
+    if wall.driven:
+        _check_driven(name, wall, velocity, normal)
+    elif wall.mass is not None:
+        raise SceneError(f"{name}: mass = {wall.mass} without force or pressure; give one, or no mass")
     _not_negative(f"{name}: friction", wall.friction, "a Coulomb coefficient")
     _not_negative(f"{name}: cohesion", wall.cohesion, "a stress in Pa")
+
+
+def _check_driven(name: str, wall: Wall, velocity: Array, normal: Array) -> None:
+    """Raise SceneError unless a force or a pressure, and nothing else, drives a wall."""
+    if wall.force is not None and wall.pressure is not None:
+        raise SceneError(f"{name}: force = {wall.force} and pressure = {wall.pressure}; give one of them")
+    if callable(wall.velocity):
+        raise SceneError(f"{name}: velocity is a function of time, and a force drives it; give its velocity at t = 0")
+    if abs(normal[0] * velocity[1] - normal[1] * velocity[0]) > 1e-9 * np.hypot(*velocity):
+        raise SceneError(f"{name}: velocity = {velocity}; give one along its normal, in which the force drives it")
+    if wall.mass is not None:
+        _positive(f"{name}: mass", wall.mass, "a mass per metre of thickness in kg/m, or None")
+    scalar(wall.force if wall.pressure is None else wall.pressure, 0.0, f"{name}: driving force or pressure")
 
 
 def _check_supports(scene: Scene) -> None:

@@ -44,11 +44,19 @@ class Body:
 class Wall:
     """A rigid half-plane through `point`; the unit `normal` points to the free side.
 
+    It moves with a given velocity or, along its normal, by a force or a pressure; its velocity is then an unknown of
+    the contact problem, in which the force is exact at the end of every step.
+
     Parameters
     ----------
     point : (2,) [m] at t = 0
     normal : (2,)
-    velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step
+    velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; of a driven wall that at
+        t = 0, along the normal
+    force : that drives the wall towards the bodies [N/m], a number or a function of time, taken at t + theta dt of
+        each step from t on
+    pressure : the same over the length of the wall between the other walls [Pa]
+    mass : of a driven wall [kg/m]; by default that of all deformable bodies. Without inertia it has none
     friction : Coulomb coefficient against every body
     cohesion : tension that contacts with bodies bear [Pa], see `Scene`
     """
@@ -56,8 +64,16 @@ class Wall:
     point: ArrayLike
     normal: ArrayLike
     velocity: ArrayLike | Motion = field(default=(0.0, 0.0), kw_only=True)
+    force: float | Callable[[float], float] | None = field(default=None, kw_only=True)
+    pressure: float | Callable[[float], float] | None = field(default=None, kw_only=True)
+    mass: float | None = field(default=None, kw_only=True)
     friction: float = field(default=0.0, kw_only=True)
     cohesion: float = field(default=0.0, kw_only=True)
+
+    @property
+    def driven(self) -> bool:
+        """Whether a force or a pressure drives the wall."""
+        return self.force is not None or self.pressure is not None
 
 
 @dataclass(frozen=True)
@@ -121,6 +137,15 @@ def motion(velocity: ArrayLike | Callable[..., ArrayLike], t: float, name: str =
     if callable(velocity):
         return vector(f"{name} at t = {t:.6g} s", velocity(t))
     return vector(name, velocity)
+
+
+def scalar(value: object, t: float, name: str) -> float:
+    """A number, or the value at time t of a function of time; SceneError if it is not finite."""
+    name = f"{name} at t = {t:.6g} s" if callable(value) else name
+    number = numbers(name, value(t) if callable(value) else value, "give a finite number")  # type: ignore[arg-type]
+    if number.ndim or not np.isfinite(number):
+        raise SceneError(f"{name} = {number}; give a finite number")
+    return float(number)
 
 
 def vector(name: str, value: ArrayLike) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,14 @@ class PrescribedVelocities:
     rigid: Array  # (2, bodies) of rigid bodies, zero for those with unknowns
     rigid_at_end: Array  # (2, bodies) the same at the end of the step
     supports: Array  # (2 supports,) zero where free
+
+    def with_walls(self, walls: NDArray[np.int64], velocity: Array) -> PrescribedVelocities:
+        """The same with the velocities of some walls (k,) taken from those of all, (walls, 2)."""
+        if walls.size == 0:
+            return self
+        mixed = self.walls.copy()
+        mixed[walls] = velocity[walls]
+        return replace(self, walls=mixed)
 
 
 def prescribed_velocities(scene: Scene, t: float, dt: float) -> PrescribedVelocities:

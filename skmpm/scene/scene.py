@@ -13,7 +13,7 @@ from skmpm.material import Rigid
 from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
-from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components
+from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components, scalar
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
 from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
 from skmpm.units import quantity
@@ -171,8 +171,30 @@ class Scene:
         """Unit normals of the walls, (2, walls)."""
         return np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T
 
+    @cached_property
+    def driven_walls(self) -> Ints:
+        """The walls that a force or a pressure drives, (p,)."""
+        return np.flatnonzero([wall.driven for wall in self.walls])
+
+    @cached_property
+    def wall_masses(self) -> Array:
+        """Masses of the driven walls, (p,) [kg/m]."""
+        own = [b for b in self.bodies if not isinstance(b.material, Rigid)]
+        bodies = float(sum(b.material.density * b.points.volume.sum() for b in own))
+        masses = [self.walls[i].mass for i in self.driven_walls.tolist()]
+        return np.array([bodies if mass is None else mass for mass in masses], dtype=float)
+
+    def driving_forces(self, t: float, lengths: Array) -> Array:
+        """Forces towards the bodies on the driven walls at time t, (p,) [N/m], from the lengths of all walls [m]."""
+        forces = np.zeros(self.driven_walls.size)
+        for k, i in enumerate(self.driven_walls.tolist()):
+            wall, name = self.walls[i], "force" if self.walls[i].pressure is None else "pressure"
+            value = scalar(getattr(wall, name), t, f"wall {i}: {name}")
+            forces[k] = value if name == "force" else value * lengths[i]
+        return forces
+
     def wall_velocities(self, t: float) -> Array:
-        """Velocities of the walls at time t, (walls, 2) [m/s]; SceneError if one is not finite."""
+        """Velocities of the walls at time t, of driven ones at t = 0, (walls, 2) [m/s]; SceneError if not finite."""
         each = [motion(wall.velocity, t, f"wall {i}: velocity") for i, wall in enumerate(self.walls)]
         return np.array(each).reshape(-1, 2)
 

@@ -37,8 +37,10 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     kept = former >= 0
     walls = np.array([wall.point for wall in new_scene.walls], dtype=float).reshape(-1, 2)
     walls[kept] = state.walls[former[kept]]
-    force = np.zeros_like(walls)
+    force, velocity = np.zeros_like(walls), new_scene.wall_velocities(state.t)
     force[kept] = state.wall_force[former[kept]]
+    going = kept & np.isin(np.arange(kept.size), new_scene.driven_walls)
+    velocity[going] = state.wall_velocity[former[going]]
     new = {i: walls[i] for i in np.flatnonzero(~kept).tolist()}
     check_walls(new_scene, state.x, new, f"at t = {state.t:.6g} s; move the new wall")
     return replace(
@@ -46,6 +48,7 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
         walls=walls,
         wall_normals=new_scene.normals.T.copy(),
         wall_force=force,
+        wall_velocity=velocity,
         support_force=np.zeros((len(new_scene.supports), 2)),
         contacts=_with_walls(scene, state.contacts, former),
         step_control=StepControl(),

@@ -177,6 +177,7 @@ class State:
     walls : (walls, 2) a point of each wall [m]
     wall_normals : (walls, 2) unit, towards the free side
     wall_force : (walls, 2) exerted by the bodies in the last step [N/m]
+    wall_velocity : (walls, 2) of walls that a force drives; of others in the last step [m/s]
     support_force : (supports, 2) the same on each support [N/m]
     contacts : those at the end of the last step, `Contacts`
     report : cost and residuals of the last step, a `Report`
@@ -201,6 +202,7 @@ class State:
     walls: Array
     wall_normals: Array
     wall_force: Array
+    wall_velocity: Array
     support_force: Array
     contacts: Contacts
     report: Report

@@ -14,6 +14,7 @@ from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
+from skmpm.simulate.driven import check_driven, driven_walls
 from skmpm.simulate.energy_budget import budget_of, report_of
 from skmpm.simulate.forces import equilibrium_depends_on_dt, external_force, interacting_bodies
 from skmpm.simulate.grid_to_points import end_state, kept_solver
@@ -50,6 +51,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_fits(scene, state, "step")
     check_explicit("step", scene, scheme)
     check_cohesion("step", scene, scheme)
+    check_driven("step", scene, scheme)
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
@@ -58,7 +60,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     if not scheme.inertia:  # the initial guess moves only bodies that contacts or supports act on
         v0 *= np.repeat(interacting_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
     force = external_force(scene, state, state.t + scheme.theta * dt)
-    motions = prescribed_velocities(scene, state.t, dt)
+    motions = prescribed_velocities(scene, state.t, dt).with_walls(scene.driven_walls, state.wall_velocity)
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
     increment = Increment(
         bulk,
@@ -80,7 +82,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             solver, delassus = kept_solver(scene, state, increment)
             contact = _contact_problem(scene, state, increment, motions, timer, delassus)
             solution = advance(increment, contact, solver, timer)
-            end = increment.end(solution.w)
+            end, motions = increment.end(solution.w), solution.motions(motions)
             after = end_state(scene, state, increment, solution, end, motions)
             timer.lap("transfer")
             budget = budget_of(scene, state, increment, solution, end, motions)
@@ -108,7 +110,9 @@ def _contact_problem(
     linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions, scheme.inertia)
     timer.lap("detection")
     known = KnownForces(contacts.key, contacts.force)
-    return ContactProblem(linearise, increment, known, timer, supported=scene.supporting >= 0, delassus=delassus)
+    driven = driven_walls(scene, state, increment, motions)
+    held = scene.supporting >= 0
+    return ContactProblem(linearise, increment, known, timer, supported=held, delassus=delassus, driven=driven)
 
 
 def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:

@@ -48,6 +48,7 @@ def end_state(
         displacement=configuration.displacement,
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
+        wall_velocity=solution.wall_velocity(motions),
         support_force=solution.reaction.reshape(-1, 2) / dt,
         contacts=contacts,
         derived=_reusable(scene, state, increment, solution),

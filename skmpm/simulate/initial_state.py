@@ -23,6 +23,7 @@ from skmpm.scene import (
     prescribed_velocities,
 )
 from skmpm.scheme import Scheme
+from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
 from skmpm.transfer import to_nodes
@@ -35,6 +36,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     check_scheme("initial", scheme)
     check_explicit("initial", scene, scheme)
     check_cohesion("initial", scene, scheme)
+    check_driven("initial", scene, scheme)
     check_walls_at_start(scene)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
@@ -59,6 +61,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         walls=np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2),
         wall_normals=scene.normals.T.copy(),
         wall_force=np.zeros((len(scene.walls), 2)),
+        wall_velocity=scene.wall_velocities(0.0),
         support_force=np.zeros((len(scene.supports), 2)),
         contacts=Contacts.none(),
         report=Report(),

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.scene import Scene, field_values
+from skmpm.simulate.driven import driven_by_force
 from skmpm.simulate.initial_state import can_touch, driven, fastest_wave, initial_motion
 
 Array = NDArray[np.float64]
@@ -41,7 +43,7 @@ class Loading:
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""
     v, _ = initial_motion(scene)
-    every = (named for t in times for named in driven(scene, t))
+    every = chain(driven_by_force(scene), *(driven(scene, t) for t in times))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.deformable[scene.owner]], axis=0).max())
     height = free_height(scene) if can_touch(scene) else 0.0

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
+from skmpm.simulate.driven import moving
 from skmpm.simulate.step_length import Pace, next_length
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
@@ -101,7 +102,7 @@ def advance_with_chosen_step(
     """
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
-    limit = (pace.limit if chosen else pace.first)(scene, scheme, state.t, state.v, left)
+    limit = (pace.limit if chosen else pace.first)(scene, scheme, state.t, moving(scene, state), left)
     length = min(limit, chosen or limit)
     while True:
         try:

@@ -23,6 +23,7 @@ from skmpm.material import Rigid
 from skmpm.scene import Scene, SceneError
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
+from skmpm.simulate.driven import Moving
 from skmpm.simulate.initial_state import can_touch, driven, fastest_wave
 from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radius
 
@@ -53,21 +54,26 @@ class Pace:
     gravity: float  # [m/s2]
     room: float  # largest displacement of bodies past each other [m]
 
-    def limit(self, scene: Scene, scheme: Scheme, t: float, v: Array, left: float) -> float:
-        """The longest step from time t, with points at velocities v (2, n) [m/s], at most `left` [s]."""
+    def limit(self, scene: Scene, scheme: Scheme, t: float, now: Moving, left: float) -> float:
+        """The longest step from time t, at most `left` [s]."""
         limits = [left]
         if scheme.inertia and self.loading.waves and not self.loading.settles:
             limits.append(WAVES * self.radius / self.wave)
         if scheme.inertia and can_touch(scene):
-            every = np.concatenate([v, scene.wall_velocities(t).T], axis=1)
+            every = np.concatenate([now.v, scene.wall_velocities(t).T], axis=1)
             speed = float(np.hypot(*np.ptp(every, axis=1)))
-            # The positive root of gravity dt^2 + speed dt = room, the displacement of backward Euler.
-            limits.append(2.0 * self.room / (speed + np.sqrt(speed**2 + 4.0 * self.gravity * self.room) + 1e-300))
+            limits.append(_time(self.room, speed, self.gravity))
+            limits.append(_time(STROKE * scene.cell, now.speed, now.acceleration))
         return _within_stroke(scene, t, float(min(limits)))
 
-    def first(self, scene: Scene, scheme: Scheme, t: float, v: Array, left: float) -> float:
+    def first(self, scene: Scene, scheme: Scheme, t: float, now: Moving, left: float) -> float:
         """The longest first step, a small part of the run where velocities are functions of time."""
-        return self.limit(scene, scheme, t, v, FIRST * left if _functions_of_time(scene) else left)
+        return self.limit(scene, scheme, t, now, FIRST * left if _functions_of_time(scene) else left)
+
+
+def _time(distance: float, speed: float, acceleration: float) -> float:
+    """The time [s] to move a distance [m] by backward Euler, the positive root of a dt^2 + v dt = distance."""
+    return float(2.0 * distance / (speed + np.sqrt(speed**2 + 4.0 * acceleration * distance) + 1e-300))
 
 
 def _within_stroke(scene: Scene, t: float, dt: float) -> float:

@@ -1,0 +1,222 @@
+"""Walls driven by a force or a pressure: balance, closed forms, restart, and what is refused."""
+
+import sys
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from skmpm import (
+    Body,
+    LinearElastic,
+    NeoHookean,
+    Scene,
+    SceneError,
+    Scheme,
+    Wall,
+    box,
+    contact,
+    continued,
+    disc,
+    initial,
+    load,
+    observe,
+    preflight,
+    save,
+    simulate,
+    step,
+)
+
+R = 1e-2
+GEL = NeoHookean(1e6, 0.3, 1000.0)
+FLOOR = Wall((0.0, 0.0), (0.0, 1.0))
+TIGHT = Scheme(inertia=False, newton_tol=1e-9, contact_tol=1e-11, gap_tol=1e-9)
+
+
+def disc_between(lid, cells=5, floor=FLOOR, material=GEL):
+    body = Body(disc((0.0, R), R, spacing=0.7 * R / cells), material)
+    return Scene([body], cell=R / cells, walls=[floor, lid])
+
+
+def free_wall(**options):
+    """A wall that flies freely, far from a small disc."""
+    return disc_between(Wall((0.0, 9 * R), (0.0, -1.0), **options))
+
+
+@pytest.mark.parametrize("theta", [1.0, 0.5])
+def test_a_free_wall_falls_like_a_mass_point(theta):
+    """By the time scheme: v grows by dt F / m a step, the position by dt (theta v1 + (1 - theta) v0)."""
+    dt, scheme = 1e-3, Scheme(theta=theta)
+    scene = free_wall(force=3.0, mass=1.5, velocity=(0.0, -0.2))
+    state = initial(scene, scheme=scheme)
+    y = 9 * R
+    for n in range(1, 6):
+        state = step(scene, state, dt, scheme=scheme)
+        v0, v1 = 0.2 + 2.0 * (n - 1) * dt, 0.2 + 2.0 * n * dt
+        y -= dt * (theta * v1 + (1.0 - theta) * v0)
+        assert state.wall_velocity[1] == pytest.approx([0.0, -v1], rel=1e-12)
+        assert state.walls[1] == pytest.approx([0.0, y], rel=1e-12)
+
+
+def test_the_mass_is_that_of_the_bodies_by_default():
+    scene = free_wall(force=3.0)
+    after = step(scene, initial(scene), 1e-3)
+    assert -after.wall_velocity[1, 1] == pytest.approx(1e-3 * 3.0 / initial(scene).mass.sum(), rel=1e-12)
+
+
+def test_a_wall_and_a_body_that_collide_keep_their_momentum():
+    scene = Scene([Body(disc((0.0, R), R, spacing=R / 7), GEL)], cell=R / 5,
+                  walls=[Wall((0.0, 2 * R), (0.0, -1.0), force=0.0, mass=0.4, velocity=(0.0, -1.0))])  # fmt: skip
+    *_, state = simulate(scene, dt=1e-4, until=2e-2)
+    assert state.wall_velocity[0, 1] > -0.9  # they have met
+    momentum = 0.4 * state.wall_velocity[0, 1] + (state.mass * state.v[1]).sum()
+    assert momentum == pytest.approx(-0.4, rel=1e-9)
+
+
+def test_without_inertia_force_and_displacement_are_those_of_a_prescribed_wall():
+    """The same equilibrium from both sides: the force that a prescribed wall finds leads to its place."""
+    depth = 0.04 * R
+    prescribed = disc_between(Wall((0.0, 2 * R), (0.0, -1.0), velocity=(0.0, -depth)))
+    *_, reached = simulate(prescribed, dt=0.25, until=1.0, scheme=TIGHT)
+    force = float(reached.wall_force[1, 1])
+    driven = disc_between(Wall((0.0, 2 * R), (0.0, -1.0), force=lambda t: force * min(t, 1.0)))
+    *_, found = simulate(driven, dt=0.25, until=1.0, scheme=TIGHT)
+    assert found.walls[1, 1] == pytest.approx(reached.walls[1, 1], abs=1e-7 * depth)
+    assert found.wall_force[1, 1] == pytest.approx(force, rel=1e-8)
+
+
+def test_a_disc_under_a_weight_follows_hertz():
+    """R/h = 20, half-width of 2 cells: within 2 % of the formula for line contact, d of both contacts."""
+    E, nu, force = 1e6, 0.3, 60.0
+    scene = disc_between(
+        Wall((0.0, 2 * R), (0.0, -1.0), force=force), cells=20, material=LinearElastic(E, nu, 1000.0)
+    )
+    *_, state = simulate(scene, dt=1.0, until=1.0, scheme=Scheme(inertia=False))
+    plane = E / (1 - nu**2)
+    a = np.sqrt(4 * force * R / (np.pi * plane))
+    d = 2 * force / (np.pi * plane) * (2 * np.log(4 * R / a) - 1)
+    assert state.wall_force[1, 1] == pytest.approx(force, rel=1e-3)
+    assert 2 * R - state.walls[1, 1] == pytest.approx(d, rel=0.02)
+
+
+def test_a_block_under_a_heavy_lid_comes_to_rest_at_its_static_height():
+    """Weight switched on: it vibrates, backward Euler damps, and the strain is F (1 - nu^2) / (E width)."""
+    E, nu, weight = 1e6, 0.3, 300.0
+    block = Body(box((0.0, 0.0), (2 * R, 2 * R), spacing=R / 8), LinearElastic(E, nu, 1000.0))
+    lid = Wall((0.0, 2 * R), (0.0, -1.0), force=weight, mass=weight / 9.81)
+    scene = Scene([block], cell=R / 4, walls=[FLOOR, lid])
+    *_, state = simulate(scene, dt=1e-2, until=2.0)
+    assert state.wall_force[1, 1] == pytest.approx(weight, rel=1e-6)
+    strain = (2 * R - state.walls[1, 1]) / (2 * R)
+    assert strain == pytest.approx(weight / (2 * R) * (1 - nu**2) / E, rel=1e-3)
+    assert abs(state.wall_velocity[1, 1]) < 1e-7
+
+
+def cushions(pressure, **options):
+    """Four discs in a box whose lid and right side have a pressure."""
+    bodies = [Body(disc((x, y), R, spacing=R / 7), GEL) for x in (R, 3 * R) for y in (R, 3 * R)]
+    driven = {"pressure": pressure, **options}
+    walls = [FLOOR, Wall((0, 4 * R), (0, -1), **driven), Wall((0, 0), (1, 0)), Wall((4 * R, 0), (-1, 0), **driven)]
+    return Scene(bodies, cell=R / 5, walls=walls, friction=0.3)
+
+
+def test_pressures_on_two_sides_are_exact_on_the_sides_that_they_leave():
+    scene = cushions(lambda t: 5e4 * t)
+    *_, state = simulate(scene, dt=0.25, until=1.0, scheme=TIGHT)
+    seen = observe(scene, state)
+    assert state.walls[1, 1] < 3.97 * R and state.walls[3, 0] < 3.97 * R
+    assert seen.wall_pressure[[1, 3]] == pytest.approx(5e4, rel=1e-7)
+    assert np.diag(seen.stress) == pytest.approx([-5e4, -5e4], rel=1e-6)  # Love-Weber, of a packing at rest
+
+
+def test_chosen_steps_bring_a_cushion_to_rest_under_pressure():
+    scene = cushions(2e4)
+    assert "driven    wall 1 by its force, wall 3 by its force" in preflight(scene)
+    states = list(simulate(scene, until=0.3))
+    assert len(states) < 150
+    assert observe(scene, states[-1]).pressure == pytest.approx(2e4, rel=1e-2)
+    for state in states:
+        moved = np.hypot(*(state.report.dt * state.wall_velocity).T).max()
+        assert moved < 0.5 * scene.cell
+
+
+def test_an_inclined_wall_moves_along_its_normal_only():
+    n = np.array([-np.sin(0.4), -np.cos(0.4)])
+    body = Body(disc((0.0, 0.0), R, spacing=R / 7), GEL)
+    walls = [Wall(R * n, -n, friction=0.5), Wall(-R * n, n, force=40.0, friction=0.5)]
+    scene = Scene([body], cell=R / 5, walls=walls)
+    *_, state = simulate(scene, dt=1.0, until=2.0, scheme=Scheme(inertia=False))
+    assert state.walls[1] @ [-n[1], n[0]] == pytest.approx(0.0, abs=1e-15)
+    assert -state.wall_force[1] @ n == pytest.approx(40.0, rel=2e-3)
+    assert (state.walls[1] + R * n) @ n > 1e-3 * R
+
+
+@pytest.mark.parametrize("scheme", [Scheme(), Scheme(inertia=False)])
+def test_a_restart_is_bit_exact(tmp_path, scheme):
+    scene, dt = cushions(1e4), 1e-3
+    state = initial(scene, scheme=scheme)
+    for k in range(4):
+        if k == 2:
+            save(tmp_path / "c", state)
+        state = step(scene, state, dt, scheme=scheme)
+    again = load(tmp_path / "c")
+    for _ in range(2):
+        again = step(scene, again, dt, scheme=scheme)
+    for f in fields(state):
+        if f.name not in ("derived", "report", "contacts", "step_control"):
+            assert np.array_equal(getattr(state, f.name), getattr(again, f.name)), f.name
+
+
+def test_a_stage_takes_over_the_velocity_of_driven_walls():
+    scene = cushions(2e4)
+    *_, state = simulate(scene, dt=1e-3, until=3e-3)
+    assert state.wall_velocity[1, 1] != 0.0
+    other = replace(scene, walls=[*scene.walls[:3], replace(scene.walls[3], pressure=None, force=1.0)])
+    begun = continued(scene, state, other)
+    assert np.array_equal(begun.wall_velocity, state.wall_velocity)
+    held = replace(scene, walls=[*scene.walls[:3], replace(scene.walls[3], pressure=None)])
+    assert np.array_equal(continued(scene, state, held).wall_velocity[3], [0.0, 0.0])
+
+
+def test_scenes_without_them_do_not_know_them(monkeypatch):
+    monkeypatch.setattr(sys.modules["skmpm.simulate.driven"], "DrivenWalls", None)
+    monkeypatch.setattr(sys.modules["skmpm.simulate.driven"], "region", None)
+    scene = disc_between(Wall((0.0, 2 * R), (0.0, -1.0), velocity=(0.0, -0.1)))
+    *_, state = simulate(scene, until=2e-3)
+    assert state.wall_force[1, 1] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"force": 1.0, "pressure": 2.0}, "wall 1: force = 1.0 and pressure = 2.0; give one of them"),
+        ({"force": 1.0, "velocity": lambda t: (0, t)}, "wall 1: velocity is a function of time.*velocity at t = 0"),
+        ({"force": 1.0, "velocity": (1.0, 0.0)}, "wall 1: velocity = .* along its normal"),
+        ({"mass": 1.0}, "wall 1: mass = 1.0 without force or pressure"),
+        ({"force": 1.0, "mass": 0.0}, "wall 1: mass = 0.0; give a mass"),
+        ({"force": np.nan}, "wall 1: driving force or pressure = nan; give a finite number"),
+        ({"force": (0.0, -1.0)}, "wall 1: driving force or pressure = .*; give a finite number"),
+        ({"force": lambda t: "much"}, "wall 1: driving force or pressure at t = 0 s = 'much'.*give a finite number"),
+    ],
+)
+def test_bad_input_is_refused(options, message):
+    with pytest.raises(SceneError, match=message):
+        disc_between(Wall((0.0, 2 * R), (0.0, -1.0), **options))
+
+
+def test_what_cannot_be_driven_is_refused_before_the_first_step():
+    open_box = disc_between(Wall((0.0, 2 * R), (0.0, -1.0), pressure=1e3))
+    for use in (initial, preflight):
+        with pytest.raises(
+            SceneError, match=r"wall 1 has a pressure, and other walls leave it a length of inf m; close"
+        ):
+            use(open_box)
+    driven, shared = (
+        disc_between(Wall((0.0, 2 * R), (0.0, -1.0), force=1.0)),
+        Scheme(contact=contact.shared_grid, anchor=0),
+    )
+    with pytest.raises(SceneError, match="wall 1 is driven by a force, which contact = shared_grid cannot"):
+        initial(driven, scheme=shared)
+    late = disc_between(Wall((0.0, 2 * R), (0.0, -1.0), force=lambda t: 1.0 if t < 1.5e-3 else np.inf))
+    with pytest.raises(SceneError, match=r"wall 1: force at t = 0.002 s = inf; give a finite number"):
+        list(simulate(late, dt=1e-3, until=3e-3))
