@@ -97,12 +97,6 @@ def mass_centres(scene: Scene, state: State) -> Array:
     return np.asarray(centre)
 
 
-def force_vectors(contacts: Contacts) -> Array:
-    """Forces on the first bodies, (2, k) [N/m], in x and y."""
-    n = contacts.normal
-    return np.asarray(contacts.force[0] * n + contacts.force[1] * np.stack([-n[1], n[0]]))
-
-
 @dataclass(frozen=True, eq=False)
 class HalfBranches:
     """Each contact from the side of each of its deformable bodies."""
@@ -118,7 +112,7 @@ def half_branches(contacts: Contacts, centre: Array, deformable: Bools) -> HalfB
 
     Rigid bodies have no branch of their own, like walls, because their motion is prescribed.
     """
-    f = force_vectors(contacts)
+    f = contacts.vectors
     body = contacts.bodies.ravel()
     own = np.flatnonzero((body >= 0) & deformable[np.maximum(body, 0)])
     x, force = np.tile(contacts.x, 2), np.concatenate([f, -f], axis=1)

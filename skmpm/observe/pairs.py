@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.observe.contact_length import contact_lengths
-from skmpm.observe.contact_network import between, coefficient_of, force_vectors, mass_centres, pairs_of, touching
+from skmpm.observe.contact_network import between, coefficient_of, mass_centres, pairs_of, touching
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
 
@@ -126,7 +126,7 @@ def network(scene: Scene, state: State) -> Network:
         sums = [np.bincount(of, row[own], bodies.shape[1]) for row in values]
         return np.array(sums, dtype=np.float64).reshape(len(values), -1)
 
-    components, vectors = touch * contacts.force, touch * force_vectors(contacts)
+    components, vectors = touch * contacts.force, touch * contacts.vectors
     pressing, sliding = total(components)
     # Contacts at points of the second body have the opposite normal and force, so the same components (n, t).
     sign, weight = np.ones(touch.size), touch.astype(np.float64)

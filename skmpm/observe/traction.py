@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.observe.contact_network import FORCED, force_vectors
+from skmpm.observe.contact_network import FORCED
 from skmpm.observe.sides import Placed, Side, place, sides
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, SceneError, State, check_fits
@@ -97,7 +97,7 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
     x = state.x[:, boundary.point]
     corner = outline.curve(boundary, scene.initial_positions[:, boundary.point]).corner
     placed = place(state.contacts, boundary, corner, x, body, scene.cell)
-    vectors, inward = force_vectors(state.contacts), np.abs(state.contacts.force[0]) * state.contacts.normal
+    vectors, inward = state.contacts.vectors, np.abs(state.contacts.force[0]) * state.contacts.normal
     loads = (placed.sign * placed.share) * np.concatenate([vectors, inward])[:, placed.contact]
     own = sides(boundary, corner, x, body)
     spread = np.concatenate([_spread(side, placed, loads, width, boundary.size) for side in own], axis=1)

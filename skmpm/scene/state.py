@@ -53,6 +53,12 @@ class Contacts:
     key: Ints
     point: Ints
 
+    @property
+    def vectors(self) -> Array:
+        """Forces on the first bodies in x and y, (2, k) [N/m]."""
+        n = self.normal
+        return np.asarray(self.force[0] * n + self.force[1] * np.stack([-n[1], n[0]]))
+
     @staticmethod
     def none() -> Contacts:
         """No contacts."""
@@ -208,6 +214,27 @@ class State:
     report: Report
     step_control: StepControl = StepControl()
     derived: Derived | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def body_force(self) -> Array:
+        """Resultant of the contact forces of the last step on each body, rigid ones included, (2, bodies) [N/m]."""
+        return np.stack([self._on_bodies(component) for component in self.contacts.vectors])
+
+    @property
+    def body_moment(self) -> Array:
+        """Moment of these forces about the centre of mass of each body, (bodies,) [N], counter-clockwise."""
+        fx, fy = self.contacts.vectors
+        moment = self._on_bodies(self.contacts.x[0] * fy - self.contacts.x[1] * fx)
+        cx, cy = (np.bincount(self.body, self.mass * x) / np.bincount(self.body, self.mass) for x in self.x)
+        (rx, ry) = self.body_force
+        return np.asarray(moment - (cx * ry - cy * rx))
+
+    def _on_bodies(self, values: Array) -> Array:
+        """Sums of values on the first bodies of contacts (k,), negative on the second ones, (bodies,)."""
+        first, second = self.contacts.bodies
+        count = int(self.body.max()) + 1
+        against = second >= 0
+        return np.asarray(np.bincount(first, values, count) - np.bincount(second[against], values[against], count))
 
     def __repr__(self) -> str:
         return line("State", self._facts())
