@@ -11,7 +11,7 @@ from skmpm.material import LinearElastic, Material, MooneyRivlin, NeoHookean, Og
 from skmpm.observe import Network, Observables, Traction, contact_pressure, network, observe, pair_correlation
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
-from skmpm.points import Points, box, disc, from_mesh
+from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, polygon
 from skmpm.preflight import Suggestion, preflight, suggest
 from skmpm.scene import Body, Load, Scene, SceneError, State, StepFailed, Support, Wall, continued
 from skmpm.scheme import Scheme
@@ -46,12 +46,14 @@ __all__ = [
     "Yeoh",
     "animate",
     "box",
+    "capsule",
     "check_material",
     "contact",
     "contact_pressure",
     "continued",
     "coulomb",
     "disc",
+    "ellipse",
     "from_mesh",
     "initial",
     "linear",
@@ -62,6 +64,7 @@ __all__ = [
     "packing",
     "pair_correlation",
     "plot",
+    "polygon",
     "preflight",
     "read",
     "record",

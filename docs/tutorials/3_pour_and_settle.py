@@ -2,15 +2,15 @@
 Pour and settle
 ===============
 
-Discs fall into a box under gravity, collide, and come to rest. Then a lid is
+Grains of several shapes fall into a box under gravity, collide, and come to rest. Then a lid is
 put on the pile.
 """
 
 # %%
-# Loose discs in the air
-# ----------------------
-# Soft discs of 1 cm, in rows with random offsets, so that they do not fall as a crystal. Walls have
-# a friction coefficient of their own.
+# Loose grains in the air
+# -----------------------
+# Soft grains of about 1 cm: discs, ellipses, capsules and pentagons with rounded corners, in rows
+# with random offsets and angles. Walls have a friction coefficient of their own.
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,12 +19,24 @@ import skmpm
 
 R, rng = 5e-3, np.random.default_rng(2)
 jelly = skmpm.NeoHookean(E=5e4, nu=0.45, density=1000.0, viscosity=2.0)
-centres = [
-    (x + rng.uniform(-0.3, 0.3) * R, y)
-    for y in (1.5 * R, 4 * R, 6.5 * R, 9 * R)
-    for x in (1.6 * R, 4.6 * R, 7.6 * R)
+
+
+def grain(kind, x, y):
+    centre, options = (x, y), {"spacing": R / 6, "angle": rng.uniform(0.0, 2.0 * np.pi)}
+    if kind == 0:
+        return skmpm.disc(centre, R, spacing=R / 6)
+    if kind == 1:
+        return skmpm.ellipse(centre, (1.25 * R, 0.8 * R), **options)
+    if kind == 2:
+        return skmpm.capsule(centre, 0.9 * R, 0.75 * R, **options)
+    return skmpm.polygon(centre, 1.2 * R, 5, rounding=0.3 * R, **options)
+
+
+places = [(x, y) for y in (1.5, 4.1, 6.7, 9.3) for x in (1.6, 4.6, 7.6)]
+bodies = [
+    skmpm.Body(grain(k % 4, (x + rng.uniform(-0.2, 0.2)) * R, y * R), jelly)
+    for k, (x, y) in enumerate(places)
 ]
-bodies = [skmpm.Body(skmpm.disc(centre, R, spacing=R / 6), jelly) for centre in centres]
 box = [
     skmpm.Wall((0.0, 0.0), (0.0, 1.0), friction=0.5),
     skmpm.Wall((0.0, 0.0), (1.0, 0.0), friction=0.5),
@@ -34,7 +46,7 @@ scene = skmpm.Scene(bodies, cell=R / 4, gravity=(0.0, -9.81), walls=box, frictio
 print(skmpm.preflight(scene))
 
 # %%
-# The viscosity of the material (2 Pa s) damps the oscillations of the discs after impacts. Steps
+# The viscosity of the material (2 Pa s) damps the oscillations of the grains after impacts. Steps
 # are short in impacts, and long when nothing moves any more.
 
 states = [skmpm.initial(scene), *skmpm.simulate(scene, until=0.6)]

@@ -26,8 +26,8 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     ValueError
         If radius or spacing is not positive, or the centre is not a finite point.
     """
-    c, R = _point("centre", centre), _positive("radius", radius)
-    h = _positive("spacing", spacing)
+    c, R = point("centre", centre), positive("radius", radius)
+    h = positive("spacing", spacing)
     edges = R * np.linspace(0.0, 1.0, max(1, round(R / h)) + 1)
     area = np.pi * np.diff(edges**2)
     radii = np.sqrt((edges[1:] ** 2 + edges[:-1] ** 2) / 2)
@@ -69,8 +69,8 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     ValueError
         If a size or the spacing is not positive, or the corner is not a finite point.
     """
-    c, L, h = _point("corner", corner), _point("size", size), _positive("spacing", spacing)
-    (x, u), (y, v) = (_radau_interval(_positive("size", length), h) for length in L.tolist())
+    c, L, h = point("corner", corner), point("size", size), positive("spacing", spacing)
+    (x, u), (y, v) = (_radau_interval(positive("size", length), h) for length in L.tolist())
     index = np.arange(x.size * y.size).reshape(x.size, y.size)
     boundary = np.concatenate((index[:-1, 0], index[-1, :-1], index[:0:-1, -1], index[0, :0:-1]))
     position = c[:, None] + np.array((np.repeat(x, y.size), np.tile(y, x.size)))
@@ -86,14 +86,16 @@ def _radau_interval(L: float, h: float) -> tuple[Floats, Floats]:
     return L * x, L * w
 
 
-def _positive(name: str, value: float) -> float:
+def positive(name: str, value: float) -> float:
+    """The value; ValueError if it is not a finite number above zero."""
     if np.ndim(value) or not 0 < float(value) < np.inf:
         raise ValueError(f"{name} is {value!r}; give a finite number > 0")
     return float(value)
 
 
-def _point(name: str, value: ArrayLike) -> Floats:
-    point = np.asarray(value, dtype=np.float64)
-    if point.shape != (2,) or not np.isfinite(point).all():
+def point(name: str, value: ArrayLike) -> Floats:
+    """The value as an array (2,); ValueError if it is not two finite numbers."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (2,) or not np.isfinite(array).all():
         raise ValueError(f"{name} is {value!r}; give two finite numbers")
-    return point
+    return array
