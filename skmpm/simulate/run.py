@@ -56,7 +56,8 @@ def simulate(
     With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
     length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always
     yielded, with others between them after a failure. `state.report.dt` and `.retries` hold the length of the step
-    and its failures; the logger "skmpm" reports every retry at level INFO and one warning at the end of the run.
+    and its failures; the logger "skmpm" reports every retry at level INFO and, at the end of the run, all of them:
+    with a warning, unless steps are chosen and fewer than a tenth failed.
 
     `start` continues from a state of this scene, which may have other velocities of walls and supports, loads,
     friction, gravity and moduli than before. Bodies and walls are where the state has them, also where the scene's
@@ -130,7 +131,8 @@ def _run(
         if checkpoint is not None:
             save(checkpoint, state)
         if retried.failures:
-            _log.warning("%s", retried)
+            notable = pace is None or retried.frequent
+            _log.log(logging.WARNING if notable else logging.INFO, "%s", retried)
 
 
 @contextmanager

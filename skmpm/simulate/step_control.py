@@ -20,6 +20,7 @@ PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part,
 SUCCESSES_BEFORE_DOUBLING = 4  # steps
 TIME_TOLERANCE = 1e-9  # over a step: round-off of times, by which the last step may miss `until`
 CUT = 4.0  # divides the length of a chosen step that failed
+FREQUENT = 0.1  # of the steps: failures from which a run with chosen steps ends with a warning
 SHORTEST_SHARE = CUT**-6  # of the limit: shortest chosen step
 
 _log = logging.getLogger("skmpm")
@@ -27,7 +28,7 @@ _log = logging.getLogger("skmpm")
 
 @dataclass(frozen=True)
 class RetrySummary:
-    """The retries of a run, for the warning at its end."""
+    """The retries of a run, for the message at its end."""
 
     steps: int = 0  # successful
     failures: int = 0
@@ -43,6 +44,11 @@ class RetrySummary:
         if state.report.dt < self.shortest:
             summary = replace(summary, shortest=state.report.dt, at=state.t - state.report.dt)
         return replace(summary, last=str(failures[-1]))
+
+    @property
+    def frequent(self) -> bool:
+        """Whether so many steps failed that their length is to be looked at; some do wherever steps are chosen."""
+        return self.failures > FREQUENT * self.steps
 
     def __str__(self) -> str:
         return (

@@ -117,6 +117,24 @@ def test_every_retry_is_logged_at_level_info_and_all_of_them_in_one_warning(monk
     assert "3.81e-06 s at t = 0 s; the last failure: scripted" in warned[0]
 
 
+@pytest.mark.parametrize(("fails", "level"), [(1, logging.INFO), (60, logging.WARNING)])
+def test_few_failures_of_chosen_steps_are_no_warning(monkeypatch, caplog, fails, level):
+    """Four hundred steps, the first `fails` of which fail once."""
+    failed = set()
+
+    def once(t, dt):
+        again = t in failed
+        failed.add(t)
+        return not again and len(failed) <= fails
+
+    tried = scripted(monkeypatch, once)
+    monkeypatch.setattr(STEP_CONTROL, "next_length", lambda length, newton, scheme: 2.5e-5)
+    with caplog.at_level(logging.INFO, logger="skmpm"):
+        states = list(simulate(IMPACT, until=1e-3))
+    assert len(states) > 20 and len(tried) == len(states) + fails
+    assert caplog.records[-1].levelno == level and "steps failed and were repeated" in caplog.records[-1].message
+
+
 def test_a_run_without_failures_logs_nothing(monkeypatch, caplog):
     scripted(monkeypatch, lambda t, dt: False)
     ended(free(), 4 * DT)
