@@ -30,7 +30,15 @@ from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids
 from skmpm.outline import Outlines
-from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescribed_velocities
+from skmpm.scene import (
+    PrescribedVelocities,
+    Scene,
+    SceneError,
+    State,
+    centres,
+    mean_velocity,
+    prescribed_velocities,
+)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -68,7 +76,7 @@ def point_to_curve(
     boundary = scene.outlines
     interpolation = _boundary_interpolation(scene, state, grid, boundary)
     motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
-    prescribed, wall_velocities = motions.rigid[:, boundary.body], motions.walls
+    prescribed, wall_velocities = _rigid_velocities(scene, state, motions.rigid, dt), motions.walls
     initial = scene.initial_positions[:, boundary.point]
     roles, reach, start = _roles(scene, boundary, initial), _reach(scene, grid.cell), state.x[:, boundary.point]
     margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
@@ -95,6 +103,16 @@ def point_to_curve(
         return _constraints(scene, found, strength, start + moved, interpolation, w, prescribed, walls, dt)
 
     return linearise
+
+
+def _rigid_velocities(scene: Scene, state: State, rigid: Array, dt: float) -> Array:
+    """Mean velocities of the boundary points of rigid bodies in the step, zero for others, (2, m) [m/s]."""
+    boundary = scene.outlines
+    velocity = rigid[:2, boundary.body]
+    if rigid[2].any():
+        arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, boundary.body]
+        velocity = mean_velocity(arm, rigid[:, boundary.body], dt)
+    return velocity
 
 
 def _with_closest_points(

@@ -64,7 +64,7 @@ class SharedGrid:
         nodes = joined(
             [
                 _deformable(grid, state.mass[unknown]),
-                _rigid(scene, state, grid.cell, motions.rigid),
+                _rigid(scene, state, grid.cell, motions.rigid[:2]),
                 _walls(scene, state, grid.cell, motions.walls.T),
             ]
         )

@@ -5,6 +5,7 @@ from skmpm.scene.fits import check_fits, check_initial_positions
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_velocities
+from skmpm.scene.rigid_motion import centres, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
 from skmpm.scene.stages import continued
 from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
@@ -25,15 +26,19 @@ __all__ = [
     "StepFailed",
     "Support",
     "Wall",
+    "centres",
     "check_fits",
     "check_initial_positions",
     "check_walls_at_start",
     "continued",
     "field_values",
+    "mean_velocity",
     "mises",
     "motion",
     "prescribed_velocities",
+    "rigid_motion",
     "stress_zz",
+    "velocity_at",
     "view_of",
     "wall_lines",
 ]

@@ -17,6 +17,7 @@ from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, scalar, vector
 from skmpm.scene.point_sets import PointSet
+from skmpm.scene.rigid_motion import rigid_motion
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -115,9 +116,14 @@ def _check_motion(name: str, body: Body) -> None:
     else:
         motion(body.velocity, 0.0, f"{name}: velocity")
     if _number(f"{name}: spin", body.spin, spin) != 0.0 and rigid:
-        raise SceneError(
-            f"{name}: spin = {body.spin} of a Rigid body; Rigid bodies do not turn, give them a velocity"
-        )
+        raise SceneError(f"{name}: spin = {body.spin} of a Rigid body; give motion = (vx, vy, spin)")
+    if body.motion is None:
+        return
+    if not rigid:
+        raise SceneError(f"{name}: motion of a deformable body; give velocity and spin at t = 0, or a Support")
+    if callable(body.velocity) or np.any(body.velocity):
+        raise SceneError(f"{name}: velocity = {body.velocity} and motion; give one of them")
+    rigid_motion(body, 0.0, name)
 
 
 def _check_wall(name: str, wall: Wall) -> None:

@@ -31,13 +31,21 @@ class Body:
     material : LinearElastic, NeoHookean, MooneyRivlin, Yeoh, Ogden, one of your own (`skmpm.Material`), or Rigid
     velocity : (2,) [m/s], or a function of positions (2, n) -> (2, n) at t = 0; for `Rigid` (2,) or a function of
         time t -> (2,) for the whole run, taken at the middle of each step
-    spin : initial angular velocity about the centre of mass [rad/s], counter-clockwise
+    spin : initial angular velocity about the centre of mass [rad/s], counter-clockwise; not for `Rigid`
+    motion : of a `Rigid` body instead of `velocity`: (vx, vy, spin) [m/s, m/s, rad/s], velocity of the centre of mass
+        and angular velocity about it, or a function of time t -> (3,), taken at the middle of each step
     """
 
     points: Points
     material: Material | Rigid
     velocity: ArrayLike | Callable[..., ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
     spin: float = field(default=0.0, kw_only=True)
+    motion: ArrayLike | Motion | None = field(default=None, kw_only=True)
+
+    @property
+    def prescribed(self) -> ArrayLike | Callable[..., ArrayLike]:
+        """What prescribes the motion of a rigid body: its `motion`, else its `velocity`."""
+        return self.velocity if self.motion is None else self.motion
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene.objects import SceneError, motion
+from skmpm.scene.objects import SceneError
+from skmpm.scene.rigid_motion import rigid_motion
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -21,8 +22,8 @@ class PrescribedVelocities:
     """The prescribed velocities of one step [m/s], in its middle but where they say so."""
 
     walls: Array  # (walls, 2)
-    rigid: Array  # (2, bodies) of rigid bodies, zero for those with unknowns
-    rigid_at_end: Array  # (2, bodies) the same at the end of the step
+    rigid: Array  # (3, bodies) of rigid bodies, with angular velocity [rad/s]; zero for those with unknowns
+    rigid_at_end: Array  # (3, bodies) the same at the end of the step
     supports: Array  # (2 supports,) zero where free
 
     def with_walls(self, walls: NDArray[np.int64], velocity: Array) -> PrescribedVelocities:
@@ -46,9 +47,9 @@ def prescribed_velocities(scene: Scene, t: float, dt: float) -> PrescribedVeloci
 
 
 def _rigid(scene: Scene, t: float) -> Array:
-    velocity = np.zeros((2, len(scene.bodies)))
+    velocity = np.zeros((3, len(scene.bodies)))
     for b in np.flatnonzero(~scene.deformable).tolist():
-        velocity[:, b] = motion(scene.bodies[b].velocity, t, f"body {b}: velocity")
+        velocity[:, b] = rigid_motion(scene.bodies[b], t, f"body {b}")
     return velocity
 
 

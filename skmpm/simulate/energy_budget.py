@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
 from skmpm.implicit import Bulk, End, Increment, Solution
-from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State
+from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, centres, velocity_at
 from skmpm.simulate.forces import external_force
 from skmpm.simulate.unbalanced import unbalanced_ratio
 
@@ -107,9 +107,19 @@ def _work_at_start(
     supports = state.support_force.ravel() @ increment.prescribed
     tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
     force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent
-    velocity = np.concatenate([motions.rigid, motions.walls[::-1].T], axis=1)
-    relative = velocity[:, contacts.bodies[0]] - velocity[:, contacts.bodies[1]]
+    relative = _surface_velocity(state, motions, 0) - _surface_velocity(state, motions, 1)
     return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
+
+
+def _surface_velocity(state: State, motions: PrescribedVelocities, side: int) -> Array:
+    """Prescribed velocities (2, k) [m/s] of the first or second bodies at the contacts, zero for deformable ones."""
+    contacts = state.contacts
+    body = contacts.bodies[side]
+    arm = contacts.x - centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)]
+    of_bodies, walls = velocity_at(arm, motions.rigid[:, np.maximum(body, 0)]), np.zeros_like(contacts.x)
+    if motions.walls.size:
+        walls = motions.walls[np.maximum(-1 - body, 0)].T
+    return np.where(body >= 0, of_bodies, walls)
 
 
 def report_of(

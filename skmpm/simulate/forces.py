@@ -49,7 +49,7 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
     deformable = [body.material for body in scene.bodies if not isinstance(body.material, Rigid)]
-    velocities: list[Any] = [body.velocity for body in scene.bodies if isinstance(body.material, Rigid)]
+    velocities: list[Any] = [body.prescribed for body in scene.bodies if isinstance(body.material, Rigid)]
     velocities += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
     if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *velocities)):
         return True

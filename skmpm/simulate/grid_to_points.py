@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from skmpm.implicit import End, Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
-from skmpm.scene import Contacts, Derived, PrescribedVelocities, Scene, State
+from skmpm.scene import (
+    Contacts,
+    Derived,
+    PrescribedVelocities,
+    Scene,
+    State,
+    centres,
+    mean_velocity,
+    velocity_at,
+)
 from skmpm.simulate.regrid import derived_of
 from skmpm.transfer import apic
 
@@ -31,9 +40,8 @@ def end_state(
     F[:, :, own] = product(configuration.F, state.F_anchor[:, :, own])
     stress[:, :, own] = bulk.cauchy(configuration)
     weight[own] = bulk.assembly.volume * determinant(configuration.F)
-    rigid = state.body[prescribed]
-    x[:, prescribed] += dt * motions.rigid[:, rigid]
-    v[:, prescribed] = motions.rigid_at_end[:, rigid]
+    if prescribed.any():
+        x[:, prescribed], v[:, prescribed] = _carried(state, motions, prescribed, dt)
     contacts, wall_force = _contacts(scene, solution, dt)
     return replace(
         state,
@@ -53,6 +61,17 @@ def end_state(
         contacts=contacts,
         derived=_reusable(scene, state, increment, solution),
     )
+
+
+def _carried(
+    state: State, motions: PrescribedVelocities, prescribed: NDArray[np.bool_], dt: float
+) -> tuple[Array, Array]:
+    """Positions and velocities (2, k) of the points of rigid bodies at the end of the step."""
+    body, now = state.body[prescribed], state.x[:, prescribed]
+    centre = centres(state.x, state.mass, state.body)[:, body]
+    x = now + dt * mean_velocity(now - centre, motions.rigid[:, body], dt)
+    ahead = centre + dt * motions.rigid[:2, body]
+    return x, velocity_at(x - ahead, motions.rigid_at_end[:, body])
 
 
 def _reusable(scene: Scene, state: State, increment: Increment, solution: Solution) -> Derived:

@@ -19,8 +19,9 @@ from skmpm.scene import (
     State,
     check_walls_at_start,
     field_values,
-    motion,
     prescribed_velocities,
+    rigid_motion,
+    velocity_at,
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate.driven import check_driven
@@ -123,7 +124,8 @@ def initial_motion(scene: Scene) -> tuple[Array, Array]:
     for body in scene.bodies:
         x, weight = body.points.x, body.points.volume
         if isinstance(body.material, Rigid):
-            v.append(np.repeat(motion(body.velocity, 0.0)[:, None], x.shape[1], axis=1))
+            arm = x - (x @ weight / weight.sum())[:, None]
+            v.append(velocity_at(arm, rigid_motion(body, 0.0, "body")[:, None]))
             C.append(np.zeros((2, 2, x.shape[1])))
             continue
         field, gradient = _field(body.velocity, x, 1e-4 * scene.cell)
@@ -155,7 +157,10 @@ def driven(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
         yield f"support {i}", float(np.hypot(*v))
     for i, body in enumerate(scene.bodies):
         if isinstance(body.material, Rigid):
-            yield f"rigid body {i}", float(np.hypot(*motion(body.velocity, t)))
+            vx, vy, spin = rigid_motion(body, t, f"body {i}").tolist()
+            x = body.points.x
+            reach = float(np.hypot(*(x - np.average(x, axis=1, weights=body.points.volume)[:, None])).max())
+            yield f"rigid body {i}", float(np.hypot(vx, vy) + abs(spin) * reach)
 
 
 def fastest_wave(scene: Scene) -> float:

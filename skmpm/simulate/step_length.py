@@ -115,6 +115,6 @@ def next_length(length: float, newton: int, scheme: Scheme) -> float:
 
 def _functions_of_time(scene: Scene) -> bool:
     """Whether a prescribed velocity is a function of time."""
-    velocities: list[object] = [body.velocity for body in scene.bodies if isinstance(body.material, Rigid)]
+    velocities: list[object] = [body.prescribed for body in scene.bodies if isinstance(body.material, Rigid)]
     velocities += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
     return any(callable(velocity) for velocity in velocities)

@@ -96,7 +96,7 @@ BAD = {
     ),
     "spin nan": (lambda: scene(spin=np.nan), "body 0: spin = nan.*rad/s"),
     "spin text": (lambda: scene(spin="left"), "body 0: spin = 'left'.*rad/s"),
-    "spin of Rigid": (lambda: scene(others=[Body(at(3), Rigid(1.0), spin=1.0)]), "body 1: spin = 1.0.*do not turn"),
+    "spin of Rigid": (lambda: scene(others=[Body(at(3), Rigid(1.0), spin=1.0)]), "body 1: spin = 1.0.*give motion"),
     "gravity nan": (lambda: scene(gravity=(np.nan, 0.0)), "gravity.*nan.*two finite numbers"),
     "gravity scalar": (lambda: scene(gravity=-9.81), "gravity = -9.81.*two finite numbers"),
     "gravity field": (lambda: scene(gravity=lambda X, t: (0.0, -9.81)), r"gravity\(X, t\).*shape \(2,\).*positions"),
