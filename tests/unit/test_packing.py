@@ -75,6 +75,13 @@ def test_one_disc():
     assert smallest_gap(p) > 0.0
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_few_discs_that_jam_are_begun_anew(seed):
+    """From a single start, 17 of 40 packings of twelve discs jammed below 0.7."""
+    R = np.random.default_rng(seed).uniform(0.7e-3, 1.2e-3, 12)
+    assert smallest_gap(packing(R, side(R), solid_fraction=0.7, seed=seed)) > -1e-6
+
+
 def test_a_jam_says_at_which_fraction():
     with pytest.raises(PackingError, match=r"jam at a solid fraction of 0\.[78]\d{3}, below the requested 0\.88"):
         packed(30, 0.88)
