@@ -16,7 +16,9 @@ _START = 0.3  # initial over final size of the discs
 _GROWTH = 0.04  # largest and smallest growth per step; where the smallest is too large the discs are jammed
 _LEAST_GROWTH = 2e-4
 _EASE, _DENSE = 1.12, 0.78  # growth of the solid fraction beyond the requested one, up to a dense packing
-_DISCS = 250  # jammed packings of fewer discs are begun anew: where they jam varies by 0.05 from one start to another
+# Discs placed in all attempts together: of 40 single attempts at a solid fraction of 0.7, 35 jam with 6 discs, 17
+# with 12, none with 20 or more.
+_ATTEMPTED_DISCS = 250
 _SHAKES = 4  # random displacements to leave a jammed state ...
 _SHAKE = 0.05  # ... and their size [mean radius]
 _MARGIN = 0.5  # pairs with a smaller gap are constraints [mean radius]
@@ -59,7 +61,7 @@ def packing(
     Phys. 60 (1990) 561-583), but without inertia: in every step the discs make the smallest mass-weighted
     motion that opens all gaps to first order, which is a Signorini-Coulomb problem. Pairs do not overlap after
     that motion, because the linearised distance is a lower bound of the distance. A jammed state is perturbed at
-    random, and packings of few discs are begun anew from other centres, before it is accepted as such.
+    random, and packings of few discs are restarted from other centres, before it is accepted as such.
 
     Parameters
     ----------
@@ -87,7 +89,7 @@ def packing(
     rng = np.random.default_rng(seed)
     ease = max(1.0, min(_EASE, _DENSE / solid_fraction))
     size = 0.0
-    for _ in range(1 + _DISCS // R.size):
+    for _ in range(1 + _ATTEMPTED_DISCS // R.size):
         x, reached = _grow(_scatter(scaled, box, rng), scaled, box, friction, np.sqrt(ease), rng)
         size = max(size, reached)
         if size >= 1.0:

@@ -76,8 +76,8 @@ def test_one_disc():
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_few_discs_that_jam_are_begun_anew(seed):
-    """From a single start, 17 of 40 packings of twelve discs jammed below 0.7."""
+def test_few_discs_that_jam_are_restarted(seed):
+    """In a single attempt, 17 of 40 packings of twelve discs jammed below 0.7."""
     R = np.random.default_rng(seed).uniform(0.7e-3, 1.2e-3, 12)
     assert smallest_gap(packing(R, side(R), solid_fraction=0.7, seed=seed)) > -1e-6
 
