@@ -29,7 +29,7 @@ GEL = {"E": 10e6, "nu": 0.45, "density": 990.0}
 RADII = 0.7e-3, 1.2e-3  # [m]
 SPACING = 0.14 / 0.19  # of the points [cells], the main job's
 RATE = 72.0  # [1/s], 2 m/s over the height of 300 discs at 0.90
-HASTE = 4.0  # by which tiles are squeezed faster
+SPEED_UP = 4.0  # by which tiles are squeezed faster
 START, SQUEEZED = 0.68, 0.8975  # nominal solid fractions of a tile
 DT = 8e-6  # [s]
 
@@ -56,7 +56,7 @@ def box(width: float, height: float, lid: float, bodies: list[skmpm.Body], cell:
     return skmpm.Scene(bodies, cell=cell, walls=walls, friction=mu)
 
 
-def boxed(discs: int, cells: float, friction: float, *, start: float = START, haste: float = 1.0) -> skmpm.Scene:
+def boxed(discs: int, cells: float, friction: float, *, start: float = START, speed_up: float = 1.0) -> skmpm.Scene:
     """Discs of `cells` grid cells per mean radius in a box of whole cells; all shrinks as the lid comes down."""
     cell = float(np.mean(RADII)) / cells
     radii = np.random.default_rng(0).uniform(*RADII, discs)
@@ -64,7 +64,7 @@ def boxed(discs: int, cells: float, friction: float, *, start: float = START, ha
     width = cell * round(np.sqrt(solid / 0.72) / cell)
     height = cell * round(solid / (width * start) / cell)
     packing = skmpm.packing(radii, width, solid_fraction=solid / (width * height))
-    lid, gel = haste * RATE * solid / (width * 0.90), skmpm.NeoHookean(**GEL)
+    lid, gel = speed_up * RATE * solid / (width * 0.90), skmpm.NeoHookean(**GEL)
     bodies = [
         skmpm.Body(skmpm.disc(c, R, spacing=SPACING * cell), gel, velocity=(0.0, -lid * c[1] / height))
         for c, R in zip(packing.centres.T, packing.radii, strict=True)
@@ -90,12 +90,12 @@ def squeezed(discs: int, cells: float, friction: float, cache: Path) -> tuple[sk
 
 def squeeze(discs: int, cells: float, friction: float) -> skmpm.State:
     """Squeeze a tile faster than it will be measured, and slow it down."""
-    scene = boxed(discs, cells, friction, haste=HASTE)
+    scene = boxed(discs, cells, friction, speed_up=SPEED_UP)
     start = skmpm.initial(scene)
     lid, height = -scene.walls[1].velocity[1], float(scene.walls[1].point[1])
     until = (height - scene.initial_volumes.sum() / (scene.walls[3].point[0] * SQUEEZED)) / lid
     (state,) = deque(skmpm.simulate(scene, dt=DT, until=until, start=start), maxlen=1)
-    return replace(state, v=state.v / HASTE, C=state.C / HASTE)
+    return replace(state, v=state.v / SPEED_UP, C=state.C / SPEED_UP)
 
 
 def dense(discs: int, cells: float, friction: float, tile: int, cache: Path) -> tuple[skmpm.Scene, skmpm.State]:

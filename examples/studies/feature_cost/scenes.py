@@ -13,7 +13,7 @@ import numpy as np
 import skmpm
 
 from ..benchmark import scenes as boxes
-from ..benchmark.scenes import DT, GEL, HASTE, SPACING
+from ..benchmark.scenes import DT, GEL, SPACING, SPEED_UP
 
 RADIUS = 1e-3  # of the large disc [m]
 FRACTION = 0.85  # nominal solid fraction of the packing
@@ -102,16 +102,16 @@ def pulled(cells: float) -> Variant:
 @cache
 def packing(discs: int, cells: float, friction: float = 0.5, law: str = "NeoHookean") -> Variant:
     """Discs squeezed to `FRACTION` faster than they will be measured, and slowed down."""
-    fast, slow = (boxed(discs, cells, friction, law, haste) for haste in (HASTE, 1.0))
+    fast, slow = (boxed(discs, cells, friction, law, speed_up) for speed_up in (SPEED_UP, 1.0))
     width, height, lid = fast.walls[3].point[0], fast.walls[1].point[1], -fast.walls[1].velocity[1]
     until = (height - fast.initial_volumes.sum() / (width * FRACTION)) / lid
     (state,) = deque(skmpm.simulate(fast, dt=DT, until=until), maxlen=1)
-    return Variant(slow, replace(state, v=state.v / HASTE, C=state.C / HASTE))
+    return Variant(slow, replace(state, v=state.v / SPEED_UP, C=state.C / SPEED_UP))
 
 
-def boxed(discs: int, cells: float, friction: float, law: str, haste: float) -> skmpm.Scene:
+def boxed(discs: int, cells: float, friction: float, law: str, speed_up: float) -> skmpm.Scene:
     """As in the benchmark, of that law."""
-    scene = boxes.boxed(discs, cells, friction, haste=haste)
+    scene = boxes.boxed(discs, cells, friction, speed_up=speed_up)
     return replace(scene, bodies=[replace(body, material=material(law)) for body in scene.bodies])
 
 

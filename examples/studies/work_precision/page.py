@@ -1,6 +1,6 @@
 """docs/studies/work_precision.md, its figures and its csv, from the results of `study.py`.
 
-    python -m examples.studies.work_precision page --study out/tradeoff --docs docs
+    python -m examples.studies.work_precision page --study out/work_precision --docs docs
 
 Everything between the marks `<!-- study -->` and `<!-- /study -->` is written anew; the rules above and the section
 of `feature_cost` below are left alone.
@@ -92,7 +92,7 @@ TEXT = {
 def parser() -> argparse.ArgumentParser:
     """The options."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--study", type=Path, default=Path("out/tradeoff"), help="directory of the results")
+    options.add_argument("--study", type=Path, default=Path("out/work_precision"), help="directory of the results")
     options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of work_precision.md")
     return options
 

@@ -1,9 +1,9 @@
 """The work-precision study: what an error costs, parameter by parameter, on four scenes.
 
     export OPENBLAS_NUM_THREADS=1
-    python -m examples.studies.work_precision --out out/tradeoff         # all of it; its page says how long it takes
+    python -m examples.studies.work_precision --out out/work_precision  # all of it; its page says how long it takes
     python -m examples.studies.work_precision --scenes hertz --runs 16   # a scene, a small sample
-    python -m examples.studies.work_precision page --study out/tradeoff  # the page from what has been run
+    python -m examples.studies.work_precision page --study out/work_precision  # the page from what has been run
 
 Every run leaves a json file in --out: its setting, what it measured, what it cost. What is there is not run again, so
 an interrupted study goes on where it was, and a larger --runs adds to the sample. A run that fails or takes too long
@@ -184,5 +184,5 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--only", nargs="*", choices=KINDS, default=[], help="kinds of runs; all, if none is named")
     options.add_argument("--retime", action="store_true", help="run what is there again and keep the shorter times")
     options.add_argument("--processes", type=int, default=os.cpu_count(), help="runs at a time")
-    options.add_argument("--out", type=Path, default=Path("out/tradeoff"), help="directory of the results")
+    options.add_argument("--out", type=Path, default=Path("out/work_precision"), help="directory of the results")
     return options
