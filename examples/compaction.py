@@ -33,6 +33,11 @@ SCHEMES = {
 }
 
 
+def smooth(point: tuple[float, float], normal: tuple[float, float], **motion: tuple[float, float]) -> skmpm.Wall:
+    """A frictionless wall."""
+    return skmpm.Wall(point, normal, friction=0.0, **motion)
+
+
 def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
     """The scene of discs at rest in a box, and the time [s] at which the final nominal solid fraction is reached."""
     radii = np.random.default_rng(options.seed).uniform(0.7e-3, 1.2e-3, options.discs)
@@ -45,9 +50,9 @@ def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
         skmpm.Body(skmpm.disc(centre, radius, spacing=options.spacing), material)
         for centre, radius in zip(discs.centres.T, discs.radii, strict=True)
     ]
-    floor, left = skmpm.Wall((0.0, 0.0), (0.0, 1.0)), skmpm.Wall((0.0, 0.0), (1.0, 0.0))
-    lid = skmpm.Wall((0.0, discs.height), (0.0, -1.0), velocity=(0.0, -options.speed))
-    walls = [floor, lid, left, skmpm.Wall((width, 0.0), (-1.0, 0.0))]
+    floor, left = smooth((0.0, 0.0), (0.0, 1.0)), smooth((0.0, 0.0), (1.0, 0.0))
+    lid = smooth((0.0, discs.height), (0.0, -1.0), velocity=(0.0, -options.speed))
+    walls = [floor, lid, left, smooth((width, 0.0), (-1.0, 0.0))]
     scene = skmpm.Scene(bodies, cell=options.cell, walls=walls, friction=options.friction)
     return scene, (discs.height - solid / (width * options.until)) / options.speed
 

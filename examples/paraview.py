@@ -22,8 +22,8 @@ R, DT, UNTIL, EVERY = 0.01, 4e-4, 0.24, 25  # [m], [s], [s], steps between frame
 gel = skmpm.NeoHookean(E=2e4, nu=0.3, density=1000.0)
 centres = [(2.1 * R * i + 1.2 * R + 0.3 * R * (j % 2), (2.1 * j + 1.5) * R) for j in range(4) for i in range(3)]
 bodies = [skmpm.Body(skmpm.disc(centre, R, spacing=R / 6), gel) for centre in centres]
-sides = [skmpm.Wall((0, 0), (1, 0)), skmpm.Wall((7 * R, 0), (-1, 0))]
-walls = [skmpm.Wall((0, 0), (0, 1), friction=0.3), *sides]
+sides = [skmpm.Wall((0, 0), (1, 0), friction=0.0), skmpm.Wall((7 * R, 0), (-1, 0), friction=0.0)]
+walls = [skmpm.Wall((0, 0), (0, 1)), *sides]
 scene = skmpm.Scene(bodies, cell=R / 4, walls=walls, friction=0.3, gravity=(0.0, -9.81))
 
 

@@ -68,8 +68,8 @@ state
 axes = skmpm.plot(scene, state, forces=True)
 
 # %%
-# The force on the lid: nothing until the discs touch, then that of two discs that slip past each
-# other into the corners.
+# The force on the lid: nothing until the discs touch, then that of two discs that lean on each
+# other and on the walls.
 
 import matplotlib.pyplot as plt
 import numpy as np

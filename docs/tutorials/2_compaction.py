@@ -31,12 +31,12 @@ bodies = [
     for x, r in zip(loose.centres.T, loose.radii, strict=True)
 ]
 speed = 2.0
-lid = skmpm.Wall((0.0, loose.height), (0.0, -1.0), velocity=(0.0, -speed))
+lid = skmpm.Wall((0.0, loose.height), (0.0, -1.0), velocity=(0.0, -speed), friction=0.0)
 walls = [
-    skmpm.Wall((0, 0), (0, 1)),
+    skmpm.Wall((0, 0), (0, 1), friction=0.0),
     lid,
-    skmpm.Wall((0, 0), (1, 0)),
-    skmpm.Wall((width, 0), (-1, 0)),
+    skmpm.Wall((0, 0), (1, 0), friction=0.0),
+    skmpm.Wall((width, 0), (-1, 0), friction=0.0),
 ]
 scene = skmpm.Scene(bodies, cell=0.19e-3, walls=walls, friction=0.5)
 print(skmpm.preflight(scene))

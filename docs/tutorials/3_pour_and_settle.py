@@ -10,7 +10,7 @@ put on the pile.
 # Loose grains in the air
 # -----------------------
 # Soft grains of about 1 cm: discs, ellipses, capsules and pentagons with rounded corners, in rows
-# with random offsets and angles. Walls have a friction coefficient of their own.
+# with random offsets and angles.
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -38,9 +38,9 @@ bodies = [
     for k, (x, y) in enumerate(places)
 ]
 box = [
-    skmpm.Wall((0.0, 0.0), (0.0, 1.0), friction=0.5),
-    skmpm.Wall((0.0, 0.0), (1.0, 0.0), friction=0.5),
-    skmpm.Wall((9.2 * R, 0.0), (-1.0, 0.0), friction=0.5),
+    skmpm.Wall((0.0, 0.0), (0.0, 1.0)),
+    skmpm.Wall((0.0, 0.0), (1.0, 0.0)),
+    skmpm.Wall((9.2 * R, 0.0), (-1.0, 0.0)),
 ]
 scene = skmpm.Scene(bodies, cell=R / 4, gravity=(0.0, -9.81), walls=box, friction=0.5)
 print(skmpm.preflight(scene))

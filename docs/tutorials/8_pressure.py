@@ -29,10 +29,10 @@ bodies = [
 ]
 PRESSURE = 2e4
 walls = [
-    skmpm.Wall((0.0, 0.0), (0.0, 1.0)),
-    skmpm.Wall((0.0, loose.height), (0.0, -1.0), pressure=PRESSURE),
-    skmpm.Wall((0.0, 0.0), (1.0, 0.0)),
-    skmpm.Wall((width, 0.0), (-1.0, 0.0), pressure=PRESSURE),
+    skmpm.Wall((0.0, 0.0), (0.0, 1.0), friction=0.0),
+    skmpm.Wall((0.0, loose.height), (0.0, -1.0), pressure=PRESSURE, friction=0.0),
+    skmpm.Wall((0.0, 0.0), (1.0, 0.0), friction=0.0),
+    skmpm.Wall((width, 0.0), (-1.0, 0.0), pressure=PRESSURE, friction=0.0),
 ]
 scene = skmpm.Scene(bodies, cell=0.19e-3, walls=walls, friction=0.5)
 print(skmpm.preflight(scene))

@@ -44,8 +44,9 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     driving = end if theta == 1.0 else project(near, at, end.point, end.segment, end.s, end.corner_pair, end.guard)
     shares, curvature = tangent_shares(at, driving)
     own, own_s = curve.shifted(end.point, end.shift)
+    bodies = boundary.body[np.stack([end.point, end.segment])]
     return ContactPairs(
-        bodies=boundary.body[np.stack([end.point, end.segment])],
+        bodies=bodies,
         point=end.point,
         own=curve.stencil(own),
         own_weights=curve.weights(own, own_s),
@@ -58,7 +59,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         gap=end.gap,
         # A point that was beyond the end of a side did not overlap with it.
         before=np.where(begin.beside, np.maximum(begin.gap, 0.0), begin.gap),
-        friction=np.full(end.point.size, float(scene.friction)),
+        friction=scene.frictions.between(bodies),
         kept=near.shifts.kept_overlap(end.key),
     )
 
@@ -89,8 +90,8 @@ def contacts_with_wall(
     scene: Scene, near: Neighbours, i: int, start: Array, moved: Array, point: Array, step: Array
 ) -> ContactPairs:
     """Contact pairs of boundary points with wall i, which moves from `point` by `step`, both (2,) [m]."""
-    wall, curve, boundary = scene.walls[i], near.curve, near.curve.outlines
-    normal = np.asarray(wall.normal, dtype=float)
+    curve, boundary = near.curve, near.curve.outlines
+    normal = np.asarray(scene.walls[i].normal, dtype=float)
     before = normal @ (start - point[:, None])
     gap = before + normal @ (moved - step[:, None])
     c = np.flatnonzero((gap < near.reach) & scene.deformable[boundary.body])
@@ -101,8 +102,9 @@ def contacts_with_wall(
     key = np.append(key, guard_keys(key[guarded]))
     segment, s = curve.shifted(c, shift)
     own, weights = curve.stencil(segment), curve.weights(segment, s)
+    bodies = np.stack([boundary.body[c], np.full(c.size, -1 - i)])
     return ContactPairs(
-        bodies=np.stack([boundary.body[c], np.full(c.size, -1 - i)]),
+        bodies=bodies,
         point=c,
         own=own,
         own_weights=weights,
@@ -114,6 +116,6 @@ def contacts_with_wall(
         normal=np.repeat(normal[:, None], c.size, axis=1),
         gap=np.einsum("jk,jk->k", weights, gap[own]),
         before=np.einsum("jk,jk->k", weights, before[own]),
-        friction=np.full(c.size, float(wall.friction)),
+        friction=scene.frictions.between(bodies),
         kept=near.shifts.kept_overlap(key),
     )

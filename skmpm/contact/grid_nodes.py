@@ -148,16 +148,13 @@ def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids)
     own = ends >= 0
     difference = sp.csr_array((sign[own], (np.tile(k, 2)[own], ends[own])), shape=(k.size, grid.nodes))
     prescribed = nodes.prescribed[:, a] - nodes.prescribed[:, b]
-    friction = np.full(k.size, float(scene.friction))
-    walls = np.array([wall.friction for wall in scene.walls], dtype=float)
-    on_wall = nodes.body[b] < 0
-    friction[on_wall] = walls[-1 - nodes.body[b[on_wall]]]
+    bodies = np.stack([nodes.body[a], nodes.body[b]])
     return Constraints(
-        bodies=np.stack([nodes.body[a], nodes.body[b]]),
+        bodies=bodies,
         x=grid.cell * nodes.index[:, a].astype(float),
         normal=normal,
         gap=np.zeros(k.size),
-        friction=friction,
+        friction=scene.frictions.between(bodies),
         key=_key(scene, nodes, a, b),
         point=np.full(k.size, -1),
         base=sp.eye_array(grid.nodes, format="csr"),

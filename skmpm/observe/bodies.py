@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.observe.contact_length import contact_length, contact_lengths
 from skmpm.observe.contact_network import (
-    coefficient_of,
     half_branches,
     mass_centres,
     moments,
@@ -142,7 +141,7 @@ def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interio
 
 def _without_rattlers(scene: Scene, pairs: Ints) -> Array:
     """Coordination among the bodies that are no rattlers and the walls, (bodies,); nan for rattlers."""
-    loose = rattlers(pairs, coefficient_of(scene, "friction", pairs), scene.deformable)
+    loose = rattlers(pairs, scene.frictions.between(pairs), scene.deformable)
     held = ~np.any((pairs >= 0) & loose[np.maximum(pairs, 0)], axis=0)
     return np.where(loose, np.nan, neighbours(pairs[:, held], loose.size))
 

@@ -55,10 +55,10 @@ def touching_pairs(contacts: Contacts, cell: float) -> Ints:
     return pairs_of(contacts.bodies[:, touching(contacts, cell) & between(contacts)])[0]
 
 
-def coefficient_of(scene: Scene, name: str, pairs: Ints) -> Array:
-    """A coefficient, "friction" or "cohesion", of pairs of bodies (2, k), (k,)."""
-    walls = np.array([getattr(wall, name) for wall in scene.walls], dtype=np.float64)
-    result = np.full(pairs.shape[1], float(getattr(scene, name)))
+def cohesion_of(scene: Scene, pairs: Ints) -> Array:
+    """The cohesion of pairs of bodies (2, k), (k,) [Pa]."""
+    walls = np.array([wall.cohesion for wall in scene.walls], dtype=np.float64)
+    result = np.full(pairs.shape[1], float(scene.cohesion))
     on_wall = pairs[1] < 0
     result[on_wall] = walls[-1 - pairs[1, on_wall]]
     return result

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.observe.contact_length import contact_lengths
-from skmpm.observe.contact_network import between, coefficient_of, mass_centres, pairs_of, touching
+from skmpm.observe.contact_network import between, cohesion_of, mass_centres, pairs_of, touching
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
 
@@ -136,8 +136,8 @@ def network(scene: Scene, state: State) -> Network:
     normal, force = total(weight * sign * contacts.normal), total(sign * vectors)
     normal /= np.maximum(np.hypot(*normal), np.finfo(np.float64).tiny)
     centre = total(weight * contacts.x) / total(weight[None])
-    friction = coefficient_of(scene, "friction", bodies)
-    limit = np.where(coefficient_of(scene, "cohesion", bodies) > 0.0, 0.0, friction * pressing)
+    friction = scene.frictions.between(bodies)
+    limit = np.where(cohesion_of(scene, bodies) > 0.0, 0.0, friction * pressing)
     return Network(
         bodies=bodies,
         normal=normal,

@@ -163,10 +163,10 @@ def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 
 def _friction(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    named = [(wall.friction, f"wall {i}") for i, wall in enumerate(scene.walls)]
-    value, name = max([(scene.friction, "scene"), *named])
+    value = scene.frictions.largest
     if metrics.touches and above(value, FRICTION):
-        yield f"{name}: friction = {value:g}; {FRICTION.where}; use 2 or less, at 2 there is little slip"
+        pair = scene.frictions.largest_pair()
+        yield f"{pair}: friction = {value:g}; {FRICTION.where}; use 2 or less, at 2 there is little slip"
 
 
 def _small_strain(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:

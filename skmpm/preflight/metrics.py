@@ -23,7 +23,6 @@ from skmpm.simulate.initial_state import (
     check_cohesion,
     check_explicit,
     driven,
-    fastest_wave,
     initial_motion,
 )
 from skmpm.simulate.loading import loading_of
@@ -63,6 +62,7 @@ class SceneMetrics:
     touches: bool  # whether contact is possible
     contact: str  # law
     friction: float  # largest coefficient
+    frictions: str  # the same in words, by place
     cohesion: float  # the largest [Pa]
     linear: bool  # whether a step without contact is one linear solve
     inertia: bool
@@ -90,7 +90,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
     soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
-    wave, (grid, width) = fastest_wave(scene), _grid(scene)
+    wave, (grid, width) = scene.fastest_wave, _grid(scene)
     solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
     lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
     if not lid:
@@ -124,7 +124,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         rotation=rotation[own],
         touches=touches,
         contact=_contact_law(scheme),
-        friction=float(max([scene.friction, *(wall.friction for wall in scene.walls)])) if touches else 0.0,
+        frictions=str(scene.frictions),
+        friction=scene.frictions.largest if touches else 0.0,
         cohesion=float(max([scene.cohesion, *(wall.cohesion for wall in scene.walls)])) if touches else 0.0,
         linear=all(is_linear(material) for material in soft),
         inertia=scheme.inertia,

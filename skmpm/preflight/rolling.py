@@ -49,7 +49,7 @@ def rolling_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Ite
 
 def _gently_sloped(scene: Scene, gravity: NDArray[np.float64]) -> bool:
     """Whether a frictional wall is inclined against gravity, but less than `STEEP`."""
-    friction = np.array([wall.friction for wall in scene.walls])
+    friction = np.array([scene.frictions.at_wall(i).max() for i in range(len(scene.walls))])
     along = np.abs(gravity[0] * scene.normals[1] - gravity[1] * scene.normals[0])
     across = -gravity @ scene.normals
     return bool(np.any((friction > 0.0) & (along > 1e-9 * across) & (along < np.tan(STEEP) * across)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skmpm.outline import slit_width, thickness
 from skmpm.preflight.limits import APPROACH, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
 from skmpm.scene import Scene
-from skmpm.simulate.initial_state import can_touch, fastest_wave
+from skmpm.simulate.initial_state import can_touch
 from skmpm.simulate.loading import SEVERAL, Loading, loading_of, smallest_radius
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ def _coarsest(scene: Scene) -> float:
 
 def _longest(scene: Scene, loading: Loading, cell: float) -> float:
     """The longest step without warnings of `preflight` [s]."""
-    limits = [(COURANT.value, fastest_wave(scene) if loading.waves else 0.0)]
+    limits = [(COURANT.value, scene.fastest_wave if loading.waves else 0.0)]
     if can_touch(scene):
         limits += [(LID.value, loading.driven), (APPROACH.value, loading.approach)]
     return min((value * cell / speed for value, speed in limits if speed > 0.0), default=float("inf"))

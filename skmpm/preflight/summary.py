@@ -82,10 +82,8 @@ def _across(metrics: SceneMetrics) -> str:
 def _contact(metrics: SceneMetrics) -> str:
     if not metrics.touches:
         return "of bodies with themselves only"
-    friction = f"friction up to {metrics.friction:g}" if metrics.friction else "frictionless"
-    return f"{metrics.contact}, {friction}" + (
-        f", cohesion up to {metrics.cohesion:g} Pa" if metrics.cohesion else ""
-    )
+    cohesion = f", cohesion up to {metrics.cohesion:g} Pa" if metrics.cohesion else ""
+    return f"{metrics.contact}, {metrics.frictions}{cohesion}"
 
 
 def _bytes(number: float) -> str:

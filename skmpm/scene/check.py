@@ -15,7 +15,20 @@ from skmpm.outline import Outlines, area, lens_depth, overlap
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
-from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion, numbers, scalar, vector
+from skmpm.scene.friction import friction_of
+from skmpm.scene.objects import (
+    Body,
+    Load,
+    SceneError,
+    Support,
+    Wall,
+    field_values,
+    motion,
+    numbers,
+    prescribed_components,
+    scalar,
+    vector,
+)
 from skmpm.scene.point_sets import PointSet
 from skmpm.scene.rigid_motion import rigid_motion
 
@@ -33,7 +46,6 @@ def check(scene: Scene) -> None:
     if not scene.bodies:
         raise SceneError("the scene has no bodies; give at least one Body")
     _positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
-    _not_negative("friction between bodies", scene.friction, "a Coulomb coefficient")
     _not_negative("cohesion between bodies", scene.cohesion, "a stress in Pa")
     _not_negative("cohesion_range", scene.cohesion_range, "a length in metres")
     for i, body in enumerate(scene.bodies):
@@ -54,6 +66,7 @@ def check(scene: Scene) -> None:
         vector("gravity", scene.gravity)
     for i, wall in enumerate(scene.walls):
         _check_wall(f"wall {i}", wall)
+    friction_of(scene)
     _check_supports(scene)
     _check_loads(scene)
     _check_overlaps(scene)
@@ -139,7 +152,6 @@ def _check_wall(name: str, wall: Wall) -> None:
         _check_driven(name, wall, velocity, normal)
     elif wall.mass is not None:
         raise SceneError(f"{name}: mass = {wall.mass} without force or pressure; give one, or no mass")
-    _not_negative(f"{name}: friction", wall.friction, "a Coulomb coefficient")
     _not_negative(f"{name}: cohesion", wall.cohesion, "a stress in Pa")
 
 
@@ -160,13 +172,12 @@ def _check_supports(scene: Scene) -> None:
     for i, support in enumerate(scene.supports):
         if not isinstance(support, Support):
             raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
+        _check_displacement(f"support {i}", support)
     holder = np.full((2, scene.offsets[-1]), -1)
     for i, (prescribed, supported) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
         _check_not_empty(f"support {i}: where", scene, supported)
         if np.isnan(prescribed).all():
-            raise SceneError(
-                f"support {i}: velocity = (None, None) prescribes nothing; give a component or leave it out"
-            )
+            raise SceneError(f"support {i}: (None, None) prescribes nothing; give a component or leave it out")
         for axis in np.flatnonzero(~np.isnan(prescribed)):
             taken = supported.points[holder[axis, supported.points] >= 0]
             if taken.size:
@@ -175,6 +186,18 @@ def _check_supports(scene: Scene) -> None:
                     f" {scene.initial_positions[:, taken[0]]}; let `where` of one leave it out"
                 )
             holder[axis, supported.points] = i
+
+
+def _check_displacement(name: str, support: Support) -> None:
+    if support.displacement is None:
+        return
+    if not callable(support.displacement):
+        raise SceneError(f"{name}: displacement = {support.displacement!r}; give a function of time t -> (x, y) [m]")
+    if np.array(support.velocity, dtype=object).tolist() not in ([0.0, 0.0], (0.0, 0.0)):
+        raise SceneError(f"{name}: velocity = {support.velocity} and displacement; give one of them")
+    start = prescribed_components(support, 0.0, f"{name}: displacement")
+    if np.nan_to_num(start).any():
+        raise SceneError(f"{name}: displacement at t = 0 is {start}; give the displacement since then, zero at t = 0")
 
 
 def _check_not_empty(name: str, scene: Scene, chosen: PointSet) -> None:

@@ -34,6 +34,9 @@ class Body:
     spin : initial angular velocity about the centre of mass [rad/s], counter-clockwise; not for `Rigid`
     motion : of a `Rigid` body instead of `velocity`: (vx, vy, spin) [m/s, m/s, rad/s], velocity of the centre of mass
         and angular velocity about it, or a function of time t -> (3,), taken at the middle of each step
+    friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
+        of the scene
+    name : of its surface in a table of friction; several bodies may have the same
     """
 
     points: Points
@@ -41,6 +44,8 @@ class Body:
     velocity: ArrayLike | Callable[..., ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
     spin: float = field(default=0.0, kw_only=True)
     motion: ArrayLike | Motion | None = field(default=None, kw_only=True)
+    friction: float | None = field(default=None, kw_only=True)
+    name: str | None = field(default=None, kw_only=True)
 
     @property
     def prescribed(self) -> ArrayLike | Callable[..., ArrayLike]:
@@ -65,8 +70,10 @@ class Wall:
         each step from t on
     pressure : the same over the length of the wall between the other walls [Pa]
     mass : of a driven wall [kg/m]; by default that of all deformable bodies. Without inertia it has none
-    friction : Coulomb coefficient against every body
+    friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
+        of the scene
     cohesion : tension that contacts with bodies bear [Pa], see `Scene`
+    name : of its surface in a table of friction; several walls may have the same
     """
 
     point: ArrayLike
@@ -75,8 +82,9 @@ class Wall:
     force: float | Callable[[float], float] | None = field(default=None, kw_only=True)
     pressure: float | Callable[[float], float] | None = field(default=None, kw_only=True)
     mass: float | None = field(default=None, kw_only=True)
-    friction: float = field(default=0.0, kw_only=True)
+    friction: float | None = field(default=None, kw_only=True)
     cohesion: float = field(default=0.0, kw_only=True)
+    name: str | None = field(default=None, kw_only=True)
 
     @property
     def driven(self) -> bool:
@@ -86,18 +94,26 @@ class Wall:
 
 @dataclass(frozen=True)
 class Support:
-    """A prescribed velocity of the points of deformable bodies where `where(x)` is true at t = 0.
+    """A prescribed velocity or displacement of the points of deformable bodies where `where(x)` is true at t = 0.
 
     Parameters
     ----------
     where : positions (2, n) [m] -> (n,) bool
     velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; a component None is free
+    displacement : instead of a velocity, a function of time t -> (2,) [m], zero at t = 0; it holds at the ends of
+        steps, whatever their length
     """
 
     where: Where
     velocity: Components | ArrayLike | Callable[[float], Components | ArrayLike] = field(
         default=(0.0, 0.0), kw_only=True
     )
+    displacement: Callable[[float], Components | ArrayLike] | None = field(default=None, kw_only=True)
+
+    @property
+    def prescribed(self) -> Components | ArrayLike | Callable[[float], Components | ArrayLike]:
+        """What prescribes the motion: the displacement, else the velocity."""
+        return self.velocity if self.displacement is None else self.displacement
 
 
 @dataclass(frozen=True)
@@ -117,14 +133,14 @@ class Load:
 
 
 def prescribed_components(support: Support, t: float, name: str) -> Array:
-    """Prescribed velocity of a support at time t, (2,) [m/s], nan for free components.
+    """Prescribed displacement [m] or velocity [m/s] of a support at time t, (2,), nan for free components.
 
     Raises
     ------
     SceneError
         if it is not two components, each a finite number or None
     """
-    value = support.velocity(t) if callable(support.velocity) else support.velocity
+    value = support.prescribed(t) if callable(support.prescribed) else support.prescribed
     remedy = "give two components (x, y), each a finite number or None"
     if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
         raise SceneError(f"{name} = {value!r}; {remedy}")

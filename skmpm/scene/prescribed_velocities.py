@@ -42,7 +42,7 @@ def prescribed_velocities(scene: Scene, t: float, dt: float) -> PrescribedVeloci
         scene.wall_velocities(middle),
         _rigid(scene, middle),
         _rigid(scene, t + dt),
-        _supports(scene, middle),
+        _supports(scene, t, dt),
     )
 
 
@@ -53,12 +53,12 @@ def _rigid(scene: Scene, t: float) -> Array:
     return velocity
 
 
-def _supports(scene: Scene, t: float) -> Array:
-    velocity = scene.support_velocities(t)
+def _supports(scene: Scene, t: float, dt: float) -> Array:
+    velocity = scene.support_velocities(t, dt)
     changed = np.flatnonzero((np.isnan(velocity) != scene.free_components).any(axis=1))
     if changed.size:
         raise SceneError(
-            f"support {changed[0]}: velocity at t = {t:.6g} s is {velocity[changed[0]]}, at t = 0"
+            f"support {changed[0]}: velocity at t = {t + 0.5 * dt:.6g} s is {velocity[changed[0]]}, at t = 0"
             f" {scene.support_velocities(0.0)[changed[0]]} (nan: None); a component is free always or never"
         )
     return np.nan_to_num(velocity).ravel()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from skmpm.material import Rigid
 from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
+from skmpm.scene.friction import Friction, friction_of
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components, scalar
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
 from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
@@ -33,7 +35,9 @@ class Scene:
     walls : rigid half-planes
     supports : prescribed velocities
     loads : dead loads
-    friction : Coulomb coefficient between bodies, and between parts of one
+    friction : Coulomb coefficient of all contacts, between bodies, parts of one and walls, but for bodies and walls
+        that give their own; or a table by pairs of their names, as ``{("gel", "glass"): 0.3, "default": 0.1}``,
+        whose entries precede all
     cohesion : tension c that contacts between bodies bear [Pa]; Coulomb's law then holds for the normal traction plus
         c. It acts on gaps that are closed at the start of a step, and breaks where it is exceeded
     cohesion_range : largest gap [m] that cohesion pulls, also at walls; zero for closed ones only. Flat surfaces come
@@ -53,7 +57,7 @@ class Scene:
     walls: Sequence[Wall] = field(default=(), kw_only=True)
     supports: Sequence[Support] = field(default=(), kw_only=True)
     loads: Sequence[Load] = field(default=(), kw_only=True)
-    friction: float = field(default=0.0, kw_only=True)
+    friction: float | Mapping[Any, float] = field(default=0.0, kw_only=True)
     cohesion: float = field(default=0.0, kw_only=True)
     cohesion_range: float = field(default=0.0, kw_only=True)
     gravity: ArrayLike | Callable[[Array, float], ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
@@ -77,7 +81,8 @@ class Scene:
         facts: dict[str, object] = {"bodies": f"{len(self.bodies)} of {', '.join(materials)}"}
         facts |= {"points": int(self.offsets[-1]), "cell": quantity(self.cell, "m")}
         facts |= {name: len(getattr(self, name)) for name in ("walls", "supports", "loads") if getattr(self, name)}
-        return facts | {"friction": self.friction} | ({"cohesion [Pa]": self.cohesion} if self.cohesion else {})
+        friction = "a table" if isinstance(self.friction, Mapping) else self.friction
+        return facts | {"friction": friction} | ({"cohesion [Pa]": self.cohesion} if self.cohesion else {})
 
     @cached_property
     def offsets(self) -> Ints:
@@ -132,6 +137,12 @@ class Scene:
         return np.asarray(radius * slowness)
 
     @cached_property
+    def fastest_wave(self) -> float:
+        """Speed of the fastest pressure wave [m/s]."""
+        soft = [body.material for body in self.bodies if not isinstance(body.material, Rigid)]
+        return max(float(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density)) for m in soft)
+
+    @cached_property
     def compliance(self) -> Array:
         """(1 - nu^2) / E of the materials, by body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
         result = np.zeros(len(self.bodies))
@@ -160,6 +171,11 @@ class Scene:
         """Deformable bodies that may touch themselves with points at x (2, n): their outlines turn back that far."""
         bodies = folded(self.outlines, x[:, self.outlines.point])
         return np.asarray(bodies[self.deformable[bodies]])
+
+    @cached_property
+    def frictions(self) -> Friction:
+        """The Coulomb coefficients of all pairs."""
+        return friction_of(self)
 
     @cached_property
     def cohesive(self) -> bool:
@@ -222,12 +238,23 @@ class Scene:
         """The points that share each load."""
         return tuple(loaded_points(self, i, load) for i, load in enumerate(self.loads))
 
-    def support_velocities(self, t: float) -> Array:
-        """Prescribed velocities at time t, (supports, 2) [m/s], nan where free; SceneError if one is invalid."""
-        each = [
-            prescribed_components(support, t, f"support {i}: velocity") for i, support in enumerate(self.supports)
-        ]
-        return np.array(each).reshape(-1, 2)
+    def support_velocities(self, t: float, dt: float | None = None) -> Array:
+        """Prescribed velocities in a step from t to t + dt [s], (supports, 2) [m/s], nan where free.
+
+        They are the given ones in its middle, and mean ones of given displacements. Without dt they are those at t,
+        where displacements are differentiated over the time in which waves cross a cell, which steps do not resolve.
+        SceneError if one is invalid.
+        """
+        interval, middle = (self.cell / self.fastest_wave, t) if dt is None else (dt, t + 0.5 * dt)
+        each = np.empty((len(self.supports), 2))
+        for i, support in enumerate(self.supports):
+            if support.displacement is None:
+                each[i] = prescribed_components(support, middle, f"support {i}: velocity")
+            else:
+                name = f"support {i}: displacement"
+                start, end = (prescribed_components(support, time, name) for time in (t, t + interval))
+                each[i] = (end - start) / interval
+        return each
 
     def forces(self, t: float) -> Array:
         """The loads at time t, (loads, 2) [N/m]; SceneError if one is not finite."""

@@ -34,7 +34,7 @@ def round_bodies(scene: Scene) -> NDArray[np.bool_]:
 
 def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
     """Round bodies of one isotropic, elastic material that nothing but frictionless contact acts on, (bodies,)."""
-    if scene.friction > 0.0 or scene.cohesive:
+    if scene.frictions.among_bodies.any() or scene.cohesive:
         return np.zeros(len(scene.bodies), dtype=bool)
     isotropic = {id(body.material): _isotropic(body.material) for body in scene.bodies}
     found = scene.round & np.array([isotropic[id(body.material)] for body in scene.bodies])

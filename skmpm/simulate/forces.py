@@ -50,7 +50,7 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     """
     deformable = [body.material for body in scene.bodies if not isinstance(body.material, Rigid)]
     velocities: list[Any] = [body.prescribed for body in scene.bodies if isinstance(body.material, Rigid)]
-    velocities += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
+    velocities += [*(wall.velocity for wall in scene.walls), *(support.prescribed for support in scene.supports)]
     if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *velocities)):
         return True
     moving = any(v for velocity in velocities for v in velocity if v is not None)

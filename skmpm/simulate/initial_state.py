@@ -163,12 +163,6 @@ def driven(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
             yield f"rigid body {i}", float(np.hypot(vx, vy) + abs(spin) * reach)
 
 
-def fastest_wave(scene: Scene) -> float:
-    """Speed of the fastest pressure wave [m/s]."""
-    soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
-    return max(float(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density)) for m in soft)
-
-
 def can_touch(scene: Scene) -> bool:
     """Whether the scene has a wall or more than one body."""
     return bool(scene.walls) or len(scene.bodies) > 1

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from skmpm.scene import Scene, field_values
 from skmpm.simulate.driven import driven_by_force
-from skmpm.simulate.initial_state import can_touch, driven, fastest_wave, initial_motion
+from skmpm.simulate.initial_state import can_touch, driven, initial_motion
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
         kind,
         why,
         speed == 0.0,
-        speed or fastest_wave(scene),
+        speed or scene.fastest_wave,
         prescribed,
         float(np.hypot(passing, fall)),
         height,
@@ -89,7 +89,7 @@ def _settling(scene: Scene) -> float:
     low, high = np.full(len(scene.bodies), np.inf), np.full(len(scene.bodies), -np.inf)
     np.minimum.at(low, scene.owner, along)
     np.maximum.at(high, scene.owner, along)
-    return float((high - low)[scene.deformable].max()) / fastest_wave(scene)
+    return float((high - low)[scene.deformable].max()) / scene.fastest_wave
 
 
 def gravity_of(scene: Scene) -> Array:

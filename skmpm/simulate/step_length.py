@@ -24,7 +24,7 @@ from skmpm.scene import Scene, SceneError
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.driven import Moving
-from skmpm.simulate.initial_state import can_touch, driven, fastest_wave
+from skmpm.simulate.initial_state import can_touch, driven
 from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radius
 
 Array = NDArray[np.float64]
@@ -104,7 +104,7 @@ def pace_of(scene: Scene, scheme: Scheme, start: float, until: float) -> Pace:
     gravity = float(np.hypot(*gravity_of(scene)))
     # Where something is driven, collisions of bodies that are loose between others need not be accurate.
     room = max_motion(scene) if loading.driven > 0.0 else MAX_APPROACH * scene.cell
-    return Pace(loading, smallest_radius(scene), fastest_wave(scene), gravity, room)
+    return Pace(loading, smallest_radius(scene), scene.fastest_wave, gravity, room)
 
 
 def next_length(length: float, newton: int, scheme: Scheme) -> float:
@@ -116,5 +116,5 @@ def next_length(length: float, newton: int, scheme: Scheme) -> float:
 def _functions_of_time(scene: Scene) -> bool:
     """Whether a prescribed velocity is a function of time."""
     velocities: list[object] = [body.prescribed for body in scene.bodies if isinstance(body.material, Rigid)]
-    velocities += [*(wall.velocity for wall in scene.walls), *(support.velocity for support in scene.supports)]
+    velocities += [*(wall.velocity for wall in scene.walls), *(support.prescribed for support in scene.supports)]
     return any(callable(velocity) for velocity in velocities)

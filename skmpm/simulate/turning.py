@@ -34,7 +34,7 @@ def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Sc
     if scheme.inertia:
         held = scene.indifferent_to_rotation & (interval > scene.crossing_times) & _touching(scene, state)
     else:  # any frictional wall may come into contact in the step
-        held = scene.indifferent_to_rotation & all(wall.friction == 0.0 for wall in scene.walls)
+        held = scene.indifferent_to_rotation & (not scene.frictions.at_walls.any())
     if scheme.explicit or not held.any():
         return None
     assembly = assembly_of(state)
@@ -51,9 +51,7 @@ def _touching(scene: Scene, state: State) -> Bools:
     touching, frictional = np.zeros((2, len(scene.bodies)), dtype=bool)
     bodies = state.contacts.bodies
     touching[bodies[bodies >= 0]] = True
-    for i, wall in enumerate(scene.walls):
-        if wall.friction > 0.0:
-            frictional[bodies[0][bodies[1] == -1 - i]] = True
+    frictional[bodies[0, (bodies[1] < 0) & (scene.frictions.between(bodies) > 0.0)]] = True
     return touching & ~frictional
 
 

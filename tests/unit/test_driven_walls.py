@@ -117,6 +117,7 @@ def cushions(pressure, **options):
     bodies = [Body(disc((x, y), R, spacing=R / 7), GEL) for x in (R, 3 * R) for y in (R, 3 * R)]
     driven = {"pressure": pressure, **options}
     walls = [FLOOR, Wall((0, 4 * R), (0, -1), **driven), Wall((0, 0), (1, 0)), Wall((4 * R, 0), (-1, 0), **driven)]
+    walls = [replace(wall, friction=0.0) for wall in walls]
     return Scene(bodies, cell=R / 5, walls=walls, friction=0.3)
 
 

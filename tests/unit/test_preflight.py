@@ -249,8 +249,8 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
     "nu": (limits.POISSON, r"body 1: nu = 0.49999", lambda v: pair(second=gel(nu=min(v, 0.499995))), None, {}),
     "nu by amg": (limits.MULTIGRID, r"body 1: nu = 0.49", lambda v: pair(second=gel(nu=v)), None,
                   {"linear": linear.amg}),
-    "friction": (limits.FRICTION, r"scene: friction = 2", lambda v: pair(friction=v), None, {}),
-    "friction of a wall": (limits.FRICTION, r"wall 1: friction = 2", lambda v: pair(
+    "friction": (limits.FRICTION, r"bodies 0 and 1: friction = 2", lambda v: pair(friction=v), None, {}),
+    "friction of a wall": (limits.FRICTION, r"body 0 and wall 1: friction = 2", lambda v: pair(
         walls=[Wall((0, -R), (0, 1), friction=0.5), Wall((0, 2 * R), (0, -1), friction=v)]), None, {}),
     "stiffness": (limits.STIFFNESS, r"bodies 1 and 0: ratio of E 100\.01;",
                   lambda v: pair(first=gel(E=1e6 * v), second=gel(E=1e6)), None, {}),
@@ -468,7 +468,7 @@ def test_the_text_is_short_and_aligned():
     for part in (
         "bodies    2, rigid 0; walls 1, supports 0, loads 0",
         "R/h       5 smallest",
-        "friction up to 0.25",
+        "friction 0 between bodies, 0.25 at walls",
         "MB",
     ):
         assert part in text

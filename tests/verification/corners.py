@@ -323,10 +323,10 @@ def heap(rng, *, friction, cells=4, kinds=KINDS, columns=3):
     ]
     width, height = pitch * columns, pitch * len(kinds) / columns
     walls = [
-        Wall(origin, (0, 1)),
-        Wall(origin, (1, 0)),
-        Wall(origin + np.array([width, 0.0]), (-1, 0)),
-        Wall(origin + np.array([0.0, height]), (0, -1), velocity=(0, -LID)),
+        Wall(origin, (0, 1), friction=0.0),
+        Wall(origin, (1, 0), friction=0.0),
+        Wall(origin + np.array([width, 0.0]), (-1, 0), friction=0.0),
+        Wall(origin + np.array([0.0, height]), (0, -1), velocity=(0, -LID), friction=0.0),
     ]
     area = sum(body.points.volume.sum() for body in bodies)
     return Scene(bodies, cell=h, walls=walls, friction=friction), height, area / width

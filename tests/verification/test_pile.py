@@ -34,7 +34,7 @@ def pile(seed):
         bodies.append(Body(points, NeoHookean(PILE_E, 0.3, DENSITY)))
         top[i % 3] += 2.0 * reach
     side = shift + np.array([WIDTH, 0.0])
-    walls = [Wall(shift, (0, 1), friction=0.5), Wall(shift, (1, 0)), Wall(side, (-1, 0))]
+    walls = [Wall(shift, (0, 1), friction=0.5), Wall(shift, (1, 0), friction=0.0), Wall(side, (-1, 0), friction=0.0)]
     return Scene(bodies, cell=PILE_CELL, walls=walls, friction=0.5, gravity=(0.0, -G))
 
 
@@ -107,7 +107,7 @@ def burden(solver="banded", offset=(0.3, 0.6), cells=5, steps=80, dt=5e-3):
         Body(disc(shift + np.array([0.0, y * R]), R, spacing=cell / 2), m) for y, m in ((1.0, light), (3.0, heavy))
     ]
     right = np.array([R, 0.0])
-    sides = [Wall(shift - right, (1, 0)), Wall(shift + right, (-1, 0))]
+    sides = [Wall(shift - right, (1, 0), friction=0.0), Wall(shift + right, (-1, 0), friction=0.0)]
     walls = [Wall(shift, (0, 1), friction=0.5), *sides]
     scene = Scene(bodies, cell=cell, walls=walls, friction=0.5, gravity=(0.0, -G))
     start = initial(scene)
@@ -155,7 +155,7 @@ def test_how_fast_a_frictionless_floor_slides_below_grains_does_not_matter():
     grains = [Body(disc((x, r), r, spacing=r / 8), gel) for x in (-1.05 * r, 1.05 * r)]
 
     def borne(speed):
-        floor = Wall((0, 0), (0, 1), velocity=(speed, 0.0))
+        floor = Wall((0, 0), (0, 1), velocity=(speed, 0.0), friction=0.0)
         scene = Scene(grains, cell=r / 5.0, walls=[floor], friction=0.5, gravity=(0.0, -9.81))
         return [-state.wall_force[0, 1] for state in simulate(scene, dt=1.5e-5, until=1.5e-3)]
 

@@ -48,10 +48,10 @@ def layout(discs: int, tile: int) -> tuple[int, int, int]:
 def box(width: float, height: float, lid: float, bodies: list[skmpm.Body], cell: float, mu: float) -> skmpm.Scene:
     """Bodies in a box of smooth walls: floor, lid coming down at speed `lid` [m/s], left, right."""
     walls = [
-        skmpm.Wall((0.0, 0.0), (0.0, 1.0)),
-        skmpm.Wall((0.0, height), (0.0, -1.0), velocity=(0.0, -lid)),
-        skmpm.Wall((0.0, 0.0), (1.0, 0.0)),
-        skmpm.Wall((width, 0.0), (-1.0, 0.0)),
+        skmpm.Wall((0.0, 0.0), (0.0, 1.0), friction=0.0),
+        skmpm.Wall((0.0, height), (0.0, -1.0), velocity=(0.0, -lid), friction=0.0),
+        skmpm.Wall((0.0, 0.0), (1.0, 0.0), friction=0.0),
+        skmpm.Wall((width, 0.0), (-1.0, 0.0), friction=0.0),
     ]
     return skmpm.Scene(bodies, cell=cell, walls=walls, friction=mu)
 
