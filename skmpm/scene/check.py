@@ -177,7 +177,10 @@ def _check_supports(scene: Scene) -> None:
     for i, (prescribed, supported) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
         _check_not_empty(f"support {i}: where", scene, supported)
         if np.isnan(prescribed).all():
-            raise SceneError(f"support {i}: (None, None) prescribes nothing; give a component or leave it out")
+            what = "velocity" if scene.supports[i].displacement is None else "displacement"
+            raise SceneError(
+                f"support {i}: {what} = (None, None) prescribes nothing; give a component or leave it out"
+            )
         for axis in np.flatnonzero(~np.isnan(prescribed)):
             taken = supported.points[holder[axis, supported.points] >= 0]
             if taken.size:

@@ -67,7 +67,7 @@ def test_a_linear_displacement_is_a_velocity():
         (lambda t: (1e-4 + t, 0.0), {}, "displacement at t = 0 is [0.0001 0.    ]; give the displacement since then"),
         (lambda t: (t, 0.0), {"velocity": (1.0, 0.0)}, "velocity = (1.0, 0.0) and displacement; give one of them"),
         (lambda t: (t, 0.0), {"velocity": (None, 0.0)}, "velocity = (None, 0.0) and displacement"),
-        (lambda t: (None, None), {}, "support 1: (None, None) prescribes nothing"),
+        (lambda t: (None, None), {}, "support 1: displacement = (None, None) prescribes nothing"),
         (lambda t: t, {}, "support 1: displacement = 0.0; give two components"),
     ],
 )
