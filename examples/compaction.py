@@ -12,6 +12,7 @@ at every step.
 
 import argparse
 import csv
+from functools import partial
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -33,11 +34,6 @@ SCHEMES = {
 }
 
 
-def smooth(point: tuple[float, float], normal: tuple[float, float], **motion: tuple[float, float]) -> skmpm.Wall:
-    """A frictionless wall."""
-    return skmpm.Wall(point, normal, friction=0.0, **motion)
-
-
 def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
     """The scene of discs at rest in a box, and the time [s] at which the final nominal solid fraction is reached."""
     radii = np.random.default_rng(options.seed).uniform(0.7e-3, 1.2e-3, options.discs)
@@ -50,6 +46,7 @@ def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
         skmpm.Body(skmpm.disc(centre, radius, spacing=options.spacing), material)
         for centre, radius in zip(discs.centres.T, discs.radii, strict=True)
     ]
+    smooth = partial(skmpm.Wall, friction=0.0)
     floor, left = smooth((0.0, 0.0), (0.0, 1.0)), smooth((0.0, 0.0), (1.0, 0.0))
     lid = smooth((0.0, discs.height), (0.0, -1.0), velocity=(0.0, -options.speed))
     walls = [floor, lid, left, smooth((width, 0.0), (-1.0, 0.0))]

@@ -37,9 +37,7 @@ def tensile_strength(scene: Scene, outlines: Outlines, start: Array, found: Cont
     point at the start of the step, `start` (2, m) [m]: of the boundary of the body of lower `rank` (bodies,), which
     gives the points.
     """
-    second, range_ = found.bodies[1], scene.cohesion_range
-    c = np.full(second.size, float(scene.cohesion))
-    c[second < 0] = np.array([wall.cohesion for wall in scene.walls], dtype=float)[-1 - second[second < 0]]
+    c, range_ = scene.cohesion_between(found.bodies), scene.cohesion_range
     acts = (c > 0.0) & (found.before <= max(range_, CLOSED_GAP * scene.cell))
     strength = np.zeros(c.size)
     if acts.any():

@@ -19,7 +19,7 @@ GHOST_MASS = 0.05  # of density h^2: the ghost penalty on accelerations
 class ExplicitBulk:
     """The bulk of an explicit step: internal forces of its start, and a ghost penalty on accelerations.
 
-    Nodes whose support contains only the rim of a body have almost no mass, and no explicit step would be short
+    Nodes whose support contains only the boundary of a body have almost no mass, and no explicit step would be short
     enough for them. The penalty adds to M a term in the jumps of the acceleration gradient across the ghost facets,
     which vanishes for rigid motions and uniform strain rates (Stoter et al., Comput. Methods Appl. Mech. Eng. 412
     (2023) 116074). It is written as a stiffness against the deviation from the inertial displacement, that by v0

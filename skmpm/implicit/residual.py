@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import sqrt
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +15,7 @@ from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import ExplicitBulk
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.viscous import ViscousBulk
-from skmpm.material import Points
+from skmpm.material import Points, wave_speed
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -90,7 +89,7 @@ class Increment:
     @property
     def long(self) -> bool:
         """Whether pressure waves travel farther than `LONG` in the step."""
-        wave = max(sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density) for m, _ in self.bulk.materials)
+        wave = max(wave_speed(material) for material, _ in self.bulk.materials)
         return self._theta_dt * wave > LONG * self.grid.cell
 
     @cached_property

@@ -18,6 +18,7 @@ from skmpm.material.law import (
     poisson_ratio,
     product,
     viscosity_of,
+    wave_speed,
     youngs_modulus,
 )
 from skmpm.material.linear import LinearElastic
@@ -51,5 +52,6 @@ __all__ = [
     "product",
     "projected",
     "viscosity_of",
+    "wave_speed",
     "youngs_modulus",
 ]

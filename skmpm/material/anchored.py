@@ -19,7 +19,7 @@ class Anchored:
 
     The points had the deformation `F_anchor` there: W_a(F) = W(F F_anchor) / J_anchor. A linear material instead
     measures strain from the anchor and adds the stress that the points had there, so that it is the total
-    small-strain law when anchored once and an incremental law when anchored anew:
+    small-strain law when anchored once and an incremental law when anchored at every regridding:
     W_a(F) = W(F) + stress_anchor : (F - I).
     """
 

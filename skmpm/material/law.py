@@ -81,6 +81,12 @@ def youngs_modulus(material: Material) -> float:
     return mu * (3.0 * lam + 2.0 * mu) / (lam + mu)
 
 
+def wave_speed(material: Material) -> float:
+    """Speed of pressure waves at zero strain, ((lambda + 2 mu) / density)^(1/2) [m/s]."""
+    lam, mu = material.lame
+    return float(np.sqrt((lam + 2.0 * mu) / material.density))
+
+
 def bounded_modulus(material: Material) -> float:
     """The modulus lambda + 2 mu, at most 10 mu: it does not grow as nu -> 1/2 [Pa]."""
     lam, mu = material.lame

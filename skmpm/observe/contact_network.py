@@ -55,15 +55,6 @@ def touching_pairs(contacts: Contacts, cell: float) -> Ints:
     return pairs_of(contacts.bodies[:, touching(contacts, cell) & between(contacts)])[0]
 
 
-def cohesion_of(scene: Scene, pairs: Ints) -> Array:
-    """The cohesion of pairs of bodies (2, k), (k,) [Pa]."""
-    walls = np.array([wall.cohesion for wall in scene.walls], dtype=np.float64)
-    result = np.full(pairs.shape[1], float(scene.cohesion))
-    on_wall = pairs[1] < 0
-    result[on_wall] = walls[-1 - pairs[1, on_wall]]
-    return result
-
-
 def neighbours(pairs: Ints, bodies: int) -> Ints:
     """Count the pairs (2, k) of each body, (bodies,)."""
     return np.bincount(pairs[pairs >= 0], minlength=bodies)

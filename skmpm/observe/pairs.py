@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.observe.contact_length import contact_lengths
-from skmpm.observe.contact_network import between, cohesion_of, mass_centres, pairs_of, touching
+from skmpm.observe.contact_network import between, mass_centres, pairs_of, touching
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
 
@@ -137,7 +137,7 @@ def network(scene: Scene, state: State) -> Network:
     normal /= np.maximum(np.hypot(*normal), np.finfo(np.float64).tiny)
     centre = total(weight * contacts.x) / total(weight[None])
     friction = scene.frictions.between(bodies)
-    limit = np.where(cohesion_of(scene, bodies) > 0.0, 0.0, friction * pressing)
+    limit = np.where(scene.cohesion_between(bodies) > 0.0, 0.0, friction * pressing)
     return Network(
         bodies=bodies,
         normal=normal,

@@ -62,7 +62,7 @@ class SceneMetrics:
     touches: bool  # whether contact is possible
     contact: str  # law
     friction: float  # largest coefficient
-    frictions: str  # the same in words, by place
+    frictions: str  # the ranges of coefficients, as text
     cohesion: float  # the largest [Pa]
     linear: bool  # whether a step without contact is one linear solve
     inertia: bool

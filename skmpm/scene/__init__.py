@@ -4,7 +4,7 @@ from skmpm.scene.check import check_walls_at_start
 from skmpm.scene.fits import check_fits, check_initial_positions
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
-from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_velocities
+from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
 from skmpm.scene.rigid_motion import centres, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
 from skmpm.scene.stages import continued
@@ -35,6 +35,7 @@ __all__ = [
     "mean_velocity",
     "mises",
     "motion",
+    "prescribed_motions",
     "prescribed_velocities",
     "rigid_motion",
     "stress_zz",

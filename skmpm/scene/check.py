@@ -15,21 +15,19 @@ from skmpm.outline import Outlines, area, lens_depth, overlap
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
-from skmpm.scene.friction import friction_of
+from skmpm.scene.check_loading import check_loads, check_supports
 from skmpm.scene.objects import (
     Body,
-    Load,
     SceneError,
-    Support,
     Wall,
     field_values,
     motion,
-    numbers,
-    prescribed_components,
+    not_negative,
+    number,
+    positive,
     scalar,
     vector,
 )
-from skmpm.scene.point_sets import PointSet
 from skmpm.scene.rigid_motion import rigid_motion
 
 if TYPE_CHECKING:
@@ -45,9 +43,9 @@ def check(scene: Scene) -> None:
     """Raise SceneError for the first error in the scene."""
     if not scene.bodies:
         raise SceneError("the scene has no bodies; give at least one Body")
-    _positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
-    _not_negative("cohesion between bodies", scene.cohesion, "a stress in Pa")
-    _not_negative("cohesion_range", scene.cohesion_range, "a length in metres")
+    positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
+    not_negative("cohesion between bodies", scene.cohesion, "a stress in Pa")
+    not_negative("cohesion_range", scene.cohesion_range, "a length in metres")
     for i, body in enumerate(scene.bodies):
         _check_body(f"body {i}", body)
     if not scene.deformable.any():
@@ -66,9 +64,9 @@ def check(scene: Scene) -> None:
         vector("gravity", scene.gravity)
     for i, wall in enumerate(scene.walls):
         _check_wall(f"wall {i}", wall)
-    friction_of(scene)
-    _check_supports(scene)
-    _check_loads(scene)
+    _ = scene.frictions  # with their checks, and kept
+    check_supports(scene)
+    check_loads(scene)
     _check_overlaps(scene)
 
 
@@ -86,15 +84,15 @@ def _check_body(name: str, body: Body) -> None:
     if not isinstance(material, Rigid):
         _check_outline(name, body.points)
         _check_material(name, material)
-    _positive(f"{name}: density", material.density, "a density in kg/m3")
+    positive(f"{name}: density", material.density, "a density in kg/m3")
     _check_motion(name, body)
 
 
 def _check_material(name: str, material: object) -> None:
     """A material is what has density, lame, energy, stress and tangent, whatever its class."""
     if isinstance(material, Isotropic):
-        _positive(f"{name}: Young's modulus E", material.E, "a modulus in Pa")
-        nu = _number(f"{name}: Poisson's ratio nu", material.nu, "give one between -1 and 0.5")
+        positive(f"{name}: Young's modulus E", material.E, "a modulus in Pa")
+        nu = number(f"{name}: Poisson's ratio nu", material.nu, "give one between -1 and 0.5")
         if not -1.0 < nu < 0.5:
             raise SceneError(f"{name}: Poisson's ratio nu = {nu}; it lies between -1 and 0.5, both excluded")
     if problem := lacking(material):
@@ -128,7 +126,7 @@ def _check_motion(name: str, body: Body) -> None:
         field_values(f"{name}: velocity(x)", body.velocity(body.points.x), body.points.x)
     else:
         motion(body.velocity, 0.0, f"{name}: velocity")
-    if _number(f"{name}: spin", body.spin, spin) != 0.0 and rigid:
+    if number(f"{name}: spin", body.spin, spin) != 0.0 and rigid:
         raise SceneError(f"{name}: spin = {body.spin} of a Rigid body; give motion = (vx, vy, spin)")
     if body.motion is None:
         return
@@ -152,7 +150,7 @@ def _check_wall(name: str, wall: Wall) -> None:
         _check_driven(name, wall, velocity, normal)
     elif wall.mass is not None:
         raise SceneError(f"{name}: mass = {wall.mass} without force or pressure; give one, or no mass")
-    _not_negative(f"{name}: cohesion", wall.cohesion, "a stress in Pa")
+    not_negative(f"{name}: cohesion", wall.cohesion, "a stress in Pa")
 
 
 def _check_driven(name: str, wall: Wall, velocity: Array, normal: Array) -> None:
@@ -164,61 +162,8 @@ def _check_driven(name: str, wall: Wall, velocity: Array, normal: Array) -> None
     if abs(normal[0] * velocity[1] - normal[1] * velocity[0]) > 1e-9 * np.hypot(*velocity):
         raise SceneError(f"{name}: velocity = {velocity}; give one along its normal, in which the force drives it")
     if wall.mass is not None:
-        _positive(f"{name}: mass", wall.mass, "a mass per metre of thickness in kg/m, or None")
+        positive(f"{name}: mass", wall.mass, "a mass per metre of thickness in kg/m, or None")
     scalar(wall.force if wall.pressure is None else wall.pressure, 0.0, f"{name}: driving force or pressure")
-
-
-def _check_supports(scene: Scene) -> None:
-    for i, support in enumerate(scene.supports):
-        if not isinstance(support, Support):
-            raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
-        _check_displacement(f"support {i}", support)
-    holder = np.full((2, scene.offsets[-1]), -1)
-    for i, (prescribed, supported) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
-        _check_not_empty(f"support {i}: where", scene, supported)
-        if np.isnan(prescribed).all():
-            what = "velocity" if scene.supports[i].displacement is None else "displacement"
-            raise SceneError(
-                f"support {i}: {what} = (None, None) prescribes nothing; give a component or leave it out"
-            )
-        for axis in np.flatnonzero(~np.isnan(prescribed)):
-            taken = supported.points[holder[axis, supported.points] >= 0]
-            if taken.size:
-                raise SceneError(
-                    f"supports {holder[axis, taken[0]]} and {i} both hold the {'xy'[axis]} component of the point at"
-                    f" {scene.initial_positions[:, taken[0]]}; let `where` of one leave it out"
-                )
-            holder[axis, supported.points] = i
-
-
-def _check_displacement(name: str, support: Support) -> None:
-    if support.displacement is None:
-        return
-    if not callable(support.displacement):
-        raise SceneError(f"{name}: displacement = {support.displacement!r}; give a function of time t -> (x, y) [m]")
-    if np.array(support.velocity, dtype=object).tolist() not in ([0.0, 0.0], (0.0, 0.0)):
-        raise SceneError(f"{name}: velocity = {support.velocity} and displacement; give one of them")
-    start = prescribed_components(support, 0.0, f"{name}: displacement")
-    if np.nan_to_num(start).any():
-        raise SceneError(f"{name}: displacement at t = 0 is {start}; give the displacement since then, zero at t = 0")
-
-
-def _check_not_empty(name: str, scene: Scene, chosen: PointSet) -> None:
-    if chosen.points.size == 0:
-        x = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
-        raise SceneError(
-            f"{name} is true at no point of a deformable body; they lie between {x.min(axis=1)} and {x.max(axis=1)},"
-            " the outermost on the boundary: allow for round-off in comparisons"
-        )
-
-
-def _check_loads(scene: Scene) -> None:
-    for i, load in enumerate(scene.loads):
-        if not isinstance(load, Load):
-            raise SceneError(f"load {i} is a {type(load).__name__}; use skmpm.Load(where, force)")
-    scene.forces(0.0)
-    for i, loaded in enumerate(scene.loaded):
-        _check_not_empty(f"load {i}: where", scene, loaded)
 
 
 def check_walls_at_start(scene: Scene) -> None:
@@ -263,20 +208,3 @@ def _first_overlap(scene: Scene, boundary: Outlines, x: Array, slack: float) -> 
     if depth[worst] <= slack:
         return None
     return int(pairs[0, worst]), int(pairs[1, worst]), float(depth[worst])
-
-
-def _number(name: str, value: float, remedy: str) -> float:
-    number = numbers(name, value, remedy)
-    if number.ndim or not np.isfinite(number):
-        raise SceneError(f"{name} = {value!r}; {remedy}")
-    return float(number)
-
-
-def _positive(name: str, value: float, what: str) -> None:
-    if _number(name, value, f"give {what}, greater than zero") <= 0.0:
-        raise SceneError(f"{name} = {value}; give {what}, greater than zero")
-
-
-def _not_negative(name: str, value: float, what: str) -> None:
-    if _number(name, value, f"give {what} of zero or more") < 0.0:
-        raise SceneError(f"{name} = {value}; give {what} of zero or more")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene.objects import SceneError, numbers
+from skmpm.scene.objects import SceneError, not_negative
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 DEFAULT = "default"  # key of a table for pairs without an entry
+COEFFICIENT = "a Coulomb coefficient"
 EXAMPLE = "{('gel', 'glass'): 0.3, 'default': 0.1}"
 
 
@@ -60,16 +61,14 @@ class Friction:
 
     def __str__(self) -> str:
         """The ranges of the coefficients."""
-        count, walls = self.surface.size, bool(self.at_walls.size)
-        several = count - int((self.surface >= self.of_bodies).sum()) > 1
         if not self.coefficient.any():
             return "frictionless"
-        parts = ([self.among_bodies] if several or not walls else []) + ([self.at_walls] if walls else [])
-        if len({float(mu) for part in parts for mu in part.flat}) == 1:
-            return f"friction {parts[0].flat[0]:g}"
-        ranges = [f"{p.min():g}" if p.min() == p.max() else f"{p.min():g} to {p.max():g}" for p in parts]
-        places = [" between bodies", " at walls"] if len(parts) == 2 else [""]
-        return "friction " + ", ".join(f"{r}{place}" for r, place in zip(ranges, places, strict=True))
+        several, walls = np.count_nonzero(self.surface < self.of_bodies) > 1, self.at_walls.size > 0
+        if not walls:
+            return f"friction {_range(self.among_bodies)}"
+        if not several or np.unique(self.coefficient[: self.of_bodies]).size == 1:
+            return f"friction {_range(self.at_walls)}"
+        return f"friction {_range(self.among_bodies)} between bodies, {_range(self.at_walls)} at walls"
 
     def largest_pair(self) -> str:
         """The first two objects with the largest coefficient, as text."""
@@ -79,6 +78,11 @@ class Friction:
             return f"body {first[0]} and wall {self.surface.size - 1 - second[-1]}"
         others = second[second != first[0]]
         return f"bodies {first[0]} and {others[0]}" if others.size else f"body {first[0]} with itself"
+
+
+def _range(values: Array) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def friction_of(scene: Scene) -> Friction:
@@ -96,7 +100,7 @@ def friction_of(scene: Scene) -> Friction:
     _check_names(table, objects)
     count, entered, surfaces, number = len(scene.bodies), frozenset().union(*table), dict[_Key, _Surface](), []
     for k, (label, name, own) in enumerate(objects):
-        mu = None if own is None else _coefficient(f"{label}: friction", own)
+        mu = None if own is None else not_negative(f"{label}: friction", own, COEFFICIENT)
         key = (k >= count, name if name in entered else None, mu)
         number.append(surfaces.setdefault(key, _Surface(len(surfaces), label, *key)).number)
     of_bodies = sum(not surface.wall for surface in surfaces.values())
@@ -125,19 +129,19 @@ _Entries = dict[frozenset[str], float]  # by pairs of names
 def _table(scene: Scene) -> tuple[_Entries, float | None]:
     """The entries by pairs of names, and the default, None without one."""
     if not isinstance(scene.friction, Mapping):
-        return {}, _coefficient("friction between bodies", scene.friction)
+        return {}, not_negative("friction between bodies", scene.friction, COEFFICIENT)
     table: _Entries = {}
     for key, value in scene.friction.items():
         if key == DEFAULT:
             continue
         if not (isinstance(key, tuple) and len(key) == 2 and all(isinstance(name, str) for name in key)):
             raise SceneError(f"friction: {key!r} is not a pair of names; give a table as {EXAMPLE}")
-        if table.setdefault(frozenset(key), _coefficient(f"friction of {key}", value)) != value:
+        if table.setdefault(frozenset(key), not_negative(f"friction of {key}", value, COEFFICIENT)) != value:
             raise SceneError(
                 f"friction of {key} is given twice, as {table[frozenset(key)]:g} and {value:g}; keep one"
             )
     default = scene.friction.get(DEFAULT)
-    return table, None if default is None else _coefficient("friction: default", default)
+    return table, None if default is None else not_negative("friction: default", default, COEFFICIENT)
 
 
 def _of_pair(a: _Surface, b: _Surface, table: _Entries, default: float | None) -> float:
@@ -164,11 +168,3 @@ def _check_names(table: _Entries, objects: Iterable[tuple[str, object, object]])
     for name in sorted(frozenset().union(*table) - known):
         borne = ", ".join(sorted(map(repr, known - {None}))) or "none"
         raise SceneError(f"friction: no body or wall has the name {name!r} of the table; names are {borne}")
-
-
-def _coefficient(name: str, value: float) -> float:
-    remedy = "give a Coulomb coefficient of zero or more"
-    number = numbers(name, value, remedy)
-    if number.ndim or not np.isfinite(number) or number < 0.0:
-        raise SceneError(f"{name} = {value!r}; {remedy}")
-    return float(number)

@@ -193,6 +193,30 @@ def field_values(name: str, value: ArrayLike, x: Array) -> Array:
     return array
 
 
+def number(name: str, value: object, remedy: str) -> float:
+    """The value as a float; SceneError if it is not one finite number."""
+    result = numbers(name, value, remedy)  # type: ignore[arg-type]
+    if result.ndim or not np.isfinite(result):
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    return float(result)
+
+
+def positive(name: str, value: object, what: str) -> float:
+    """The value as a float; SceneError if it is not greater than zero."""
+    result = number(name, value, f"give {what}, greater than zero")
+    if result <= 0.0:
+        raise SceneError(f"{name} = {value}; give {what}, greater than zero")
+    return result
+
+
+def not_negative(name: str, value: object, what: str) -> float:
+    """The value as a float; SceneError if it is less than zero."""
+    result = number(name, value, f"give {what} of zero or more")
+    if result < 0.0:
+        raise SceneError(f"{name} = {value}; give {what} of zero or more")
+    return result
+
+
 def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
     """The value as an array of floats; SceneError if it cannot be converted, or is text."""
     try:

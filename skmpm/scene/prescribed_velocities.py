@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene.objects import SceneError
+from skmpm.material import Rigid
+from skmpm.scene.objects import SceneError, prescribed_components
 from skmpm.scene.rigid_motion import rigid_motion
 
 if TYPE_CHECKING:
@@ -44,6 +45,36 @@ def prescribed_velocities(scene: Scene, t: float, dt: float) -> PrescribedVeloci
         _rigid(scene, t + dt),
         _supports(scene, t, dt),
     )
+
+
+def prescribed_motions(scene: Scene) -> list[Any]:
+    """What prescribes the motion of rigid bodies, walls and supports: constants and functions of time."""
+    motions = [body.prescribed for body in scene.bodies if isinstance(body.material, Rigid)]
+    return [*motions, *(wall.velocity for wall in scene.walls), *(support.prescribed for support in scene.supports)]
+
+
+def support_velocities(scene: Scene, t: float, dt: float | None = None) -> Array:
+    """Velocities of supports in a step from t to t + dt [s], (supports, 2) [m/s], nan where free.
+
+    They are the prescribed ones in its middle, and mean ones of prescribed displacements. Without dt they are those
+    at t, where displacements are differentiated over the time in which waves cross a cell, which steps do not
+    resolve.
+
+    Raises
+    ------
+    SceneError
+        if one is invalid
+    """
+    interval, middle = (scene.cell / scene.fastest_wave, t) if dt is None else (dt, t + 0.5 * dt)
+    each = np.empty((len(scene.supports), 2))
+    for i, support in enumerate(scene.supports):
+        if support.displacement is None:
+            each[i] = prescribed_components(support, middle, f"support {i}: velocity")
+        else:
+            name = f"support {i}: displacement"
+            start, end = (prescribed_components(support, time, name) for time in (t, t + interval))
+            each[i] = (end - start) / interval
+    return each
 
 
 def _rigid(scene: Scene, t: float) -> Array:

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Rigid
+from skmpm.material import Rigid, wave_speed
 from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
 from skmpm.scene.friction import Friction, friction_of
-from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, prescribed_components, scalar
+from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, scalar
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
+from skmpm.scene.prescribed_velocities import support_velocities
 from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
 from skmpm.units import quantity
 
@@ -139,8 +140,7 @@ class Scene:
     @cached_property
     def fastest_wave(self) -> float:
         """Speed of the fastest pressure wave [m/s]."""
-        soft = [body.material for body in self.bodies if not isinstance(body.material, Rigid)]
-        return max(float(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) / m.density)) for m in soft)
+        return max(wave_speed(body.material) for body in self.bodies if not isinstance(body.material, Rigid))
 
     @cached_property
     def compliance(self) -> Array:
@@ -214,6 +214,13 @@ class Scene:
         each = [motion(wall.velocity, t, f"wall {i}: velocity") for i, wall in enumerate(self.walls)]
         return np.array(each).reshape(-1, 2)
 
+    def cohesion_between(self, bodies: Ints) -> Array:
+        """Cohesion (k,) [Pa] of pairs (2, k) of bodies, or of body and wall; walls are -1, -2, ..."""
+        of_walls = np.array([wall.cohesion for wall in self.walls], dtype=float)
+        cohesion, on_wall = np.full(bodies.shape[1], float(self.cohesion)), bodies[1] < 0
+        cohesion[on_wall] = of_walls[-1 - bodies[1, on_wall]]
+        return cohesion
+
     @cached_property
     def supported(self) -> Sequence[PointSet]:
         """The points whose velocity each support prescribes."""
@@ -239,22 +246,8 @@ class Scene:
         return tuple(loaded_points(self, i, load) for i, load in enumerate(self.loads))
 
     def support_velocities(self, t: float, dt: float | None = None) -> Array:
-        """Prescribed velocities in a step from t to t + dt [s], (supports, 2) [m/s], nan where free.
-
-        They are the given ones in its middle, and mean ones of given displacements. Without dt they are those at t,
-        where displacements are differentiated over the time in which waves cross a cell, which steps do not resolve.
-        SceneError if one is invalid.
-        """
-        interval, middle = (self.cell / self.fastest_wave, t) if dt is None else (dt, t + 0.5 * dt)
-        each = np.empty((len(self.supports), 2))
-        for i, support in enumerate(self.supports):
-            if support.displacement is None:
-                each[i] = prescribed_components(support, middle, f"support {i}: velocity")
-            else:
-                name = f"support {i}: displacement"
-                start, end = (prescribed_components(support, time, name) for time in (t, t + interval))
-                each[i] = (end - start) / interval
-        return each
+        """Velocities of supports in a step from t to t + dt, or at t, (supports, 2) [m/s], nan where free."""
+        return support_velocities(self, t, dt)
 
     def forces(self, t: float) -> Array:
         """The loads at time t, (loads, 2) [N/m]; SceneError if one is not finite."""

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import Rigid, viscosity_of
-from skmpm.scene import Scene, State, field_values
+from skmpm.scene import Scene, State, field_values, prescribed_motions
 from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
@@ -49,11 +47,10 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
     deformable = [body.material for body in scene.bodies if not isinstance(body.material, Rigid)]
-    velocities: list[Any] = [body.prescribed for body in scene.bodies if isinstance(body.material, Rigid)]
-    velocities += [*(wall.velocity for wall in scene.walls), *(support.prescribed for support in scene.supports)]
-    if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *velocities)):
+    motions = prescribed_motions(scene)
+    if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *motions)):
         return True
-    moving = any(v for velocity in velocities for v in velocity if v is not None)
+    moving = any(v for motion in motions for v in motion if v is not None)
     return moving or any(viscosity_of(material) > 0.0 for material in deformable)
 
 

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Rigid
-from skmpm.scene import Scene, SceneError
+from skmpm.scene import Scene, SceneError, prescribed_motions
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.driven import Moving
@@ -115,6 +114,4 @@ def next_length(length: float, newton: int, scheme: Scheme) -> float:
 
 def _functions_of_time(scene: Scene) -> bool:
     """Whether a prescribed velocity is a function of time."""
-    velocities: list[object] = [body.prescribed for body in scene.bodies if isinstance(body.material, Rigid)]
-    velocities += [*(wall.velocity for wall in scene.walls), *(support.prescribed for support in scene.supports)]
-    return any(callable(velocity) for velocity in velocities)
+    return any(callable(motion) for motion in prescribed_motions(scene))

@@ -1,7 +1,7 @@
 """One disc between four frictionless walls that close in: the cell of a square packing, quasi-static.
 
 Reference: quadratic triangles on a quarter of the disc with an active set of boundary nodes (`finite_elements`) and
-the same neo-Hookean law, programmed anew; TABLE has what `finite_elements(nu, 48)` gives, three digits of which do
+the same neo-Hookean law, coded separately; TABLE has what `finite_elements(nu, 48)` gives, three digits of which do
 not change from 24 to 48. Walls and disc are turned and shifted on the grid at random. In the continuum a frictionless
 round disc has the same pressure at any angle; what changes with it is the noise of the grid.
 """

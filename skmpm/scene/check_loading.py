@@ -1,0 +1,69 @@
+"""Checks of the supports and loads of a scene before it is simulated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skmpm.material import Rigid
+from skmpm.scene.objects import Load, SceneError, Support, prescribed_components
+from skmpm.scene.point_sets import PointSet
+
+if TYPE_CHECKING:
+    from skmpm.scene.scene import Scene
+
+
+def check_supports(scene: Scene) -> None:
+    """Raise SceneError for the first error in the supports."""
+    for i, support in enumerate(scene.supports):
+        if not isinstance(support, Support):
+            raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
+        _check_displacement(f"support {i}", support)
+    holder = np.full((2, scene.offsets[-1]), -1)
+    for i, (prescribed, supported) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
+        _check_not_empty(f"support {i}: where", scene, supported)
+        if np.isnan(prescribed).all():
+            what = "velocity" if scene.supports[i].displacement is None else "displacement"
+            raise SceneError(
+                f"support {i}: {what} = (None, None) prescribes nothing; give a component or leave it out"
+            )
+        for axis in np.flatnonzero(~np.isnan(prescribed)):
+            taken = supported.points[holder[axis, supported.points] >= 0]
+            if taken.size:
+                raise SceneError(
+                    f"supports {holder[axis, taken[0]]} and {i} both hold the {'xy'[axis]} component of the point at"
+                    f" {scene.initial_positions[:, taken[0]]}; let `where` of one leave it out"
+                )
+            holder[axis, supported.points] = i
+
+
+def _check_displacement(name: str, support: Support) -> None:
+    if support.displacement is None:
+        return
+    if not callable(support.displacement):
+        raise SceneError(f"{name}: displacement = {support.displacement!r}; give a function of time t -> (x, y) [m]")
+    if np.array(support.velocity, dtype=object).tolist() not in ([0.0, 0.0], (0.0, 0.0)):
+        raise SceneError(f"{name}: velocity = {support.velocity} and displacement; give one of them")
+    start = prescribed_components(support, 0.0, f"{name}: displacement")
+    if np.nan_to_num(start).any():
+        raise SceneError(f"{name}: displacement at t = 0 is {start}; give the displacement since then, zero at t = 0")
+
+
+def _check_not_empty(name: str, scene: Scene, chosen: PointSet) -> None:
+    if chosen.points.size == 0:
+        x = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
+        raise SceneError(
+            f"{name} is true at no point of a deformable body; they lie between {x.min(axis=1)} and {x.max(axis=1)},"
+            " the outermost on the boundary: allow for round-off in comparisons"
+        )
+
+
+def check_loads(scene: Scene) -> None:
+    """Raise SceneError for the first error in the loads."""
+    for i, load in enumerate(scene.loads):
+        if not isinstance(load, Load):
+            raise SceneError(f"load {i} is a {type(load).__name__}; use skmpm.Load(where, force)")
+    scene.forces(0.0)
+    for i, loaded in enumerate(scene.loaded):
+        _check_not_empty(f"load {i}: where", scene, loaded)
