@@ -178,9 +178,13 @@ class BodyGrids:
         """Root mean square (bodies,) [m] of arms (2, nodes) [m], weighted by (nodes,)."""
         return np.asarray(np.sqrt(self.means((arms**2).sum(axis=0)[None], weight)[0]))
 
-    def rigid_motions(self) -> Array:
-        """Two translations and the rotation of each body about the mean position of its nodes, (2 nodes, 3)."""
-        arm = self.arms(self.position) / self.cell
+    def rigid_motions(self, displacement: Array | None = None) -> Array:
+        """Two translations and the rotation of each body about the mean position of its nodes, (2 nodes, 3).
+
+        Rotations are those of the nodes at rest or after a displacement (2 nodes,) [m].
+        """
+        moved = 0.0 if displacement is None else displacement.reshape(-1, 2).T
+        arm = self.arms(self.position + moved) / self.cell
         motions = np.zeros((2 * self.nodes, 3))
         motions[0::2, 0] = motions[1::2, 1] = 1.0
         motions[0::2, 2], motions[1::2, 2] = -arm[1], arm[0]

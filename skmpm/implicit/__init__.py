@@ -20,6 +20,7 @@ from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, KnownForces
 from skmpm.implicit.driven_walls import DrivenWalls
 from skmpm.implicit.errors import StepRejected
+from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import End, Increment
@@ -32,6 +33,7 @@ __all__ = [
     "ContactProblem",
     "DrivenWalls",
     "End",
+    "FollowerPressure",
     "Gauge",
     "Increment",
     "KnownForces",

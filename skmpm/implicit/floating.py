@@ -27,6 +27,7 @@ Ints = NDArray[np.int64]
 MAX_ITERATION_MOTION = 1.0
 # [cells] The same from the start of the step, in any iteration; solutions are checked by `simulate.acceptance`.
 MAX_STEP_MOTION = 4.0
+ROUND_OFF = 1e-12  # over the sum of the forces on a body: a resultant that is none, as that of a pressure all around
 NEGLIGIBLE_RESULTANT = 1e-3  # over the forces on a body: out-of-balance resultant accepted along neutral modes
 
 
@@ -77,7 +78,9 @@ def floating_bodies(increment: Increment, constraints: Constraints) -> FloatingB
     momentum = sp.csr_array(modes.T @ sp.diags_array(assembly.lumped))
     projection = sp.csr_array(sp.diags_array(1.0 / (momentum @ modes).diagonal()) @ momentum)
     speeds = _prescribed_range(increment, constraints, index)
-    resultant, supports = np.asarray(modes.T @ increment.force), increment.support_violation(modes)
+    load, supports = increment.load(np.zeros_like(increment.start)), increment.support_violation(modes)
+    resultant = np.asarray(modes.T @ load)
+    resultant[np.abs(resultant) <= ROUND_OFF * (abs(modes).T @ np.abs(load))] = 0.0
     return FloatingBodies(bodies, modes, projection, supports, _free(supports), increment.dt * speeds, resultant)
 
 

@@ -53,7 +53,7 @@ def _moments(contact: ContactIterate, w: Array) -> Array:
 def force_scale(increment: Increment, contact: ContactIterate) -> Array:
     """Half the sum of the magnitudes of contact forces and load on every deformable body, times dt, (bodies,)."""
     grid = increment.grid
-    load = increment.dt * np.hypot(*grid.sums(increment.force.reshape(-1, 2).T))
+    load = increment.dt * np.hypot(*grid.sums(increment.load(increment.v0).reshape(-1, 2).T))
     size = increment.dt * np.hypot(*contact.constraints.forces(contact.r, increment.dt))
     deformable = np.bincount(grid.node_body, minlength=grid.bodies) > 0
     return np.asarray(np.where(deformable, 0.5 * (load + _sums(contact, size, grid.bodies)), 0.0))

@@ -30,6 +30,7 @@ def move(
     inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with contact.
     """
     step = direction if accelerated is None else accelerated
+    increment = increment.with_load_of(w)
     if increment.material_response.linear:
         return w + step, increment.at(w + step)
     if accelerated is not None:

@@ -187,12 +187,15 @@ def _check_resultants(increment: Increment) -> None:
     if not increment.floating.any():
         return
     grid, motions = increment.grid, increment.grid.rigid_motions()
+    turned, load = grid.rigid_motions(increment.start), increment.load(np.zeros_like(increment.start))
     violation = increment.support_violation(sp.csr_array(motions)).toarray()
     owner = grid.node_body[increment.constrained_dofs // 2]
     for b in np.flatnonzero(increment.floating).tolist():
         dofs = slice(grid.blocks[b], grid.blocks[b + 1])
         free = null_space(violation[owner == b].T @ violation[owner == b])
-        size, resultant = np.abs(increment.force[dofs]).sum(), increment.force[dofs] @ motions[dofs]
+        dead, following = increment.force[dofs], (load - increment.force)[dofs]
+        size = np.abs(load[dofs]).sum()
+        resultant = dead @ motions[dofs] + following @ turned[dofs]
         if np.abs(free.T @ resultant).max(initial=0.0) > 1e-6 * size * np.sqrt(dofs.stop - dofs.start):
             raise StepRejected(
                 f"body {b}",

@@ -13,6 +13,7 @@ from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import ExplicitBulk
+from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.viscous import ViscousBulk
 from skmpm.material import Points, wave_speed
@@ -51,13 +52,14 @@ class Increment:
     bulk: Bulk
     start: Array  # U (2 nodes,) [m]
     v0: Array  # (2 nodes,) [m/s]
-    force: Array  # of gravity and loads, (2 nodes,) [N/m]
+    force: Array  # of gravity and dead loads, (2 nodes,) [N/m]
     dt: float
     scheme: Scheme
     supports: Elimination | None = None
     prescribed: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
     proximal: Proximal | None = None  # for floating bodies with neutral rigid-body modes
     gauge: Gauge | None = None  # for bodies whose material can turn inside their shape
+    pressure: FollowerPressure | None = None
     depends_on_dt: bool = True  # whether the equations depend on dt; not in equilibria under constant conditions
 
     @property
@@ -112,7 +114,7 @@ class Increment:
     @property
     def one_solve(self) -> bool:
         """Whether one linear solve gives the solution without contact."""
-        return self.material_response.linear and not self.floating.any()
+        return self.material_response.linear and self.pressure is None and not self.floating.any()
 
     @property
     def inertial_velocity(self) -> Array:
@@ -135,6 +137,17 @@ class Increment:
         """The configuration in which stresses are evaluated."""
         return self.material_response.at(self.start + self._theta_dt * w)
 
+    def load(self, w: Array) -> Array:
+        """The forces of gravity, loads and pressures at a velocity w, in an explicit step at its start (2 nodes,)."""
+        if self.pressure is None:
+            return self.force
+        moved = 0.0 if self.scheme.explicit else self._theta_dt * w
+        return self.force + self.pressure.force(self.start + moved)
+
+    def with_load_of(self, w: Array) -> Increment:
+        """The same with the pressures' forces at w, whatever the configuration."""
+        return self if self.pressure is None else replace(self, force=self.load(w), pressure=None)
+
     def end_velocity(self, w: Array) -> Array:
         """The velocity v1 at the end of the step, (2 nodes,) [m/s]."""
         return self.v0 + (w - self.v0) / self.scheme.theta
@@ -144,7 +157,7 @@ class Increment:
         return End(self.bulk.at(self.start + self.dt * w), self.end_velocity(w))
 
     def energy(self, w: Array, configuration: Configuration) -> float:
-        """The incremental potential E(w) [J/m]."""
+        """The incremental potential E(w) without pressures, which have none, [J/m]."""
         change = w - self.inertial_velocity
         return (
             self.material_response.energy(configuration)
@@ -155,7 +168,10 @@ class Increment:
     def gradient(self, w: Array, configuration: Configuration) -> tuple[Array, float]:
         """Out-of-balance impulse without contact (2 nodes,) [kg m/s per m], and the norm of its largest term."""
         inertia = self.mass * (w - self.inertial_velocity)
-        elastic, external = self._theta_dt * self.material_response.force(configuration), self._theta_dt * self.force
+        elastic, external = (
+            self._theta_dt * self.material_response.force(configuration),
+            self._theta_dt * self.load(w),
+        )
         noise = self.round_off(w, configuration) / self.scheme.newton_tol
         return inertia + elastic - external, max(
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
@@ -191,7 +207,7 @@ class Increment:
         assembly = self.bulk.assembly
         if not self.scheme.inertia or self.supports is not None:
             return np.zeros((2, self.grid.bodies))
-        imbalance = assembly.lumped * (w - self.inertial_velocity) - self._theta_dt * self.force - contact_impulse
+        imbalance = assembly.lumped * (w - self.inertial_velocity) - self._theta_dt * self.load(w) - contact_impulse
         resultant, mass = (self.grid.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
         return np.asarray(resultant / np.maximum(mass, 1e-300))
 

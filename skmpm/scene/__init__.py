@@ -2,7 +2,7 @@
 
 from skmpm.scene.check import check_walls_at_start
 from skmpm.scene.fits import check_fits, check_initial_positions
-from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
+from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
 from skmpm.scene.rigid_motion import centres, mean_velocity, rigid_motion, velocity_at
@@ -18,6 +18,7 @@ __all__ = [
     "Energy",
     "Load",
     "PrescribedVelocities",
+    "Pressure",
     "Report",
     "Scene",
     "SceneError",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skmpm.material import Rigid
-from skmpm.scene.objects import Load, SceneError, Support, prescribed_components
+from skmpm.scene.objects import Load, Pressure, SceneError, Support, prescribed_components
 from skmpm.scene.point_sets import PointSet
 
 if TYPE_CHECKING:
@@ -61,9 +62,20 @@ def _check_not_empty(name: str, scene: Scene, chosen: PointSet) -> None:
 
 def check_loads(scene: Scene) -> None:
     """Raise SceneError for the first error in the loads."""
-    for i, load in enumerate(scene.loads):
-        if not isinstance(load, Load):
-            raise SceneError(f"load {i} is a {type(load).__name__}; use skmpm.Load(where, force)")
+    given: Sequence[object] = scene.loads
+    for i, load in enumerate(given):
+        if not isinstance(load, Load | Pressure):
+            what = "skmpm.Load(where, force) or skmpm.Pressure(where, value)"
+            raise SceneError(f"load {i} is a {type(load).__name__}; use {what}")
     scene.forces(0.0)
-    for i, loaded in enumerate(scene.loaded):
+    scene.pressure_values(0.0)
+    dead = [i for i, load in enumerate(scene.loads) if isinstance(load, Load)]
+    for i, loaded in zip(dead, scene.loaded, strict=True):
         _check_not_empty(f"load {i}: where", scene, loaded)
+    following = [i for i, load in enumerate(scene.loads) if isinstance(load, Pressure)]
+    for i, segments in zip(following, scene.pressed, strict=True):
+        if segments.size == 0:
+            raise SceneError(
+                f"load {i}: where is true at no two neighbouring boundary points of a deformable body, between which"
+                " a pressure acts; give the Points an outline, and allow for round-off in comparisons"
+            )

@@ -132,6 +132,23 @@ class Load:
     force: ArrayLike | Motion
 
 
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure on the boundary of deformable bodies where `where(x)` is true at t = 0; it follows the normals.
+
+    It acts on the segments between boundary points at both of which `where` is true.
+
+    Parameters
+    ----------
+    where : positions (2, n) [m] -> (n,) bool
+    value : [Pa], or a function of time t -> a number, taken at t + theta dt of each step from t on; negative for
+        suction
+    """
+
+    where: Where
+    value: float | Callable[[float], float]
+
+
 def prescribed_components(support: Support, t: float, name: str) -> Array:
     """Prescribed displacement [m] or velocity [m/s] of a support at time t, (2,), nan for free components.
 

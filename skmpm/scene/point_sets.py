@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.outline import Outlines
-from skmpm.scene.objects import Load, SceneError, Support
+from skmpm.scene.objects import Load, Pressure, SceneError, Support
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -42,6 +42,13 @@ def loaded_points(scene: Scene, i: int, load: Load) -> PointSet:
     else:
         share = scene.initial_volumes[points]
     return PointSet(points, share / share.sum())
+
+
+def pressed_segments(scene: Scene, i: int, pressure: Pressure) -> Ints:
+    """The boundary points at which the segments begin that load i, a pressure, acts on."""
+    chosen, boundary = np.zeros(scene.offsets[-1], dtype=bool), scene.outlines
+    chosen[_matching(scene, f"load {i}: where", pressure.where)] = True
+    return np.flatnonzero(chosen[boundary.point] & chosen[boundary.point[boundary.next]])
 
 
 def _matching(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> Ints:

@@ -15,8 +15,8 @@ from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
 from skmpm.scene.friction import Friction, friction_of
-from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, scalar
-from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
+from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, motion, scalar
+from skmpm.scene.point_sets import PointSet, loaded_points, pressed_segments, supported_points
 from skmpm.scene.prescribed_velocities import support_velocities
 from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
 from skmpm.units import quantity
@@ -35,7 +35,7 @@ class Scene:
     cell : side h of the cells [m]
     walls : rigid half-planes
     supports : prescribed velocities
-    loads : dead loads
+    loads : dead loads, and pressures that follow the boundary
     friction : Coulomb coefficient of all contacts, between bodies, parts of one and walls, but for bodies and walls
         that give their own; or a table by pairs of their names, as ``{("gel", "glass"): 0.3, "default": 0.1}``,
         whose entries precede all
@@ -57,7 +57,7 @@ class Scene:
     cell: float = field(kw_only=True)
     walls: Sequence[Wall] = field(default=(), kw_only=True)
     supports: Sequence[Support] = field(default=(), kw_only=True)
-    loads: Sequence[Load] = field(default=(), kw_only=True)
+    loads: Sequence[Load | Pressure] = field(default=(), kw_only=True)
     friction: float | Mapping[Any, float] = field(default=0.0, kw_only=True)
     cohesion: float = field(default=0.0, kw_only=True)
     cohesion_range: float = field(default=0.0, kw_only=True)
@@ -241,15 +241,38 @@ class Scene:
         return number
 
     @cached_property
+    def dead_loads(self) -> Sequence[Load]:
+        """The loads that keep their direction."""
+        return tuple(load for load in self.loads if isinstance(load, Load))
+
+    @cached_property
+    def pressures(self) -> Sequence[Pressure]:
+        """The loads that follow the boundary."""
+        return tuple(load for load in self.loads if isinstance(load, Pressure))
+
+    @cached_property
     def loaded(self) -> Sequence[PointSet]:
-        """The points that share each load."""
-        return tuple(loaded_points(self, i, load) for i, load in enumerate(self.loads))
+        """The points that share each dead load."""
+        return tuple(loaded_points(self, i, load) for i, load in enumerate(self.loads) if isinstance(load, Load))
+
+    @cached_property
+    def pressed(self) -> Sequence[Ints]:
+        """The boundary points at which the segments begin that each pressure acts on."""
+        each = enumerate(self.loads)
+        return tuple(pressed_segments(self, i, load) for i, load in each if isinstance(load, Pressure))
 
     def support_velocities(self, t: float, dt: float | None = None) -> Array:
         """Velocities of supports in a step from t to t + dt, or at t, (supports, 2) [m/s], nan where free."""
         return support_velocities(self, t, dt)
 
     def forces(self, t: float) -> Array:
-        """The loads at time t, (loads, 2) [N/m]; SceneError if one is not finite."""
-        each = [motion(load.force, t, f"load {i}: force") for i, load in enumerate(self.loads)]
+        """The dead loads at time t, (dead loads, 2) [N/m]; SceneError if one is not finite."""
+        loads = enumerate(self.loads)
+        each = [motion(load.force, t, f"load {i}: force") for i, load in loads if isinstance(load, Load)]
         return np.array(each).reshape(-1, 2)
+
+    def pressure_values(self, t: float) -> Array:
+        """The pressures at time t, (pressures,) [Pa]; SceneError if one is not finite."""
+        loads = enumerate(self.loads)
+        each = [scalar(load.value, t, f"load {i}: value") for i, load in loads if isinstance(load, Pressure)]
+        return np.array(each, dtype=float)

@@ -40,6 +40,8 @@ def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
     found = scene.round & np.array([isotropic[id(body.material)] for body in scene.bodies])
     for place in (*scene.supported, *scene.loaded):
         found[scene.owner[place.points]] = False
+    for segments in scene.pressed:
+        found[scene.outlines.body[segments]] = False
     return np.asarray(found)
 
 

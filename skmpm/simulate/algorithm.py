@@ -16,7 +16,12 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.driven import check_driven, driven_walls
 from skmpm.simulate.energy_budget import budget_of, report_of
-from skmpm.simulate.forces import equilibrium_depends_on_dt, external_force, interacting_bodies
+from skmpm.simulate.forces import (
+    equilibrium_depends_on_dt,
+    external_force,
+    follower_pressure,
+    interacting_bodies,
+)
 from skmpm.simulate.grid_to_points import end_state, kept_solver
 from skmpm.simulate.initial_state import check_cohesion, check_explicit, check_scheme, touches
 from skmpm.simulate.regrid import (
@@ -72,6 +77,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         supports,
         motions.supports,
         gauge=gauge_condition(scene, state, v0, dt, scheme),
+        pressure=follower_pressure(scene, state, state.t + scheme.theta * dt),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
     )
     timer.lap("transfer")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skmpm.assembly import Assembly
 from skmpm.implicit import Bulk, End, Increment, Solution
 from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, centres, velocity_at
-from skmpm.simulate.forces import external_force
+from skmpm.simulate.forces import external_force, follower_pressure
 from skmpm.simulate.unbalanced import unbalanced_ratio
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def budget_of(
     inertia = increment.scheme.inertia
     elastic = [bulk.energy(at) + reference_energy for at in (increment.at_start, end.configuration)]
     kinetic = [kinetic_energy(bulk.assembly, v) if inertia else 0.0 for v in (increment.v0, end.velocity)]
-    external = float(increment.force @ w * increment.dt - solution.reaction @ increment.prescribed)
+    external = float(increment.load(w) @ w * increment.dt - solution.reaction @ increment.prescribed)
     viscous = increment.dissipated(w)
     push_out = cohesion = tolerated = 0.0
     modulus = bulk.modulus * float(bulk.assembly.volume.sum())
@@ -104,6 +104,9 @@ def _work_at_start(
     """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m]."""
     contacts = state.contacts
     loads = external_force(scene, state, state.t) @ w
+    pressure = follower_pressure(scene, state, state.t)
+    if pressure is not None:
+        loads += pressure.force(state.displacement) @ w
     supports = state.support_force.ravel() @ increment.prescribed
     tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
     force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.implicit import FollowerPressure
 from skmpm.material import Rigid, viscosity_of
 from skmpm.scene import Scene, State, field_values, prescribed_motions
 from skmpm.simulate.regrid import assembly_of
@@ -13,15 +15,29 @@ Array = NDArray[np.float64]
 
 
 def external_force(scene: Scene, state: State, t: float) -> Array:
-    """Nodal forces of gravity and loads at time t, (2 nodes,) [N/m]."""
+    """Nodal forces of gravity and dead loads at time t, (2 nodes,) [N/m]."""
     assembly = assembly_of(state)
-    if not (_has_gravity(scene) or scene.loads):
+    if not (_has_gravity(scene) or scene.dead_loads):
         return np.zeros(2 * assembly.grid.nodes)
     deformable = scene.deformable[state.body]
     at_points = state.mass * _gravity(scene, deformable, t) if _has_gravity(scene) else np.zeros_like(state.x)
     for loaded, force in zip(scene.loaded, scene.forces(t), strict=True):
         at_points[:, loaded.points] += force[:, None] * loaded.share
     return np.asarray(assembly.grid.interpolation.T @ at_points[:, scene.deformable_points].T).ravel()
+
+
+def follower_pressure(scene: Scene, state: State, t: float) -> FollowerPressure | None:
+    """The pressures on boundaries at time t; None if there are none."""
+    if not scene.pressures:
+        return None
+    boundary, deformable = scene.outlines, scene.deformable[state.body]
+    segments = np.concatenate(scene.pressed)
+    value = np.repeat(scene.pressure_values(t), [own.size for own in scene.pressed])
+    c, ends = np.unique(np.stack([segments, boundary.next[segments]]), return_inverse=True)
+    points = boundary.point[c]
+    row = (np.cumsum(deformable) - 1)[points]  # among the points of deformable bodies
+    interpolation = sp.csr_array(assembly_of(state).grid.interpolation[row])
+    return FollowerPressure(interpolation, state.x_anchor[:, points], ends.reshape(2, -1), value)
 
 
 def _has_gravity(scene: Scene) -> bool:
@@ -47,8 +63,9 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
     deformable = [body.material for body in scene.bodies if not isinstance(body.material, Rigid)]
+    loads = [*(load.force for load in scene.dead_loads), *(pressure.value for pressure in scene.pressures)]
     motions = prescribed_motions(scene)
-    if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *motions)):
+    if any(callable(f) for f in (scene.gravity, *loads, *motions)):
         return True
     moving = any(v for motion in motions for v in motion if v is not None)
     return moving or any(viscosity_of(material) > 0.0 for material in deformable)

@@ -97,7 +97,8 @@ def pace_of(scene: Scene, scheme: Scheme, start: float, until: float) -> Pace:
     if scheme.explicit:
         raise SceneError("simulate: explicit steps need dt, below about 0.7 h/c; `preflight` gives c")
     loading = loading_of(scene, np.linspace(start, until, TIMES if _functions_of_time(scene) else 1))
-    functions = callable(scene.gravity) or any(callable(load.force) for load in scene.loads)
+    functions = callable(scene.gravity) or any(callable(load.force) for load in scene.dead_loads)
+    functions |= any(callable(pressure.value) for pressure in scene.pressures)
     if functions and not scheme.inertia:
         raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
     gravity = float(np.hypot(*gravity_of(scene)))

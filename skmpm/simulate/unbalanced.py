@@ -13,7 +13,7 @@ def unbalanced_ratio(increment: Increment, solution: Solution) -> float:
     The resultant is that of contact forces, gravity and loads, which accelerates the body. Bodies with supports are
     left out. It is zero if no force acts, and infinite if forces act but none between bodies.
     """
-    grid, force, mean = increment.grid, increment.force, 0.0
+    grid, force, mean = increment.grid, increment.load(solution.w), 0.0
     contact = solution.contact
     if contact is not None and contact.constraints.size:
         constraints = contact.constraints

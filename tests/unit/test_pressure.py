@@ -1,0 +1,185 @@
+"""Pressures that follow the boundary: closed forms of disc, ring and column, resultants, work, what is refused."""
+
+import numpy as np
+import pytest
+from test_only_what_is_required import Calls
+
+import skmpm
+from skmpm import outline
+from skmpm.points import Points
+from skmpm.simulate.forces import follower_pressure
+
+R = 1e-3
+GEL = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000.0)
+STATIC = skmpm.Scheme(inertia=False)
+
+
+def everywhere(x):
+    return np.ones(x.shape[1], dtype=bool)
+
+
+def pressed_disc(value, where=everywhere, **options):
+    body = skmpm.Body(skmpm.disc((0.1 * R, 0.2 * R), R, spacing=R / 10), options.pop("material", GEL))
+    return skmpm.Scene([body], cell=R / 5, loads=[skmpm.Pressure(where, value)], **options)
+
+
+def ring(inner, outer, spacing):
+    """A ring: the points of a disc without those of the hole, with a second outline around it."""
+    disc, hole = skmpm.disc((0.0, 0.0), outer, spacing=spacing), skmpm.disc((0.0, 0.0), inner, spacing=spacing)
+    own, edge = np.hypot(*disc.x) > inner + 0.25 * spacing, hole.x[:, np.concatenate(hole.outline)]
+    number = np.cumsum(own) - 1
+    loops = [number[loop] for loop in disc.outline]
+    inside = np.arange(own.sum(), own.sum() + edge.shape[1])[::-1]
+    x = np.concatenate([disc.x[:, own], edge], axis=1)
+    volume = np.concatenate([disc.volume[own], np.full(edge.shape[1], np.pi * inner * spacing / edge.shape[1])])
+    volume *= np.pi * (outer**2 - inner**2) / volume.sum()
+    return Points(x, volume, outline=(*loops, inside))
+
+
+def test_the_force_is_the_derivative_of_minus_p_times_the_area():
+    """By central differences in a deformed configuration; so it has neither a resultant nor a moment."""
+    scene, p = pressed_disc(3e4), 3e4
+    state = skmpm.initial(scene)
+    pressure, rng = follower_pressure(scene, state, 0.0), np.random.default_rng(1)
+    u, direction = rng.normal(0.0, 0.03 * R, (2, state.displacement.size))
+
+    def area(displacement):
+        x = pressure.reference + (pressure.interpolation @ displacement.reshape(-1, 2)).T
+        order = pressure.ends[0].argsort()
+        along = x[:, pressure.ends[1, order]]
+        return 0.5 * float(
+            np.sum(x[0, pressure.ends[0, order]] * along[1] - x[1, pressure.ends[0, order]] * along[0])
+        )
+
+    numeric = -p * (area(u + 1e-4 * direction) - area(u - 1e-4 * direction)) / 2e-4
+    assert pressure.force(u) @ direction == pytest.approx(numeric, rel=1e-9)
+    grid = state.derived.assembly.grid
+    force = pressure.force(u).reshape(-1, 2).T
+    x = grid.position + u.reshape(-1, 2).T
+    assert np.abs(force.sum(axis=1)).max() < 1e-12 * np.abs(force).sum()
+    assert abs(np.sum(x[0] * force[1] - x[1] * force[0])) < 1e-12 * np.abs(force).sum() * R
+
+
+@pytest.mark.parametrize("value", [2e5, -1e5])
+def test_a_disc_under_pressure_is_in_hydrostatic_stress(value):
+    """Quasi-static: sigma = -p I, and the area is that for which the law gives this stress."""
+    scene, steps = pressed_disc(lambda t: value * t), 4
+    *_, state = skmpm.simulate(scene, dt=1.0 / steps, until=1.0, scheme=STATIC)
+    mean = np.average(state.stress, axis=2, weights=state.weight)
+    assert mean == pytest.approx(-value * np.eye(2), abs=2e-3 * abs(value))
+    strain = np.sqrt(outline.area(scene.outlines, state.x[:, scene.outlines.point], 1)[0] / 2.0)
+    start = np.sqrt(outline.area(scene.outlines, scene.initial_positions[:, scene.outlines.point], 1)[0] / 2.0)
+    F = strain / start * np.eye(2)[:, :, None]
+    stress = (GEL.stress(F) / F[0, 0])[0, 0, 0]
+    assert stress == pytest.approx(-value, rel=0.01)
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_ring_under_pressure_follows_lame(inside):
+    """Displacements of both boundaries in plane strain (Lame), within 2 %: the ring is five cells thick."""
+    a, b, p, E, nu = R, 2.0 * R, 1e2, 1e6, 0.3
+    material = skmpm.LinearElastic(E=E, nu=nu, density=1000.0)
+
+    def where(x):
+        return (np.hypot(*x) < 1.001 * a) if inside else (np.hypot(*x) > 1.999 * a)
+
+    scene = skmpm.Scene(
+        [skmpm.Body(ring(a, b, R / 12), material)], cell=R / 6, loads=[skmpm.Pressure(where, lambda t: p * t)]
+    )
+    *_, state = skmpm.simulate(scene, dt=1.0, until=1.0, scheme=STATIC)
+    start = scene.initial_positions
+    radius = np.hypot(*start)
+    moved = np.einsum("ik,ik->k", state.x - start, start) / radius
+    inner, outer = (p, 0.0) if inside else (0.0, p)
+    mean = (inner * a**2 - outer * b**2) / (b**2 - a**2)
+    shear = (inner - outer) * a**2 * b**2 / (b**2 - a**2)
+    for r in (a, b):
+        exact = (1.0 + nu) / E * ((1.0 - 2.0 * nu) * mean * r + shear / r)
+        assert np.mean(moved[np.abs(radius - r) < 1e-3 * R]) == pytest.approx(exact, rel=0.02)
+
+
+def test_a_spinning_disc_keeps_its_angular_momentum_under_pressure():
+    """The pressure turns with the boundary: the spin changes by less than 1e-9 in a tenth of a turn."""
+    scene = pressed_disc(1e4)
+    body = skmpm.Body(scene.bodies[0].points, GEL, spin=200.0)
+    scene = skmpm.Scene([body], cell=scene.cell, loads=scene.loads)
+    first = skmpm.initial(scene)
+
+    def momentum(state):
+        centre = state.x @ state.mass / state.mass.sum()
+        arm, trace = state.x - centre[:, None], state.v
+        return float(state.mass @ (arm[0] * trace[1] - arm[1] * trace[0])), state.v @ state.mass
+
+    before, _ = momentum(first)
+    *_, state = skmpm.simulate(scene, dt=1e-4, until=3e-3)
+    after, linear = momentum(state)
+    assert after == pytest.approx(before, rel=0.02)
+    assert np.abs(linear).max() < 1e-10 * abs(before) / R
+
+
+def test_work_of_a_pressure_is_p_times_the_change_of_area():
+    """A constant pressure without inertia: the budget's work is -p dA to the trapezoidal rule, exact to 0.1 %."""
+    p = 1e5
+    scene = pressed_disc(p)
+    start = skmpm.initial(scene, scheme=STATIC)
+    *_, state = skmpm.simulate(scene, dt=1.0, until=1.0, scheme=STATIC)
+    x = [s.x[:, scene.outlines.point] for s in (start, state)]
+    change = float(np.diff([outline.area(scene.outlines, y, 1)[0] for y in x])[0])
+    assert change < 0.0
+    assert state.report.energy.external == pytest.approx(-p * change, rel=1e-3)
+
+
+def test_suction_on_part_of_a_boundary_bends_a_beam_as_a_load_does():
+    """A small pressure on the upper side of a cantilever: deflection p L^4 / (8 E I) in plane strain within 4 %."""
+    length, height, p, E, nu = 10.0 * R, R, 1.0, 1e6, 0.0
+    beam = skmpm.box((0.0, 0.0), (length, height), spacing=height / 10)
+    scene = skmpm.Scene(
+        [skmpm.Body(beam, skmpm.LinearElastic(E=E, nu=nu, density=1000.0))],
+        cell=height / 5,
+        supports=[skmpm.Support(lambda x: x[0] < 1e-9)],
+        loads=[skmpm.Pressure(lambda x: x[1] > height - 1e-9, p)],
+    )
+    *_, state = skmpm.simulate(scene, dt=1.0, until=1.0, scheme=STATIC)
+    end = scene.initial_positions[0] > length - 1e-9
+    deflection = float(np.mean((state.x - scene.initial_positions)[1, end]))
+    exact = -p * length**4 / (8.0 * E * height**3 / 12.0)
+    assert deflection == pytest.approx(exact, rel=0.04)
+
+
+@pytest.mark.parametrize(
+    ("pressure", "message"),
+    [
+        (skmpm.Pressure(everywhere, np.nan), r"load 0: value = nan; give a finite number"),
+        (skmpm.Pressure(everywhere, (1.0, 2.0)), r"load 0: value .* give a finite number"),
+        (skmpm.Pressure(everywhere, "10 kPa"), r"load 0: value .*10 kPa.*give a finite number"),
+        (skmpm.Pressure(lambda x: x[0] > 9.0, 1.0), r"load 0: where is true at no two neighbouring boundary points"),
+        (skmpm.Pressure(lambda x: x[0] > 1.0999 * R, 1.0), r"load 0: where is true at no two neighbouring"),
+        (skmpm.Pressure(1.0, 1.0), r"load 0: where"),
+        (1.0, r"load 0 is a float; use skmpm.Load\(where, force\) or skmpm.Pressure\(where, value\)"),
+    ],
+)
+def test_what_is_refused(pressure, message):
+    with pytest.raises(skmpm.SceneError, match=message):
+        skmpm.Scene([skmpm.Body(skmpm.disc((0.0, 0.0), R, spacing=R / 10), GEL)], cell=R / 5, loads=[pressure])
+
+
+def test_a_value_that_is_not_finite_later_is_refused_then():
+    scene = pressed_disc(lambda t: 1e3 if t < 1.5 else np.inf)
+    with pytest.raises(skmpm.SceneError, match=r"load 0: value at t = 2 s = inf"):
+        list(skmpm.simulate(scene, dt=1.0, until=3.0, scheme=STATIC))
+
+
+def test_without_pressures_none_is_evaluated():
+    """No segment is looked for, no force found, and a linear material is solved once."""
+    scene = skmpm.Scene(pressed_disc(1e3).bodies, cell=R / 5, gravity=(0.0, -1.0))
+    with Calls() as calls:
+        list(skmpm.simulate(scene, dt=1e-5, until=3e-5))
+    assert calls.named("FollowerPressure.force") == calls.named("pressed_segments") == 0
+
+
+def test_restart_is_exact():
+    scene = pressed_disc(lambda t: 1e4 * np.sin(1e4 * t))
+    states = list(skmpm.simulate(scene, dt=1e-5, until=8e-5))
+    *_, again = skmpm.simulate(scene, dt=1e-5, until=8e-5, start=states[3])
+    assert np.array_equal(states[-1].x, again.x)
+    assert np.array_equal(states[-1].stress, again.stress)
