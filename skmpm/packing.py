@@ -36,7 +36,7 @@ class PackingError(ValueError):
 
 @dataclass(frozen=True)
 class Packing:
-    """Discs in the box [0, width] x [0, height].
+    """Discs in the box [0, width] x [0, height], which may be periodic.
 
     Attributes
     ----------
@@ -53,7 +53,13 @@ class Packing:
 
 
 def packing(
-    radii: ArrayLike, width: float, *, solid_fraction: float = 0.70, friction: float = 0.0, seed: int = 0
+    radii: ArrayLike,
+    width: float,
+    *,
+    solid_fraction: float = 0.70,
+    friction: float = 0.0,
+    periodic: bool = False,
+    seed: int = 0,
 ) -> Packing:
     """Pack rigid discs at random, without overlap, in a box of the given width and solid fraction.
 
@@ -68,6 +74,7 @@ def packing(
     radii : (N,) [m]
     width : of the box [m]; its height is sum(pi R^2) / (width solid_fraction)
     friction : coefficient between discs during packing, zero at the walls; it lowers the solid fraction at jamming
+    periodic : whether the box is periodic (`Periodic(width, height)`) instead of closed by walls
     seed : of the random numbers; the same seed gives the same packing in any unit of length
 
     Raises
@@ -80,8 +87,8 @@ def packing(
     unit = R.mean()
     scaled = np.round(R / unit, 10)  # so that rounding in other units of length cannot change the packing
     height = float(np.pi * (R**2).sum() / (width * solid_fraction))
-    box = np.round([width / unit, height / unit], 10)
-    if box.min() <= 2.0 * scaled.max():
+    box = _Box(np.round([width / unit, height / unit], 10), periodic)
+    if box.size.min() <= 2.0 * scaled.max():
         raise PackingError(
             f"the box is {width:g} x {height:g} m but the largest disc has a radius of {R.max():g} m; "
             "change the width, lower solid_fraction or use more discs"
@@ -102,18 +109,42 @@ def packing(
     return Packing(x * unit, R, float(width), height)
 
 
-def _scatter(R: Array, box: Array, rng: np.random.Generator) -> Array:
+@dataclass(frozen=True)
+class _Box:
+    """The box, in mean radii."""
+
+    size: Array  # (2,)
+    periodic: bool
+
+    def pairs(self, x: Array, distance: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+        """Pairs of centres x (2, N) closer than a distance, and the vectors (2, pairs) from second to first."""
+        if not self.periodic:
+            a, b = cKDTree(x.T).query_pairs(distance, output_type="ndarray").T
+            return a, b, x[:, a] - x[:, b]
+        within = np.minimum(np.mod(x.T, self.size), np.nextafter(self.size, 0.0))  # mod may return the size itself
+        a, b = cKDTree(within, boxsize=self.size).query_pairs(distance, output_type="ndarray").T
+        apart = x[:, a] - x[:, b]
+        return a, b, apart - self.size[:, None] * np.rint(apart / self.size[:, None])
+
+    def walls(self, x: Array, R: Array) -> Array:
+        """Gaps between discs and the left, bottom, right and top wall, (4 N,), where there are walls."""
+        if self.periodic:
+            return np.zeros(0)
+        return np.concatenate([x - R, self.size[:, None] - x - R]).ravel()
+
+
+def _scatter(R: Array, box: _Box, rng: np.random.Generator) -> Array:
     """Draw a centre in each of N cells of a grid: random, but without the voids of independent centres."""
-    columns = int(np.ceil(np.sqrt(R.size * box[0] / box[1])))
+    columns = int(np.ceil(np.sqrt(R.size * box.size[0] / box.size[1])))
     rows = -(-R.size // columns)
     cell = rng.permutation(rows * columns)[: R.size]
     place = np.array(np.divmod(cell, rows)) + rng.uniform(size=(2, R.size))
-    inner = _START * R
-    return np.asarray(inner + place / [[columns], [rows]] * (box[:, None] - 2.0 * inner), dtype=float)
+    inner = 0.0 * R if box.periodic else _START * R
+    return np.asarray(inner + place / [[columns], [rows]] * (box.size[:, None] - 2.0 * inner), dtype=float)
 
 
 def _grow(
-    x: Array, R: Array, box: Array, friction: float, limit: float, rng: np.random.Generator
+    x: Array, R: Array, box: _Box, friction: float, limit: float, rng: np.random.Generator
 ) -> tuple[Array, float]:
     """Grow the discs to `limit` times their full size, in smaller steps near jamming.
 
@@ -136,7 +167,7 @@ def _grow(
     return x, best
 
 
-def _separate(x: Array, R: Array, box: Array, friction: float, tolerance: float) -> Array | None:
+def _separate(x: Array, R: Array, box: _Box, friction: float, tolerance: float) -> Array | None:
     """Move the discs as little as possible until none overlap; None if that does not converge."""
     for _ in range(_ROUNDS):
         contacts = _contacts(x, R, box)
@@ -159,13 +190,12 @@ class _Contacts:
     gap: Array  # (k,)
 
 
-def _contacts(x: Array, R: Array, box: Array) -> _Contacts:
-    a, b = cKDTree(x.T).query_pairs(2.0 * R.max() + _MARGIN, output_type="ndarray").T
-    apart = x[:, a] - x[:, b]
+def _contacts(x: Array, R: Array, box: _Box) -> _Contacts:
+    a, b, apart = box.pairs(x, 2.0 * R.max() + _MARGIN)
     distance = np.maximum(np.hypot(*apart), 1e-12)
     gap = distance - R[a] - R[b]
     near = gap < _MARGIN
-    wall_gap = np.concatenate([x - R, box[:, None] - x - R]).ravel()  # left, bottom, right, top
+    wall_gap = box.walls(x, R)
     wall, disc = np.divmod(np.flatnonzero(wall_gap < _MARGIN), R.size)
     inward = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])[:, wall]
     return _Contacts(
