@@ -11,7 +11,7 @@ from skmpm import outline
 from skmpm.io.vtkhdf import PolyData
 from skmpm.material import determinant
 from skmpm.observe import force_lines, network, observe
-from skmpm.scene import Scene, State, stress_zz, view_of, wall_lines
+from skmpm.scene import Scene, State, centres, into_box, stress_zz, view_of, wall_lines
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -23,16 +23,18 @@ OF_BODIES = ("pressure", "deviatoric_stress", "coordination", "volume_ratio", "a
 
 def blocks_of(scene: Scene, state: State) -> dict[str, PolyData]:
     """The blocks of a state by name."""
-    return {
-        "points": _points(scene, state),
-        "bodies": _bodies(scene, state),
-        "contacts": _contacts(scene, state),
+    shift = into_box(centres(state.x, state.mass, state.body), state.box)
+    blocks = {
+        "points": _points(scene, state, shift),
+        "bodies": _bodies(scene, state, shift),
+        "contacts": _contacts(scene, state, shift),
         "walls": _walls(state),
     }
+    return blocks if state.box is None else blocks | {"box": _box(state.box)}
 
 
-def _points(scene: Scene, state: State) -> PolyData:
-    """One vertex per material point."""
+def _points(scene: Scene, state: State, shift: Array) -> PolyData:
+    """One vertex per material point, displaced by the shift (2, bodies) [m] of its body into the periodic box."""
     sigma, zero = state.stress, np.zeros(state.x.shape[1])
     rows = [[sigma[0, 0], sigma[0, 1], zero], [sigma[1, 0], sigma[1, 1], zero], [zero, zero, stress_zz(scene, state)]]
     data = {
@@ -44,13 +46,15 @@ def _points(scene: Scene, state: State) -> PolyData:
         "volume": state.volume,
         "det_F": determinant(state.F),
     }
-    return PolyData(_in_space(state.x), {"Vertices": np.arange(state.x.shape[1])[:, None]}, data)
+    return PolyData(
+        _in_space(state.x + shift[:, state.body]), {"Vertices": np.arange(state.x.shape[1])[:, None]}, data
+    )
 
 
-def _bodies(scene: Scene, state: State) -> PolyData:
+def _bodies(scene: Scene, state: State, shift: Array) -> PolyData:
     """The smooth boundaries: a polygon per body, lines for those with holes, with data of the body."""
     place = scene.outlines.point
-    x, reference = state.x[:, place], scene.initial_positions[:, place]
+    x, reference = (state.x + shift[:, state.body])[:, place], scene.initial_positions[:, place]
     curve = outline.polylines(scene.outlines, reference, x, PARTS)
     owner = curve.outlines.body[curve.loops[:-1]]
     loops = [np.arange(*curve.loops[i : i + 2]) for i in range(owner.size)]
@@ -68,10 +72,11 @@ def _bodies(scene: Scene, state: State) -> PolyData:
     return PolyData(_in_space(curve.x), cells, {}, data | {name: getattr(seen, name)[body] for name in OF_BODIES})
 
 
-def _contacts(scene: Scene, state: State) -> PolyData:
+def _contacts(scene: Scene, state: State, shift: Array) -> PolyData:
     """A line for each pair of bodies that touch, between their centres, with its forces."""
     pairs = network(scene, state)
-    ends, number = force_lines(scene, state, pairs), np.arange(2 * pairs.size)
+    ends = force_lines(scene, state, pairs) + shift[:, pairs.bodies[0]].T[:, None]
+    number = np.arange(2 * pairs.size)
     table = pairs.table()
     data = {name: table[name] for name in OF_CONTACTS}
     return PolyData(_in_space(ends.reshape(-1, 2).T), {"Lines": number.reshape(-1, 2)}, {}, data)
@@ -84,6 +89,12 @@ def _walls(state: State) -> PolyData:
     data = {"wall": -1 - walls, "point": _in_space(point), "normal": _in_space(normal)}
     cells = {"Lines": np.arange(2 * walls.size).reshape(-1, 2)}
     return PolyData(_in_space(lines.reshape(-1, 2).T), cells, {}, data)
+
+
+def _box(box: Array) -> PolyData:
+    """The periodic box as a closed line."""
+    corners = np.stack([np.zeros(2), box[:, 0], box.sum(axis=1), box[:, 1]], axis=1)
+    return PolyData(_in_space(corners), {"Lines": [np.array([0, 1, 2, 3, 0])]}, {}, {})
 
 
 def _in_space(vectors: Array) -> Array:

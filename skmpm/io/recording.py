@@ -35,6 +35,7 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
       second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction and length [m] as
       `network` defines them
     - walls: a line for each wall near the bodies, with wall (-1, -2, ...), a point [m] and the normal of each
+    - box: the periodic box, if there is one; bodies are drawn where their centres lie in it
 
     Positions have double precision, fields single.
 

@@ -8,6 +8,7 @@ from skmpm.outline.crossings import apart, crossings, depth, folded, turns
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.curve import Curve, curve
 from skmpm.outline.facing import facing
+from skmpm.outline.images import Images, images, reduced, without_images
 from skmpm.outline.measures import (
     TURNED_AWAY,
     area,
@@ -31,6 +32,7 @@ __all__ = [
     "TURNED_AWAY",
     "Cubics",
     "Curve",
+    "Images",
     "Outlines",
     "Polylines",
     "apart",
@@ -49,6 +51,7 @@ __all__ = [
     "facing",
     "folded",
     "half_segments",
+    "images",
     "inside",
     "joined",
     "lens_depth",
@@ -57,9 +60,11 @@ __all__ = [
     "overlap",
     "perimeter",
     "polylines",
+    "reduced",
     "second_moments",
     "slit_width",
     "thickness",
     "turning_angles",
     "turns",
+    "without_images",
 ]

@@ -22,8 +22,8 @@ def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Float
     pairs : (2, p) bodies, the first < the second, sorted
     area : (p,) [m2]
     """
-    low, high = _boxes(outlines, x, bodies)
-    pairs = _box_pairs(low, high)
+    low, high = boxes(outlines, x, bodies)
+    pairs = box_pairs(low, high)
     area, ends = np.zeros(pairs.shape[1]), np.searchsorted(outlines.body, np.arange(bodies + 1))
     _shared_areas(pairs, low, high, x, outlines.next, ends, area)
     return pairs, np.maximum(area, 0.0)
@@ -38,7 +38,7 @@ def lens_depth(shared: Floats, size: Floats) -> Floats:
     return np.asarray((shared / np.sqrt(length)) ** (2.0 / 3.0))
 
 
-def _boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
+def boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
     """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline."""
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
     if outlines.size:
@@ -48,7 +48,7 @@ def _boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
     return low, high
 
 
-def _box_pairs(low: Floats, high: Floats) -> Integers:
+def box_pairs(low: Floats, high: Floats) -> Integers:
     """Pairs (2, p) of boxes that share area, sorted."""
     real = np.flatnonzero(low[0] <= high[0])
     if real.size < 2:

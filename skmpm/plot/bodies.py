@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,31 +17,33 @@ from skmpm.plot.triangles import triangles
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 COLOURS = ("#8ecae6", "#f2b880", "#a3c9a8", "#d8a7b1", "#b8b3d9", "#e6d690", "#9fc5c1", "#c9b8a8")
 RIGID, EDGE, EDGE_WIDTH = "0.72", "0.25", 0.5  # greys, and a width [pt]
 
 
-def draw_bodies(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
+def draw_bodies(axes: Axes, seen: Snapshot, field: Field, style: Style, offset: Array) -> None:
     """Fill the bodies by a field or by their colours, rigid ones grey, and draw their boundaries.
 
-    Bodies without outline are drawn as their points.
+    All displaced by an offset (2,) [m]. Bodies without outline are drawn as their points.
     """
     from matplotlib.collections import PathCollection
 
     boundary = seen.boundary()
+    boundary, x = replace(boundary, x=boundary.x + offset[:, None]), seen.x + offset[:, None]
     paths, bodies = body_paths(boundary)
     faces = [COLOURS[b % len(COLOURS)] if seen.deformable[b] else RIGID for b in bodies.tolist()]
     if field.values is not None:
         soft = [path for path, b in zip(paths, bodies.tolist(), strict=True) if seen.deformable[b]]
-        _shade(axes, seen, boundary, soft, field.values, style)
+        _shade(axes, seen, x, boundary, soft, field.values, style)
         faces = ["none" if seen.deformable[b] else RIGID for b in bodies.tolist()]
     axes.add_collection(PathCollection(paths, facecolors=faces, edgecolors=EDGE, linewidths=EDGE_WIDTH, zorder=2.0))
     bare = np.flatnonzero(~seen.outlined[seen.owner])
     if bare.size:
         values = seen.owner[bare] % len(COLOURS) if field.values is None else field.values[bare]
-        _scatter(axes, seen.x[:, bare], values, None if field.values is None else style)
+        _scatter(axes, x[:, bare], values, None if field.values is None else style)
 
 
 def body_paths(boundary: Polylines) -> tuple[list[Any], Ints]:
@@ -58,17 +61,18 @@ def body_paths(boundary: Polylines) -> tuple[list[Any], Ints]:
 def _shade(
     axes: Axes,
     seen: Snapshot,
+    x: Array,
     boundary: Polylines,
     paths: list[Any],
     values: NDArray[np.float64],
     style: Style,
 ) -> None:
-    """Colour the bodies with these paths by values at the points (n,)."""
+    """Colour the bodies with these paths by values at the points (n,), which lie at x (2, n)."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
     from matplotlib.tri import Triangulation
 
-    mesh = triangles(seen.x, seen.owner, seen.boundary_points, boundary, np.flatnonzero(seen.deformable))
+    mesh = triangles(x, seen.owner, seen.boundary_points, boundary, np.flatnonzero(seen.deformable))
     if mesh.corners.size == 0:
         return
     options: dict[str, Any] = {"cmap": colour_map(style.limits), "vmin": style.limits[0], "vmax": style.limits[1]}

@@ -13,7 +13,7 @@ from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of, scale
 from skmpm.plot.forces import add_key, draw_forces
 from skmpm.plot.snapshot import OfState, Snapshot
 from skmpm.plot.style import Style, in_multiples, style_of
-from skmpm.plot.surroundings import draw_supports, draw_walls
+from skmpm.plot.surroundings import draw_box, draw_supports, draw_walls, offsets
 from skmpm.scene import Scene, State, check_fits
 from skmpm.units import prefixed
 
@@ -34,7 +34,8 @@ def plot(
 ) -> Axes:
     """Draw the bodies of a state, filled by a field, with walls and supports.
 
-    Boundaries are the smooth curves on which contact acts. Fields are linear between material points.
+    Boundaries are the smooth curves on which contact acts. Fields are linear between material points. A periodic box
+    is drawn with what lies in it, and images around it are faded.
 
     Parameters
     ----------
@@ -89,10 +90,12 @@ def matplotlib_module(name: str) -> Any:
 def draw(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
     """Draw bodies, walls, supports and forces into axes, without a legend."""
     draw_walls(axes, seen, style.view)
-    draw_bodies(axes, seen, field, style)
+    for offset in offsets(seen, style.view):
+        draw_bodies(axes, seen, field, style, offset)
+        if style.largest_force is not None:
+            draw_forces(axes, seen, style.largest_force, offset)
     draw_supports(axes, seen)
-    if style.largest_force is not None:
-        draw_forces(axes, seen, style.largest_force)
+    draw_box(axes, seen, style.view)
     axes.set_aspect("equal")
     (left, low), (right, high) = style.view.tolist()
     axes.set(xlim=(left, right), ylim=(low, high))

@@ -22,14 +22,17 @@ COLOUR = "#b2182b"
 WIDEST_OF_ONE, WIDEST = 60.0, 6.0
 
 
-def draw_forces(axes: Axes, seen: Snapshot, largest: float) -> None:
-    """Draw lines as wide as the normal forces between bodies, the widest for the force `largest` [N/m]."""
+def draw_forces(axes: Axes, seen: Snapshot, largest: float, offset: Array) -> None:
+    """Draw lines as wide as the normal forces between bodies, the widest for the force `largest` [N/m].
+
+    They are displaced by an offset (2,) [m].
+    """
     from matplotlib.collections import LineCollection
 
     lines, forces = seen.forces()
     widths = _width(seen, forces, largest)
     options: dict[str, Any] = {"colors": COLOUR, "capstyle": "round", "alpha": 0.85, "zorder": 3.5}
-    axes.add_collection(LineCollection(list(lines), linewidths=widths, **options))
+    axes.add_collection(LineCollection(list(lines + offset), linewidths=widths, **options))
 
 
 def add_key(axes: Axes, seen: Snapshot, largest: float) -> None:

@@ -12,7 +12,7 @@ from skmpm import outline
 from skmpm.io import Frame
 from skmpm.observe import force_lines, network
 from skmpm.outline import Polylines
-from skmpm.scene import Scene, State, mises, stress_zz
+from skmpm.scene import Scene, State, centres, into_box, mises, stress_zz
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,6 +33,7 @@ class Snapshot(ABC):
     held: Ints  # (h,) material points whose velocity supports prescribe
     walls: Array  # (w, 2) a point of each [m]
     wall_normals: Array  # (w, 2)
+    box: Array | None  # (2, 2) edges of the periodic box [m]; the bodies have their centres in it
 
     @property
     def outlined(self) -> Bools:
@@ -63,6 +64,7 @@ class OfState(Snapshot):
 
     scene: Scene
     state: State
+    shift: Array  # (2, bodies) of the bodies into the periodic box [m]
 
     @classmethod
     def of(cls, scene: Scene, state: State) -> OfState:
@@ -70,7 +72,9 @@ class OfState(Snapshot):
         place = [held.points for held in scene.supported]
         held = np.unique(np.concatenate(place)) if place else np.zeros(0, dtype=np.int64)
         bodies = scene.deformable, scene.outlines.point, held
-        return cls(state.t, state.x, scene.owner, *bodies, state.walls, state.wall_normals, scene, state)
+        shift = into_box(centres(state.x, state.mass, state.body), state.box)
+        x, walls = state.x + shift[:, state.body], (state.walls, state.wall_normals)
+        return cls(state.t, x, scene.owner, *bodies, *walls, state.box, scene, state, shift)
 
     def boundary(self) -> Polylines:
         """The curves on which contact acts."""
@@ -91,7 +95,8 @@ class OfState(Snapshot):
     def forces(self) -> tuple[Array, Array]:
         """The contact network of the state."""
         pairs = network(self.scene, self.state)
-        return force_lines(self.scene, self.state, pairs), pairs.force[0]
+        lines = force_lines(self.scene, self.state, pairs) + self.shift[:, pairs.bodies[0]].T[:, None]
+        return lines, pairs.force[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +109,7 @@ class OfFrame(Snapshot):
     def of(cls, frame: Frame) -> OfFrame:
         """The snapshot of a frame."""
         bodies = frame.points["body"], frame.deformable, frame.boundary_points, frame.held_points
-        return cls(frame.t, frame.x, *bodies, frame.walls["point"].T, frame.walls["normal"].T, frame)
+        return cls(frame.t, frame.x, *bodies, frame.walls["point"].T, frame.walls["normal"].T, frame.box, frame)
 
     def boundary(self) -> Polylines:
         """The recorded boundaries."""

@@ -28,8 +28,15 @@ def style_of(pictures: Sequence[Snapshot], fields: Sequence[Field], *, forces: b
     """Scales and view that suit all of these pictures."""
     limits = limits_of(pictures[0], fields) if limits is None else _checked(limits)
     largest = max(float(seen.forces()[1].max(initial=0.0)) for seen in pictures) if forces else None
-    views = np.stack([view_of(seen.x, seen.walls, seen.wall_normals) for seen in pictures])
+    views = np.stack([view_of(_shown(seen), seen.walls, seen.wall_normals) for seen in pictures])
     return Style(limits, largest, np.stack([views[:, 0].min(axis=0), views[:, 1].max(axis=0)]))
+
+
+def _shown(seen: Snapshot) -> Array:
+    """Positions (2, k) [m] that are in the view: those of the points, of a periodic box its corners."""
+    if seen.box is None:
+        return seen.x
+    return np.stack([np.zeros(2), *seen.box.T, seen.box.sum(axis=1)], axis=1)
 
 
 def _checked(limits: Limits) -> Limits:

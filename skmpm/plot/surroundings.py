@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 THICKNESS = 0.02  # of walls as drawn, over the larger side of the view
 GREY, SUPPORT = "0.82", "#d95f02"
+FADED = 0.7  # opacity of what covers images outside of a periodic box
 
 
 def draw_walls(axes: Axes, seen: Snapshot, view: Array) -> None:
@@ -34,3 +35,28 @@ def draw_supports(axes: Axes, seen: Snapshot) -> None:
     """Mark the points whose velocity supports prescribe."""
     if seen.held.size:
         axes.plot(*seen.x[:, seen.held], ".", color=SUPPORT, markersize=3.0, zorder=4.0)
+
+
+def offsets(seen: Snapshot, view: Array) -> list[Array]:
+    """Displacements (2,) [m] of all images of the bodies that are in a view: zero, and in a periodic box others."""
+    here = np.zeros(2)
+    if seen.box is None:
+        return [here]
+    low, high = seen.x.min(axis=1), seen.x.max(axis=1)
+    around = [seen.box @ (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+    return [here, *(k for k in around if (low + k < view[1]).all() and (high + k > view[0]).all())]
+
+
+def draw_box(axes: Axes, seen: Snapshot, view: Array) -> None:
+    """Draw the edges of the periodic box, and fade what lies outside of it."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    if seen.box is None:
+        return
+    a, b = seen.box.T
+    edges, (low, high) = np.array([0.0 * a, a, a + b, b, 0.0 * a]), view
+    around = np.array([low, (low[0], high[1]), high, (high[0], low[1]), low])
+    outside = Path.make_compound_path(Path(around, closed=True), Path(edges, closed=True))
+    axes.add_patch(PathPatch(outside, facecolor="white", edgecolor="none", alpha=FADED, zorder=3.8))
+    axes.plot(*edges.T, color="black", linewidth=1.0, linestyle="--", zorder=3.9)

@@ -1,0 +1,143 @@
+"""Images of outlines in a periodic box.
+
+The plane is tiled by the box, whose edges are the columns h_1 and h_2 of a matrix H, and every body has images at
+H k for all pairs k of integers. Bodies are first moved into one box, each by a lattice vector. Two of them meet, or a
+body meets itself, where one meets an image of the other; since with k, -k of the other one is the same meeting, only
+half of the vectors k are needed, and of the images only those whose bounding boxes come close to one of the bodies.
+The edges are replaced by the shortest ones of the same lattice (Lagrange and Gauss), however slanted the box is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from skmpm.outline.overlaps import box_pairs, boxes, overlap
+from skmpm.outline.topology import Floats, Integers, Outlines, ranges
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """Outlines of n bodies, moved into one box, and of those images that come close to them."""
+
+    outlines: Outlines  # m boundary points; bodies 0, ..., n - 1, then a number for each image
+    boundary: Integers  # (m,) the boundary point of a body that each one is an image of
+    body: Integers  # (n + images,) the body that each one is an image of
+    lattice: Integers  # (2, n + images) k of the lattice vector H k by which each one is displaced
+    bodies: int  # n
+
+    @property
+    def none(self) -> bool:
+        """Whether these are the bodies where they are, without a periodic box."""
+        return self.body.size == self.bodies and not self.lattice.any()
+
+    @cached_property
+    def owner(self) -> Integers:
+        """The body that each boundary point belongs to, (m,)."""
+        return self.body[self.outlines.body]
+
+    def at(self, x: Floats, box: Floats | None) -> Floats:
+        """Positions (2, m) [m], from those x of the boundary points of the bodies and H (2, 2) [m]."""
+        if box is None or self.none:
+            return x
+        return np.asarray(x[:, self.boundary] + (box @ self.lattice)[:, self.outlines.body])
+
+    def between(self, first: Integers, second: Integers) -> Integers:
+        """The lattice vectors k (2, c) from bodies `second` to the images of them that `first` meet, both (c,)."""
+        return np.asarray(self.lattice[:, second] - self.lattice[:, first])
+
+    def overlap(self, x: Floats) -> tuple[Integers, Floats]:
+        """Pairs of bodies (2, p) whose bounding boxes overlap, with the area that they share (p,) [m2].
+
+        `x` (2, m) [m] as `at` returns it. A pair that meets across several edges of the box is named as often.
+        """
+        pairs, area = overlap(self.outlines, x, self.body.size)
+        kept = (pairs < self.bodies).any(axis=0)
+        return np.sort(self.body[pairs[:, kept]], axis=0), area[kept]
+
+
+def without_images(outlines: Outlines, bodies: int) -> Images:
+    """The bodies alone, where they are."""
+    each = np.arange(bodies)
+    return Images(outlines, np.arange(outlines.size), each, np.zeros((2, bodies), dtype=np.int64), bodies)
+
+
+def images(outlines: Outlines, x: Floats, bodies: int, box: Floats | None, reach: float) -> Images:
+    """The bodies in one box, and their images whose bounding boxes come closer than `reach` [m] to one of a body.
+
+    Parameters
+    ----------
+    x : (2, m) positions of the boundary points [m]
+    box : (2, 2) edges of the periodic box, as columns [m]; None without one
+    """
+    if box is None:
+        return without_images(outlines, bodies)
+    reduction = reduced(box)
+    edges = box @ reduction
+    low, high = boxes(outlines, x, bodies)
+    real = np.flatnonzero(low[0] <= high[0])
+    home = np.zeros((2, bodies), dtype=np.int64)
+    home[:, real] = -np.floor(np.linalg.solve(edges, 0.5 * (low + high)[:, real])).astype(np.int64)
+    low, high = low + edges @ home, high + edges @ home
+    steps = _half_plane(edges, float((high - low)[:, real].max(initial=0.0)) + reach)
+    body, lattice = _near(low, high, real, edges, steps, reach)
+    first = np.searchsorted(outlines.body, np.arange(bodies + 1))
+    count = np.diff(first)[body]
+    copied = ranges(first[body], count)
+    shift = np.repeat(outlines.size + np.cumsum(count) - count - first[body], count)
+    extended = Outlines(
+        point=np.append(outlines.point, outlines.point[copied]),
+        body=np.append(outlines.body, np.repeat(bodies + np.arange(body.size), count)),
+        next=np.append(outlines.next, outlines.next[copied] + shift),
+        previous=np.append(outlines.previous, outlines.previous[copied] + shift),
+    )
+    return Images(
+        extended,
+        np.append(np.arange(outlines.size), copied),
+        np.append(np.arange(bodies), body),
+        reduction @ np.concatenate([home, home[:, body] + lattice], axis=1),
+        bodies,
+    )
+
+
+def reduced(box: Floats) -> Integers:
+    """The unimodular matrix (2, 2) that turns edges into the shortest ones of the same lattice, by columns."""
+    change = np.eye(2, dtype=np.int64)
+    while True:
+        a, b = (box @ change).T
+        if a @ a > b @ b:
+            change = np.stack([change[:, 1], -change[:, 0]], axis=1)  # keeps the orientation
+            a, b = b, -a
+        times = int(np.rint((a @ b) / (a @ a)))
+        if times == 0:
+            return change
+        change[:, 1] -= times * change[:, 0]
+
+
+def _half_plane(edges: Floats, size: float) -> Integers:
+    """One of k and -k of each lattice vector that may lie between boxes of bodies in one periodic box, (2, s).
+
+    `size` [m] is the largest side of these boxes.
+    """
+    height = abs(float(np.linalg.det(edges))) / np.hypot(*edges)[::-1]
+    most = 1 + (size / height).astype(np.int64)
+    i, j = np.meshgrid(np.arange(-most[0], most[0] + 1), np.arange(most[1] + 1), indexing="ij")
+    k = np.stack([i.ravel(), j.ravel()])
+    return k[:, (k[1] > 0) | (k[0] > 0)]
+
+
+def _near(
+    low: Floats, high: Floats, real: Integers, edges: Floats, steps: Integers, reach: float
+) -> tuple[Integers, Integers]:
+    """The bodies (c,) and lattice vectors (2, c) of the images whose boxes come closer than `reach` to a body's."""
+    body, lattice = np.tile(real, steps.shape[1]), np.repeat(steps, real.size, axis=1)
+    grown = [low[:, real] - 0.5 * reach, high[:, real] + 0.5 * reach]
+    moved = [a[:, np.tile(np.arange(real.size), steps.shape[1])] + edges @ lattice for a in grown]
+    inside = (moved[0] < grown[1].max(axis=1, keepdims=True)) & (moved[1] > grown[0].min(axis=1, keepdims=True))
+    kept = np.flatnonzero(inside.all(axis=0))
+    pairs = box_pairs(*(np.concatenate([a, b[:, kept]], axis=1) for a, b in zip(grown, moved, strict=True)))
+    found = np.zeros(kept.size, dtype=np.bool_)
+    found[pairs[1, (pairs[0] < real.size) & (pairs[1] >= real.size)] - real.size] = True
+    return body[kept[found]], lattice[:, kept[found]]
