@@ -13,7 +13,7 @@ from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
 from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, polygon
 from skmpm.preflight import Suggestion, preflight, suggest
-from skmpm.scene import Body, Load, Pressure, Scene, SceneError, State, StepFailed, Support, Wall, continued
+from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, State, StepFailed, Support, Wall, continued
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 
@@ -32,6 +32,7 @@ __all__ = [
     "Ogden",
     "Packing",
     "PackingError",
+    "Periodic",
     "Points",
     "Pressure",
     "Rigid",

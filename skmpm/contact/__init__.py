@@ -16,6 +16,7 @@ the tip. Contacts are detected up to a distance, the reach, and kept from step t
 from skmpm.contact.boundary import point_to_curve
 from skmpm.contact.constraints import Constraints, ContactFormulation, Linearise, acts_at_grid_nodes
 from skmpm.contact.grid_nodes import shared_grid
+from skmpm.contact.lattice_keys import recut_keys
 from skmpm.contact.self_contact import joined_parts, may_touch_itself
 
 __all__ = [
@@ -26,5 +27,6 @@ __all__ = [
     "joined_parts",
     "may_touch_itself",
     "point_to_curve",
+    "recut_keys",
     "shared_grid",
 ]

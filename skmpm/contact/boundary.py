@@ -25,6 +25,7 @@ from skmpm.contact.closest_points import closest_points
 from skmpm.contact.cohesion import opening, tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, no_contacts
+from skmpm.contact.motion import Motion
 from skmpm.contact.projection import Neighbours, Roles, neighbours
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
@@ -35,8 +36,6 @@ from skmpm.scene import (
     Scene,
     SceneError,
     State,
-    centres,
-    mean_velocity,
     prescribed_velocities,
 )
 
@@ -75,57 +74,54 @@ def point_to_curve(
     _check_outlines(scene)
     boundary = scene.outlines
     interpolation = _boundary_interpolation(scene, state, grid, boundary)
-    motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
-    prescribed, wall_velocities = _rigid_velocities(scene, state, motions.rigid, dt), motions.walls
-    initial = scene.initial_positions[:, boundary.point]
-    roles, reach, start = _roles(scene, boundary, initial), _reach(scene, grid.cell), state.x[:, boundary.point]
-    margin = 0.5 * reach + 2.0 * dt * float(np.abs(state.v).max(initial=0.0))
-    curve = outline.curve(boundary, initial, start)
-    own = SelfContact.of(scene, state)
-    close = neighbours(scene, curve, roles, own, start, grid.cell, reach, margin)
+    motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
+    reach, start = _reach(scene, grid.cell), state.x[:, boundary.point]
+
+    def search(margin: float) -> tuple[Neighbours, Roles]:
+        surfaces = scene.images(start, state.box, reach + margin)
+        initial = scene.initial_positions[:, surfaces.outlines.point]
+        at, roles = surfaces.at(start, state.box), _roles(scene, surfaces, initial)
+        curve, own = outline.curve(surfaces.outlines, initial, at), SelfContact.of(scene, state, surfaces.outlines)
+        return neighbours(scene, surfaces, curve, roles, own, at, reach, margin), roles
+
+    motion = Motion.of(scene, state, motions, dt)
+    close, roles = search(0.5 * reach + 2.0 * motion.largest(dt * state.v[:, boundary.point], start))
     if inertia:
-        close = _with_closest_points(scene, state, close, roles, prescribed, wall_velocities, dt)
+        close = _with_closest_points(scene, state, close, roles, motion)
 
-    def contact(near: Neighbours, moved: Array, walls: Array) -> ContactPairs:
-        steps = enumerate(zip(state.walls, dt * walls, strict=True))
-        on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in steps)
-        between = no_contacts() if near.none else contacts_between_bodies(scene, near, start, moved, theta)
-        return joined([between, *on_walls])
-
-    def linearise(w: Array, walls: Array = wall_velocities) -> Constraints:
-        moved = dt * ((interpolation @ w.reshape(-1, 2)).T + prescribed)
-        needed = 2.0 * float(np.abs(moved).max(initial=0.0))
-        near = close
+    def linearise(w: Array, motions: PrescribedVelocities = motions) -> Constraints:
+        motion = Motion.of(scene, state, motions, dt)
+        moved = dt * (interpolation @ w.reshape(-1, 2)).T + motion.points
+        needed = 2.0 * motion.largest(moved, start)
+        near, ranks = close, roles
         if needed > near.margin:
-            near = replace(neighbours(scene, curve, roles, own, start, grid.cell, reach, needed), shifts=close.shifts)
-        found = contact(near, moved, walls)
-        strength = tensile_strength(scene, boundary, start, found, roles.rank) if scene.cohesive else 0.0 * found.gap
-        return _constraints(scene, found, strength, start + moved, interpolation, w, prescribed, walls, dt)
+            near, ranks = search(needed)
+            near = replace(near, shifts=close.shifts)
+        return _constraints(
+            scene, _contacts(scene, near, motion, moved, theta), near, ranks, motion, moved, interpolation, w
+        )
 
     return linearise
 
 
-def _rigid_velocities(scene: Scene, state: State, rigid: Array, dt: float) -> Array:
-    """Mean velocities of the boundary points of rigid bodies in the step, zero for others, (2, m) [m/s]."""
-    boundary = scene.outlines
-    velocity = rigid[:2, boundary.body]
-    if rigid[2].any():
-        arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, boundary.body]
-        velocity = mean_velocity(arm, rigid[:, boundary.body], dt)
-    return velocity
+def _contacts(scene: Scene, near: Neighbours, motion: Motion, moved: Array, theta: float) -> ContactPairs:
+    """The contact pairs of boundary points that have moved by `moved` (2, m) [m]."""
+    start, moved = near.start.x, motion.of_surfaces(near.surfaces, moved)
+    walls = enumerate(zip(*motion.walls, strict=True))
+    on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
+    between = no_contacts() if near.none else contacts_between_bodies(scene, near, start, moved, theta)
+    return joined([between, *on_walls])
 
 
-def _with_closest_points(
-    scene: Scene, state: State, near: Neighbours, roles: Roles, prescribed: Array, walls: Array, dt: float
-) -> Neighbours:
+def _with_closest_points(scene: Scene, state: State, near: Neighbours, roles: Roles, motion: Motion) -> Neighbours:
     """The candidates with contact points shifted to the closest points at the end of a step of constant velocities.
 
     Only with inertia: a round body on one point has no equilibrium against rotation.
     """
     boundary = scene.outlines
-    velocity = np.where(scene.deformable[boundary.body], state.v[:, boundary.point], prescribed)
-    ahead, walls_ahead = near.curve.through(near.start.x + dt * velocity), state.walls + dt * walls
-    return replace(near, shifts=closest_points(scene, near, roles, ahead, walls_ahead, state.contacts))
+    moved = np.where(scene.deformable[boundary.body], motion.dt * state.v[:, boundary.point], motion.points)
+    ahead = near.curve.through(near.start.x + motion.of_surfaces(near.surfaces, moved))
+    return replace(near, shifts=closest_points(scene, near, roles, ahead, motion.walls.sum(axis=0), state.contacts))
 
 
 def _reach(scene: Scene, cell: float) -> float:
@@ -152,52 +148,63 @@ def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundar
     return sp.csr_array((matrix.data[entries], matrix.indices[entries], offsets), shape=(own.size, grid.nodes))
 
 
-def _roles(scene: Scene, boundary: Outlines, x: Array) -> Roles:
+def _roles(scene: Scene, surfaces: outline.Images, x: Array) -> Roles:
     """Rank the bodies by which contributes points: deformable before rigid, finer boundary first, then by position.
 
-    The curve of a rigid body does not depend on the solution, and neither do the normals of the forces on it.
+    In a periodic box the last is their number, and images follow their bodies. The curve of a rigid body does not
+    depend on the solution, and neither do the normals of the forces on it.
     """
-    count = np.maximum(np.bincount(boundary.body, minlength=len(scene.bodies)), 1)
+    boundary, bodies, number = surfaces.outlines, surfaces.body.size, surfaces.outlines.body
+    count = np.maximum(np.bincount(number, minlength=bodies), 1)
     length = np.hypot(*(x[:, boundary.next] - x))
-    spacing = np.bincount(boundary.body, length, len(scene.bodies)) / count
+    spacing = np.bincount(number, length, bodies) / count
     rounded = np.round(spacing / max(float(spacing.max()), 1e-300), 6)
-    centre = [np.bincount(boundary.body, component, len(scene.bodies)) / count for component in x]
-    rank = np.empty(len(scene.bodies), dtype=np.int64)
-    rank[np.lexsort((centre[1], centre[0], rounded, ~scene.deformable))] = np.arange(rank.size)
-    bend = np.where(scene.deformable[boundary.body], 0.0, outline.bend(boundary, x))
+    centre = [np.bincount(number, component, bodies) / count for component in x]
+    # Positions depend on the box that a body begins in, its number does not.
+    place = centre[::-1] if scene.periodic is None else [np.arange(bodies), surfaces.body]
+    rank = np.empty(bodies, dtype=np.int64)
+    rank[np.lexsort((*place, rounded, ~scene.deformable[surfaces.body]))] = np.arange(bodies)
+    bend = np.where(scene.deformable[surfaces.owner], 0.0, outline.bend(boundary, x))
     return Roles(rank, spacing, bend)
 
 
 def _constraints(
     scene: Scene,
     found: ContactPairs,
-    strength: Array,
-    x: Array,
+    near: Neighbours,
+    roles: Roles,
+    motion: Motion,
+    moved: Array,
     interpolation: sp.csr_array,
     w: Array,
-    prescribed: Array,
-    walls: Array,
-    dt: float,
 ) -> Constraints:
-    """Constraints of the contact pairs, linearised about w, which moves the boundary points to x (2, m)."""
-    k = np.arange(found.gap.size)
-    own, kept = np.tile(k, 4), found.own_weights.ravel() != 0.0
+    """Constraints of the contact pairs, linearised about w, which moves the boundary points by `moved` (2, m) [m]."""
+    surfaces, start, dt = near.surfaces, near.start.x, motion.dt
+    strength = tensile_strength(scene, surfaces, start, found, roles.rank) if scene.cohesive else 0.0 * found.gap
+    x = start + motion.of_surfaces(surfaces, moved)
+    at = np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own])
+    first, second = (surfaces.lattice[:, np.maximum(body, 0)] for body in found.bodies)
+    before, image, home = (
+        motion.lattice_vectors(k, end) for k, end in ((second - first, 0), (second - first, 1), (first, 1))
+    )
+    found = _of_bodies(found, surfaces)
+    k, kept = np.arange(found.gap.size), found.own_weights.ravel() != 0.0
+    own = np.tile(k, 4)
     data = np.concatenate([found.own_weights.ravel()[kept], -found.weights.ravel()])
     row = np.concatenate([own[kept], own])
     column = np.concatenate([found.own.ravel()[kept], found.stencil.ravel()])
-    relative = sp.csr_array((data, (row, column)), shape=(k.size, x.shape[1]))
-    prescribed = (relative @ prescribed.T).T
+    relative = sp.csr_array((data, (row, column)), shape=(k.size, moved.shape[1]))
+    prescribed = (relative @ motion.points.T).T / dt
     on_wall = found.bodies[1] < 0
-    prescribed[:, on_wall] -= walls[-1 - found.bodies[1, on_wall]].T
-    tangent_shares = sp.csr_array(
-        (found.tangent_shares.ravel(), (np.tile(k, 4), found.stencil.ravel())), shape=relative.shape
-    )
+    prescribed[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
+    prescribed -= (image - before) / dt
+    tangent_shares = sp.csr_array((found.tangent_shares.ravel(), (own, found.stencil.ravel())), shape=relative.shape)
     tangent_shares.eliminate_zeros()
     now = np.einsum("ik,ki->k", found.normal, relative @ (interpolation @ w.reshape(-1, 2)))
     allowed = np.maximum(np.minimum((1.0 - PUSH_OUT) * found.before, -found.kept), np.minimum(found.before, 0.0))
     return Constraints(
         bodies=found.bodies,
-        x=np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own]),
+        x=at - home,
         normal=found.normal,
         gap=found.gap,
         friction=found.friction,
@@ -212,4 +219,19 @@ def _constraints(
         pushed_out=np.where(found.before < 0.0, np.maximum(np.minimum(found.gap, 0.0) - found.before, 0.0), 0.0),
         tensile_strength=strength,
         opening=opening(found, strength) if scene.cohesive else np.zeros(found.gap.size),
+        image=image,
+    )
+
+
+def _of_bodies(found: ContactPairs, surfaces: outline.Images) -> ContactPairs:
+    """The contact pairs in numbers of bodies and of their boundary points, instead of those of images."""
+    if surfaces.none:
+        return found
+    boundary = surfaces.boundary
+    return replace(
+        found,
+        bodies=np.where(found.bodies < 0, found.bodies, surfaces.body[found.bodies]),
+        point=boundary[found.point],
+        own=boundary[found.own],
+        stencil=boundary[found.stencil],
     )

@@ -44,7 +44,7 @@ def closest_points(
 
     `walls` (walls, 2) [m] are points of the walls then, `contacts` those of the last step.
     """
-    length, turn = _turns(ahead.curve, scene.initial_positions[:, scene.outlines.point])
+    length, turn = _turns(ahead.curve, scene.initial_positions[:, ahead.curve.outlines.point])
     found = [_on_wall(scene, near, i, point, ahead, length, turn) for i, point in enumerate(walls)]
     if near.point.size:
         found.append(_on_bodies(scene, near, roles, ahead, length, turn))
@@ -75,7 +75,7 @@ def _on_wall(
     """Segments near wall i at `point` (2,) [m]."""
     curve, boundary = near.curve, near.curve.outlines
     normal = np.asarray(scene.walls[i].normal, dtype=float)
-    close = (normal @ (ahead.x - point[:, None]) < near.reach) & scene.deformable[boundary.body]
+    close = (normal @ (ahead.x - point[:, None]) < near.reach) & scene.movable[boundary.body]
     c = np.flatnonzero(close | close[boundary.next])
     ends = np.stack([c, boundary.next[c]])
     slope = np.stack([normal @ _tangents(ahead, end) for end in ends])
@@ -84,23 +84,23 @@ def _on_wall(
 
 def _on_bodies(scene: Scene, near: Neighbours, roles: Roles, ahead: Cubics, length: Array, turn: Array) -> _Segments:
     """Segments near other bodies."""
-    curve, boundary = near.curve, near.curve.outlines
+    curve, boundary, owner = near.curve, near.curve.outlines, near.surfaces.owner
     c, segment, s = nearest(near, ahead.x)
     ranks = roles.rank[boundary.body[np.stack([c, segment])]]
-    chosen = (ranks[0] < ranks[1]) & scene.deformable[boundary.body[c]]  # not the corners of the other body
+    chosen = (ranks[0] < ranks[1]) & scene.movable[owner[c]]  # not the corners of the other body
     c, segment, s = c[chosen], segment[chosen], s[chosen]
     foot, t = ahead.project(ahead.x[:, c], segment, s)
     slope = dot(ahead.normals(foot, t), _tangents(ahead, c))
     key, key_of_end = (end * curve.sides + curve.side[foot] for end in (c, boundary.next[c]))
     i = np.flatnonzero(np.isin(key_of_end, key))
     j = np.searchsorted(key, key_of_end[i])  # sorted, as points and sides are
-    c, foot = c[i], foot[i]
+    c, end_foot, foot = c[i], foot[j], foot[i]
     return _Segments(
-        key=np.stack([key[i], key[j]]),
+        key=np.stack([near.keys(c, foot), near.keys(boundary.next[c], end_foot)]),
         slope=np.stack([slope[i], slope[j]]),
         turn=turn[c] + length[c] * turn[foot] / length[foot],
         length=length[c],
-        compliance=scene.compliance[boundary.body[c]] + scene.compliance[boundary.body[foot]],
+        compliance=scene.compliance[owner[c]] + scene.compliance[owner[foot]],
     )
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact.constraints import lookup
 from skmpm.contact.gap_function import ContactPairs
-from skmpm.outline import Outlines
+from skmpm.outline import Images, Outlines
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
@@ -30,18 +30,19 @@ Bools = NDArray[np.bool_]
 CLOSED_GAP = 1e-3
 
 
-def tensile_strength(scene: Scene, outlines: Outlines, start: Array, found: ContactPairs, rank: Ints) -> Array:
+def tensile_strength(scene: Scene, surfaces: Images, start: Array, found: ContactPairs, rank: Ints) -> Array:
     """Largest tension c l of contact pairs in a step, (k,) [N/m]; zero where the gap is out of range at its start.
 
     c [Pa] is the cohesion of the two bodies or of the wall, and l the length of boundary that belongs to the contact
     point at the start of the step, `start` (2, m) [m]: of the boundary of the body of lower `rank` (bodies,), which
     gives the points.
     """
-    c, range_ = scene.cohesion_between(found.bodies), scene.cohesion_range
+    bodies = np.where(found.bodies < 0, found.bodies, surfaces.body[found.bodies])
+    c, range_ = scene.cohesion_between(bodies), scene.cohesion_range
     acts = (c > 0.0) & (found.before <= max(range_, CLOSED_GAP * scene.cell))
     strength = np.zeros(c.size)
     if acts.any():
-        strength[acts] = (c * contact_length(outlines, start, found, rank, acts, range_))[acts]
+        strength[acts] = (c * contact_length(surfaces.outlines, start, found, rank, acts, range_))[acts]
     return strength
 
 

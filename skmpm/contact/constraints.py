@@ -45,6 +45,7 @@ class Constraints:
     pushed_out: Array  # (k,) part of an initial overlap that this step removes [m]
     tensile_strength: Array  # (k,) largest tension c l that the contact bears in this step [N/m]
     opening: Array  # (k,) change of the positive part of the gap of cohesive contacts in this step [m]
+    image: Array  # (2, k) displacement of the second body to its image in contact, at the end of the step [m]
 
     @property
     def size(self) -> int:
@@ -127,10 +128,12 @@ class Constraints:
         """The offset of u = H w + offset, (k,) or (2 k,) [m/s]."""
         return self._with_sliding(self.offset_normal)
 
-    @property
-    def prescribed_components(self) -> Array:
-        """Components of the prescribed relative velocity in the order of the rows of H, (k,) or (2 k,) [m/s]."""
-        return self._with_sliding(np.einsum("ik,ik->k", self.normal, self.prescribed))
+    def components(self, vectors: Array) -> Array:
+        """Components of vectors (2, k) along normals and tangents, in the order of the rows of H, (k,) or (2 k,)."""
+        normal = np.einsum("ik,ik->k", self.normal, vectors)
+        if not self.tangential:
+            return np.asarray(normal)
+        return np.stack([normal, np.einsum("ik,ik->k", self.tangent, vectors)], axis=1).ravel()
 
     def _with_sliding(self, normal: Array) -> Array:
         """Interleave normal components with the prescribed sliding velocity if there are tangential rows."""
@@ -216,7 +219,7 @@ def component_along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
     return sp.csr_array((data, columns, 2 * matrix.indptr), shape=(matrix.shape[0], 2 * matrix.shape[1]))
 
 
-Linearise = Callable[..., Constraints]  # nodal velocity and, with driven walls, velocities of the walls (walls, 2)
+Linearise = Callable[..., Constraints]  # nodal velocity and, if forces drive anything, all prescribed velocities
 ContactFormulation = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities, bool], Linearise]
 
 

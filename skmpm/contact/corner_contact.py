@@ -8,6 +8,7 @@ they meet head-on. Gap and normal are continuous where the disc meets the sides.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,16 +45,19 @@ class CornerContact:
     key: Ints  # (k,) identity of the contact
 
 
-def wedge(curve: Curve, x: Array, c: Ints, j: Ints, depth: float) -> CornerContact:
+def wedge(
+    curve: Curve, identity: Callable[[Ints, Ints], Ints], x: Array, c: Ints, j: Ints, depth: float
+) -> CornerContact:
     """Contact of corners c with corners j, from the normals common to both: mean normal m, half angle `half`.
 
-    `depth` [m] is the distance of the centre of the disc below the tip. Inside the disc the gap is measured along m,
-    so that a corner that has passed the tip is still pushed back.
+    `identity` gives the keys of contacts of points with the sides of segments. `depth` [m] is the distance of the
+    centre of the disc below the tip. Inside the disc the gap is measured along m, so that a corner that has passed
+    the tip is still pushed back.
     """
     m = _mean_normal(curve, x, j) - _mean_normal(curve, x, c)
     first, last = _fan(curve, x, j, m)
     from_c, to_c = _fan(curve, x, c, -m)
-    keys = _keys(curve, c, j, from_c > first, to_c < last)
+    keys = _keys(curve, identity, c, j, from_c > first, to_c < last)
     first, last = np.maximum(first, from_c), np.minimum(last, to_c)
     turn, half = 0.5 * (first + last), 0.5 * (last - first)
     size = np.hypot(*m)
@@ -72,11 +76,13 @@ def wedge(curve: Curve, x: Array, c: Ints, j: Ints, depth: float) -> CornerConta
     return CornerContact(seen, normal, gap, key)
 
 
-def _keys(curve: Curve, c: Ints, j: Ints, before: Bools, after: Bools) -> tuple[Ints, Ints]:
+def _keys(
+    curve: Curve, identity: Callable[[Ints, Ints], Ints], c: Ints, j: Ints, before: Bools, after: Bools
+) -> tuple[Ints, Ints]:
     """Keys of the contacts that adjoin at the two ends of the wedge: c with a side of j, or j with a side of c."""
-    boundary, sides = curve.outlines, curve.side
+    boundary = curve.outlines
     ends = ((before, boundary.previous), (after, np.arange(boundary.size)))
-    first, last = (np.where(own, j, c) * curve.sides + sides[of[np.where(own, c, j)]] for own, of in ends)
+    first, last = (identity(np.where(own, j, c), of[np.where(own, c, j)]) for own, of in ends)
     return first, last
 
 

@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 class ContactPairs:
     """The contact pairs of a configuration."""
 
-    bodies: Ints  # (2, k) walls are -1, -2, ...
+    bodies: Ints  # (2, k) walls are -1, -2, ...; images of bodies have numbers of their own
     point: Ints  # (k,) boundary point nearest to the contact point
     own: Ints  # (4, k) boundary points that define the contact point
     own_weights: Array  # (4, k) their weights in it
@@ -59,7 +59,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         gap=end.gap,
         # A point that was beyond the end of a side did not overlap with it.
         before=np.where(begin.beside, np.maximum(begin.gap, 0.0), begin.gap),
-        friction=scene.frictions.between(bodies),
+        friction=scene.frictions.between(near.surfaces.body[bodies]),
         kept=near.shifts.kept_overlap(end.key),
     )
 
@@ -94,7 +94,7 @@ def contacts_with_wall(
     normal = np.asarray(scene.walls[i].normal, dtype=float)
     before = normal @ (start - point[:, None])
     gap = before + normal @ (moved - step[:, None])
-    c = np.flatnonzero((gap < near.reach) & scene.deformable[boundary.body])
+    c = np.flatnonzero((gap < near.reach) & scene.movable[boundary.body])
     key = wall_keys(curve, i, c)
     shift = near.shifts.of(key)
     guarded = shift != 0.0

@@ -166,6 +166,7 @@ def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids)
         pushed_out=np.zeros(k.size),
         tensile_strength=np.zeros(k.size),
         opening=np.zeros(k.size),
+        image=np.zeros((2, k.size)),
     )
 
 

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.compiled import compiled
 from skmpm.contact.corner_contact import dot, wedge
+from skmpm.contact.lattice_keys import lattice_code
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.shifts import NO_SHIFTS, Shifts, guard_keys
 from skmpm.contact.tables import among, joined
-from skmpm.outline import Cubics, Curve, distance_to_segment
+from skmpm.outline import Cubics, Curve, Images, distance_to_segment
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
@@ -60,6 +61,7 @@ class Roles:
 class Neighbours:
     """Candidate points and segments: complete if no boundary point moves by more than half the margin."""
 
+    surfaces: Images  # what they are numbered by
     start: Cubics  # the outlines at the start of the step
     cell: float  # [m]
     reach: float  # detection distance [m]
@@ -81,20 +83,44 @@ class Neighbours:
         """Topology and tangents of the outlines' curve."""
         return self.start.curve
 
+    def keys(self, point: Ints, segment: Ints) -> Ints:
+        """Identities of the contacts of boundary points with the sides of segments, both (k,), in all steps.
+
+        In a periodic box they are those of the points and sides of the bodies, and of the lattice vector between
+        these modulo three, which distinguishes neighbouring images.
+        """
+        curve, surfaces = self.curve, self.surfaces
+        if surfaces.none:
+            return np.asarray(point * curve.sides + curve.side[segment])
+        boundary, own = surfaces.boundary, int(np.searchsorted(curve.outlines.body, surfaces.bodies))
+        sides, body = int(curve.side[:own].max()) + 1, curve.outlines.body
+        pair = boundary[point] * sides + curve.side[boundary[segment]]  # the bodies come before their images
+        return np.asarray(lattice_code(surfaces.between(body[point], body[segment])) * own * sides + pair)
+
 
 def neighbours(
-    scene: Scene, curve: Curve, roles: Roles, own: SelfContact, x: Array, cell: float, reach: float, margin: float
+    scene: Scene,
+    surfaces: Images,
+    curve: Curve,
+    roles: Roles,
+    own: SelfContact,
+    x: Array,
+    reach: float,
+    margin: float,
 ) -> Neighbours:
     """Candidates for contact: all points of the body that contributes them, the corners of the other body.
 
-    Of two parts of one body that which comes first along the outline contributes the points.
+    Of two parts of one body that which comes first along the outline contributes the points. Pairs of images are not
+    candidates, since each is a pair of a body and an image, too.
     """
     boundary = curve.outlines
     others, itself = outline.candidates(boundary, x, reach + margin), own.facing(x, reach + margin)
     point, segment = (np.concatenate(parts) for parts in zip(others, itself, strict=True))
     first, second = boundary.body[point], boundary.body[segment]
     contributes = np.where(first == second, point < segment, roles.rank[first] < roles.rank[second])
-    free = scene.deformable[first] | scene.deformable[second]
+    free = scene.movable[surfaces.body[first]] | scene.movable[surfaces.body[second]]
+    if not surfaces.none:
+        free &= (first < surfaces.bodies) | (second < surfaces.bodies)
     ends = np.concatenate([np.stack([point, end]) for end in (segment, boundary.next[segment])], axis=1)
     corner_pairs = np.unique(ends[:, np.tile(contributes & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
     kept = (contributes | roles.edges(point, second) | curve.sharp[point]) & free
@@ -103,9 +129,8 @@ def neighbours(
     point, segment = point[order], segment[order]
     begins = np.ones(point.size, dtype=bool)
     begins[1:] = (point[1:] != point[:-1]) | (np.diff(curve.side[segment]) != 0)
-    return Neighbours(
-        curve.through(x), cell, reach, margin, point, segment, np.flatnonzero(begins), corner_pairs, own
-    )
+    start, groups = curve.through(x), np.flatnonzero(begins)
+    return Neighbours(surfaces, start, scene.cell, reach, margin, point, segment, groups, corner_pairs, own)
 
 
 @dataclass(frozen=True)
@@ -184,18 +209,19 @@ def project(
 ) -> FootPoints:
     """Project points c (k,) on the sides of segments (k,), from initial guesses s, or on corners for corner pairs."""
     curve = near.curve
-    shift = np.where(guard, 0.0, near.shifts.of(c * curve.sides + curve.side[segment]))
+    shift = np.where(guard, 0.0, near.shifts.of(near.keys(c, segment)))
     y = shape.at(*curve.shifted(c, shift))
     foot_segment, foot_s = shape.project(y, segment, s)
     segment, s = np.where(corner_pair, segment, foot_segment), np.where(corner_pair, 0.0, foot_s)
     normal, gap, along = shape.seen_from(y, segment, s)
-    key = c * curve.sides + curve.side[segment]
+    key = near.keys(c, segment)
     # A foot exactly on a convex corner is left to that corner; two coincident corners may belong to flush sides.
     on_corner = _on_corner(curve, segment, s) & ~curve.sharp[c]
     off_end = curve.at_corner(segment, s) & (np.abs(along) > END_TOLERANCE)
     beside = ~corner_pair & (off_end | on_corner)
     if corner_pair.any():
-        corners = wedge(curve, shape.x, c[corner_pair], segment[corner_pair], CORNER_DISC_DEPTH * near.cell)
+        depth = CORNER_DISC_DEPTH * near.cell
+        corners = wedge(curve, near.keys, shape.x, c[corner_pair], segment[corner_pair], depth)
         normal[:, corner_pair], gap[corner_pair] = corners.normal, corners.gap
         beside[corner_pair], key[corner_pair] = ~corners.seen, corners.key
     key = np.where(guard, guard_keys(key), key)
@@ -242,7 +268,7 @@ def _outermost(curve: Curve, found: FootPoints) -> Bools:
     boundary, sides = curve.outlines, curve.sides
     corner = np.flatnonzero(curve.convex)
     before, after = curve.side[boundary.previous[corner]], curve.side[corner]
-    key = found.key  # sorted, as points and sides are
+    key = found.point * sides + curve.side[found.segment]  # sorted, as points and sides are
     kept = np.ones(key.size, dtype=bool)
     for own, other in ((before, after), (after, before)):
         across = np.full(sides, -1)
@@ -268,4 +294,4 @@ def _superseded(curve: Curve, found: FootPoints, corner_pairs: FootPoints) -> Bo
     c, j = corner_pairs.point, corner_pairs.segment
     pairs = [(a, curve.side[b]) for p, q in ((c, j), (j, c)) for a, b in ((p, q), (p, boundary.previous[q]))]
     keys = np.concatenate([a * sides + b for a, b in pairs])
-    return np.isin(found.key, keys)
+    return np.isin(found.point * sides + curve.side[found.segment], keys)

@@ -49,9 +49,12 @@ class SelfContact:
     cell: float  # [m]
 
     @staticmethod
-    def of(scene: Scene, state: State) -> SelfContact:
-        """The bodies of a scene that may touch themselves in a step from this state."""
-        boundary = scene.outlines
+    def of(scene: Scene, state: State, outlines: Outlines | None = None) -> SelfContact:
+        """The bodies of a scene that may touch themselves in a step from this state.
+
+        `outlines` are those of the scene, or of its bodies with images of these.
+        """
+        boundary = scene.outlines if outlines is None else outlines
         return SelfContact(scene.folded(state.x), boundary, state.x_anchor[:, boundary.point], scene.cell)
 
     def facing(self, x: Array, reach: float) -> tuple[Ints, Ints]:

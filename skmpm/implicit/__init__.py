@@ -18,12 +18,12 @@ motion in one iteration and do not enter the residual.
 
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, KnownForces
-from skmpm.implicit.driven_walls import DrivenWalls
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import End, Increment
+from skmpm.implicit.scalar_unknowns import ScalarUnknowns
 from skmpm.implicit.statics import advance
 from skmpm.implicit.timer import Timer
 
@@ -31,12 +31,12 @@ __all__ = [
     "Bulk",
     "Configuration",
     "ContactProblem",
-    "DrivenWalls",
     "End",
     "FollowerPressure",
     "Gauge",
     "Increment",
     "KnownForces",
+    "ScalarUnknowns",
     "Solution",
     "StepRejected",
     "Timer",

@@ -13,9 +13,9 @@ from skmpm.contact import Constraints, Linearise
 from skmpm.implicit.candidate_contacts import candidates
 from skmpm.implicit.contact_scale import ContactScale
 from skmpm.implicit.contact_stiffness import sticking
-from skmpm.implicit.driven_walls import DrivenWalls
 from skmpm.implicit.errors import pair
 from skmpm.implicit.residual import Increment
+from skmpm.implicit.scalar_unknowns import ScalarUnknowns
 from skmpm.implicit.timer import Timer
 from skmpm.linear import Delassus
 
@@ -65,16 +65,16 @@ class ContactProblem:
         default_factory=lambda: np.zeros((2, 0), dtype=bool)
     )
     delassus: Delassus | None = None  # of an earlier step with the same matrix
-    driven: DrivenWalls | None = None  # walls whose velocities are unknowns
+    unknowns: ScalarUnknowns | None = None  # that are not on a grid
 
     @cached_property
-    def wall_velocity(self) -> Array:
-        """The velocities of the driven walls at which the iteration begins, (p,) [m/s]."""
-        return np.zeros(0) if self.driven is None else self.driven.v0
+    def first_scalars(self) -> Array:
+        """The scalar unknowns at which the iteration begins, (p,) [m/s]."""
+        return np.zeros(0) if self.unknowns is None else self.unknowns.v0
 
     def constraints(self, w: Array, z: Array) -> Constraints:
-        """The constraints about the nodal velocity w (2 nodes,) and velocities of the driven walls (p,)."""
-        return self.linearise(w) if self.driven is None else self.linearise(w, self.driven.velocities(z))
+        """The constraints about the nodal velocity w (2 nodes,) and scalar unknowns z (p,)."""
+        return self.linearise(w) if self.unknowns is None else self.linearise(w, self.unknowns.motions(z))
 
     @cached_property
     def speed_round_off(self) -> float:
@@ -84,7 +84,7 @@ class ContactProblem:
 
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about the velocity w (2 nodes,)."""
-        return _iterate(self, w, self.wall_velocity, self.known, self.delassus, None)
+        return _iterate(self, w, self.first_scalars, self.known, self.delassus, None)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class ContactIterate:
     constraints: Constraints  # with the frozen geometry, if there is one, else `current`
     r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
     u: Array  # relative velocities at w, with gaps over dt
-    z: Array  # velocities of the driven walls, (p,) [m/s]
+    z: Array  # scalar unknowns, (p,) [m/s]
     iterations: int = 0  # of the contact solver in this step
     stiffness_failures: int = 0  # contact solves with geometric stiffness that did not converge
 
@@ -114,10 +114,10 @@ class ContactIterate:
         return self.increment.scheme.theta * self.constraints.at_nodes(self.constraints.D.T @ self.r)
 
     @cached_property
-    def wall_imbalance(self) -> Array:
-        """Out-of-balance impulse of the driven walls, (p,) [kg m/s per m]."""
-        driven = self.problem.driven
-        return np.zeros(0) if driven is None else driven.imbalance(self.z, self.constraints, self.r)
+    def scalar_imbalance(self) -> Array:
+        """Out-of-balance impulse of the scalar unknowns, (p,) [kg m/s per m]."""
+        unknowns = self.problem.unknowns
+        return np.zeros(0) if unknowns is None else unknowns.imbalance(self.z, self.constraints, self.r)
 
     @property
     def lifted(self) -> Array:

@@ -43,7 +43,7 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
     """
     constraints, increment, timer = contact.constraints, contact.increment, contact.problem.timer
     if constraints.size == 0:
-        return Direction(_with_walls(contact, contact.r), -solver(gradient), contact.impulse)
+        return Direction(_with_scalars(contact, contact.r), -solver(gradient), contact.impulse)
     geometric, scheme = None, increment.scheme
     if contact.frozen is None and not scheme.explicit:  # contacts hardly rotate in an explicit step
         geometric = contact_stiffness(constraints, contact.r, increment.dt, scheme.theta)
@@ -87,10 +87,10 @@ def _owners(contact: ContactIterate) -> Ints:
     return owner
 
 
-def _with_walls(contact: ContactIterate, r: Array) -> ContactIterate:
-    """The same with velocities of the driven walls that balance impulses r."""
-    driven = contact.problem.driven
-    return contact if driven is None else replace(contact, z=driven.moved(contact.z, contact.constraints, r))
+def _with_scalars(contact: ContactIterate, r: Array) -> ContactIterate:
+    """The same with scalar unknowns that balance impulses r."""
+    unknowns = contact.problem.unknowns
+    return contact if unknowns is None else replace(contact, z=unknowns.moved(contact.z, contact.constraints, r))
 
 
 @dataclass(frozen=True)
@@ -161,22 +161,22 @@ class _Linearised:
         contact, constraints = self.contact, self.contact.constraints
         force = constraints.forces(r, contact.increment.dt)
         return replace(
-            _with_walls(contact, r),
+            _with_scalars(contact, r),
             r=r,
             known=KnownForces(constraints.key, force, constraints.normal, scale),
             iterations=contact.iterations + iterations,
             stiffness_failures=contact.stiffness_failures + failures,
         )
 
-    def _with_driven_walls(self, W: sp.csr_array, q: Array, known: Array) -> tuple[sp.csr_array, Array]:
-        """W and the free velocities with the response of the driven walls to their contacts."""
-        contact, constraints, driven = self.contact, self.contact.constraints, self.contact.problem.driven
-        assert driven is not None
-        compliance, k = driven.compliance(constraints), known.size
-        change = driven.on_contacts(constraints) @ driven.change(contact.z, constraints, contact.r)
+    def _with_scalar_unknowns(self, W: sp.csr_array, q: Array, known: Array) -> tuple[sp.csr_array, Array]:
+        """W and the free velocities with the response of the scalar unknowns to their contacts."""
+        contact, constraints, unknowns = self.contact, self.contact.constraints, self.contact.problem.unknowns
+        assert unknowns is not None
+        compliance, k = unknowns.compliance(contact.z, constraints), known.size
+        change = unknowns.rows(contact.z, constraints) @ unknowns.change(contact.z, constraints, contact.r)
         padded = sp.csr_array((compliance.data, compliance.indices, np.append(
             compliance.indptr, np.full(W.shape[0] - k, compliance.nnz))), shape=W.shape)  # fmt: skip
-        return sp.csr_array(W + padded), q - change - compliance @ known
+        return sp.csr_array(W + padded), q + change - compliance @ known
 
     def _impulses(self, geometric: ContactStiffness | None) -> _Impulses:
         """The new impulses and those of the geometric stiffness."""
@@ -187,8 +187,8 @@ class _Linearised:
         increment_of_points = constraints.at_contact_points(self.with_known)
         q = contact.u + constraints.D @ increment_of_points - by_known[:k]
         options: dict[str, Any] = {}
-        if contact.problem.driven is not None:
-            W, q = self._with_driven_walls(W, q, known)
+        if contact.problem.unknowns is not None:
+            W, q = self._with_scalar_unknowns(W, q, known)
         if geometric is not None:
             p = geometric.Z @ increment_of_points - by_known[k:]
             W = W + _lower_right(geometric.compliance, k)

@@ -44,16 +44,11 @@ class Solution:
     solver: Solver | None  # of the last iteration
 
     def motions(self, prescribed: PrescribedVelocities) -> PrescribedVelocities:
-        """The prescribed velocities with those of driven walls, which the step has found."""
-        driven = None if self.contact is None else self.contact.problem.driven
-        if self.contact is None or driven is None:
+        """All prescribed velocities, with those that the step has found for what forces move."""
+        contact = self.contact
+        if contact is None or contact.problem.unknowns is None:
             return prescribed
-        return prescribed.with_walls(driven.walls, driven.velocities(self.contact.z))
-
-    def wall_velocity(self, motions: PrescribedVelocities) -> Array:
-        """The velocities of the walls at the end of the step, (walls, 2) [m/s]."""
-        driven = None if self.contact is None else self.contact.problem.driven
-        return motions.walls if self.contact is None or driven is None else driven.end_velocities(self.contact.z)
+        return contact.problem.unknowns.motions(contact.z)
 
 
 def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
@@ -125,16 +120,16 @@ def factorise(increment: Increment, contact: ContactIterate | None, configuratio
 
 def with_contact(increment: Increment, contact: ContactIterate, size: float) -> tuple[Array, float, float]:
     """Contact impulse (2 nodes,), residual of the contact law, and the norm of the largest term with contact."""
-    impulse, driven = contact.impulse, contact.problem.driven
+    impulse, unknowns = contact.impulse, contact.problem.unknowns
     round_off = contact.impulse_round_off / increment.scheme.newton_tol
-    on_walls = 0.0 if driven is None else driven.size(contact.z)
-    return impulse, contact.residual, max(size, float(np.linalg.norm(impulse)), round_off, on_walls)
+    driving = 0.0 if unknowns is None else unknowns.size(contact.z)
+    return impulse, contact.residual, max(size, float(np.linalg.norm(impulse)), round_off, driving)
 
 
 def out_of_balance_norm(increment: Increment, contact: ContactIterate | None, out_of_balance: Array) -> float:
-    """The norm of an out-of-balance impulse (2 nodes,) with contact, and of those of driven walls."""
+    """The norm of an out-of-balance impulse (2 nodes,) with contact, and of those of scalar unknowns."""
     nodes = float(np.linalg.norm(increment.on_free_dofs(out_of_balance)))
-    return nodes if contact is None else float(np.hypot(nodes, np.linalg.norm(contact.wall_imbalance)))
+    return nodes if contact is None else float(np.hypot(nodes, np.linalg.norm(contact.scalar_imbalance)))
 
 
 def unmet_criteria(

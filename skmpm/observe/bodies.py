@@ -35,7 +35,7 @@ class PerBody:
 
     Attributes
     ----------
-    counted : (bodies,) enters the means: deformable and, with `interior`, in the interior
+    counted : (bodies,) enters the means: its motion is not prescribed and, with `interior`, it is in the interior
     centre : (2, bodies) of mass [m]
     diameter : (bodies,) of the disc of the initial area [m]
     area : (bodies,) inside the smooth outline [m2]; nan without an outline
@@ -92,7 +92,7 @@ class PerBody:
 
 def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) -> PerBody:
     """Compute the observables of each body."""
-    n, start, pairs = len(scene.bodies), scene.offsets[:-1], touching_pairs(state.contacts, scene.cell)
+    n, start, pairs = len(scene.bodies), scene.offsets[:-1], touching_pairs(state.contacts, scene.cell, state.box)
     x = state.x[:, boundary.point]
     initial = np.array([body.points.volume.sum() for body in scene.bodies])
     volume = np.add.reduceat(state.volume, start)
@@ -103,7 +103,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
     long, short, angle = outline.dimensions(boundary, x, n)
     isotropic = _isotropic(boundary, x, n)
     lengths = contact_lengths(state.contacts, boundary, x, scene.cell)
-    stress = moments(half_branches(state.contacts, centre, scene.deformable), 1.0, n) / volume
+    stress = moments(half_branches(state.contacts, centre, scene.movable), 1.0, n) / volume
     return PerBody(
         counted=_counted(scene, state, centre, diameter, interior),
         centre=centre,
@@ -117,7 +117,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
         / (np.pi * diameter),
         aspect_ratio=np.where(isotropic, 1.0, long / short),
         angle=np.where(isotropic, np.nan, angle),
-        overlap=_shared(boundary, x, n) / area,
+        overlap=_shared(scene, state, x) / area,
         stress=stress,
         pressure=-np.trace(stress) / 2.0,
         pressure_points=_pressure_points(state, start, volume, mass),
@@ -126,22 +126,22 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
 
 def away_from_walls(scene: Scene, diameter: Array) -> float:
     """Return the distance of the interior from the walls [m]; `diameter` (bodies,) of all bodies."""
-    own = diameter[scene.deformable]
+    own = diameter[scene.movable]
     return MARGIN * float(own.mean()) if own.size else np.inf
 
 
 def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interior: bool) -> Bools:
     if not interior:
-        return scene.deformable
+        return scene.movable
     normal, walls = scene.normals, state.walls.T
     distance = normal.T @ centre - np.einsum("iw,iw->w", normal, walls)[:, None]
     inside: Bools = (distance >= away_from_walls(scene, diameter)).all(axis=0)
-    return inside & scene.deformable
+    return inside & scene.movable
 
 
 def _without_rattlers(scene: Scene, pairs: Ints) -> Array:
     """Coordination among the bodies that are no rattlers and the walls, (bodies,); nan for rattlers."""
-    loose = rattlers(pairs, scene.frictions.between(pairs), scene.deformable)
+    loose = rattlers(pairs, scene.frictions.between(pairs), scene.movable)
     held = ~np.any((pairs >= 0) & loose[np.maximum(pairs, 0)], axis=0)
     return np.where(loose, np.nan, neighbours(pairs[:, held], loose.size))
 
@@ -153,10 +153,11 @@ def _isotropic(boundary: Outlines, x: Array, bodies: int) -> Bools:
     return result
 
 
-def _shared(boundary: Outlines, x: Array, bodies: int) -> Array:
-    """Area that each body shares with others, (bodies,) [m2]."""
-    pairs, area = outline.overlap(boundary, x, bodies)
-    return np.asarray(np.bincount(pairs.ravel(), np.tile(area, 2), bodies), dtype=np.float64)
+def _shared(scene: Scene, state: State, x: Array) -> Array:
+    """Area that each body, with boundary points at x (2, m), shares with others, (bodies,) [m2]."""
+    near = scene.images(x, state.box, 0.0)
+    pairs, area = near.overlap(near.at(x, state.box))
+    return np.asarray(np.bincount(pairs.ravel(), np.tile(area, 2), len(scene.bodies)), dtype=np.float64)
 
 
 def _pressure_points(state: State, start: Ints, volume: Array, mass: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,25 +34,46 @@ def touching(contacts: Contacts, cell: float) -> Bools:
 
 
 def between(contacts: Contacts) -> Bools:
-    """Whether contacts are not those of a body with itself, (k,)."""
-    return np.asarray(contacts.bodies[0] != contacts.bodies[1])
+    """Whether contacts are not those of a body with itself, (k,); one with an image of itself counts."""
+    return np.asarray((contacts.bodies[0] != contacts.bodies[1]) | contacts.image.any(axis=0))
 
 
-def pairs_of(bodies: Ints) -> tuple[Ints, Ints]:
-    """Distinct pairs (2, pairs) of the bodies (2, k) of contacts, and the pair of each contact (k,).
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Distinct pairs of bodies, or of body and wall, that contacts belong to.
 
-    The first body of a pair is the one with the smaller index; walls (-1, -2, ...) are second.
+    The first body is the one with the smaller index, walls (-1, -2, ...) are second. In a periodic box a pair is a
+    body and one image of another, or of itself.
     """
-    number = np.where(bodies < 0, bodies.max(initial=0) - bodies, bodies)  # walls follow the bodies
-    width = int(number.max(initial=0)) + 1
-    names, of = np.unique(number.min(axis=0) * width + number.max(axis=0), return_inverse=True)
-    pair = np.stack([names // width, names % width])
-    return np.where(pair > bodies.max(initial=0), bodies.max(initial=0) - pair, pair), of
+
+    bodies: Ints  # (2, pairs) sorted
+    lattice: Ints  # (2, pairs) k of the lattice vector H k to the image of the second body; zero without a box
+    of: Ints  # (contacts,) the pair of each contact
+    same: Bools  # (contacts,) whether the first body of a contact is that of its pair
 
 
-def touching_pairs(contacts: Contacts, cell: float) -> Ints:
+def pairs_of(contacts: Contacts, box: Array | None) -> Pairs:
+    """The pairs of all contacts, with the edges (2, 2) of the periodic box [m]."""
+    bodies, lattice = contacts.bodies, np.zeros_like(contacts.bodies)
+    if box is not None:
+        lattice = np.rint(np.linalg.solve(box, contacts.image)).astype(np.int64)
+    most = int(bodies.max(initial=0))
+    number = np.where(bodies < 0, most - bodies, bodies)  # walls follow the bodies
+    backward = np.where(lattice[1] == 0, lattice[0] < 0, lattice[1] < 0)
+    same = np.where(number[0] == number[1], ~backward, number[0] < number[1])
+    names = np.concatenate([np.where(same, number, number[::-1]), np.where(same, lattice, -lattice)])
+    names, of = np.unique(names, axis=1, return_inverse=True)
+    return Pairs(np.where(names[:2] > most, most - names[:2], names[:2]), names[2:], of.ravel(), same)
+
+
+def touching_pairs(contacts: Contacts, cell: float, box: Array | None) -> Ints:
     """Pairs of bodies that touch, (2, pairs), as `pairs_of` orders them; a body is no neighbour of itself."""
-    return pairs_of(contacts.bodies[:, touching(contacts, cell) & between(contacts)])[0]
+    return pairs_of(among(contacts, touching(contacts, cell) & between(contacts)), box).bodies
+
+
+def among(contacts: Contacts, chosen: Bools | Ints) -> Contacts:
+    """Some of the contacts."""
+    return Contacts(**{f.name: getattr(contacts, f.name)[..., chosen] for f in fields(contacts)})
 
 
 def neighbours(pairs: Ints, bodies: int) -> Ints:
@@ -90,7 +111,7 @@ def mass_centres(scene: Scene, state: State) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class HalfBranches:
-    """Each contact from the side of each of its deformable bodies."""
+    """Each contact from the side of each of its bodies that forces move."""
 
     body: Ints  # (k,)
     force: Array  # (2, k) on the body [N/m]
@@ -98,15 +119,15 @@ class HalfBranches:
     x: Array  # (2, k) the contact point [m]
 
 
-def half_branches(contacts: Contacts, centre: Array, deformable: Bools) -> HalfBranches:
+def half_branches(contacts: Contacts, centre: Array, movable: Bools) -> HalfBranches:
     """Split the branches between the centres (2, bodies) [m] at the contact points.
 
-    Rigid bodies have no branch of their own, like walls, because their motion is prescribed.
+    Bodies whose motion is prescribed have no branch of their own, like walls.
     """
     f = contacts.vectors
     body = contacts.bodies.ravel()
-    own = np.flatnonzero((body >= 0) & deformable[np.maximum(body, 0)])
-    x, force = np.tile(contacts.x, 2), np.concatenate([f, -f], axis=1)
+    own = np.flatnonzero((body >= 0) & movable[np.maximum(body, 0)])
+    x, force = np.concatenate([contacts.at(0), contacts.at(1)], axis=1), np.concatenate([f, -f], axis=1)
     return HalfBranches(body[own], force[:, own], centre[:, body[own]], x[:, own])
 
 

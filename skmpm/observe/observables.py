@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.observe.bodies import PerBody, away_from_walls, per_body
 from skmpm.observe.contact_network import half_branches, moments
-from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
+from skmpm.observe.regions import Region, area_inside, contains, periodic_region, region, share_inside
 from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
@@ -70,22 +70,26 @@ class Observables:
 def observe(scene: Scene, state: State, *, interior: bool = False) -> Observables:
     """Compute the observables of a packing.
 
-    The box is the intersection of the walls. If it is not closed, the solid fractions, the stress and the
-    pressures (except those of each body) are nan. Observables of outlines are nan if a deformable body has none.
+    The box is the intersection of the walls, or the periodic box. If it is not closed, the solid fractions, the
+    stress and the pressures (except those of each body) are nan. In a periodic box nothing is near a wall: `interior`
+    changes nothing, branches lead to the images that are touched, and velocities are relative to the motion of the
+    box. Grains are the bodies that forces move, deformable and free rigid ones. Observables of outlines are nan if
+    one of them has none.
 
     - solid fractions: area inside the smooth outlines (`outline.curve`; nominal: initial volumes) over the
       area of the box; only the part of rigid bodies in the box counts.
-    - coordination Z: mean number of bodies and walls that touch a deformable body; if no contact carries a
+    - coordination Z: mean number of bodies and walls that touch a grain; if no contact carries a
       force, of those with a gap below 0.02 cells.
     - coordination_without_rattlers: the same without the bodies with fewer than three contacts, or two with
       friction, which are removed one after the other (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68, 2003).
-    - contact_surface: S = sum S_b / sum pi D_b over the deformable bodies, S_b the boundary length with a gap
+    - contact_surface: S = sum S_b / sum pi D_b over the grains, S_b the boundary length with a gap
       below 0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for
       contacts at shared grid nodes, which have no length.
     - anisotropy: A_m = 2 (G1 - G2), G the mean of (cos, sin) (x) (cos, sin) of the long axes of the
-      deformable bodies, I/2 for a round one. aspect_ratio: mean of their long over short extents.
+      grains, I/2 for a round one. aspect_ratio: mean of their long over short extents.
     - stress: -sum f (x) branch / V over the contacts (Love-Weber), branches from centre to centre, for walls
-      and rigid bodies from the contact point; without inertia. pressure (= pressure_contacts) is its -tr/2.
+      and bodies of prescribed motion from the contact point; without inertia. pressure (= pressure_contacts) is its
+      -tr/2.
     - pressure_points: -tr/2 of [sum V sigma - sum m v' (x) v'] / V over the points of deformable bodies, v'
       the velocity relative to their mean.
 
@@ -123,6 +127,8 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
 
 def _box(scene: Scene, state: State, bodies: PerBody, interior: bool) -> Region:
     normal, point = scene.normals, state.walls.T
+    if state.box is not None:
+        return periodic_region(state.box)
     return region(normal, point + away_from_walls(scene, bodies.diameter) * normal if interior else point)
 
 
@@ -155,7 +161,7 @@ def _stress(scene: Scene, state: State, bodies: PerBody, box: Region, interior: 
     """Stress of the contact forces in the box, (2, 2) [Pa]."""
     if not np.isfinite(box.area):
         return np.full((2, 2), np.nan)
-    branches = half_branches(state.contacts, bodies.centre, scene.deformable)
+    branches = half_branches(state.contacts, bodies.centre, scene.movable)
     weight = share_inside(box, branches.centre, branches.x) if interior else 1.0
     return np.asarray(moments(branches, weight, len(scene.bodies)).sum(axis=2) / box.area)
 
@@ -169,7 +175,8 @@ def _pressure_points(scene: Scene, state: State, box: Region, interior: bool) ->
     mass = state.mass * own
     if not own.any():
         return 0.0
-    relative = state.v - (state.v @ mass / mass.sum())[:, None]
+    relative = state.v if state.box_rate is None else state.v - state.box_rate @ state.x
+    relative = relative - (relative @ mass / mass.sum())[:, None]
     virial = np.trace(state.stress) @ (state.weight * own) - (relative**2).sum(axis=0) @ mass
     return -float(virial) / box.area / 2.0
 
@@ -182,7 +189,7 @@ def _wall_pressure(scene: Scene, state: State, box: Region) -> Array:
 
 
 def _overlap(scene: Scene, bodies: PerBody, interior: bool) -> float:
-    chosen = bodies.counted if interior else scene.deformable | np.isfinite(bodies.area)
+    chosen = bodies.counted if interior else scene.movable | np.isfinite(bodies.area)
     # Half of a shared area belongs to each of the two bodies.
     return _mean(bodies.overlap[chosen], bodies.area[chosen]) / 2.0
 

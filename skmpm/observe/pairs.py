@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.observe.contact_length import contact_lengths
-from skmpm.observe.contact_network import between, mass_centres, pairs_of, touching
+from skmpm.observe.contact_network import among, between, mass_centres, pairs_of, touching
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
 
@@ -30,8 +30,10 @@ class Network:
     force : (2, k) [N/m] on the first body, in (n, t), n positive in compression
     length : (k,) [m] of boundary in contact; nan for contacts at grid nodes
     centre : (2, k) [m] mean of the contact points, weighted by normal force
+    image : (2, k) [m] displacement of the second body to its image in contact; zero but in a periodic box. `centre`
+        and `normal` are where the first body is
     branch : (2, k) [m] from the centre of mass of the second body to that of the first; from or to `centre` for
-        walls and rigid bodies, whose motion is prescribed
+        walls and bodies whose motion is prescribed
     friction : (k,) Coulomb coefficient
     mobilised_friction : (k,) ``|sum T| / (mu sum N)`` over the contacts of the pair, each in its own frame, 0 to 1;
         nan without friction or force, and with cohesion
@@ -45,6 +47,7 @@ class Network:
     force: Array
     length: Array
     centre: Array
+    image: Array
     branch: Array
     friction: Array
     mobilised_friction: Array
@@ -118,9 +121,10 @@ def network(scene: Scene, state: State) -> Network:
     """
     check_fits(scene, state, "network")
     contacts, boundary = state.contacts, scene.outlines
-    touch, (_, of) = touching(contacts, scene.cell) & between(contacts), pairs_of(contacts.bodies)
+    touch, of = touching(contacts, scene.cell) & between(contacts), pairs_of(contacts, state.box).of
     own = np.flatnonzero(np.isin(of, of[touch]))
-    bodies, of = pairs_of(contacts.bodies[:, own])
+    pairs = pairs_of(among(contacts, own), state.box)
+    bodies, of = pairs.bodies, pairs.of
 
     def total(values: Array) -> Array:
         sums = [np.bincount(of, row[own], bodies.shape[1]) for row in values]
@@ -130,12 +134,13 @@ def network(scene: Scene, state: State) -> Network:
     pressing, sliding = total(components)
     # Contacts at points of the second body have the opposite normal and force, so the same components (n, t).
     sign, weight = np.ones(touch.size), touch.astype(np.float64)
-    sign[own] = np.where(contacts.bodies[0, own] == bodies[0, of], 1.0, -1.0)
+    sign[own] = np.where(pairs.same, 1.0, -1.0)
     size = np.abs(components[0])
     weight[own] *= np.where(total(size[None])[0, of] > 0.0, size[own], 1.0)  # alike without normal forces
     normal, force = total(weight * sign * contacts.normal), total(sign * vectors)
     normal /= np.maximum(np.hypot(*normal), np.finfo(np.float64).tiny)
-    centre = total(weight * contacts.x) / total(weight[None])
+    centre = total(weight * np.where(sign > 0.0, contacts.at(0), contacts.at(1))) / total(weight[None])
+    image = np.zeros_like(centre) if state.box is None else state.box @ pairs.lattice
     friction = scene.frictions.between(bodies)
     limit = np.where(scene.cohesion_between(bodies) > 0.0, 0.0, friction * pressing)
     return Network(
@@ -144,7 +149,8 @@ def network(scene: Scene, state: State) -> Network:
         force=np.stack([(normal * force).sum(axis=0), normal[0] * force[1] - normal[1] * force[0]]),
         length=total(contact_lengths(contacts, boundary, state.x[:, boundary.point], scene.cell)[None])[0],
         centre=centre,
-        branch=_ends(scene, state, bodies[0], centre) - _ends(scene, state, bodies[1], centre),
+        image=image,
+        branch=_ends(scene, state, bodies[0], centre) - _ends(scene, state, bodies[1], centre - image) - image,
         friction=friction,
         mobilised_friction=np.divide(np.abs(sliding), limit, out=np.full(limit.shape, np.nan), where=limit > 0.0),
         contacts=np.bincount(of, touch[own], bodies.shape[1]).astype(np.int64),
@@ -154,12 +160,17 @@ def network(scene: Scene, state: State) -> Network:
 def force_lines(scene: Scene, state: State, pairs: Network) -> Array:
     """Lines (k, 2, 2) [m] between the centres of mass of the bodies of pairs, by which force chains are drawn.
 
-    Of walls and rigid bodies they begin at the centre of the contact.
+    Of walls and bodies of prescribed motion they begin at the centre of the contact.
     """
-    return np.stack([_ends(scene, state, body, pairs.centre).T for body in pairs.bodies], axis=1)
+    first, second = pairs.bodies
+    ends = (
+        _ends(scene, state, first, pairs.centre),
+        _ends(scene, state, second, pairs.centre - pairs.image) + pairs.image,
+    )
+    return np.stack([end.T for end in ends], axis=1)
 
 
 def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:
-    """Ends of the branches at bodies (k,): their centres of mass, or `centre` (2, k) at walls and rigid bodies."""
-    own = (body >= 0) & scene.deformable[np.maximum(body, 0)]
+    """Ends of the branches at bodies (k,): their centres of mass, or `centre` (2, k) at what is prescribed."""
+    own = (body >= 0) & scene.movable[np.maximum(body, 0)]
     return np.where(own, mass_centres(scene, state)[:, np.maximum(body, 0)], centre)

@@ -37,8 +37,16 @@ def region(normal: Array, point: Array) -> Region:
     return Region(normal, point, length, area if area > 0.0 else float("nan"))
 
 
+def periodic_region(box: Array) -> Region:
+    """A periodic box of edges (2, 2) [m]: all of the plane, with the area of one box."""
+    none = np.zeros((2, 0))
+    return Region(none, none, none[0], abs(float(np.linalg.det(box))))
+
+
 def box_area(state: State) -> float:
-    """Area of the intersection of the walls of a state [m2]; nan if it is not closed."""
+    """Area of the periodic box or of the intersection of the walls of a state [m2]; nan if it is not closed."""
+    if state.box is not None:
+        return periodic_region(state.box).area
     return region(state.wall_normals.T, state.walls.T).area
 
 

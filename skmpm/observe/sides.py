@@ -87,9 +87,8 @@ def place(contacts: Contacts, outlines: Outlines, corner: Bools, x: Array, body:
     step = x[:, outlines.next] - x
     normal = np.stack([step[1], -step[0]]) / np.maximum(np.hypot(*step), np.finfo(np.float64).tiny)
     start = np.tile(x[:, own], k.size)
-    every = outline.closest(
-        np.repeat(contacts.x[:, k], own.size, axis=1), start, start + np.tile(step[:, own], k.size)
-    )
+    x_contact = np.where(second == 0, contacts.at(0)[:, k], contacts.at(1)[:, k])
+    every = outline.closest(np.repeat(x_contact, own.size, axis=1), start, start + np.tile(step[:, own], k.size))
     t, distance = (a.reshape(k.size, own.size) for a in every)
     best = (distance + MISALIGNED * cell * (1.0 - outward.T @ normal[:, own])).argmin(axis=1)
     t, segment = t[np.arange(k.size), best], own[best]

@@ -39,7 +39,8 @@ class SceneMetrics:
 
     points: Ints  # (bodies,) including rigid ones
     rigid: int
-    around: dict[str, int]  # numbers of walls, supports, loads
+    free_rigid: int  # of these, moved by forces
+    around: dict[str, str]  # numbers of walls, supports, loads
     own: Ints  # (deformable,) indices among the bodies
     points_per_cell: Array  # (deformable,) points over area in cells
     softening: Array  # (deformable,) estimated error of a uniform stress; nan without outline
@@ -72,6 +73,15 @@ class SceneMetrics:
     memory: float  # [bytes] in addition to the program
 
 
+def _around(scene: Scene) -> dict[str, str]:
+    """What acts on bodies: walls or a periodic box, supports, loads."""
+    if scene.periodic is None:
+        walls = {"walls": str(len(scene.walls))}
+    else:
+        walls = {"periodic box": f"{scene.periodic.width:.4g} x {scene.periodic.height:.4g} m"}
+    return walls | {"supports": str(len(scene.supports)), "loads": str(len(scene.loads))}
+
+
 def first_step(scene: Scene, scheme: Scheme) -> float:
     """The length of the first step where steps are chosen [s]; 1 s if nothing limits it."""
     check_driven("preflight", scene, scheme)
@@ -102,7 +112,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     return SceneMetrics(
         points=count,
         rigid=count.size - own.size,
-        around={"walls": len(scene.walls), "supports": len(scene.supports), "loads": len(scene.loads)},
+        free_rigid=scene.free_rigid.size,
+        around=_around(scene),
         own=own,
         points_per_cell=count[own] / area,
         softening=stress_errors(scene)[own],

@@ -50,7 +50,7 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
     around = ", ".join(f"{name} {number}" for name, number in metrics.around.items())
     law = "linear, one solve" if metrics.linear else "nonlinear, Newton"
     return {
-        "bodies": f"{metrics.points.size}, rigid {metrics.rigid}; {around}",
+        "bodies": f"{metrics.points.size}, rigid {metrics.rigid}{_free(metrics)}; {around}",
         "points": f"{metrics.points.sum()}, {each} a body, {fewest:.3g} or more per filled cell",
         "grid": f"{metrics.cells} cells of {metrics.cell:.6g} m, {metrics.unknowns} unknowns",
         "R/h": f"{metrics.resolution.min():.3g} smallest, {metrics.resolution.mean():.3g} mean; {_across(metrics)}",
@@ -62,6 +62,10 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
         "solver": f"{metrics.solver}, half bandwidth {metrics.half_bandwidth}",
         "memory": f"about {_bytes(metrics.memory)} besides the program",
     }
+
+
+def _free(metrics: SceneMetrics) -> str:
+    return f" ({metrics.free_rigid} free)" if metrics.free_rigid else ""
 
 
 def _motion(metrics: SceneMetrics) -> str:

@@ -4,6 +4,7 @@ from skmpm.scene.check import check_walls_at_start
 from skmpm.scene.fits import check_fits, check_initial_positions
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
+from skmpm.scene.periodic import Periodic, deformed, into_box, recut
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
 from skmpm.scene.rigid_motion import centres, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
@@ -17,6 +18,7 @@ __all__ = [
     "Derived",
     "Energy",
     "Load",
+    "Periodic",
     "PrescribedVelocities",
     "Pressure",
     "Report",
@@ -32,12 +34,15 @@ __all__ = [
     "check_initial_positions",
     "check_walls_at_start",
     "continued",
+    "deformed",
     "field_values",
+    "into_box",
     "mean_velocity",
     "mises",
     "motion",
     "prescribed_motions",
     "prescribed_velocities",
+    "recut",
     "rigid_motion",
     "stress_zz",
     "velocity_at",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import Isotropic, Rigid, lacking
-from skmpm.outline import Outlines, area, lens_depth, overlap
+from skmpm.outline import area, lens_depth
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
@@ -28,6 +28,7 @@ from skmpm.scene.objects import (
     scalar,
     vector,
 )
+from skmpm.scene.periodic import Periodic
 from skmpm.scene.rigid_motion import rigid_motion
 
 if TYPE_CHECKING:
@@ -67,7 +68,21 @@ def check(scene: Scene) -> None:
     _ = scene.frictions  # with their checks, and kept
     check_supports(scene)
     check_loads(scene)
+    if scene.periodic is not None:
+        _check_periodic(scene)
     _check_overlaps(scene)
+
+
+def _check_periodic(scene: Scene) -> None:
+    if not isinstance(scene.periodic, Periodic):
+        raise SceneError(
+            f"periodic is a {type(scene.periodic).__name__}; use skmpm.Periodic(width, height), or None without a box"
+        )
+    if scene.walls:
+        raise SceneError(
+            f"periodic: the scene also has {len(scene.walls)} walls; leave them out, or give no periodic box"
+        )
+    scene.periodic.check()
 
 
 def _check_body(name: str, body: Body) -> None:
@@ -122,18 +137,23 @@ def _check_outline(name: str, points: Points) -> None:
 
 def _check_motion(name: str, body: Body) -> None:
     rigid, spin = isinstance(body.material, Rigid), "give a finite angular velocity in rad/s"
-    if callable(body.velocity) and not rigid:
+    if callable(body.velocity) and rigid:
+        raise SceneError(
+            f"{name}: velocity is a function, of a Rigid body; give its velocity at t = 0, or motion = f(t) if it is"
+            " prescribed"
+        )
+    if callable(body.velocity):
         field_values(f"{name}: velocity(x)", body.velocity(body.points.x), body.points.x)
     else:
         motion(body.velocity, 0.0, f"{name}: velocity")
-    if number(f"{name}: spin", body.spin, spin) != 0.0 and rigid:
-        raise SceneError(f"{name}: spin = {body.spin} of a Rigid body; give motion = (vx, vy, spin)")
+    spinning = number(f"{name}: spin", body.spin, spin) != 0.0
     if body.motion is None:
         return
     if not rigid:
         raise SceneError(f"{name}: motion of a deformable body; give velocity and spin at t = 0, or a Support")
-    if callable(body.velocity) or np.any(body.velocity):
-        raise SceneError(f"{name}: velocity = {body.velocity} and motion; give one of them")
+    for what, given in (("velocity", np.any(np.asarray(body.velocity))), ("spin", spinning)):
+        if given:
+            raise SceneError(f"{name}: {what} = {getattr(body, what)} and motion; give one of them")
     rigid_motion(body, 0.0, name)
 
 
@@ -188,8 +208,7 @@ def _check_overlaps(scene: Scene) -> None:
     boundary = scene.outlines
     if boundary.point.size == 0:
         return
-    x = scene.initial_positions[:, boundary.point]
-    first = _first_overlap(scene, boundary, x, TOUCHING * scene.cell)
+    first = _first_overlap(scene, scene.initial_positions[:, boundary.point], TOUCHING * scene.cell)
     if first is not None:
         a, b, depth = first
         raise SceneError(
@@ -198,11 +217,13 @@ def _check_overlaps(scene: Scene) -> None:
         )
 
 
-def _first_overlap(scene: Scene, boundary: Outlines, x: Array, slack: float) -> tuple[int, int, float] | None:
-    pairs, shared = overlap(boundary, x, len(scene.bodies))
+def _first_overlap(scene: Scene, x: Array, slack: float) -> tuple[int, int, float] | None:
+    box = None if scene.periodic is None else scene.periodic.box
+    near = scene.images(x, box, 0.0)
+    pairs, shared = near.overlap(near.at(x, box))
     if not shared.size:
         return None
-    size = area(boundary, x, len(scene.bodies))
+    size = area(scene.outlines, x, len(scene.bodies))
     depth = lens_depth(shared, size[pairs])
     worst = int(np.argmax(depth))
     if depth[worst] <= slack:

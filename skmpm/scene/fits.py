@@ -29,6 +29,9 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
     ):
         if found != wanted:
             raise SceneError(f"{name}: the state has {found} {what}, the scene {wanted}; {_ITS_OWN}")
+    if (state.box is None) != (scene.periodic is None):
+        what = "no periodic box, the scene has one" if state.box is None else "a periodic box, the scene none"
+        raise SceneError(f"{name}: the state has {what}; {_ITS_OWN}")
     if not np.array_equal(state.body, scene.owner):
         raise SceneError(f"{name}: the state's points belong to other bodies than the scene's; {_ITS_OWN}")
     other = np.flatnonzero(np.abs(state.wall_normals - scene.normals.T).max(axis=1, initial=0.0) > 1e-9)

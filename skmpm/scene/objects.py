@@ -29,11 +29,12 @@ class Body:
     ----------
     points : its points and outline
     material : LinearElastic, NeoHookean, MooneyRivlin, Yeoh, Ogden, one of your own (`skmpm.Material`), or Rigid
-    velocity : (2,) [m/s], or a function of positions (2, n) -> (2, n) at t = 0; for `Rigid` (2,) or a function of
-        time t -> (2,) for the whole run, taken at the middle of each step
-    spin : initial angular velocity about the centre of mass [rad/s], counter-clockwise; not for `Rigid`
-    motion : of a `Rigid` body instead of `velocity`: (vx, vy, spin) [m/s, m/s, rad/s], velocity of the centre of mass
-        and angular velocity about it, or a function of time t -> (3,), taken at the middle of each step
+    velocity : (2,) [m/s] at t = 0, or a function of positions (2, n) -> (2, n), not for `Rigid`; in a periodic box in
+        addition to the motion of the box at the centre of mass
+    spin : angular velocity about the centre of mass at t = 0 [rad/s], counter-clockwise
+    motion : of a `Rigid` body that is not free: (vx, vy, spin) [m/s, m/s, rad/s], velocity of the centre of mass and
+        angular velocity about it, or a function of time t -> (3,), taken at the middle of each step; (0, 0, 0) holds
+        it. Without it, a rigid body moves by the forces on it, with the mass and moment of inertia of its points
     friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
         of the scene
     name : of its surface in a table of friction; several bodies may have the same
@@ -46,11 +47,6 @@ class Body:
     motion: ArrayLike | Motion | None = field(default=None, kw_only=True)
     friction: float | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
-
-    @property
-    def prescribed(self) -> ArrayLike | Callable[..., ArrayLike]:
-        """What prescribes the motion of a rigid body: its `motion`, else its `velocity`."""
-        return self.velocity if self.motion is None else self.motion
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Rigid
 from skmpm.scene.objects import SceneError, prescribed_components
+from skmpm.scene.periodic import deformed
 from skmpm.scene.rigid_motion import rigid_motion
 
 if TYPE_CHECKING:
@@ -20,37 +20,47 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PrescribedVelocities:
-    """The prescribed velocities of one step [m/s], in its middle but where they say so."""
+    """The prescribed velocities of one step [m/s], in its middle but where they say so.
+
+    Those of what forces move, which the step finds, take their places once they are known.
+    """
 
     walls: Array  # (walls, 2)
-    rigid: Array  # (3, bodies) of rigid bodies, with angular velocity [rad/s]; zero for those with unknowns
+    rigid: Array  # (3, bodies) of rigid bodies, with angular velocity [rad/s]; zero for deformable and free ones
     rigid_at_end: Array  # (3, bodies) the same at the end of the step
     supports: Array  # (2 supports,) zero where free
-
-    def with_walls(self, walls: NDArray[np.int64], velocity: Array) -> PrescribedVelocities:
-        """The same with the velocities of some walls (k,) taken from those of all, (walls, 2)."""
-        if walls.size == 0:
-            return self
-        mixed = self.walls.copy()
-        mixed[walls] = velocity[walls]
-        return replace(self, walls=mixed)
+    walls_at_end: Array  # (walls, 2) the same as `walls`, but for driven walls
+    box: Array | None = None  # (2, 2) edges of the periodic box at the end of the step [m]
 
 
-def prescribed_velocities(scene: Scene, t: float, dt: float) -> PrescribedVelocities:
-    """The prescribed velocities of a step from t to t + dt [s]; SceneError where one is unclear or not finite."""
-    middle = t + 0.5 * dt
+def prescribed_velocities(scene: Scene, t: float, dt: float, box: Array | None = None) -> PrescribedVelocities:
+    """The prescribed velocities of a step from t to t + dt [s], with the edges `box` of a periodic box at its start.
+
+    Components of the motion of the box that a stress determines are zero.
+
+    Raises
+    ------
+    SceneError
+        if one is unclear or not finite
+    """
+    middle, periodic = t + 0.5 * dt, scene.periodic
+    at_end = None
+    if periodic is not None and box is not None:
+        still = np.zeros(periodic.components.shape[1])
+        at_end = deformed(box, periodic.rate_at(middle), dt, periodic.components, still)
+    walls = scene.wall_velocities(middle)
     return PrescribedVelocities(
-        scene.wall_velocities(middle),
-        _rigid(scene, middle),
-        _rigid(scene, t + dt),
-        _supports(scene, t, dt),
+        walls, _rigid(scene, middle), _rigid(scene, t + dt), _supports(scene, t, dt), walls, at_end
     )
 
 
 def prescribed_motions(scene: Scene) -> list[Any]:
-    """What prescribes the motion of rigid bodies, walls and supports: constants and functions of time."""
-    motions = [body.prescribed for body in scene.bodies if isinstance(body.material, Rigid)]
-    return [*motions, *(wall.velocity for wall in scene.walls), *(support.prescribed for support in scene.supports)]
+    """What prescribes the motion of rigid bodies, walls, supports and box: constants and functions of time."""
+    rate = () if scene.periodic is None else (scene.periodic.rate,)
+    box = [each if callable(each) else np.ravel(np.asarray(each, dtype=float)) for each in rate]
+    motions = [body.motion for body in scene.bodies if body.motion is not None]
+    walls, supports = [wall.velocity for wall in scene.walls], [support.prescribed for support in scene.supports]
+    return [*motions, *walls, *supports, *box]
 
 
 def support_velocities(scene: Scene, t: float, dt: float | None = None) -> Array:
@@ -79,7 +89,7 @@ def support_velocities(scene: Scene, t: float, dt: float | None = None) -> Array
 
 def _rigid(scene: Scene, t: float) -> Array:
     velocity = np.zeros((3, len(scene.bodies)))
-    for b in np.flatnonzero(~scene.deformable).tolist():
+    for b in np.flatnonzero(~scene.movable).tolist():
         velocity[:, b] = rigid_motion(scene.bodies[b], t, f"body {b}")
     return velocity
 

@@ -12,9 +12,12 @@ Ints = NDArray[np.int64]
 
 
 def rigid_motion(body: Body, t: float, name: str) -> Array:
-    """Velocity of the centre of mass and angular velocity of a rigid body at time t, (3,) [m/s, m/s, rad/s]."""
+    """Prescribed velocity of the centre of mass and angular velocity of a rigid body at time t, (3,) [m/s, rad/s].
+
+    Those at t = 0 of a free one.
+    """
     if body.motion is None:
-        return np.append(motion(body.velocity, t, f"{name}: velocity"), 0.0)
+        return np.append(motion(body.velocity, t, f"{name}: velocity"), body.spin)
     called = callable(body.motion)
     name = f"{name}: motion at t = {t:.6g} s" if called else f"{name}: motion"
     remedy = "give three finite numbers (vx, vy, spin)"

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import Rigid, wave_speed
-from skmpm.outline import Outlines, folded, outlines, thickness
+from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
 from skmpm.scene.friction import Friction, friction_of
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, motion, scalar
+from skmpm.scene.periodic import Periodic
 from skmpm.scene.point_sets import PointSet, loaded_points, pressed_segments, supported_points
 from skmpm.scene.prescribed_velocities import support_velocities
 from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
@@ -44,6 +45,7 @@ class Scene:
     cohesion_range : largest gap [m] that cohesion pulls, also at walls; zero for closed ones only. Flat surfaces come
         off at c whatever the range. Round ones need one that several boundary points are within, or the force that
         separates them is that of one boundary point and proportional to the spacing
+    periodic : a periodic box instead of walls; bodies may lie across its edges, or outside of it
     gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n), taken at t + theta dt of
         each step from t on
 
@@ -62,6 +64,7 @@ class Scene:
     cohesion: float = field(default=0.0, kw_only=True)
     cohesion_range: float = field(default=0.0, kw_only=True)
     gravity: ArrayLike | Callable[[Array, float], ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
+    periodic: Periodic | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         for name in ("bodies", "walls", "supports", "loads"):
@@ -117,6 +120,31 @@ class Scene:
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
 
     @cached_property
+    def free_rigid(self) -> Ints:
+        """The rigid bodies that forces move, (n,)."""
+        held = np.array([body.motion is not None for body in self.bodies], dtype=bool)
+        return np.flatnonzero(~self.deformable & ~held)
+
+    @cached_property
+    def movable(self) -> NDArray[np.bool_]:
+        """Which bodies forces move, deformable ones and free rigid ones, (bodies,)."""
+        movable = self.deformable.copy()
+        movable[self.free_rigid] = True
+        return movable
+
+    @cached_property
+    def has_scalar_unknowns(self) -> bool:
+        """Whether forces move anything that has no grid: walls, rigid bodies, a periodic box."""
+        stressed = self.periodic is not None and self.periodic.components.size > 0
+        return bool(self.driven_walls.size or self.free_rigid.size or stressed)
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass of all bodies that forces move [kg/m]."""
+        own = [body for body, free in zip(self.bodies, self.movable, strict=True) if free]
+        return float(sum(b.material.density * b.points.volume.sum() for b in own))
+
+    @cached_property
     def round(self) -> NDArray[np.bool_]:
         """Which bodies are bounded by circles about their centres of mass, (bodies,)."""
         return round_bodies(self)
@@ -162,6 +190,10 @@ class Scene:
         """The outlines of all bodies, as indices into the arrays of a state."""
         return outlines([body.points.outline for body in self.bodies], self.offsets)
 
+    def images(self, x: Array, box: Array | None, reach: float) -> Images:
+        """Outlines with boundary points at x (2, m), and their images within reach [m] in a box of edges (2, 2)."""
+        return images(self.outlines, x, len(self.bodies), box, reach)
+
     @cached_property
     def thickness(self) -> Array:
         """Width of the thinnest part of each body at t = 0, (bodies,) [m]; nan without an outline."""
@@ -195,10 +227,8 @@ class Scene:
     @cached_property
     def wall_masses(self) -> Array:
         """Masses of the driven walls, (p,) [kg/m]."""
-        own = [b for b in self.bodies if not isinstance(b.material, Rigid)]
-        bodies = float(sum(b.material.density * b.points.volume.sum() for b in own))
         masses = [self.walls[i].mass for i in self.driven_walls.tolist()]
-        return np.array([bodies if mass is None else mass for mass in masses], dtype=float)
+        return np.array([self.mass if mass is None else mass for mass in masses], dtype=float)
 
     def driving_forces(self, t: float, lengths: Array) -> Array:
         """Forces towards the bodies on the driven walls at time t, (p,) [N/m], from the lengths of all walls [m]."""

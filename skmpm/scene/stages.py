@@ -20,10 +20,11 @@ Ints = NDArray[np.int64]
 def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     """The state of a scene as a start in a new scene of the same bodies: `simulate(new_scene, start=continued(...))`.
 
-    Walls, supports, loads, friction, cohesion and gravity may differ. A wall with the `point` and the `normal` of a
-    wall of the old scene is that wall, and goes on from where it is; any other is new and begins at its `point`.
-    Walls that the new scene lacks are removed, with their contacts. Supports and loads hold the points where
-    `where(x)` is true at t = 0, as always. Time goes on, so functions of time are taken at the time of the state.
+    Walls, supports, loads, friction, cohesion, gravity, and rate and stress of a periodic box may differ. A wall with
+    the `point` and the `normal` of a wall of the old scene is that wall, and goes on from where it is; any other is
+    new and begins at its `point`. Walls that the new scene lacks are removed, with their contacts. Supports and loads
+    hold the points where `where(x)` is true at t = 0, as always. Time goes on, so functions of time are taken at the
+    time of the state.
 
     Raises
     ------
@@ -64,6 +65,9 @@ def _check_bodies(scene: Scene, new_scene: Scene) -> None:
         )
     if new_scene.cell != scene.cell:
         raise SceneError(f"continued: the new scene has cell = {new_scene.cell}, the old one {scene.cell}; {remedy}")
+    if (new_scene.periodic is None) != (scene.periodic is None):
+        which = "new" if scene.periodic is None else "old"
+        raise SceneError(f"continued: only the {which} scene has a periodic box; {remedy}")
     for b, (old, new) in enumerate(zip(scene.bodies, new_scene.bodies, strict=True)):
         same = old.points is new.points or (
             np.array_equal(old.points.x, new.points.x) and np.array_equal(old.points.volume, new.points.volume)

@@ -41,6 +41,8 @@ class Contacts:
     gap : (k,) distance, negative where boundaries overlap [m]
     key : (k,) identity of a contact from step to step, for the warm start
     point : (k,) boundary point of the first body in contact; -1 at a grid node
+    image : (2, k) displacement of the second body to its image that the first one touches [m]; zero but in a
+        periodic box. `x` is where the first body is
     """
 
     __repr__ = with_shapes
@@ -52,6 +54,11 @@ class Contacts:
     gap: Array
     key: Ints
     point: Ints
+    image: Array
+
+    def at(self, side: int) -> Array:
+        """The contact points where the first (0) or the second bodies (1) are, (2, k) [m]."""
+        return self.x - self.image if side else self.x
 
     @property
     def vectors(self) -> Array:
@@ -63,7 +70,7 @@ class Contacts:
     def none() -> Contacts:
         """No contacts."""
         ints, floats = np.zeros((2, 0), dtype=np.int64), np.zeros((2, 0))
-        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0])
+        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0], floats)
 
 
 @dataclass(frozen=True)
@@ -185,6 +192,8 @@ class State:
     wall_force : (walls, 2) exerted by the bodies in the last step [N/m]
     wall_velocity : (walls, 2) of walls that a force drives; of others in the last step [m/s]
     support_force : (supports, 2) the same on each support [N/m]
+    box : (2, 2) edges of the periodic box as columns [m]; None without one
+    box_rate : (2, 2) its velocity gradient [1/s]; None without one
     contacts : those at the end of the last step, `Contacts`
     report : cost and residuals of the last step, a `Report`
     step_control : what `simulate` continues with
@@ -213,28 +222,31 @@ class State:
     contacts: Contacts
     report: Report
     step_control: StepControl = StepControl()
+    box: Array | None = None
+    box_rate: Array | None = None
     derived: Derived | None = field(default=None, repr=False, compare=False)
 
     @property
     def body_force(self) -> Array:
         """Resultant of the contact forces of the last step on each body, rigid ones included, (2, bodies) [N/m]."""
-        return np.stack([self._on_bodies(component) for component in self.contacts.vectors])
+        return np.stack([self._on_bodies(component, component) for component in self.contacts.vectors])
 
     @property
     def body_moment(self) -> Array:
         """Moment of these forces about the centre of mass of each body, (bodies,) [N], counter-clockwise."""
         fx, fy = self.contacts.vectors
-        moment = self._on_bodies(self.contacts.x[0] * fy - self.contacts.x[1] * fx)
+        arms = (self.contacts.at(side) for side in (0, 1))
+        moment = self._on_bodies(*(x * fy - y * fx for x, y in arms))
         cx, cy = (np.bincount(self.body, self.mass * x) / np.bincount(self.body, self.mass) for x in self.x)
         (rx, ry) = self.body_force
         return np.asarray(moment - (cx * ry - cy * rx))
 
-    def _on_bodies(self, values: Array) -> Array:
-        """Sums of values on the first bodies of contacts (k,), negative on the second ones, (bodies,)."""
+    def _on_bodies(self, values: Array, on_second: Array) -> Array:
+        """Sums of values (k,) on the first bodies of contacts, less those of others on the second ones, (bodies,)."""
         first, second = self.contacts.bodies
         count = int(self.body.max()) + 1
         against = second >= 0
-        return np.asarray(np.bincount(first, values, count) - np.bincount(second[against], values[against], count))
+        return np.asarray(np.bincount(first, values, count) - np.bincount(second[against], on_second[against], count))
 
     def __repr__(self) -> str:
         return line("State", self._facts())

@@ -115,7 +115,8 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> Non
     With outlines, bodies that tunnel by less than their thickness overlap, which `_check_overlap` detects.
     """
     moved = after.x - before.x
-    relative = np.hypot(*(moved - (moved @ before.mass / before.mass.sum())[:, None]))
+    relative = moved if before.box is None else moved - _affine(before, after)
+    relative = np.hypot(*(relative - (relative @ before.mass / before.mass.sum())[:, None]))
     if float(relative.max()) > (max_motion(scene) if exact else MAX_MOTION * scene.cell):
         raise _tunnelling(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
@@ -125,6 +126,13 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> Non
             raise _tunnelling(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
 
 
+def _affine(before: State, after: State) -> Array:
+    """Displacements (2, n) [m] with which the points would follow the periodic box."""
+    assert after.box_rate is not None
+    F = np.linalg.inv(np.eye(2) - (after.t - before.t) * after.box_rate)  # not from the edges, which may be others
+    return np.asarray((F - np.eye(2)) @ before.x)
+
+
 def _tunnelling(state: State, point: int, cells: float) -> StepRejected:
     where = f"body {state.body[point]}"
     return StepRejected(where, f"a point moves {cells:.3g} cells past others in one step, and may pass through them")
@@ -132,11 +140,11 @@ def _tunnelling(state: State, point: int, cells: float) -> StepRejected:
 
 def _check_walls(scene: Scene, after: State) -> None:
     """Raise StepRejected if a point lies behind a wall; contact constrains boundary points only."""
-    deformable = scene.deformable[after.body]
+    movable = scene.movable[after.body]
     for i, (normal, point) in enumerate(zip(scene.normals.T, after.walls, strict=True)):
-        depth = -(normal @ (after.x - point[:, None]))[deformable] / scene.cell
+        depth = -(normal @ (after.x - point[:, None]))[movable] / scene.cell
         if float(depth.max()) > MAX_WALL_PENETRATION:
-            b = after.body[deformable][np.argmax(depth)]
+            b = after.body[movable][np.argmax(depth)]
             raise StepRejected(
                 f"body {b} and wall {i}",
                 f"a point lies {depth.max():.3g} cells behind the wall",
@@ -147,10 +155,11 @@ def _check_walls(scene: Scene, after: State) -> None:
 def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
     """Overlap area over the area of all bodies, by their outlines; zero without outlines."""
     boundary, bodies = scene.outlines, len(scene.bodies)
-    if bodies == 1 or boundary.point.size == 0:
+    if (bodies == 1 and after.box is None) or boundary.point.size == 0:
         return 0.0
     x = after.x[:, boundary.point]
-    pairs, shared = outline.overlap(boundary, x, bodies)
+    near = scene.images(x, after.box, 0.0)
+    pairs, shared = near.overlap(near.at(x, after.box))
     size = outline.area(boundary, x, bodies)
     depth = outline.lens_depth(shared, size[pairs]) / scene.cell
     if exact and float(depth.max(initial=0.0)) > MAX_BODY_PENETRATION:

@@ -7,14 +7,15 @@ from numbers import Real
 
 import numpy as np
 
-from skmpm.implicit import ContactProblem, Increment, KnownForces, StepRejected, Timer, advance
+from skmpm.implicit import ContactProblem, Increment, KnownForces, ScalarUnknowns, StepRejected, Timer, advance
 from skmpm.implicit.errors import SMALLER
 from skmpm.linear import Delassus, one_thread
 from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
-from skmpm.simulate.driven import check_driven, driven_walls
+from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
+from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import budget_of, report_of
 from skmpm.simulate.forces import (
     equilibrium_depends_on_dt,
@@ -34,6 +35,7 @@ from skmpm.simulate.regrid import (
 )
 from skmpm.simulate.rigid_edges import indenting_edge_message
 from skmpm.simulate.turning import gauge_condition
+from skmpm.simulate.unknowns import scalar_unknowns
 from skmpm.transfer import to_nodes
 
 LOAD_STEPS = "apply loads in steps, as functions of time, or use inertia; not a smaller dt"
@@ -61,11 +63,18 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
     own = scene.deformable_points
+    motions = prescribed_velocities(scene, state.t, dt, state.box)
+    unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
+    if unknowns is not None:
+        motions = unknowns.motions(unknowns.v0)
     v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
+    if state.box is not None:
+        v0 -= velocity_of_box(state, state.box_rate)
     if not scheme.inertia:  # the initial guess moves only bodies that contacts or supports act on
         v0 *= np.repeat(interacting_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
+    if state.box is not None:
+        v0 += velocity_of_box(state, mean_gradient(state, motions, dt))
     force = external_force(scene, state, state.t + scheme.theta * dt)
-    motions = prescribed_velocities(scene, state.t, dt).with_walls(scene.driven_walls, state.wall_velocity)
     bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
     increment = Increment(
         bulk,
@@ -86,7 +95,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         check_parts_apart(scene, state, scheme)
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
-            contact = _contact_problem(scene, state, increment, motions, timer, delassus)
+            contact = _contact_problem(scene, state, increment, motions, unknowns, timer, delassus)
             solution = advance(increment, contact, solver, timer)
             end, motions = increment.end(solution.w), solution.motions(motions)
             after = end_state(scene, state, increment, solution, end, motions)
@@ -106,6 +115,7 @@ def _contact_problem(
     state: State,
     increment: Increment,
     motions: PrescribedVelocities,
+    unknowns: ScalarUnknowns | None,
     timer: Timer,
     delassus: Delassus | None,
 ) -> ContactProblem | None:
@@ -116,9 +126,8 @@ def _contact_problem(
     linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions, scheme.inertia)
     timer.lap("detection")
     known = KnownForces(contacts.key, contacts.force)
-    driven = driven_walls(scene, state, increment, motions)
     held = scene.supporting >= 0
-    return ContactProblem(linearise, increment, known, timer, supported=held, delassus=delassus, driven=driven)
+    return ContactProblem(linearise, increment, known, timer, supported=held, delassus=delassus, unknowns=unknowns)
 
 
 def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:

@@ -1,78 +1,34 @@
-"""The driven walls of a step."""
+"""What walls driven by a force do before a step: how fast they move, and whether they can be driven."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.implicit import DrivenWalls, Increment
 from skmpm.material import Rigid
 from skmpm.observe.regions import region
-from skmpm.scene import PrescribedVelocities, Scene, SceneError, State
+from skmpm.scene import Scene, SceneError, State
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
-
-# Without inertia, mass of a driven wall in W over dt^2 times the largest shear modulus of the bodies: that of the
-# springs of floating bodies (`implicit.residual.SPRING_STIFFNESS`). It does not enter the balance.
-RESPONSE = 1e-3
-FARTHEST = 0.5  # [cells] motion of a driven wall in one iteration without inertia
-
-
-def driven_walls(
-    scene: Scene, state: State, increment: Increment, motions: PrescribedVelocities
-) -> DrivenWalls | None:
-    """The driven walls of a step; None if there are none."""
-    walls = scene.driven_walls
-    if walls.size == 0:
-        return None
-    normal, dt, theta = scene.normals.T[walls], increment.dt, increment.scheme.theta
-    along = np.einsum("pi,pi->p", state.wall_velocity[walls], normal)
-    inertia, forces = increment.scheme.inertia, _forces(scene, state, increment, motions)
-    stiffness = RESPONSE * (theta * dt) ** 2 * max(material.lame[1] for material, _ in increment.bulk.materials)
-    return DrivenWalls(
-        walls=walls,
-        normal=normal,
-        mass=scene.wall_masses if inertia else np.zeros(walls.size),
-        response=scene.wall_masses if inertia else np.full(walls.size, stiffness),
-        v0=along,
-        force=forces,
-        prescribed=motions.walls,
-        dt=dt,
-        theta=theta,
-        farthest=np.inf if inertia else FARTHEST * scene.cell / dt,
-    )
-
-
-def _forces(
-    scene: Scene, state: State, increment: Increment, motions: PrescribedVelocities
-) -> Callable[[Array], Array]:
-    """The driving forces as a function of the velocities of the driven walls: lengths are those at the end."""
-    t, walls, normals = state.t + increment.scheme.theta * increment.dt, scene.driven_walls, scene.normals
-
-    def force(z: Array) -> Array:
-        velocity = motions.walls.copy()
-        velocity[walls] = z[:, None] * normals.T[walls]
-        ends = state.walls + increment.dt * velocity
-        return scene.driving_forces(t, region(normals, ends.T).length)
-
-    return force
 
 
 class Moving(NamedTuple):
     """What moves at the start of a step."""
 
-    v: Array  # (2, k) of points and driven walls [m/s]
-    speed: float  # of the fastest driven wall [m/s]
-    acceleration: float  # the largest of driven walls [m/s2]
+    v: Array  # (2, k) of points, relative to a periodic box, and driven walls [m/s]
+    speed: float  # of the fastest wall or edge of the box that a force drives [m/s]
+    acceleration: float  # the largest of these [m/s2]
 
 
 def moving(scene: Scene, state: State) -> Moving:
     """What moves at a state."""
+    if state.box is not None:
+        return _moving_with_box(scene, state)
     walls = scene.driven_walls
     if walls.size == 0:
         return Moving(state.v, 0.0, 0.0)
@@ -85,42 +41,60 @@ def moving(scene: Scene, state: State) -> Moving:
     )
 
 
+def _moving_with_box(scene: Scene, state: State) -> Moving:
+    """What moves in a periodic box, with the speed and the acceleration of the edges that a stress moves."""
+    assert scene.periodic is not None and state.box is not None and state.box_rate is not None
+    relative, (i, j) = state.v - state.box_rate @ state.x, scene.periodic.components
+    if i.size == 0:
+        return Moving(relative, 0.0, 0.0)
+    length, mass = np.diag(scene.periodic.box)[j], scene.periodic.mass or scene.mass
+    pressed = np.einsum("qk,qk->q", state.contacts.vectors[i], state.contacts.image[j])
+    force = abs(float(np.linalg.det(state.box))) * scene.periodic.stress_at(state.t) - pressed
+    speed = float(np.abs(state.box_rate[i, j] * length).max())
+    return Moving(relative, speed, float(np.abs(force / length).max()) / mass)
+
+
 def moving_at_start(scene: Scene, v: Array) -> Moving:
     """What moves at t = 0, with points at velocities v (2, n) [m/s]; nothing presses on the walls."""
     walls = scene.driven_walls
     if walls.size == 0:
         return Moving(v, 0.0, 0.0)
-    velocity, acceleration = scene.wall_velocities(0.0)[walls], _forces_at_start(scene) / scene.wall_masses
+    velocity, acceleration = scene.wall_velocities(0.0)[walls], _forces(scene, 0.0) / scene.wall_masses
     fastest = float(np.hypot(*velocity.T).max())
     return Moving(np.concatenate([v, velocity.T], axis=1), fastest, float(np.abs(acceleration).max()))
 
 
-def driven_by_force(scene: Scene) -> Iterator[tuple[str, float]]:
-    """Walls driven by a force, with the speed P / (rho c) that its pressure gives to a wave in the bodies [m/s]."""
-    if scene.driven_walls.size == 0:
+def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
+    """What a force or a stress drives, with the speed P / (rho c) that it gives to a wave in bodies at t [m/s]."""
+    if not (scene.driven_walls.size or scene.periodic is not None):
         return
     x, soft = scene.initial_positions, [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
-    impedance = min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in soft)
-    for i, force in zip(scene.driven_walls.tolist(), np.abs(_forces_at_start(scene)).tolist(), strict=True):
+    impedance = float(min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in soft))
+    for i, force in zip(scene.driven_walls.tolist(), np.abs(_forces(scene, t)).tolist(), strict=True):
         width = float(np.ptp(scene.normals[0, i] * x[1] - scene.normals[1, i] * x[0]))
-        yield f"wall {i} by its force", force / width / float(impedance)
+        yield f"wall {i} by its force", force / width / impedance
+    if scene.periodic is not None and scene.periodic.components.size:
+        yield "the periodic box by its stress", float(np.abs(scene.periodic.stress_at(t)).max()) / impedance
 
 
-def _forces_at_start(scene: Scene) -> Array:
-    points = np.array([wall.point for wall in scene.walls], dtype=float).T
-    return scene.driving_forces(0.0, region(scene.normals, points).length)
+def _forces(scene: Scene, t: float) -> Array:
+    """Driving forces at time t with the walls where they are at t = 0, (p,) [N/m]."""
+    points = np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2).T
+    return scene.driving_forces(t, region(scene.normals, points).length)
 
 
 def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
     """Raise SceneError if a scheme cannot drive walls, or a pressure acts on a side that is not closed."""
+    if acts_at_grid_nodes(scheme.contact) and (scene.has_scalar_unknowns or scene.periodic is not None):
+        what = "the box is periodic"
+        if scene.free_rigid.size:
+            what = f"body {scene.free_rigid[0]} is a free rigid body"
+        if scene.driven_walls.size:
+            what = f"wall {scene.driven_walls[0]} is driven by a force"
+        raise SceneError(f"{name}: {what}, which contact = shared_grid cannot; use point_to_curve")
     if scene.driven_walls.size == 0:
         return
-    first = int(scene.driven_walls[0])
-    if acts_at_grid_nodes(scheme.contact):
-        raise SceneError(
-            f"{name}: wall {first} is driven by a force, which contact = shared_grid cannot; use point_to_curve"
-        )
-    points = np.array([wall.point for wall in scene.walls], dtype=float).T
+    points = np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2).T
     length = region(scene.normals, points).length
     for i in scene.driven_walls.tolist():
         if scene.walls[i].pressure is not None and not 0.0 < length[i] < np.inf:

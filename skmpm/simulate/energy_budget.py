@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from skmpm.assembly import Assembly
 from skmpm.implicit import Bulk, End, Increment, Solution
 from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, centres, velocity_at
+from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
 from skmpm.simulate.forces import external_force, follower_pressure
+from skmpm.simulate.rigid_energy import free_bodies
 from skmpm.simulate.unbalanced import unbalanced_ratio
 
 Array = NDArray[np.float64]
@@ -58,20 +60,29 @@ def budget_of(
     """The energy budget of a solved step.
 
     With inertia the work is that of the forces in the balance of momentum, so that the budget of the time scheme
-    closes. A quasi-static step takes the mean of the forces at both its ends (trapezoidal rule, second order).
+    closes; velocities are relative to a periodic box. A quasi-static step takes the mean of the forces at both its
+    ends (trapezoidal rule, second order).
     """
     bulk, w, reference_energy = increment.bulk, solution.w, _energy_of_reference_stress(increment.bulk)
     inertia = increment.scheme.inertia
     elastic = [bulk.energy(at) + reference_energy for at in (increment.at_start, end.configuration)]
-    kinetic = [kinetic_energy(bulk.assembly, v) if inertia else 0.0 for v in (increment.v0, end.velocity)]
+    of_box = velocity_of_box(state, mean_gradient(state, motions, increment.dt))
+    ends = (increment.v0, end.velocity) if inertia else ()
+    kinetic = [kinetic_energy(bulk.assembly, v - of_box) for v in ends] or [0.0, 0.0]
     external = float(increment.load(w) @ w * increment.dt - solution.reaction @ increment.prescribed)
+    if inertia:
+        external -= float((bulk.assembly.mass * (end.velocity - increment.v0)) @ of_box)
+    if scene.free_rigid.size:
+        own = free_bodies(scene, state, increment, solution, motions)
+        external += own.work
+        kinetic = [kinetic[i] + own.kinetic[i] for i in (0, 1)] if inertia else kinetic
     viscous = increment.dissipated(w)
     push_out = cohesion = tolerated = 0.0
     modulus = bulk.modulus * float(bulk.assembly.volume.sum())
     rounding = float(np.finfo(float).eps) * modulus  # a strain energy is a small difference of terms as large as this
     if solution.contact is not None:
         constraints, r, u = solution.contact.constraints, solution.contact.r, solution.contact.u
-        external -= float(r @ constraints.prescribed_components)  # the work of walls and rigid bodies
+        external -= float(r @ constraints.components(constraints.prescribed))  # the work of walls and rigid bodies
         push_out = float(constraints.forces(r, increment.dt)[0] @ constraints.pushed_out)
         cohesion = -float(constraints.tensile_strength @ constraints.opening)
         rounding += float(bulk.assembly.mass.sum()) * solution.contact.problem.speed_round_off**2
@@ -110,16 +121,20 @@ def _work_at_start(
     supports = state.support_force.ravel() @ increment.prescribed
     tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
     force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent
-    relative = _surface_velocity(state, motions, 0) - _surface_velocity(state, motions, 1)
+    relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)
+    gradient = mean_gradient(state, motions, increment.dt)
+    if gradient is not None:
+        relative -= gradient @ contacts.image
     return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
 
 
-def _surface_velocity(state: State, motions: PrescribedVelocities, side: int) -> Array:
-    """Prescribed velocities (2, k) [m/s] of the first or second bodies at the contacts, zero for deformable ones."""
+def _surface_velocity(scene: Scene, state: State, motions: PrescribedVelocities, side: int) -> Array:
+    """Prescribed velocities (2, k) [m/s] of the first or second bodies at the contacts, zero for movable ones."""
     contacts = state.contacts
     body = contacts.bodies[side]
-    arm = contacts.x - centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)]
-    of_bodies, walls = velocity_at(arm, motions.rigid[:, np.maximum(body, 0)]), np.zeros_like(contacts.x)
+    arm = contacts.at(side) - centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)]
+    prescribed = np.where(scene.movable, 0.0, motions.rigid)
+    of_bodies, walls = velocity_at(arm, prescribed[:, np.maximum(body, 0)]), np.zeros_like(contacts.x)
     if motions.walls.size:
         walls = motions.walls[np.maximum(-1 - body, 0)].T
     return np.where(body >= 0, of_bodies, walls)

@@ -20,6 +20,7 @@ from skmpm.scene import (
     mean_velocity,
     velocity_at,
 )
+from skmpm.simulate.box_motion import gradient_at_end, recut_box
 from skmpm.simulate.regrid import derived_of
 from skmpm.transfer import apic
 
@@ -43,6 +44,7 @@ def end_state(
     if prescribed.any():
         x[:, prescribed], v[:, prescribed] = _carried(state, motions, prescribed, dt)
     contacts, wall_force = _contacts(scene, solution, dt)
+    box, contacts = recut_box(scene, motions.box, contacts)
     return replace(
         state,
         t=state.t + dt,
@@ -56,9 +58,11 @@ def end_state(
         displacement=configuration.displacement,
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
-        wall_velocity=solution.wall_velocity(motions),
+        wall_velocity=motions.walls_at_end,
         support_force=solution.reaction.reshape(-1, 2) / dt,
         contacts=contacts,
+        box=box,
+        box_rate=gradient_at_end(state, motions, dt),
         derived=_reusable(scene, state, increment, solution),
     )
 
@@ -118,4 +122,5 @@ def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Ar
         constraints.gap,
         constraints.key,
         constraints.point,
+        constraints.image,
     ), wall_force

@@ -17,6 +17,7 @@ from skmpm.scene import (
     Scene,
     SceneError,
     State,
+    centres,
     check_walls_at_start,
     field_values,
     prescribed_velocities,
@@ -24,9 +25,11 @@ from skmpm.scene import (
     velocity_at,
 )
 from skmpm.scheme import Scheme
+from skmpm.simulate.box_motion import velocity_of_box
 from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
+from skmpm.simulate.rigid_energy import kinetic_energy_of_free_bodies
 from skmpm.transfer import to_nodes
 
 Array = NDArray[np.float64]
@@ -43,6 +46,9 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     body = scene.owner.copy()
     density = np.array([b.material.density for b in scene.bodies])
     v, C = initial_motion(scene)
+    rate = None if scene.periodic is None else scene.periodic.rate_at(0.0)
+    if rate is not None:
+        v += (rate @ centres(x, density[body] * volume, body) * scene.movable)[:, body]
     n = x.shape[1]
     state = State(
         t=0.0,
@@ -66,6 +72,8 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         support_force=np.zeros((len(scene.supports), 2)),
         contacts=Contacts.none(),
         report=Report(),
+        box=None if scene.periodic is None else scene.periodic.box,
+        box_rate=rate,
     )
     state, _ = regridded_state(scene, state, scheme)
     assembly, deformable = assembly_of(state), scene.deformable[body]
@@ -73,7 +81,9 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     weight = volume.copy()
     weight[deformable] = assembly.volume
     state = replace(state, weight=weight)
-    at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
+    relative = nodal - velocity_of_box(state, state.box_rate)
+    kinetic = kinetic_energy(assembly, relative) + kinetic_energy_of_free_bodies(scene, state)
+    at_start = Report(energy=Energy(kinetic=kinetic))
     return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
 
 
@@ -85,12 +95,11 @@ def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
     grid, v = assembly_of(state).grid, state.v
     speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
     dt = 1e-9 * scene.cell / max(speed, scene.cell)
-    linearise = scheme.contact(
-        scene, state, grid, dt, scheme.theta, prescribed_velocities(scene, 0.0, dt), scheme.inertia
-    )
+    motions = prescribed_velocities(scene, 0.0, dt, state.box)
+    linearise = scheme.contact(scene, state, grid, dt, scheme.theta, motions, scheme.inertia)
     found = linearise(np.zeros(2 * grid.nodes))
     no_force = np.zeros((2, found.size))
-    return Contacts(found.bodies, found.x, found.normal, no_force, found.gap, found.key, found.point)
+    return Contacts(found.bodies, found.x, found.normal, no_force, found.gap, found.key, found.point, found.image)
 
 
 def check_scheme(name: str, scheme: object) -> None:
@@ -119,7 +128,7 @@ def check_cohesion(name: str, scene: Scene, scheme: Scheme) -> None:
 
 
 def initial_motion(scene: Scene) -> tuple[Array, Array]:
-    """Velocities (2, n) [m/s] of the points at t = 0 and their gradients (2, 2, n) [1/s]."""
+    """Velocities (2, n) [m/s] of the points at t = 0 and their gradients (2, 2, n) [1/s], relative to the box."""
     v, C = [], []
     for body in scene.bodies:
         x, weight = body.points.x, body.points.volume
@@ -150,22 +159,25 @@ def _field(velocity: object, x: Array, interval: float) -> tuple[Array, Array]:
 
 
 def driven(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
-    """Walls, supports and rigid bodies with their prescribed speeds at time t [m/s]."""
+    """Walls, supports, rigid bodies and edges of the periodic box with their prescribed speeds at time t [m/s]."""
     for i, v in enumerate(scene.wall_velocities(t)):
         yield f"wall {i}", float(np.hypot(*v))
     for i, v in enumerate(np.nan_to_num(scene.support_velocities(t))):
         yield f"support {i}", float(np.hypot(*v))
     for i, body in enumerate(scene.bodies):
-        if isinstance(body.material, Rigid):
+        if body.motion is not None:
             vx, vy, spin = rigid_motion(body, t, f"body {i}").tolist()
             x = body.points.x
             reach = float(np.hypot(*(x - np.average(x, axis=1, weights=body.points.volume)[:, None])).max())
             yield f"rigid body {i}", float(np.hypot(vx, vy) + abs(spin) * reach)
+    if scene.periodic is not None:
+        edges = scene.periodic.rate_at(t) @ scene.periodic.box
+        yield "the periodic box", float(np.hypot(*edges).max())
 
 
 def can_touch(scene: Scene) -> bool:
-    """Whether the scene has a wall or more than one body."""
-    return bool(scene.walls) or len(scene.bodies) > 1
+    """Whether the scene has a wall, more than one body or a periodic box."""
+    return bool(scene.walls) or len(scene.bodies) > 1 or scene.periodic is not None
 
 
 def touches(scene: Scene, state: State, scheme: Scheme) -> bool:

@@ -43,7 +43,7 @@ class Loading:
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""
     v, _ = initial_motion(scene)
-    every = chain(driven_by_force(scene), *(driven(scene, t) for t in times))
+    every = chain(*(chain(driven_by_force(scene, t), driven(scene, t)) for t in times))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.deformable[scene.owner]], axis=0).max())
     height = free_height(scene) if can_touch(scene) else 0.0

@@ -114,5 +114,7 @@ def next_length(length: float, newton: int, scheme: Scheme) -> float:
 
 
 def _functions_of_time(scene: Scene) -> bool:
-    """Whether a prescribed velocity is a function of time."""
-    return any(callable(motion) for motion in prescribed_motions(scene))
+    """Whether a prescribed velocity, or what drives a wall or a periodic box, is a function of time."""
+    stress = () if scene.periodic is None else (scene.periodic.stress,)
+    forces = [f for wall in scene.walls for f in (wall.force, wall.pressure)]
+    return any(callable(f) for f in (*prescribed_motions(scene), *forces, *stress))

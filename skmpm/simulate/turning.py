@@ -64,8 +64,9 @@ def _unstable(state: State, dt: float) -> Bools:
     inertia = np.bincount(state.body, state.mass * (arm**2).sum(axis=0), count)
     virial, n = np.zeros(count), state.contacts.normal
     force = state.contacts.force[0] * n + state.contacts.force[1] * np.stack([-n[1], n[0]])
-    for side, sign in zip(state.contacts.bodies, (-1.0, 1.0), strict=True):
+    for end, sign in enumerate((-1.0, 1.0)):
+        side = state.contacts.bodies[end]
         on = np.flatnonzero(side >= 0)
-        lever = state.contacts.x[:, on] - centre[:, side[on]]
+        lever = state.contacts.at(end)[:, on] - centre[:, side[on]]
         virial += np.bincount(side[on], sign * np.einsum("ik,ik->k", force[:, on], lever), count)
     return np.asarray(dt**2 * virial > UNSTABLE * inertia)

@@ -64,7 +64,7 @@ def test_a_closing_ring_that_passes_through_itself_is_an_error(by):
 
 def test_a_rigid_body_may_be_bent():
     """What does not deform is not looked at, whatever its shape."""
-    hook = Body(ring(), Rigid(1000.0), velocity=(0.1, 0.0))
+    hook = Body(ring(), Rigid(1000.0), motion=(0.1, 0.0, 0.0))
     disc = Body(sector(0.2, 0.3, 0.1, 3.0, spacing=0.03), GUM)
     *_, state = simulate(Scene([hook, disc], cell=0.05), dt=1e-3, until=5e-3)
     assert state.t == 5e-3

@@ -36,7 +36,7 @@ def test_forces_and_moments_are_the_rates_of_momentum():
 
 def test_a_rigid_body_has_the_force_that_presses_on_it():
     """A soft disc between a lid and a rigid block that is not centred below: the moment is force times distance."""
-    block = Body(box((-2 * R, -R), (3 * R, R), spacing=R / 4), Rigid(1000.0))
+    block = Body(box((-2 * R, -R), (3 * R, R), spacing=R / 4), Rigid(1000.0), motion=(0.0, 0.0, 0.0))
     scene = Scene([block, Body(disc((0.0, R), R, spacing=R / 7), GEL)], cell=R / 5,
                   walls=[Wall((0.0, 2 * R), (0.0, -1.0), force=50.0)])  # fmt: skip
     *_, state = simulate(scene, dt=1.0, until=2.0, scheme=Scheme(inertia=False))

@@ -52,7 +52,8 @@ def test_the_contact_of_a_disc_and_a_wall_acts_at_its_lowest_point(angle, gap):
 def test_the_contact_of_two_discs_acts_on_the_line_of_centres(rigid, angle, direction, ratio):
     radius = ratio * R
     centre = (R + radius) * np.array([np.cos(direction), np.sin(direction)])
-    other = Body(turned(centre, 1.7 * angle, radius), Rigid(1000.0) if rigid else GEL)
+    held = {"material": Rigid(1000.0), "motion": (0.0, 0.0, 0.0)} if rigid else {"material": GEL}
+    other = Body(turned(centre, 1.7 * angle, radius), **held)
     found = contacts_of(Scene([Body(turned((0.0, 0.0), angle), GEL), other], cell=CELL))
     closest = found.gap.argmin()
     across = found.x[0, closest] * np.sin(direction) - found.x[1, closest] * np.cos(direction)

@@ -56,7 +56,7 @@ def hanging(c, below, *, tilt=0.0, spacing=0.5 * CELL, friction=0.5, material=SO
     if below == "wall":
         return Scene([lower], walls=[ceiling(tilt, friction=friction, cohesion=c)], **options)
     if below == "rigid":
-        upper = block(0.0, tilt=tilt, spacing=spacing, material=Rigid(DENSITY))
+        upper = block(0.0, tilt=tilt, spacing=spacing, material=Rigid(DENSITY), motion=(0.0, 0.0, 0.0))
         return Scene([upper, lower], friction=friction, cohesion=c, **options)
     upper, normal = block(0.0, tilt=tilt, spacing=spacing), rotation(tilt) @ [0.0, 1.0]
     top = HEIGHT - 1e-9 + normal @ (OFFSET if tilt else np.zeros(2))

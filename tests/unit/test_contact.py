@@ -165,7 +165,7 @@ def test_gaps_to_walls_are_distances_along_their_normals():
 
 
 def test_rigid_bodies_enter_with_their_given_velocity_and_no_unknowns():
-    moving = round_body((2.02 * R, 0), material=Rigid(1.0), velocity=lambda t: (-2.0 + t / DT, 1.0))
+    moving = round_body((2.02 * R, 0), material=Rigid(1.0), motion=lambda t: (-2.0 + t / DT, 1.0, 0.0))
     scene = Scene([round_body((0, 0)), moving], cell=CELL)
     rows, w = rows_of(scene, w=lambda body, x: np.ones(x.shape))
     assert (w.shape[1] == rows.base.shape[1]) and rows.size >= 1

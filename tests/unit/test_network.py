@@ -32,6 +32,7 @@ def with_contacts(scene, bodies, x, normal, force, gap=None):
         gap,
         np.arange(k),
         point,
+        np.zeros((2, k)),
     )
     return replace(initial(scene), contacts=contacts)
 
@@ -142,7 +143,9 @@ def test_forces_on_branches_are_the_stress_of_observe():
 
 def test_branches_end_at_the_contact_of_a_rigid_body():
     scene = row(2, material=SOFT)
-    scene = replace(scene, bodies=[scene.bodies[0], Body(scene.bodies[1].points, Rigid(1000.0))])
+    scene = replace(
+        scene, bodies=[scene.bodies[0], Body(scene.bodies[1].points, Rigid(1000.0), motion=(0.0, 0.0, 0.0))]
+    )
     found = network(scene, touch(scene))
     pair = np.flatnonzero((found.bodies == [[0], [1]]).all(axis=0))
     np.testing.assert_allclose(found.branch[:, pair[0]], [-1.0, 0.0], atol=1e-12)

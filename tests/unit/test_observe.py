@@ -531,7 +531,7 @@ def rigid_among_soft(shift=0.0):
     """Put a rigid plate half out of the box and a soft square in the middle of it."""
     square = refined(np.array([[0.0, 1, 1, 0], [0.0, 0, 1, 1]]), 4)
     plate = np.diag([2.0, 1.0]) @ refined(np.array([[0.0, 1, 1, 0], [0.0, 0, 1, 1]]), 8) - column((0.5 - shift, 0.5))
-    rigid = Body(Points(plate, np.full(32, 2 / 32), (np.arange(32),)), Rigid(1000.0))
+    rigid = Body(Points(plate, np.full(32, 2 / 32), (np.arange(32),)), Rigid(1000.0), motion=(0.0, 0.0, 0.0))
     return Scene([rigid, polygon(square + column((0.0, 0.5)))], cell=0.2, walls=box((-1, 0), (2, 3)))
 
 

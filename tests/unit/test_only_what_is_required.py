@@ -149,9 +149,9 @@ def test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall():
     """A disc squeezed between planes and between slabs of points: the same matrices; two slabs lie on one another."""
     planes = squeezed()
     slabs = [
-        Body(box((-2 * R, 1.017e-3), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0), velocity=(0, -1.0)),
-        Body(box((-2 * R, -0.983e-3 - R / 2), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0)),
-        Body(box((-2 * R, -0.983e-3 - R), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0)),
+        Body(box((-2 * R, 1.017e-3), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0), motion=(0, -1.0, 0.0)),
+        Body(box((-2 * R, -0.983e-3 - R / 2), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0), motion=(0.0, 0.0, 0.0)),
+        Body(box((-2 * R, -0.983e-3 - R), (4 * R, R / 2), spacing=CELL / 2), Rigid(1.0), motion=(0.0, 0.0, 0.0)),
     ]
     bodies = Scene([round_body(), *slabs], cell=CELL)
     shapes = []

@@ -236,7 +236,7 @@ def test_rigid_bodies_are_grey_and_points_without_outline_are_dots():
     other = disc((3 * R, 0.0), R, spacing=R / 4)
     bare = Points(other.x, other.volume)
     scene = Scene(
-        [Body(disc((0, 0), R, spacing=R / 4), Rigid(1000.0)), Body(bare, GEL)], cell=R / 3,
+        [Body(disc((0, 0), R, spacing=R / 4), Rigid(1000.0), motion=(0.0, 0.0, 0.0)), Body(bare, GEL)], cell=R / 3,
         supports=[Support(lambda x: x[0] > 3.8 * R)],
     )  # fmt: skip
     state = initial(scene, scheme=Scheme(contact=contact.shared_grid, anchor=0.0))
@@ -300,7 +300,7 @@ def test_a_film_has_a_frame_for_each_state_with_one_scale(squeezed, tmp_path):
 def with_hole_and_support():
     """A ring pulled to the right by its left half, above a rigid block, between a wall and another far away."""
     block = box((-2 * R, -4 * R), (4 * R, 1.5 * R), spacing=R / 4)
-    bodies = [Body(block, Rigid(1000.0)), Body(annulus(), GEL, velocity=(1.0, 0.0))]
+    bodies = [Body(block, Rigid(1000.0), motion=(0.0, 0.0, 0.0)), Body(annulus(), GEL, velocity=(1.0, 0.0))]
     return Scene(bodies, cell=R / 4, supports=[Support(lambda x: x[0] < -1.5 * R, velocity=(1.0, 0.0))],
                  walls=[Wall((0, -4 * R), (0, 1)), Wall((0, 50 * R), (0, -1))])  # fmt: skip
 

@@ -91,7 +91,7 @@ def test_bodies_walls_and_a_rigid_one():
         [
             round_body(),
             round_body(3 * R, material=slow, velocity=(3.0, 1.0), spin=2.0),
-            Body(box((5 * R, 0.0), (R, R), spacing=H), Rigid(1.0), velocity=lambda t: (0.0, -4.0 - t)),
+            Body(box((5 * R, 0.0), (R, R), spacing=H), Rigid(1.0), motion=lambda t: (0.0, -4.0 - t, 0.0)),
         ],
         cell=H,
         walls=[Wall((0, -2 * R), (0, 1), friction=0.7), Wall((0, 4 * R), (0, -1), velocity=(0.0, -3.0))],
@@ -312,7 +312,7 @@ SUPPORTED = {"supports": [Support(lambda x: x[0] <= -0.99 * R)]}
 
 def stamped(velocity):
     """A disc and a rigid box above it, narrower than the disc, that moves."""
-    tool = Body(box((-0.5 * R, 1.5 * R), (R, R), spacing=H / 2), Rigid(1.0), velocity=velocity)
+    tool = Body(box((-0.5 * R, 1.5 * R), (R, R), spacing=H / 2), Rigid(1.0), motion=(*velocity, 0.0))
     return Scene([round_body(), tool], cell=H, friction=0.3)
 
 

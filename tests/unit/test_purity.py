@@ -92,7 +92,7 @@ def driven(material, watch=lambda name, function: function):
     block = box((0.0, 0.0), (3.0 * R, 2.0 * R), spacing=R / 6)
     indenter = disc((1.5 * R, 2.5 * R), R / 2, spacing=R / 8)
     return Scene(
-        [Body(block, material), Body(indenter, Rigid(1e3), velocity=watch("rigid", lambda t: (0.0, -1.0 - t)))],
+        [Body(block, material), Body(indenter, Rigid(1e3), motion=watch("rigid", lambda t: (0.0, -1.0 - t, 0.0)))],
         cell=0.3 * R,
         supports=[
             Support(

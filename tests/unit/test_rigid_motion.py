@@ -12,7 +12,6 @@ from skmpm import (
     SceneError,
     Scheme,
     StepFailed,
-    Wall,
     box,
     disc,
     initial,
@@ -53,20 +52,6 @@ def test_a_function_of_time_is_taken_in_the_middle_of_each_step():
     angle = [np.arctan2(*(x[:, 1] - x[:, 0])[::-1]) for x in (first, last)]
     assert angle[1] - angle[0] == pytest.approx(0.4**2, rel=1e-12)
     assert centre_of(state, 1)[1] - centre_of(initial(scene), 1)[1] == pytest.approx(0.4**2 / 2.0, rel=1e-12)
-
-
-@pytest.mark.parametrize("scheme", [Scheme(), Scheme(inertia=False)])
-def test_zero_spin_is_the_translation_of_before(scheme):
-    """`motion` without spin and `velocity` give the same states, bit for bit."""
-    found = []
-    for options in ({"velocity": (0.0, 0.02)}, {"motion": (0.0, 0.02, 0.0)}):
-        plate = Body(box((-2 * R, -R), (4 * R, R), spacing=R / 4), Rigid(1000.0), **options)
-        scene = Scene([plate, Body(disc((0.0, R), R, spacing=R / 6), GEL)], cell=R / 4, friction=0.3,
-                      walls=[Wall((0.0, 2 * R), (0.0, -1.0), friction=0.3)])  # fmt: skip
-        *_, state = simulate(scene, dt=5e-3, until=2e-2, scheme=scheme)
-        found.append(state)
-    assert np.array_equal(found[0].x, found[1].x) and np.array_equal(found[0].wall_force, found[1].wall_force)
-    assert found[0].wall_force[0, 1] > 10.0
 
 
 def test_a_block_on_a_plank_that_tilts_stands_up_to_the_angle_of_friction():

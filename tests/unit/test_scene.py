@@ -91,12 +91,19 @@ BAD = {
         r"body 0: velocity\(x\) is \[inf inf\]",
     ),
     "velocity of Rigid": (
-        lambda: scene(others=[Body(at(3), Rigid(1.0), velocity=lambda t: (t, np.inf))]),
-        "body 1: velocity at t = 0 s.*two finite numbers",
+        lambda: scene(others=[Body(at(3), Rigid(1.0), velocity=lambda t: (t, 1.0))]),
+        "body 1: velocity is a function, of a Rigid body; give its velocity at t = 0, or motion",
+    ),
+    "motion of Rigid": (
+        lambda: scene(others=[Body(at(3), Rigid(1.0), motion=lambda t: (t, np.inf, 0.0))]),
+        "body 1: motion at t = 0 s.*three finite numbers",
     ),
     "spin nan": (lambda: scene(spin=np.nan), "body 0: spin = nan.*rad/s"),
     "spin text": (lambda: scene(spin="left"), "body 0: spin = 'left'.*rad/s"),
-    "spin of Rigid": (lambda: scene(others=[Body(at(3), Rigid(1.0), spin=1.0)]), "body 1: spin = 1.0.*give motion"),
+    "spin and motion": (
+        lambda: scene(others=[Body(at(3), Rigid(1.0), spin=1.0, motion=(0, 0, 0))]),
+        "body 1: spin = 1.0 and motion; give one of them",
+    ),
     "gravity nan": (lambda: scene(gravity=(np.nan, 0.0)), "gravity.*nan.*two finite numbers"),
     "gravity scalar": (lambda: scene(gravity=-9.81), "gravity = -9.81.*two finite numbers"),
     "gravity field": (lambda: scene(gravity=lambda X, t: (0.0, -9.81)), r"gravity\(X, t\).*shape \(2,\).*positions"),
@@ -135,7 +142,7 @@ def test_the_same_scenes_without_their_fault_are_accepted():
         others=[
             Body(at(2.0 * R), LinearElastic(1.0, -0.99, 1e-9)),
             Body(at(-2.0 * R), NeoHookean(1, 0.499, 7), spin=-3),
-            Body(box((-1, 2), (2, 1), spacing=0.4), Rigid(1.0), velocity=lambda t: (t, 1)),
+            Body(box((-1, 2), (2, 1), spacing=0.4), Rigid(1.0), motion=lambda t: (t, 1, 0)),
         ],
         walls=[Wall((0, 9), (0, -1))],
         velocity=lambda x: x,
@@ -160,7 +167,7 @@ def test_bodies_may_touch_and_overlap_by_a_thousandth_of_a_cell_but_not_by_more(
 
 
 def test_walls_may_cut_rigid_bodies():
-    floor = Body(box((-2, -2), (4, 1), spacing=0.4), Rigid(1.0))
+    floor = Body(box((-2, -2), (4, 1), spacing=0.4), Rigid(1.0), motion=(0.0, 0.0, 0.0))
     assert len(scene(others=[floor], walls=[Wall((0, -1.0), (0, 1))]).bodies) == 2
 
 
@@ -182,8 +189,8 @@ def test_a_body_without_outline_needs_shared_nodes(walls):
             "wall 0: velocity",
         ),
         (
-            {"others": [Body(at(3), Rigid(1.0), velocity=lambda t: (0,) if t > 1e-3 else (0, 0))]},
-            "body 1: velocity",
+            {"others": [Body(at(3), Rigid(1.0), motion=lambda t: (0,) if t > 1e-3 else (0, 0, 0))]},
+            "body 1: motion",
         ),
         ({"gravity": lambda X, t: np.full(X.shape, np.inf if t > 1e-3 else 0.0)}, r"gravity\(X, t\) at t = 0.002 s"),
     ],
@@ -196,7 +203,10 @@ def test_functions_of_time_that_end_in_nothing_are_named_when_they_do(late, mess
 
 
 def test_what_a_scene_knows_of_its_bodies():
-    it = scene(others=[Body(box((2, 0), (1, 1), spacing=0.5), Rigid(1.0))], walls=[Wall((0, -R), (0, 1))])
+    it = scene(
+        others=[Body(box((2, 0), (1, 1), spacing=0.5), Rigid(1.0), motion=(0.0, 0.0, 0.0))],
+        walls=[Wall((0, -R), (0, 1))],
+    )
     assert it.offsets.tolist() == [0, ROUND.size, ROUND.size + 16]
     assert it.deformable.tolist() == [True, False]
     assert it.normals.tolist() == [[0.0], [1.0]]
@@ -208,7 +218,7 @@ def test_what_a_scene_knows_of_its_bodies():
 
 def test_rigid_bodies_and_walls_have_no_unknowns():
     alone = initial(scene())
-    rigid = Body(box((2, 0), (1, 1), spacing=0.1), Rigid(1.0))
+    rigid = Body(box((2, 0), (1, 1), spacing=0.1), Rigid(1.0), motion=(0.0, 0.0, 0.0))
     crowded = initial(scene(others=[rigid], walls=[Wall((0, -R), (0, 1))]))
     assert alone.displacement.size > 0
     assert crowded.displacement.size == alone.displacement.size

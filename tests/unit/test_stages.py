@@ -161,7 +161,7 @@ def test_what_does_not_fit_is_named(run, change, message):
 
 
 def test_a_state_of_another_scene_is_refused(run):
-    other = Body(box((2 * R, 0), (R, R), spacing=R / 4), Rigid(1.0))
+    other = Body(box((2 * R, 0), (R, R), spacing=R / 4), Rigid(1.0), motion=(0.0, 0.0, 0.0))
     alone = Scene([Body(disc((0, 0), R, spacing=R / 5), GEL), other], cell=R / 3)
     with pytest.raises(SceneError, match="continued: the state has"):
         continued(alone, run[1], run[0])

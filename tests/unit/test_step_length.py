@@ -119,7 +119,7 @@ def test_a_motion_that_starts_at_rest_is_followed():
                 Body(
                     disc((0.0, 3.02 * R), R, spacing=0.74 * CELL),
                     Rigid(990.0),
-                    velocity=along,
+                    motion=lambda t: (*along(t), 0.0),
                 ),
             ],
             cell=CELL,

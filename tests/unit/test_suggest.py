@@ -46,7 +46,7 @@ def test_kinds_follow_from_what_touches_and_moves():
     assert kind(discs(2)) == kind(discs(1, walls=[FLOOR, LID])) == kind(discs(9, walls=[FLOOR])) == "pressing"
     assert kind(discs(2, velocity=(1.0, 0.0))) == kind(discs(1, walls=[FLOOR], spin=1.0)) == "impact"
     assert kind(discs(6, walls=[FLOOR, LID])) == "packing"
-    pushed = Body(box((-1, -1), (3, 0.5), spacing=0.1), Rigid(1.0), velocity=(0, 1))
+    pushed = Body(box((-1, -1), (3, 0.5), spacing=0.1), Rigid(1.0), motion=(0, 1, 0.0))
     assert kind(Scene([*discs(6).bodies, pushed], cell=0.05)) == "packing"
     assert kind(Scene([*discs(5).bodies, pushed], cell=0.05)) == "pressing"
 

@@ -109,7 +109,7 @@ def test_an_elastic_press_and_release_dissipates_nothing(by):
         force = Load(top, lambda t: (0.0, -4e4 * min(t, 1.0 - t)))
         scene = Scene(bodies, cell=0.25, loads=[force], **floor)
     else:
-        bodies.append(Body(box((-0.1, 1), (2.3, 0.5), spacing=0.125), Rigid(1000.0), velocity=lid))
+        bodies.append(Body(box((-0.1, 1), (2.3, 0.5), spacing=0.125), Rigid(1000.0), motion=lambda t: (*lid(t), 0.0)))
         scene = Scene(bodies, cell=0.25, **floor)
     energies = [s.report.energy for s in simulate(scene, dt=0.05, until=1.0, scheme=STATIC)]
     exchanged = max(e.elastic for e in energies)
@@ -235,7 +235,7 @@ def test_bad_supports_and_loads_are_named(case):
 
 
 def test_rigid_bodies_have_no_supports():
-    slab = Body(box((0, -0.5), (2, 0.25), spacing=0.125), Rigid(1000.0))
+    slab = Body(box((0, -0.5), (2, 0.25), spacing=0.125), Rigid(1000.0), motion=(0.0, 0.0, 0.0))
     body = Body(box((0, 0), (2, 1), spacing=0.125), SOFT)
     with pytest.raises(SceneError, match="at no point of a deformable body"):
         Scene([slab, body], cell=0.25, supports=[Support(lambda x: x[1] < -0.3)])

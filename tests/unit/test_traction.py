@@ -47,7 +47,8 @@ def loaded(scene, x, normal, force, second=-1):
     k = x.shape[1]
     bodies = np.stack([np.zeros(k, dtype=int), np.full(k, second)])
     point = np.full(k, scene.outlines.point[0])  # deliberately not where the contact is
-    return replace(initial(scene), contacts=Contacts(bodies, x, normal, force, np.zeros(k), np.arange(k), point))
+    contacts = Contacts(bodies, x, normal, force, np.zeros(k), np.arange(k), point, np.zeros((2, k)))
+    return replace(initial(scene), contacts=contacts)
 
 
 def test_tension_is_negative_pressure_on_outward_normals():
@@ -212,6 +213,7 @@ def test_a_contact_at_a_point_of_the_other_body_has_the_opposite_force():
         np.array([0.05]),
         np.array([0]),
         np.array([scene.offsets[1]]),
+        np.zeros((2, 1)),
     )
     state = replace(state, contacts=one)
     found = [contact_pressure(scene, state, b) for b in (0, 1)]
@@ -265,7 +267,7 @@ def test_holes_have_sides_of_their_own():
 
 def test_a_rigid_body_has_a_traction_too():
     """A disc pressed on a rigid block: equal and opposite resultants."""
-    die = Body(box((-1.0, -0.5), (2.0, 0.5), spacing=0.1), Rigid(1000.0), velocity=(0.0, 0.05))
+    die = Body(box((-1.0, -0.5), (2.0, 0.5), spacing=0.1), Rigid(1000.0), motion=(0.0, 0.05, 0.0))
     scene = Scene(
         [Body(disc((0.0, 1.0), 1.0, spacing=0.1), SOFT), die], cell=CELL, walls=[Wall((0, 2), (0, -1))], friction=0.3
     )

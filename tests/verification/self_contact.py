@@ -92,7 +92,7 @@ def slotted(slot, friction=0.0, *, divided=False):
 def crushed_ring(cell):
     """A ring of thickness R/4 between two rigid discs that meet."""
     discs = [
-        Body(disc((0.0, 1.4 * up), 0.4, spacing=0.5 * cell), Rigid(1000.0), velocity=(0.0, -0.85 * up))
+        Body(disc((0.0, 1.4 * up), 0.4, spacing=0.5 * cell), Rigid(1000.0), motion=(0.0, -0.85 * up, 0.0))
         for up in (1.0, -1.0)
     ]
     held = Support(lambda x: (np.abs(x[0]) < 1e-6) & (np.abs(x[1]) > 0.99), velocity=(0.0, None))

@@ -332,7 +332,11 @@ def test_no_energy_is_gained_in_a_collision(friction):
 def pushed(points, velocity, material):
     """A disc, another behind it, and a rigid body that comes from the right."""
     first, behind = (SOFT, LINEAR) if material is SOFT else (LINEAR, SOFT)
-    bodies = [round_body((0, 0), first), Body(points, Rigid(1.0), velocity=velocity), round_body((-2 * R, 0), behind)]
+    bodies = [
+        round_body((0, 0), first),
+        Body(points, Rigid(1.0), motion=(*velocity, 0.0)),
+        round_body((-2 * R, 0), behind),
+    ]
     return Scene(bodies, cell=CELL, friction=0.3)
 
 
@@ -373,7 +377,7 @@ def test_a_rigid_body_with_constant_velocity_pushes_as_a_wall_does():
 
     The box is coarser than the disc, so that it is the disc's boundary points that touch in both.
     """
-    box_body = Body(box((R, -3 * R), (R, 6 * R), spacing=CELL), Rigid(1.0), velocity=(-2.0, 0.0))
+    box_body = Body(box((R, -3 * R), (R, 6 * R), spacing=CELL), Rigid(1.0), motion=(-2.0, 0.0, 0.0))
     wall = Wall((R, 0), (-1, 0), velocity=(-2.0, 0.0))
     floor = Wall((-R, 0), (1, 0))
     with_box = Scene([round_body((0, 0)), box_body], cell=CELL, walls=[floor])

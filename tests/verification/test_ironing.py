@@ -43,10 +43,10 @@ def scene(cells, spacing, friction, offset=(0.3, 0.6)):
     block = box(corner, (LENGTH, HEIGHT), spacing=spacing * cell)
     centre = corner + np.array([0.5 * (LENGTH - WAY), HEIGHT + RADIUS + 1e-3 * cell])
 
-    def velocity(t):
-        return (0.0, -DEPTH) if t < 1.0 else (WAY, 0.0)
+    def motion(t):
+        return (0.0, -DEPTH, 0.0) if t < 1.0 else (WAY, 0.0, 0.0)
 
-    bodies = [Body(block, MATERIAL), Body(punch(centre, spacing * cell), Rigid(1.0), velocity=velocity)]
+    bodies = [Body(block, MATERIAL), Body(punch(centre, spacing * cell), Rigid(1.0), motion=motion)]
     return Scene(bodies, cell=cell, supports=[Support(lambda x: x[1] < corner[1] + 1e-9)], friction=friction)
 
 

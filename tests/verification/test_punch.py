@@ -46,7 +46,7 @@ def punch(*, nu=0.45, friction=0.0, radius=0.0, shift=0.0, offset=(0.0, 0.0), fi
     block = box(origin, (width, HEIGHT), spacing=h / 2)
     corner = origin + np.array([width / 3 + shift * h, HEIGHT + 1e-3 * h])
     tool = rounded(corner, (HEIGHT, 0.3 * HEIGHT), radius * h, h / 2 / fine)
-    bodies = [Body(block, NeoHookean(1e6, nu, 1000.0)), Body(tool, Rigid(1.0), velocity=(0.0, -HEIGHT))]
+    bodies = [Body(block, NeoHookean(1e6, nu, 1000.0)), Body(tool, Rigid(1.0), motion=(0.0, -HEIGHT, 0.0))]
     base = Support(lambda x: x[1] < origin[1] + 1e-9)
     return Scene(bodies, cell=h, supports=[base], friction=friction)
 
@@ -161,11 +161,11 @@ def test_sharp_edges_that_meet_a_soft_body_are_warned_of():
     assert not _warned(punch(radius=0.5), still)
     assert not _warned(punch(), Scheme())
     block, tool = punch().bodies
-    wide = Body(box((-1.0, 1.001 * HEIGHT), (3.0, HEIGHT), spacing=H), Rigid(1.0), velocity=(0.0, -1.0))
+    wide = Body(box((-1.0, 1.001 * HEIGHT), (3.0, HEIGHT), spacing=H), Rigid(1.0), motion=(0.0, -1.0, 0.0))
     assert not _warned(Scene([block, wide], cell=H), still)
     away = Points(tool.points.x + np.array([[0.0], [2.0 * H]]), tool.points.volume, tool.points.outline)
-    assert _warned(Scene([block, Body(away, Rigid(1.0), velocity=(0.0, -1.0))], cell=H), still)
-    assert not _warned(Scene([block, Body(away, Rigid(1.0), velocity=(0.0, 1.0))], cell=H), still)
+    assert _warned(Scene([block, Body(away, Rigid(1.0), motion=(0.0, -1.0, 0.0))], cell=H), still)
+    assert not _warned(Scene([block, Body(away, Rigid(1.0), motion=(0.0, 1.0, 0.0))], cell=H), still)
 
 
 def _warned(scene, scheme):

@@ -124,7 +124,8 @@ def test_a_disc_at_rest_stays():
 def fall(degrees, rigid):
     """Angle from the vertical after 30 ms over that at the start, of a disc that rolls off an equal fixed one."""
     angle, material = np.radians(degrees), NeoHookean(1e6, 0.3, DENSITY)
-    fixed = Body(disc((0.0, 0.0), R, spacing=R / 8), Rigid(DENSITY) if rigid else material)
+    held = {"material": Rigid(DENSITY), "motion": (0.0, 0.0, 0.0)} if rigid else {"material": material}
+    fixed = Body(disc((0.0, 0.0), R, spacing=R / 8), **held)
     moving = Body(disc((2.0 * R * np.sin(angle), 2.0 * R * np.cos(angle)), R, spacing=R / 8), material)
     supports = [] if rigid else [Support(lambda x: np.hypot(*x) < 0.7 * R)]
     scene = Scene([fixed, moving], cell=R / 5, gravity=(0.0, -G), friction=FRICTION, supports=supports)

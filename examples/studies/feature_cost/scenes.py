@@ -88,7 +88,8 @@ def meeting(cells: float, law: str) -> Variant:
     """A disc that meets one of that law, which comes towards it."""
     up, down = (0.0, SPEED), (0.0, -SPEED)
     upper = large(cells, shift=2.001 * RADIUS, velocity=down)
-    return Variant(skmpm.Scene([upper, large(cells, law, velocity=up)], cell=RADIUS / cells))
+    lower = large(cells, law, **({"motion": (*up, 0.0)} if law == "Rigid" else {"velocity": up}))
+    return Variant(skmpm.Scene([upper, lower], cell=RADIUS / cells))
 
 
 def pulled(cells: float) -> Variant:
@@ -128,7 +129,7 @@ def slabbed(planes: Variant) -> Variant:
     boxes = [((0, -t), (width, t)), ((0, height), (width, t)), ((-t, -t), (t, height + 2 * t)),
               ((width, -t), (t, height + 2 * t))]  # fmt: skip
     slabs = [
-        skmpm.Body(skmpm.box(*box, spacing=SPACING * scene.cell), material("Rigid"), velocity=wall.velocity)
+        skmpm.Body(skmpm.box(*box, spacing=SPACING * scene.cell), material("Rigid"), motion=(*wall.velocity, 0.0))
         for box, wall in zip(boxes, scene.walls, strict=True)
     ]
     whole = replace(scene, bodies=[*scene.bodies, *slabs], walls=())

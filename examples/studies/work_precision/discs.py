@@ -174,7 +174,7 @@ def slabs(width: float, height: float, cell: float, spacing: float) -> list[skmp
     )
     rigid = skmpm.Rigid(SOFT["density"])
     clouds = [skmpm.box(corner, size, spacing=spacing) for corner, size in boxes]
-    return [skmpm.Body(c, rigid, velocity=(0.0, -LID * (k == 1))) for k, c in enumerate(clouds)]
+    return [skmpm.Body(c, rigid, motion=(0.0, -LID * (k == 1), 0.0)) for k, c in enumerate(clouds)]
 
 
 def watched(

@@ -79,12 +79,15 @@ def between_plates(
         def velocity(t: float, s: float = s) -> Array:
             return -s * speed(t) * normal
 
+        def motion(t: float, s: float = s) -> Array:
+            return np.append(-s * speed(t) * normal, 0.0)
+
         if setting["walls"] == "planes":
             walls.append(skmpm.Wall(middle + s * normal, -s * normal, velocity=velocity))
         else:
             low = 1.0 if s > 0.0 else -1.0 - THICKNESS * cell
             plate = skmpm.box((-REACH, low), (2.0 * REACH, THICKNESS * cell), spacing=spacing)
-            bodies.append(skmpm.Body(turned(plate, angle, middle), skmpm.Rigid(DENSITY), velocity=velocity))
+            bodies.append(skmpm.Body(turned(plate, angle, middle), skmpm.Rigid(DENSITY), motion=motion))
     return skmpm.Scene(bodies, cell=cell, walls=walls)
 
 

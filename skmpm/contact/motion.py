@@ -1,0 +1,56 @@
+"""How what has no grid moves in a step: walls, rigid bodies, and the lattice of a periodic box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.outline import Images
+from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How what has no grid moves in a step."""
+
+    dt: float  # [s]
+    points: Array  # (2, m) displacements of the boundary points of rigid bodies, zero for others [m]
+    walls: Array  # (2, walls, 2) points of the walls at the start, and their displacements [m]
+    box: tuple[Array, Array] | None  # edges (2, 2) of the periodic box at the start and at the end [m]
+
+    @staticmethod
+    def of(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> Motion:
+        """The motion by prescribed velocities, or by those found for what forces drive."""
+        box = None if state.box is None or motions.box is None else (state.box, motions.box)
+        walls = np.stack([state.walls, dt * motions.walls])
+        return Motion(dt, dt * _rigid_velocities(scene, state, motions.rigid, dt), walls, box)
+
+    def largest(self, moved: Array, start: Array) -> float:
+        """The largest displacement of boundary points, from `start` by `moved` (2, m) [m]: relative to the box."""
+        if self.box is not None:
+            before, after = self.box
+            moved = moved - (after @ np.linalg.inv(before) - np.eye(2)) @ start
+        return float(np.abs(moved).max(initial=0.0))
+
+    def lattice_vectors(self, k: Ints, end: int) -> Array:
+        """Lattice vectors (2, c) [m] at the start (0) or the end (1) of the step; zero without a periodic box."""
+        return np.zeros(k.shape) if self.box is None else np.asarray(self.box[end] @ k)
+
+    def of_surfaces(self, surfaces: Images, moved: Array) -> Array:
+        """Displacements of all surfaces, images included, from those of the boundary points of bodies (2, m) [m]."""
+        return surfaces.at(moved, None if self.box is None else self.box[1] - self.box[0])
+
+
+def _rigid_velocities(scene: Scene, state: State, rigid: Array, dt: float) -> Array:
+    """Mean velocities of the boundary points of rigid bodies in the step, zero for others, (2, m) [m/s]."""
+    boundary = scene.outlines
+    velocity = rigid[:2, boundary.body]
+    if rigid[2].any():
+        arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, boundary.body]
+        velocity = mean_velocity(arm, rigid[:, boundary.body], dt)
+    return velocity

@@ -1,0 +1,128 @@
+"""Unknowns of a step that are not on a grid: velocities of driven walls, of free rigid bodies, of a periodic box.
+
+Each has a mass m, a velocity z = theta v1 + (1 - theta) v0 and a force F that drives it, and moves contacts: their
+relative velocity changes by J z. With the contact impulses r,
+
+    m (z - v0) = theta (dt F + J^T r).
+
+The unknowns are eliminated from the contact problem: impulses determine z, and add theta J m^-1 J^T to W. So F is
+exact at the end of the step, whatever the stiffness of what it acts on. Without inertia m = 0 in this balance, and
+`response` takes its place in W, as springs do for floating bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.contact import Constraints
+from skmpm.scene import PrescribedVelocities
+
+Array = NDArray[np.float64]
+
+
+class Unknowns(Protocol):
+    """Unknowns of one kind, p velocities [m/s]: spins are times radii of gyration, strain rates times lengths."""
+
+    @property
+    def mass(self) -> Array:
+        """In the balance, zero without inertia (p,) [kg/m]."""
+
+    @property
+    def response(self) -> Array:
+        """In W (p,) [kg/m]."""
+
+    @property
+    def v0(self) -> Array:
+        """At the start of the step (p,) [m/s]."""
+
+    @property
+    def farthest(self) -> Array:
+        """Largest change in an iteration (p,) [m/s]."""
+
+    def load(self, z: Array) -> Array:
+        """The forces that drive the unknowns (p,) [N/m], which move as z."""
+
+    def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
+        """All prescribed velocities with these: means z in the step, and those at its end (p,)."""
+
+    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
+
+
+@dataclass(frozen=True)
+class ScalarUnknowns:
+    """All such unknowns of a step."""
+
+    kinds: Sequence[Unknowns]
+    prescribed: PrescribedVelocities
+    dt: float
+    theta: float
+
+    @cached_property
+    def mass(self) -> Array:
+        """Masses in the balance, (p,)."""
+        return np.concatenate([kind.mass for kind in self.kinds])
+
+    @cached_property
+    def response(self) -> Array:
+        """Masses in W, (p,)."""
+        return np.concatenate([kind.response for kind in self.kinds])
+
+    @cached_property
+    def v0(self) -> Array:
+        """Velocities at the start of the step, (p,)."""
+        return np.concatenate([kind.v0 for kind in self.kinds])
+
+    @cached_property
+    def farthest(self) -> Array:
+        """Largest changes in an iteration, (p,)."""
+        return np.concatenate([kind.farthest for kind in self.kinds])
+
+    def _each(self, z: Array) -> list[tuple[Unknowns, Array]]:
+        ends = np.cumsum([kind.v0.size for kind in self.kinds])
+        return list(zip(self.kinds, np.split(z, ends[:-1]), strict=True))
+
+    def motions(self, z: Array) -> PrescribedVelocities:
+        """All prescribed velocities, with those of the unknowns."""
+        motions, at_end = self.prescribed, self.v0 + (z - self.v0) / self.theta
+        for (kind, own), (_, end) in zip(self._each(z), self._each(at_end), strict=True):
+            motions = kind.motions(own, end, motions)
+        return motions
+
+    def load(self, z: Array) -> Array:
+        """The driving forces, (p,)."""
+        return np.concatenate([kind.load(own) for kind, own in self._each(z)])
+
+    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
+        blocks = [kind.rows(own, constraints) for kind, own in self._each(z)]
+        return sp.csr_array(sp.hstack(blocks, format="csr"))
+
+    def imbalance(self, z: Array, constraints: Constraints, r: Array) -> Array:
+        """Out-of-balance impulse under contact impulses r, (p,)."""
+        pushed = self.rows(z, constraints).T @ r
+        return np.asarray(self.theta * (self.dt * self.load(z) + pushed) - self.mass * (z - self.v0))
+
+    def change(self, z: Array, constraints: Constraints, r: Array) -> Array:
+        """The change of z that balances contact impulses r, (p,)."""
+        return np.asarray(self.imbalance(z, constraints, r) / self.response)
+
+    def moved(self, z: Array, constraints: Constraints, r: Array) -> Array:
+        """The velocities that balance contact impulses r, at most `farthest` from z, (p,)."""
+        return np.asarray(z + np.clip(self.change(z, constraints, r), -self.farthest, self.farthest))
+
+    def compliance(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """What the unknowns add to W, in the rows of the contacts."""
+        rows = self.rows(z, constraints)
+        return sp.csr_array(rows @ sp.diags_array(self.theta / self.response) @ rows.T)
+
+    def size(self, z: Array) -> float:
+        """The norm of the impulses of the driving forces [kg m/s per m]."""
+        return self.theta * self.dt * float(np.linalg.norm(self.load(z)))

@@ -1,0 +1,142 @@
+"""The periodic box: its motion, prescribed by a velocity gradient or found from a stress.
+
+The edges of the box are the columns of H. With the mean velocity gradient L of a step of length dt, they become
+exp(dt L) H at its end, so that a constant gradient is followed exactly. Components of L that a stress determines
+follow from those at the end of the step: H_1 = D S exp(dt L) H, with the stretches D = diag(exp(dt L_xx),
+exp(dt L_yy)) and the shear S = I + dt L_xy e_x e_y^T. A change of one of them moves H_1 by a multiple of the same
+component of a gradient, so that the stress is exact at the end of the step, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from skmpm.scene.objects import SceneError, numbers, positive
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Tensor = ArrayLike | Callable[[float], ArrayLike]
+
+COMPONENTS = np.array([[0, 1, 0], [0, 1, 1]])  # of L that a stress may determine: xx, yy, xy
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """A periodic box of rectangular shape at t = 0: what leaves it on one side enters it on the other.
+
+    Parameters
+    ----------
+    width, height : at t = 0 [m]
+    rate : velocity gradient (2, 2) of the box, [i, j] = dv_i / dx_j [1/s], or a function of time t -> (2, 2), taken
+        at the middle of each step; zero by default
+    stress : mean stress (2, 2) of the packing [Pa], tension positive, or a function of time, taken at t + theta dt
+        of each step from t on; nan where the rate is given instead. The rates of these components are unknowns of
+        the contact problem, in which the stress is exact at the end of every step. A shear stress determines the
+        rate [0, 1], so that the lower edge keeps its direction
+    mass : of an edge whose motion a stress determines [kg/m]; by default that of all bodies. Without inertia it has
+        none
+    """
+
+    width: float
+    height: float
+    rate: Tensor = field(default=((0.0, 0.0), (0.0, 0.0)), kw_only=True)
+    stress: Tensor | None = field(default=None, kw_only=True)
+    mass: float | None = field(default=None, kw_only=True)
+
+    @property
+    def box(self) -> Array:
+        """The edges at t = 0 as columns, (2, 2) [m]."""
+        return np.diag([float(self.width), float(self.height)])
+
+    def rate_at(self, t: float) -> Array:
+        """The prescribed velocity gradient at time t, (2, 2) [1/s]; zero where a stress determines it."""
+        rate, found = _tensor("rate", self.rate, t), np.zeros((2, 2), dtype=bool)
+        found[tuple(self.components)] = True
+        if not np.isfinite(rate[~found]).all():
+            where = ("xx", "xy", "yx", "yy")[int(np.argmax(~np.isfinite(rate) & ~found))]
+            raise SceneError(
+                f"periodic: rate = {rate.tolist()} at t = {t:.6g} s and no stress gives component {where}; give a"
+                " finite rate, or the stress instead"
+            )
+        return np.where(found, 0.0, rate)
+
+    def stress_at(self, t: float) -> Array:
+        """The given stresses at time t in the order of `components`, (q,) [Pa]."""
+        if self.stress is None:
+            return np.zeros(0)
+        stress = _tensor("stress", self.stress, t)
+        pattern = ~np.isnan(_tensor("stress", self.stress, 0.0))
+        if not (np.isfinite(stress) == pattern).all():
+            raise SceneError(
+                f"periodic: stress = {stress.tolist()} at t = {t:.6g} s; a component is given always or never, as a"
+                " finite number"
+            )
+        return np.asarray(stress[tuple(self.components)])
+
+    @property
+    def components(self) -> Ints:
+        """The components of the velocity gradient that a stress determines, (2, q)."""
+        if self.stress is None:
+            return COMPONENTS[:, :0]
+        given = ~np.isnan(_tensor("stress", self.stress, 0.0))
+        return COMPONENTS[:, given[tuple(COMPONENTS)]]
+
+    def check(self) -> None:
+        """Raise SceneError for the first error."""
+        positive("periodic: width", self.width, "a length in metres")
+        positive("periodic: height", self.height, "a length in metres")
+        if self.mass is not None:
+            positive("periodic: mass", self.mass, "a mass per metre of thickness in kg/m, or None")
+        if self.stress is not None:
+            stress = _tensor("stress", self.stress, 0.0)
+            if not np.array_equal(stress[0, 1], stress[1, 0], equal_nan=True):
+                raise SceneError(
+                    f"periodic: stress = {stress.tolist()} is not symmetric; give the same shear stress twice, or nan"
+                )
+            self.stress_at(0.0)
+            if self.components.size == 0:
+                raise SceneError("periodic: stress has no component that is not nan; give one, or only a rate")
+        elif self.mass is not None:
+            raise SceneError(f"periodic: mass = {self.mass} without a stress; give one, or no mass")
+        self.rate_at(0.0)
+
+
+def _tensor(name: str, value: Tensor, t: float) -> Array:
+    """A tensor (2, 2), or the value at time t of a function of time; entries may be nan."""
+    at = f" at t = {t:.6g} s" if callable(value) else ""
+    given = value(t) if callable(value) else value
+    remedy = f"give a tensor (2, 2) of numbers in {'1/s' if name == 'rate' else 'Pa'}, or a function of time"
+    array = numbers(f"periodic: {name}{at}", given, remedy)
+    if array.shape != (2, 2):
+        raise SceneError(f"periodic: {name}{at} = {given!r}; {remedy}")
+    return array
+
+
+def deformed(box: Array, rate: Array, dt: float, components: Ints, found: Array) -> Array:
+    """The edges (2, 2) [m] after a step, by the prescribed gradient and the unknown components (q,) [1/s]."""
+    after = expm(dt * rate) @ box
+    if components.size == 0:
+        return np.asarray(after)
+    L = np.zeros((2, 2))
+    L[tuple(components)] = found
+    shear = np.array([[1.0, dt * L[0, 1]], [0.0, 1.0]])
+    return np.asarray(np.exp(dt * np.diag(L))[:, None] * (shear @ after))
+
+
+def into_box(centres: Array, box: Array | None) -> Array:
+    """Displacements (2, bodies) [m] that bring centres (2, bodies) [m] into the box; zero without one."""
+    if box is None:
+        return np.zeros_like(centres)
+    return np.asarray(-box @ np.floor(np.linalg.solve(box, centres)))
+
+
+def recut(box: Array) -> tuple[Array, Ints]:
+    """The edges (2, 2) [m] of the same lattice with the least slanted second one, and T with that box = box T."""
+    a, b = box.T
+    change = np.array([[1, -int(np.rint((a @ b) / (a @ a)))], [0, 1]])
+    return np.asarray(box @ change), change

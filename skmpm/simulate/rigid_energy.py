@@ -1,0 +1,73 @@
+"""Energies of free rigid bodies in a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit import Increment, Solution
+from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity
+from skmpm.simulate.box_motion import mean_gradient
+from skmpm.simulate.rigid_state import kinetic_energy, rigid_state
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FreeBodies:
+    """Kinetic energies of all free rigid bodies, relative to a periodic box, and work on them [J/m]."""
+
+    kinetic: tuple[float, float]  # at the start and at the end of the step
+    work: float  # of gravity and of the box, and that of the bodies at contacts
+
+
+def free_bodies(
+    scene: Scene, state: State, increment: Increment, solution: Solution, motions: PrescribedVelocities
+) -> FreeBodies:
+    """The energies of a solved step with velocities `motions`.
+
+    The work at contacts is what the budget of all bodies takes for work of prescribed motions.
+    """
+    start, own, dt = rigid_state(scene, state), scene.free_rigid, increment.dt
+    mean, end = (_with_radius(table[:, own], start.radius) for table in (motions.rigid, motions.rigid_at_end))
+    gradient = mean_gradient(state, motions, dt)
+    before, after = _relative(start.velocity, start.centre, state.box_rate), _relative(end, start.centre, gradient)
+    work = dt * float(start.gravity(scene, state, state.t + increment.scheme.theta * dt) @ mean.T.ravel())
+    work += _at_contacts(scene, state, solution, motions, dt)
+    if gradient is not None:
+        work -= float(start.mass @ ((after - before)[:2] * (gradient @ start.centre)).sum(axis=0))
+    return FreeBodies((kinetic_energy(start.mass, before), kinetic_energy(start.mass, after)), work)
+
+
+def kinetic_energy_of_free_bodies(scene: Scene, state: State) -> float:
+    """Kinetic energy of the free rigid bodies of a state, relative to a periodic box [J/m]."""
+    if scene.free_rigid.size == 0:
+        return 0.0
+    start = rigid_state(scene, state)
+    return kinetic_energy(start.mass, _relative(start.velocity, start.centre, state.box_rate))
+
+
+def _relative(velocity: Array, centre: Array, gradient: Array | None) -> Array:
+    """Velocities (3, n) of bodies relative to those of the box at their centres (2, n)."""
+    if gradient is None:
+        return velocity
+    return np.concatenate([velocity[:2] - gradient @ centre, velocity[2:]])
+
+
+def _with_radius(motions: Array, radius: Array) -> Array:
+    """Velocities and angular velocities (3, n) with spins times radii of gyration (n,) [m/s]."""
+    return np.stack([motions[0], motions[1], motions[2] * radius])
+
+
+def _at_contacts(scene: Scene, state: State, solution: Solution, motions: PrescribedVelocities, dt: float) -> float:
+    """Work of contact impulses on the displacements of the free rigid bodies [J/m]."""
+    contact, boundary = solution.contact, scene.outlines
+    if contact is None or contact.constraints.size == 0:
+        return 0.0
+    body = boundary.body
+    arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, body]
+    moved = mean_velocity(arm, motions.rigid[:, body], dt) * np.isin(body, scene.free_rigid)
+    relative = (contact.constraints.difference @ moved.T).T
+    return float(contact.r @ contact.constraints.components(relative))

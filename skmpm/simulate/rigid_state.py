@@ -1,0 +1,69 @@
+"""Position, motion and inertia of free rigid bodies, from their material points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.scene import Scene, State, field_values
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RigidState:
+    """The n free rigid bodies of a scene."""
+
+    bodies: Ints  # (n,)
+    mass: Array  # (n,) [kg/m]
+    radius: Array  # (n,) of gyration [m]
+    centre: Array  # (2, n) of mass [m]
+    velocity: Array  # (3, n) of the centre, and spin times radius of gyration [m/s]
+
+    @property
+    def kinetic_energy(self) -> float:
+        """Of translation and rotation [J/m]."""
+        return kinetic_energy(self.mass, self.velocity)
+
+    def gravity(self, scene: Scene, state: State, t: float) -> Array:
+        """Forces of gravity and moments over radii of gyration at time t, body after body (3 n,) [N/m]."""
+        at = np.flatnonzero(np.isin(state.body, self.bodies))
+        own = np.searchsorted(self.bodies, state.body[at])
+        X = scene.initial_positions[:, at]
+        if callable(scene.gravity):
+            g = field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X, t), X)
+        else:
+            g = np.zeros_like(X) + np.asarray(scene.gravity, dtype=float)[:, None]
+        force, arm = state.mass[at] * g, (state.x[:, at] - self.centre[:, own]) / self.radius[own]
+        parts = (force[0], force[1], arm[0] * force[1] - arm[1] * force[0])
+        return np.stack([_sums(own, part, self.bodies.size) for part in parts], axis=1).ravel()
+
+
+def rigid_state(scene: Scene, state: State) -> RigidState:
+    """The free rigid bodies of a state. Velocities and spins are those with the momenta of the points."""
+    bodies = scene.free_rigid
+    at = np.flatnonzero(np.isin(state.body, bodies))
+    own, m, x, v = np.searchsorted(bodies, state.body[at]), state.mass[at], state.x[:, at], state.v[:, at]
+
+    def total(values: Array) -> Array:
+        return _sums(own, values, bodies.size)
+
+    mass = total(m)
+    centre, velocity = (np.stack([total(m * a[0]), total(m * a[1])]) / mass for a in (x, v))
+    arm = x - centre[:, own]
+    inertia, momentum = total(m * (arm**2).sum(axis=0)), total(m * (arm[0] * v[1] - arm[1] * v[0]))
+    radius = np.sqrt(inertia / mass)
+    return RigidState(bodies, mass, radius, centre, np.stack([*velocity, momentum / inertia * radius]))
+
+
+def kinetic_energy(mass: Array, velocity: Array) -> float:
+    """Of bodies of masses (n,) with velocities and spins times radii of gyration (3, n) [J/m]."""
+    return 0.5 * float(mass @ (velocity**2).sum(axis=0))
+
+
+def _sums(body: Ints, values: Array, bodies: int) -> Array:
+    """Sums of values (k,) by body, (bodies,)."""
+    return np.asarray(np.bincount(body, values, bodies), dtype=np.float64)  # bincount of nothing is integer

@@ -1,0 +1,36 @@
+"""The unknowns of a step that are not on a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skmpm.implicit import ScalarUnknowns
+from skmpm.material import Rigid
+from skmpm.scene import PrescribedVelocities, Scene, State
+from skmpm.scheme import Scheme
+from skmpm.simulate.unknowns.interval import Interval
+from skmpm.simulate.unknowns.periodic_box import StressedBox
+from skmpm.simulate.unknowns.rigid_bodies import FreeBodies
+from skmpm.simulate.unknowns.walls import DrivenWalls
+
+# Without inertia, mass of an unknown in W over dt^2 times the largest shear modulus of the bodies: that of the
+# springs of floating bodies (`implicit.residual.SPRING_STIFFNESS`). It does not enter the balance.
+RESPONSE = 1e-3
+FARTHEST = 0.5  # [cells] motion of an unknown in one iteration without inertia
+
+
+def scalar_unknowns(
+    scene: Scene, state: State, dt: float, scheme: Scheme, motions: PrescribedVelocities
+) -> ScalarUnknowns | None:
+    """The unknowns of a step of dt [s] that are not on a grid; None if there are none."""
+    if not scene.has_scalar_unknowns:
+        return None
+    soft, farthest = None, np.inf
+    if not scheme.inertia:
+        shear = max(body.material.lame[1] for body in scene.bodies if not isinstance(body.material, Rigid))
+        soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, FARTHEST * scene.cell / dt
+    interval = Interval(state.t + scheme.theta * dt, dt, soft, farthest)
+    box = StressedBox.of(scene, state, interval)
+    moved = box.motions(box.v0, box.v0, motions) if box.v0.size else motions
+    walls, bodies = DrivenWalls.of(scene, state, interval), FreeBodies.of(scene, state, moved, interval)
+    return ScalarUnknowns([kind for kind in (box, walls, bodies) if kind.v0.size], motions, dt, scheme.theta)

@@ -1,0 +1,90 @@
+"""A periodic box under a given stress: one unknown for each component of its velocity gradient that the stress moves.
+
+An unknown is the rate of a component times the length of an edge at t = 0, so the speed of an edge. A change of the
+rate L_e moves the edges at the end of the step by multiples of E_e H, E_e the unit tensor of the component, and the
+stress sigma does the work A sigma_e on it, with A the area of the box at the end of the step. The contacts across
+edges, at images H k of the second body, do the work -f . E_e H k: so the stress of all contacts (Love and Weber) is
+the given one where the bodies are in equilibrium.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.contact import Constraints
+from skmpm.scene import Periodic, PrescribedVelocities, Scene, State, deformed
+from skmpm.simulate.unknowns.interval import Interval
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StressedBox:
+    """The box of a scene in one step."""
+
+    periodic: Periodic | None
+    start: Array  # (2, 2) edges at the start of the step [m]
+    rate: Array  # (2, 2) the prescribed gradient [1/s]
+    stress: Array  # (q,) [Pa]
+    length: Array  # (q,) of the edges at t = 0 that the unknowns move [m]
+    mass: Array
+    response: Array
+    v0: Array
+    farthest: Array
+    dt: float
+
+    @staticmethod
+    def of(scene: Scene, state: State, interval: Interval) -> StressedBox:
+        """The box of a state in a step, without unknowns where no stress is given."""
+        periodic, none, dt = scene.periodic, np.zeros(0), interval.dt
+        if periodic is None or state.box is None or state.box_rate is None:
+            return StressedBox(None, np.eye(2), np.eye(2), none, none, none, none, none, none, dt)
+        i, j = periodic.components
+        length = np.diag(periodic.box)[j]
+        mass = np.full(i.size, scene.mass if periodic.mass is None else float(periodic.mass))
+        return StressedBox(
+            periodic,
+            state.box,
+            periodic.rate_at(state.t + 0.5 * dt),
+            periodic.stress_at(interval.t),
+            length,
+            interval.mass(mass),
+            interval.response(mass),
+            state.box_rate[i, j] * length,
+            np.full(i.size, interval.farthest),
+            dt,
+        )
+
+    def _edges(self, z: Array) -> Array:
+        """The edges at the end of the step, (2, 2) [m]."""
+        assert self.periodic is not None
+        return deformed(self.start, self.rate, self.dt, self.periodic.components, z / self.length)
+
+    def _scale(self, z: Array) -> Array:
+        """Change of the edges at the end of the step by an unknown, over dt E_e H (`scene.periodic`), (q,) [1/m]."""
+        assert self.periodic is not None
+        i, j = self.periodic.components
+        L = np.zeros((2, 2))
+        L[i, j] = z / self.length
+        return np.where(i == j, 1.0, np.exp(self.dt * (L[0, 0] - L[1, 1]))) / self.length
+
+    def load(self, z: Array) -> Array:
+        """Forces of the stress on the edges, (q,) [N/m]."""
+        return np.asarray(abs(float(np.linalg.det(self._edges(z)))) * self.stress * self._scale(z))
+
+    def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
+        """All prescribed velocities with the motion of the box."""
+        return replace(prescribed, box=self._edges(z))
+
+    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """J (k, q) or (2 k, q): the second body of a contact moves with its image."""
+        assert self.periodic is not None
+        i, j = self.periodic.components
+        directions = (constraints.normal, constraints.tangent) if constraints.tangential else (constraints.normal,)
+        each = [-d[i] * constraints.image[j] * self._scale(z)[:, None] for d in directions]  # (q, k)
+        rows = np.stack([block.T for block in each], axis=1).reshape(-1, i.size)
+        return sp.csr_array(rows)

@@ -1,0 +1,91 @@
+"""Free rigid bodies: three unknowns each, velocity of the centre of mass and spin times radius of gyration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.contact import Constraints
+from skmpm.scene import PrescribedVelocities, Scene, State
+from skmpm.simulate.box_motion import mean_gradient
+from skmpm.simulate.rigid_state import RigidState, rigid_state
+from skmpm.simulate.unknowns.interval import Interval
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class FreeBodies:
+    """The n free rigid bodies of a scene in one step; unknowns are body after body."""
+
+    bodies: Ints  # (n,)
+    start: RigidState  # at the start of the step
+    force: Array  # (3 n,) of gravity, moments over radii of gyration [N/m]
+    mass: Array
+    response: Array
+    v0: Array
+    farthest: Array
+    dt: float
+
+    @staticmethod
+    def of(scene: Scene, state: State, motions: PrescribedVelocities, interval: Interval) -> FreeBodies:
+        """The bodies of a state in a step; they keep their velocities relative to the periodic box in `motions`."""
+        start, dt = rigid_state(scene, state), interval.dt
+        velocity, gradient = start.velocity.copy(), mean_gradient(state, motions, dt)
+        if gradient is not None and state.box_rate is not None:
+            velocity[:2] += (gradient - state.box_rate) @ start.centre
+        mass = np.repeat(start.mass, 3)
+        return FreeBodies(
+            scene.free_rigid,
+            start,
+            start.gravity(scene, state, interval.t),
+            interval.mass(mass),
+            interval.response(mass),
+            velocity.T.ravel(),
+            np.full_like(mass, interval.farthest),
+            dt,
+        )
+
+    def load(self, z: Array) -> Array:
+        """Forces of gravity, (3 n,) [N/m]."""
+        return self.force
+
+    def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
+        """All prescribed velocities with those of the bodies."""
+        rigid, at_end = prescribed.rigid.copy(), prescribed.rigid_at_end.copy()
+        for table, values in ((rigid, z), (at_end, end)):
+            table[:, self.bodies] = self._with_spins(values)
+        return replace(prescribed, rigid=rigid, rigid_at_end=at_end)
+
+    def _with_spins(self, z: Array) -> Array:
+        """Velocities and angular velocities (3, n) [m/s, rad/s]."""
+        v = z.reshape(-1, 3).T
+        return np.stack([v[0], v[1], v[2] / self.start.radius])
+
+    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """J (k, 3 n) or (2 k, 3 n), about the centres at the end of the step, where the contacts are."""
+        number = np.full(int(constraints.bodies.max(initial=0)) + 1, -1)
+        known = self.bodies[self.bodies < number.size]
+        number[known] = np.arange(known.size)
+        centre = self.start.centre + self.dt * self._with_spins(z)[:2]
+        directions = (constraints.normal, constraints.tangent) if constraints.tangential else (constraints.normal,)
+        row, column, data = [], [], []
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            members = constraints.bodies[side]
+            body = np.where(members < 0, -1, number[np.maximum(members, 0)])
+            k = np.flatnonzero(body >= 0)
+            at = constraints.x[:, k] - (constraints.image[:, k] if side else 0.0)
+            arm = (at - centre[:, body[k]]) / self.start.radius[body[k]]
+            for i, direction in enumerate(directions):
+                d = direction[:, k]
+                each = np.stack([d[0], d[1], arm[0] * d[1] - arm[1] * d[0]])
+                row.append(np.tile(len(directions) * k + i, 3))
+                column.append((3 * body[k] + np.arange(3)[:, None]).ravel())
+                data.append(sign * each.ravel())
+        shape = (len(directions) * constraints.size, self.v0.size)
+        entries = (np.concatenate(data), (np.concatenate(row), np.concatenate(column)))
+        return sp.csr_array(entries, shape=shape)

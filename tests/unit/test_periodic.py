@@ -1,0 +1,268 @@
+"""Periodic boxes: against walls, against themselves elsewhere, under given rates and stresses; what is refused."""
+
+import numpy as np
+import pytest
+from test_only_what_is_required import Calls
+
+import skmpm
+from skmpm import Periodic
+from skmpm.scene.periodic import deformed
+
+R = 1e-3
+H = R / 5
+GEL = skmpm.NeoHookean(E=10e6, nu=0.45, density=990.0)
+STATIC = skmpm.Scheme(inertia=False)
+TIGHT = skmpm.Scheme(inertia=False, newton_tol=1e-10, contact_tol=1e-12, gap_tol=1e-11)
+NAN = np.nan
+
+
+def disc(x, y, r=R, **options):
+    return skmpm.Body(skmpm.disc((x, y), r, spacing=0.74 * H), GEL, **options)
+
+
+def lattice(n=1, shift=(0.37 * R, 0.61 * R), images=None, **box):
+    """A square lattice of discs that touch, n by n in the box; `images` displaces them by edges of the box."""
+    width, options = 2.0 * R * n, {k: box.pop(k) for k in ("friction",) if k in box}
+    places = [(2 * R * i + shift[0], 2 * R * j + shift[1]) for i in range(n) for j in range(n)]
+    moved = np.zeros((n * n, 2)) if images is None else width * np.array(images)
+    bodies = [disc(*(np.array(x) + k)) for x, k in zip(places, moved, strict=True)]
+    return skmpm.Scene(bodies, cell=H, periodic=Periodic(width, width, **box), **options)
+
+
+def squeeze(rate):
+    """A velocity gradient that shortens both edges at a constant speed."""
+    return lambda t: -rate / (1.0 - rate * t) * np.eye(2)
+
+
+def four_walls(rate):
+    v = rate * R
+    places = (((0, R), (1, 0), (v, 0)), ((2 * R, R), (-1, 0), (-v, 0)), ((R, 0), (0, 1), (0, v)),
+              ((R, 2 * R), (0, -1), (0, -v)))  # fmt: skip
+    walls = [skmpm.Wall(point, normal, velocity=velocity) for point, normal, velocity in places]
+    return skmpm.Scene([disc(R, R)], cell=H, walls=walls)
+
+
+def test_one_disc_is_a_disc_between_four_walls():
+    """P at the same solid fraction within 1 %, from 0.80 to 0.90: images meet at planes where walls would be."""
+    rate, dt, found = 1.0, 0.01, []
+    for scene in (lattice(1, (R, R), rate=squeeze(rate)), four_walls(rate)):
+        seen = [skmpm.observe(scene, s) for s in skmpm.simulate(scene, dt=dt, until=0.07, scheme=STATIC)]
+        found.append(np.array([(o.solid_fraction, o.pressure) for o in seen]).T)
+    (phi, p), (phi_walls, p_walls) = found
+    chosen = (phi > 0.8) & (phi < 0.9)
+    assert np.count_nonzero(chosen) >= 3
+    assert p[chosen] == pytest.approx(np.interp(phi[chosen], phi_walls, p_walls), rel=0.01)
+
+
+def test_nothing_depends_on_where_the_box_begins():
+    """Four discs, three of them displaced by edges of the box (20 cells long): P and forces to 1e-9."""
+    pressures, forces = [], []
+    for images in (None, [(0, 0), (1, 0), (0, -1), (2, 3)]):
+        scene = lattice(2, images=images, rate=squeeze(1.0), friction=0.3)
+        *_, state = skmpm.simulate(scene, dt=0.01, until=0.03, scheme=TIGHT)
+        pressures.append(skmpm.observe(scene, state).pressure)
+        forces.append(np.sort(state.contacts.force[0]))
+    assert pressures[1] == pytest.approx(pressures[0], rel=1e-9)
+    assert forces[1] == pytest.approx(forces[0], abs=1e-8 * forces[0].max())
+
+
+def test_with_inertia_a_body_and_its_image_move_alike():
+    """Bodies a box away have other velocities and the same motion: to 1e-6 cells after 15 steps of an impact."""
+    x, tight = [], skmpm.Scheme(newton_tol=1e-9, contact_tol=1e-11, gap_tol=1e-9)
+    images = np.array([(0, 0), (1, 0), (0, -1), (2, 3)])
+    for k in (None, images):
+        scene = lattice(2, images=k, rate=-20.0 * np.eye(2), friction=0.3)
+        *_, state = skmpm.simulate(scene, dt=2e-5, until=3e-4, scheme=tight)
+        shift = 0.0 if k is None else (state.box @ images.T)[:, state.body]
+        x.append(state.x - shift)
+    assert np.abs(x[1] - x[0]).max() < 1e-6 * H
+
+
+@pytest.mark.parametrize("component", ["xx", "yy", "xy"])
+def test_edges_follow_a_constant_rate_exactly(component):
+    """exp(L t) H, whatever the steps, also where steps are chosen."""
+    L = np.zeros((2, 2))
+    L["xy".index(component[0]), "xy".index(component[1])] = 5.0
+    scene = skmpm.Scene([disc(R, R)], cell=H, periodic=Periodic(6 * R, 5 * R, rate=L))
+    for dt in (3e-4, None):
+        *_, state = skmpm.simulate(scene, dt=dt, until=2e-3)
+        exact = deformed(scene.periodic.box, L, 2e-3, np.zeros((2, 0), dtype=int), np.zeros(0))
+        assert state.box == pytest.approx(exact, abs=1e-12 * R)
+        assert state.contacts.gap.size == 0 and np.abs(state.F - np.eye(2)[:, :, None]).max() < 1e-9
+
+
+@pytest.mark.parametrize("scheme", [skmpm.Scheme(), STATIC], ids=["dynamic", "static"])
+def test_the_stress_is_that_given(scheme):
+    """Two different pressures on one disc: the stress of the contacts is -P to 1e-3 at the end of a ramp."""
+    until, steps = (2e-3, 100) if scheme.inertia else (1.0, 5)
+    stress = lambda t: -min(2.0 * t / until, 1.0) * np.array([[2e5, NAN], [NAN, 3e5]])  # noqa: E731
+    scene = lattice(1, (R, R), stress=stress)
+    *_, state = skmpm.simulate(scene, dt=until / steps, until=until, scheme=scheme)
+    found = skmpm.observe(scene, state)
+    assert found.stress[0, 0] == pytest.approx(-2e5, rel=2e-3)
+    assert found.stress[1, 1] == pytest.approx(-3e5, rel=2e-3)
+    assert state.box[0, 0] > state.box[1, 1]
+
+
+def test_shear_stress_moves_the_upper_edge():
+    """A lattice with friction under pressure and a given shear stress, quasi-static: all components to 1 %."""
+    stress = lambda t: t * np.array([[-3e5, 4e4], [4e4, -3e5]])  # noqa: E731
+    scene = lattice(2, (R, R), stress=stress, friction=0.8)
+    *_, state = skmpm.simulate(scene, dt=0.1, until=1.0, scheme=STATIC)
+    found = skmpm.observe(scene, state).stress
+    assert 0.5 * (found + found.T) == pytest.approx(stress(1.0), abs=0.01 * 3e5)
+    assert state.box[0, 1] > 0.0 and state.box[1, 0] == 0.0
+
+
+def test_work_of_the_box_is_stored():
+    """Quasi-static, without friction: compression and shear of one disc and back; 1e-3 of the work is left."""
+    L = np.array([[-0.03, 0.04], [0.0, -0.03]])
+    scene = lattice(1, (R, R), rate=lambda t: L if t < 1.0 else -L)
+    states = list(skmpm.simulate(scene, dt=0.05, until=2.0, scheme=STATIC))
+    energies = [state.report.energy for state in states]
+    most = max(e.elastic for e in energies)
+    assert most > 0.0
+    assert energies[19].external == pytest.approx(energies[19].elastic, rel=2e-2)
+    assert abs(energies[-1].dissipated) < 5e-3 * most
+    assert energies[-1].elastic < 1e-2 * most
+
+
+def test_one_disc_touches_four_images_of_itself():
+    """Z = 4, two pairs with branches as long as the box, and forces that balance."""
+    scene = lattice(1, rate=squeeze(1.0))
+    *_, state = skmpm.simulate(scene, dt=0.01, until=0.02, scheme=STATIC)
+    found, pairs = skmpm.observe(scene, state), skmpm.network(scene, state)
+    assert found.coordination == found.coordination_without_rattlers == 4.0
+    assert pairs.bodies.tolist() == [[0, 0], [0, 0]]
+    assert np.sort(np.abs(pairs.branch).max(axis=0)) == pytest.approx(np.full(2, state.box[0, 0]), rel=1e-12)
+    assert np.abs(state.body_force).max() < 1e-9 * pairs.force[0].max()
+    stress = -(pairs.force_xy @ pairs.branch.T) / np.linalg.det(state.box)
+    assert stress == pytest.approx(found.stress, rel=1e-9)
+    assert skmpm.contact_pressure(scene, state, 0).pressure.max() > found.pressure
+
+
+def test_sheared_boxes_are_cut_again_and_restart_exactly():
+    """To a strain of 2.2: the second edge stays within half of the first, and a restart gives the same bits."""
+    rate, places = np.array([[0.0, 400.0], [0.0, 0.0]]), ((1.0, 1.0), (3.1, 1.0), (2.05, 2.95), (4.15, 2.95))
+    box = Periodic(4.2 * R, 3.9 * R, rate=rate)
+    scene = skmpm.Scene([disc(x * R, y * R) for x, y in places], cell=H, friction=0.3, periodic=box)
+    states = list(skmpm.simulate(scene, dt=2e-5, until=2.2 / 400.0))
+    assert max(abs(s.box[0, 1]) for s in states) <= 0.5 * 4.2 * R * (1.0 + 1e-9)
+    assert np.ptp([s.box[0, 1] for s in states]) > 0.9 * 4.2 * R
+    assert max(s.contacts.force[0].max(initial=0.0) for s in states) > 0.0
+    middle = next(i for i, s in enumerate(states) if s.t > 0.4 * 2.2 / 400.0)
+    *_, again = skmpm.simulate(scene, dt=2e-5, until=2.2 / 400.0, start=states[middle])
+    assert np.array_equal(again.x, states[-1].x) and np.array_equal(again.box, states[-1].box)
+    assert max(s.report.overlap for s in states) < 1e-3
+
+
+def test_checkpoints_and_recordings_keep_the_box(tmp_path):
+    scene = lattice(1, rate=squeeze(1.0))
+    *_, state = skmpm.simulate(scene, dt=0.01, until=0.02, scheme=STATIC)
+    skmpm.save(tmp_path / "state.npz", state)
+    assert np.array_equal(skmpm.load(tmp_path / "state.npz").box, state.box)
+    with skmpm.record(tmp_path / "run.vtkhdf", scene) as film:
+        film.write(state)
+    frame = skmpm.read(tmp_path / "run.vtkhdf")[0]
+    assert frame.box == pytest.approx(state.box)
+    within = np.linalg.solve(frame.box, frame.x.mean(axis=1))
+    assert ((within >= 0.0) & (within < 1.0)).all()
+
+
+def test_a_box_that_stops_is_another_stage():
+    """`continued` takes a compressed box over into one that is held; another box is refused."""
+    scene = lattice(1, (R, R), rate=squeeze(1.0))
+    *_, state = skmpm.simulate(scene, dt=0.01, until=0.03, scheme=STATIC)
+    held = skmpm.Scene(scene.bodies, cell=H, periodic=Periodic(2 * R, 2 * R))
+    *_, end = skmpm.simulate(held, dt=0.01, until=0.05, start=skmpm.continued(scene, state, held), scheme=STATIC)
+    assert np.array_equal(end.box, state.box)
+    assert skmpm.observe(held, end).pressure == pytest.approx(skmpm.observe(scene, state).pressure, rel=1e-2)
+    with pytest.raises(skmpm.SceneError, match="only the old scene has a periodic box"):
+        skmpm.continued(scene, state, skmpm.Scene(scene.bodies, cell=H))
+    with pytest.raises(skmpm.SceneError, match="the state has a periodic box, the scene none"):
+        skmpm.step(skmpm.Scene(scene.bodies, cell=H), state, 1e-3)
+
+
+def test_scenes_without_a_box_do_not_know_it():
+    """No image is looked for and nothing is moved into a box."""
+    scene = skmpm.Scene([disc(R, R), disc(3 * R, R)], cell=H, walls=[skmpm.Wall((0, 0), (0, 1))])
+    with Calls() as calls:
+        list(skmpm.simulate(scene, dt=1e-5, until=3e-5))
+    names = ("images._near", "images.reduced", "StressedBox.of", "periodic.deformed", "periodic.recut")
+    assert [calls.named(name) for name in names] == [0] * len(names)
+
+
+@pytest.mark.parametrize(
+    ("box", "message"),
+    [
+        (lambda: Periodic(0.0, R), "periodic: width = 0.0; give a length"),
+        (lambda: Periodic(R, NAN), "periodic: height = nan"),
+        (lambda: Periodic(R, R, rate=3.0), r"periodic: rate = 3.0; give a tensor \(2, 2\)"),
+        (lambda: Periodic(R, R, rate=[[0, NAN], [0, 0]]), "periodic: rate = .* and no stress gives component xy"),
+        (lambda: Periodic(R, R, rate=lambda t: "fast"), "periodic: rate at t = 0 s = 'fast'"),
+        (lambda: Periodic(R, R, stress=[[1.0, 2.0], [3.0, 1.0]]), "periodic: stress = .* is not symmetric"),
+        (lambda: Periodic(R, R, stress=np.full((2, 2), NAN)), "periodic: stress has no component"),
+        (lambda: Periodic(R, R, stress=[[np.inf, NAN], [NAN, NAN]]), "periodic: stress = .*finite number"),
+        (lambda: Periodic(R, R, mass=1.0), "periodic: mass = 1.0 without a stress"),
+        (lambda: Periodic(R, R, stress=-np.eye(2), mass=-1.0), "periodic: mass = -1.0; give a mass"),
+        (lambda: (R, R), "periodic is a tuple; use skmpm.Periodic"),
+    ],
+)
+def test_bad_input_is_refused(box, message):
+    with pytest.raises(skmpm.SceneError, match=message):
+        skmpm.Scene([disc(0.0, 0.0, 0.4 * R)], cell=H, periodic=box())
+
+
+def test_walls_and_overlaps_are_refused():
+    with pytest.raises(skmpm.SceneError, match="periodic: the scene also has 1 walls"):
+        skmpm.Scene([disc(R, R)], cell=H, walls=[skmpm.Wall((0, 0), (0, 1))], periodic=Periodic(3 * R, 3 * R))
+    with pytest.raises(skmpm.SceneError, match="bodies 0 and 0 overlap at the start"):
+        skmpm.Scene([disc(R, R)], cell=H, periodic=Periodic(1.9 * R, 3 * R))
+    with pytest.raises(skmpm.SceneError, match="bodies 0 and 1 overlap at the start"):
+        skmpm.Scene([disc(0.5 * R, R), disc(3.7 * R, R)], cell=H, periodic=Periodic(4 * R, 4 * R))
+
+
+def test_a_stress_that_ends_is_named_then():
+    scene = lattice(1, stress=lambda t: -np.eye(2) if t < 1.5 else np.full((2, 2), NAN))
+    with pytest.raises(
+        skmpm.SceneError, match=r"periodic: stress = .* at t = 2 s; a component is given always or never"
+    ):
+        list(skmpm.simulate(scene, dt=1.0, until=3.0, scheme=STATIC))
+
+
+def test_contact_at_shared_nodes_is_refused():
+    with pytest.raises(skmpm.SceneError, match="the box is periodic, which contact = shared_grid cannot"):
+        skmpm.initial(lattice(1), scheme=skmpm.Scheme.nezamabadi2017())
+
+
+def test_packing_in_a_periodic_box():
+    """No disc overlaps another or an image; the seed decides; the closed box is another packing."""
+    radii = np.random.default_rng(3).uniform(0.7, 1.2, 40)
+    packed = skmpm.packing(radii, 12.0, solid_fraction=0.8, periodic=True, seed=2)
+    apart = packed.centres[:, :, None] - packed.centres[:, None]
+    size = np.array([packed.width, packed.height])[:, None, None]
+    apart = np.hypot(*(apart - size * np.rint(apart / size)))
+    gap = (apart - radii[:, None] - radii)[~np.eye(40, dtype=bool)]
+    assert gap.min() > -1e-5
+    assert np.pi * (radii**2).sum() / (packed.width * packed.height) == pytest.approx(0.8, rel=1e-9)
+    again = skmpm.packing(radii, 12.0, solid_fraction=0.8, periodic=True, seed=2)
+    assert np.array_equal(again.centres, packed.centres)
+    edge = packed.centres - radii
+    assert edge.min() < 0.0 or (packed.centres + radii > size[:, 0]).any()
+
+
+def test_a_mixture_of_rigid_and_soft_grains_under_pressure():
+    """Four of each: the stress of all contacts, rigid grains included, is -P in a quasi-static box."""
+    radii = np.random.default_rng(5).uniform(0.8 * R, 1.1 * R, 8)
+    packed = skmpm.packing(radii, 5.5 * R, solid_fraction=0.78, periodic=True, seed=4)
+    bodies = [
+        skmpm.Body(skmpm.disc(c, r, spacing=0.74 * H), GEL if i % 2 else skmpm.Rigid(2000.0))
+        for i, (c, r) in enumerate(zip(packed.centres.T, radii, strict=True))
+    ]
+    box = Periodic(packed.width, packed.height, stress=lambda t: -1e5 * min(t / 2e-3, 1.0) * np.diag([1.0, NAN])
+                   + np.diag([0.0, -1e5 * min(t / 2e-3, 1.0)]) + np.array([[0, NAN], [NAN, 0]]))  # fmt: skip
+    scene = skmpm.Scene(bodies, cell=H, friction=0.3, periodic=box)
+    *_, state = skmpm.simulate(scene, until=8e-3)
+    found = skmpm.observe(scene, state)
+    assert found.pressure == pytest.approx(1e5, rel=0.05)
+    assert found.overlap < 1e-3
