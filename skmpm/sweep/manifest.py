@@ -8,7 +8,7 @@ import os
 import platform
 from collections.abc import Callable, Mapping
 from datetime import datetime
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from inspect import getsource
 from pathlib import Path
@@ -79,6 +79,8 @@ def _version(name: str) -> str:
 
 def source_of(build: Callable[..., object]) -> dict[str, str]:
     """Name of a function, and a hash of its source where there is one."""
+    while isinstance(build, partial):
+        build = build.func
     name = f"{getattr(build, '__module__', '')}.{getattr(build, '__qualname__', type(build).__qualname__)}"
     try:
         return {"name": name, "source": hashlib.sha256(getsource(build).encode()).hexdigest()}
