@@ -5,11 +5,12 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
-from skmpm.io import save
+from skmpm.io import load, save
 from skmpm.scene import State
 from skmpm.sweep import manifest
 from skmpm.sweep.errors import Interrupted, SweepError
@@ -120,18 +121,45 @@ def _carry_out(build: Build, task: Task, worker: Worker) -> None:
 
 
 def _simulate(run: Run, folder: Path, reserved: frozenset[str], worker: Worker) -> None:
-    """Carry a run to its end; whatever ends it, the last state and its rows are written."""
+    """Carry a run to its end, stage by stage; whatever ends it, the last state and its rows are written.
+
+    The state at the end of a stage is read back before the next one is made of it, so that an interruption makes no
+    difference.
+    """
     records, state = Records.opened(folder)
+    for stage in count(1):
+        end = folder / f"end_{stage}.checkpoint"
+        if not end.exists():
+            state = _advance(run, records, state, reserved, worker)
+            if run.then is None:
+                return
+            if state is None:
+                raise ValueError("a stage without steps has no state that the next one could begin with")
+            save(end, state)
+        elif run.then is None:
+            raise SweepError(f"{folder} has run a stage more than build has now; give another out, or delete it")
+        ended = load(end)
+        run = run.then(ended)
+        if run.start is None or run.start.t < ended.t:
+            raise ValueError(f"a stage begins before t = {ended.t:g} s, the end of the one before; give its start")
+        state = None if state is None or state.t <= run.start.t else state
+
+
+def _advance(
+    run: Run, records: Records, state: State | None, reserved: frozenset[str], worker: Worker
+) -> State | None:
+    """One stage, from a state within it or, if that is None, from its start; the last state."""
     row, start = records.last_row(), run.start if state is None else state
     scheme = run.scheme if run.scheme.threads is not None else replace(run.scheme, threads=worker.threads)
-    saved, seen = perf_counter(), row is None or state is None or row["t"] == state.t
-    ended = row is not None and run.stop is not None and run.stop(row)
+    saved, seen = perf_counter(), row is None or start is None or row["t"] == start.t
+    ended = state is not None and row is not None and run.stop is not None and run.stop(row)
     states = () if ended else run.simulate(run.scene, until=run.until, dt=run.dt, scheme=scheme, start=start)
+    state = start
     try:
         for new in states:
             seen = row_due(run.every, new)
             if seen:
-                ended = _observe(run, folder, records, new, reserved)
+                ended = _observe(run, records, new, reserved)
             state = new
             worker.report(state.t / run.until)
             if ended:
@@ -142,17 +170,18 @@ def _simulate(run: Run, folder: Path, reserved: frozenset[str], worker: Worker) 
                 records.commit(state)
                 saved = perf_counter()
         if state is not None and not seen:
-            _observe(run, folder, records, state, reserved)
+            _observe(run, records, state, reserved)
     finally:
         if state is not None:
             records.commit(state)
+    return state
 
 
-def _observe(run: Run, folder: Path, records: Records, state: State, reserved: frozenset[str]) -> bool:
+def _observe(run: Run, records: Records, state: State, reserved: frozenset[str]) -> bool:
     """Add the row of a state, keep the state if it is to be kept, and say whether the run ends with it."""
     row = {"t": state.t, **checked(run.observe(run.scene, state), reserved | {"t"})}
     for name, wanted in run.keep.items():
-        path = folder / f"{name}.checkpoint"
+        path = records.folder / f"{name}.checkpoint"
         if not path.exists() and wanted(row):
             save(path, state)
     records.add(row)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -40,6 +41,8 @@ class Run:
     every : [s] simulated time between rows; 0: a row for every step. The last state always has one
     stop : f(row) that is true where the run ends before `until`
     keep : f(row) by name; the first state whose row makes it true is kept as ``<name>.checkpoint``
+    then : f(state) that returns the `Run` of the next stage, made of the last state of this one, which begins with it
+        (`continued`) and has the same columns; None: there is no other stage
     checkpoint : [s] wall time between checkpoints
     simulate : what yields the states, called as `simulate` is
     """
@@ -53,6 +56,7 @@ class Run:
     every: float = 0.0
     stop: Callable[[Row], bool] | None = None
     keep: Mapping[str, Callable[[Row], bool]] = field(default_factory=dict)
+    then: Callable[[State], Run] | None = None
     checkpoint: float = CHECKPOINT_EVERY
     simulate: Callable[..., Iterable[State]] = run_scene
 
@@ -63,9 +67,9 @@ class Run:
         for name in ("every", "checkpoint"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"Run: {name} = {getattr(self, name)}; give a time in seconds, 0 for every step")
-        names = [name for name in self.keep if name == "last" or not name.replace("_", "").replace(".", "").isalnum()]
-        if names:
-            raise ValueError(f"Run: keep: {names[0]!r} names no file; use letters, digits, . and _, but not 'last'")
+        for name in self.keep:
+            if not re.fullmatch(r"(?!last$|end_)[A-Za-z0-9][A-Za-z0-9_.-]*", name):
+                raise ValueError(f"Run: keep: {name!r} names no file; use letters, digits, . _ -, not last or end_")
 
 
 def row_due(every: float, state: State) -> bool:

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import time
 
 import ensembles
 import pytest
@@ -104,10 +103,7 @@ def test_an_interrupted_client_leaves_checkpoints(client, tmp_path, meanwhile):
         skmpm.sweep(ensembles.squeezed, members, out=tmp_path, client=client)
     about = json.loads((tmp_path / "slow=True,speed=1.0" / manifest.FILE).read_text())
     assert about["status"] == "interrupted"
-    began = time.monotonic()
-    skmpm_again = skmpm.sweep(ensembles.squeezed, members, out=tmp_path, processes=2)
-    assert time.monotonic() - began < 60.0
-    for member in skmpm_again:
+    for member in skmpm.sweep(ensembles.squeezed, members, out=tmp_path, processes=2):
         assert text(member) == ensembles.by_hand(member.parameters["speed"])
 
 

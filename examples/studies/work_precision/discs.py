@@ -33,7 +33,7 @@ SMALLEST = float(RADII.min())
 PACKING_DT = 8e-6  # [s]
 EDGES = np.linspace(0.84, 0.92, 9)  # nominal solid fractions between which pressures are averaged
 WORK = 0.90  # up to here the work of the lid counts
-MARKS = 0.001  # of the solid fraction, between looks at outlines
+MARKS = 0.0005  # of the solid fraction, whose multiples outlines are looked at at
 THICKNESS = 3.0  # of walls made of points [cells]
 
 

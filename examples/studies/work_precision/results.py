@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import skmpm
+from skmpm.sweep import Member as Ran
 
 from . import scenes
 from .meter import SIZES, Meter
@@ -89,7 +90,7 @@ def load(study: Path) -> Found:
     return Found({scene: of_scene(scene, each, ran.get(scene, {})) for scene, each in members.items()})
 
 
-def result_of(member: skmpm.sweep.Member) -> Result:
+def result_of(member: Ran) -> Result:
     """The setting of a run, how it ended, what it measured position by position, and its cost per position."""
     columns, scene = member.columns, member.parameters["scene"]
     case = scenes.CASES[scene]

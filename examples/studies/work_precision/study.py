@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import skmpm
+from skmpm.sweep import Member as Ran
 
 from . import scenes
 from .meter import Meter, TooLong, limited
@@ -165,7 +166,7 @@ def main(options: argparse.Namespace) -> None:
     print(found)
 
 
-def described(member: Member, ran: skmpm.sweep.Member) -> str:
+def described(member: Member, ran: Ran) -> str:
     """A line on what a member was, cost, and how it ended."""
     about = {name: value for name, value in member.setting.items() if value != DEFAULT[name]}
     ended = ran.error or (ran.columns["status"][-1] if ran.columns else ran.status)
