@@ -10,6 +10,7 @@ import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import ensembles
 import numpy as np
@@ -103,20 +104,25 @@ def test_a_kill_in_the_middle_of_writing(tmp_path, monkeypatch, when):
         return replace(ensembles.squeezed(speed), checkpoint=0.0)  # after every step
 
     execution.run_member(build, whole, execution.Worker())
-    commit, count = records.Records.commit, iter(range(99))
+    commit, save, count = records.Records.commit, records.save, iter(range(99))
 
-    def dies(self, state):
-        if next(count) < 4:
-            return commit(self, state)
+    def die(*_):
         monkeypatch.setattr(records.Records, "commit", lambda *_: None)  # what is dead writes no more
         if when == "in the table":
-            with (self.folder / records.TABLE).open("ab") as file:
-                file.write(self.file[1][:-3])
-        if when == "before the checkpoint":
-            monkeypatch.setattr(records, "save", lambda *_: None)
-        if when in ("before the checkpoint", "after it"):
-            commit(self, state)
+            os.truncate(cut.folder / records.TABLE, (cut.folder / records.TABLE).stat().st_size - 3)
         raise Interrupted
+
+    def dies(self, state):
+        if next(count) == 4:
+            if when == "before the table":
+                die()
+            if when == "in the table":
+                monkeypatch.setattr(records, "os", SimpleNamespace(fsync=die))
+            if when == "before the checkpoint":
+                monkeypatch.setattr(records, "save", die)
+            if when == "after it":
+                monkeypatch.setattr(records, "save", lambda *file: die(save(*file)))
+        commit(self, state)
 
     monkeypatch.setattr(records.Records, "commit", dies)
     execution.run_member(build, cut, execution.Worker())
