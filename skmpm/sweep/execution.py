@@ -81,7 +81,8 @@ def _locked(build: Build, task: Task, worker: Worker) -> Outcome:
         "sessions": [*(before or {}).get("sessions", []), manifest.session(list(task.command))],
     }
     manifest.write(folder, about)
-    (folder / FAILURE).unlink(missing_ok=True)
+    for left in (folder / FAILURE, *folder.glob(".*")):  # by a process killed while it wrote
+        left.unlink(missing_ok=True)
     began, spent = perf_counter(), process_time()
     status, text = "finished", ""
     try:

@@ -53,7 +53,7 @@ def in_processes(build: bytes, tasks: list[Task], count: int | None) -> Iterator
                 except (EOFError, OSError):
                     workers.remove(worker)
                     yield from _ended(worker, queue, attempts)
-                    if len(workers) < len(queue):
+                    if queue and len(workers) < count:
                         workers.append(_started(build, max(1, available() // count)))
                     continue
                 if isinstance(message, tuple):
@@ -108,10 +108,10 @@ def _ended(worker: _Process, queue: deque[Task], attempts: dict[Path, int]) -> I
 
 def _serve(connection: Connection, build: bytes, threads: int) -> None:
     """The loop of a worker process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all; the first process decides
-    signal.signal(signal.SIGTERM, _interrupt)
     parent = os.getppid()
     try:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all; the first process decides
+        signal.signal(signal.SIGTERM, _interrupt)
         try:
             function = pickle.loads(build)
         except Exception as error:
@@ -131,7 +131,7 @@ def _serve(connection: Connection, build: bytes, threads: int) -> None:
 
 @dataclass
 class _Reporter:
-    """Sends how far a member is, twice a second."""
+    """Sends how far a member is, twice a second; where nobody listens, the member is interrupted."""
 
     connection: Connection
     task: Task
@@ -140,7 +140,10 @@ class _Reporter:
     def __call__(self, share: float) -> None:
         if monotonic() - self.sent > TICK:
             self.sent = monotonic()
-            self.connection.send((self.task, share))
+            try:
+                self.connection.send((self.task, share))
+            except OSError:
+                raise Interrupted from None
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -128,8 +128,10 @@ def test_a_kill_in_the_middle_of_writing(tmp_path, monkeypatch, when):
     execution.run_member(build, cut, execution.Worker())
     monkeypatch.undo()
     assert len(text(cut.folder).splitlines()) == {"before the table": 5}.get(when, 6)
+    (cut.folder / ".skmpm-0.tmp").write_text("half a checkpoint")
     assert execution.run_member(build, cut, execution.Worker()).status == "finished"
     assert text(cut.folder) == text(whole.folder)
+    assert sorted(path.name for path in cut.folder.iterdir()) == sorted(path.name for path in whole.folder.iterdir())
     same(cut.folder, whole.folder)
 
 
@@ -273,6 +275,21 @@ def test_a_killed_process_is_replaced(tmp_path):
     assert text(tmp_path / "cut") == ensembles.by_hand(1.0)
     sessions = json.loads((tmp_path / "cut" / manifest.FILE).read_text())["sessions"]
     assert [entry["process"] == killed[0] for entry in sessions] == [True, False]
+
+
+def test_a_killed_first_process_takes_its_workers_along(tmp_path):
+    """Workers write checkpoints, free their locks and end; the sweep goes on from there."""
+    process, out = script(tmp_path), tmp_path / "out"
+    folder, deadline = out / "slow=True,speed=1.0", time.monotonic() + 300.0
+    while not (folder / records.LAST).exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()
+    process.communicate()
+    while json.loads((folder / manifest.FILE).read_text())["status"] == "running" and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert json.loads((folder / manifest.FILE).read_text())["status"] == "interrupted"
+    found = skmpm.sweep(ensembles.squeezed, [{"speed": 1.0, "slow": True}], out=out, processes=1)
+    assert text(found["slow=True,speed=1.0"].folder) == ensembles.by_hand(1.0)
 
 
 def dies(**_):
