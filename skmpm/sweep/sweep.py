@@ -163,7 +163,10 @@ class _Bar:
         elif event is not None:
             self._shares[event[0].folder.name] = event[1]
         if self._shown:
-            sys.stderr.write("\r" + self.line().ljust(WIDTH)[:WIDTH])
+            failed = (
+                isinstance(event, Outcome) and event.status == "failed"
+            )  # its error follows, on a line of its own
+            sys.stderr.write("\r" + self.line().ljust(WIDTH)[:WIDTH] + "\n" * failed)
             sys.stderr.flush()
 
     def line(self) -> str:
