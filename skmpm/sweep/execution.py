@@ -11,6 +11,7 @@ from time import perf_counter, process_time
 from typing import Any
 
 from skmpm.io import load, save
+from skmpm.linear import one_thread
 from skmpm.scene import State
 from skmpm.sweep import manifest
 from skmpm.sweep.errors import Interrupted, SweepError
@@ -59,7 +60,7 @@ def run_member(build: Build, task: Task, worker: Worker) -> Outcome:
     try:
         if not folder.is_dir():
             raise SweepError(f"{folder} is not there; give a directory that all workers share, as out")
-        with locked(folder, task.sweep, worker.patience):
+        with locked(folder, task.sweep, worker.patience), one_thread():
             return _locked(build, task, worker)
     except Exception as error:
         return Outcome(task, "failed", _message(error))

@@ -43,6 +43,7 @@ def in_processes(build: bytes, tasks: list[Task], count: int | None) -> Iterator
     count = min(available() if count is None else count, len(tasks))
     queue, attempts = deque(tasks), dict.fromkeys((task.folder for task in tasks), 0)
     workers = [_started(build, max(1, available() // count)) for _ in range(count)]
+    begun = False
     try:
         while workers and (queue or any(worker.task is not None for worker in workers)):
             yield None
@@ -52,6 +53,8 @@ def in_processes(build: bytes, tasks: list[Task], count: int | None) -> Iterator
                     message = worker.connection.recv()
                 except (EOFError, OSError):
                     workers.remove(worker)
+                    if not begun:
+                        raise _unable(worker) from None
                     yield from _ended(worker, queue, attempts)
                     if queue and len(workers) < count:
                         workers.append(_started(build, max(1, available() // count)))
@@ -63,7 +66,7 @@ def in_processes(build: bytes, tasks: list[Task], count: int | None) -> Iterator
                     raise SweepError(message)
                 if isinstance(message, Outcome):
                     yield message
-                worker.ready, worker.task = True, None
+                begun, worker.ready, worker.task = True, True, None
                 if isinstance(message, Outcome) and message.status == "interrupted":
                     workers.remove(worker)
                 elif queue:
@@ -88,22 +91,30 @@ def _started(build: bytes, threads: int) -> _Process:
 
 
 def _ended(worker: _Process, queue: deque[Task], attempts: dict[Path, int]) -> Iterator[Outcome]:
-    """What becomes of the member of a process that ended without a word: it is tried again, or has failed."""
+    """What becomes of the member of a process that ended without a word: it is tried again, or has failed.
+
+    A process that ended before it took one counts for the next, so that not for ever new ones are started.
+    """
     worker.process.join()
+    task = queue.popleft() if queue and not worker.ready else worker.task
+    if task is None:
+        return
+    attempts[task.folder] += 1
+    if attempts[task.folder] < ATTEMPTS:
+        queue.appendleft(task)
+        return
     code = worker.process.exitcode or 0
-    if not worker.ready and worker.task is None:
-        raise SweepError(
-            f"a worker process ended with exit code {code} before it began; a script calls sweep below"
-            " `if __name__ == '__main__':`, because worker processes import it"
-        )
-    if worker.task is None:
-        return
-    attempts[worker.task.folder] += 1
-    if attempts[worker.task.folder] < ATTEMPTS:
-        queue.appendleft(worker.task)
-        return
     by = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-    yield Outcome(worker.task, "failed", f"its process ended {ATTEMPTS} times, by {by}; was there enough memory?")
+    yield Outcome(task, "failed", f"its process ended {ATTEMPTS} times, by {by}; was there enough memory?")
+
+
+def _unable(worker: _Process) -> SweepError:
+    """The error where no process has begun."""
+    worker.process.join()
+    return SweepError(
+        f"a worker process ended with exit code {worker.process.exitcode} before it began; a script calls sweep below"
+        " `if __name__ == '__main__':`, because worker processes import it"
+    )
 
 
 def _serve(connection: Connection, build: bytes, threads: int) -> None:

@@ -91,6 +91,11 @@ class Sweep:
         """Errors of the members that failed, by name."""
         return {member.name: member.error for member in self.members if member.status == "failed"}
 
+    @property
+    def finished(self) -> Sweep:
+        """The members that have finished."""
+        return Sweep(tuple(member for member in self.members if member.status == "finished"))
+
     def where(self, **parameters: Any) -> Sweep:
         """The members with these parameters; SweepError if no member has one of that name."""
         for name in parameters:

@@ -162,11 +162,9 @@ class _Bar:
             self._shares.pop(event.task.folder.name, None)
         elif event is not None:
             self._shares[event[0].folder.name] = event[1]
+        ends = isinstance(event, Outcome) and event.status == "failed"  # its error follows, on a line of its own
         if self._shown:
-            failed = (
-                isinstance(event, Outcome) and event.status == "failed"
-            )  # its error follows, on a line of its own
-            sys.stderr.write("\r" + self.line().ljust(WIDTH)[:WIDTH] + "\n" * failed)
+            sys.stderr.write("\r" + self.line().ljust(WIDTH)[:WIDTH] + "\n" * ends)
             sys.stderr.flush()
 
     def line(self) -> str:

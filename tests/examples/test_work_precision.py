@@ -92,13 +92,13 @@ def test_ends_of_runs(study):
 
 
 def test_retiming_keeps_the_shorter_time(study, tmp_path):
-    """A preset of the cantilever three times, the later ones beside the first; the fastest counts."""
+    """The presets on the cantilever twice, the second time beside the first; the faster counts."""
     module, results = study("study"), study("results")
     command = ["--scenes", "cantilever", "--only", "preset", "--processes", "1", "--out", str(tmp_path)]
-    for options in ([], ["--retime"], ["--retime"]):
+    for options in ([], ["--retime"]):
         module.main(module.parser().parse_args([*command, *options]))
     found = skmpm.Sweep.read(tmp_path)
-    assert sorted(member.parameters.get("again", 0) for member in found) == [0] * 3 + [1] * 3 + [2] * 3
+    assert sorted(member.parameters.get("again", 0) for member in found) == [0] * 3 + [1] * 3
     runs = results.load(tmp_path).why("cantilever", "preset")
     assert len(runs) == 3
     for run in runs:

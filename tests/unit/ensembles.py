@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+from threadpoolctl import threadpool_info
 
 import skmpm
 
@@ -56,3 +57,8 @@ def by_hand(speed):
 def rows(n, name="a"):
     """A table that build makes itself."""
     return [{"k": k, "root": float(np.sqrt(k)), "even": k % 2 == 0, "text": f"{name}, {k}"} for k in range(n)]
+
+
+def blas():
+    """Threads of the BLAS libraries there are, a row each."""
+    return [{"threads": each["num_threads"]} for each in threadpool_info() if each["user_api"] == "blas"]

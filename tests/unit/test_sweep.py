@@ -250,6 +250,7 @@ def test_a_member_that_fails_is_named_and_does_not_stop_the_others(tmp_path, cap
         "speed=3.0": "ArithmeticError: no force",
     }
     assert "sweep: speed=3.0 failed: ArithmeticError: no force (2 of 3)" in caplog.text
+    assert [member.name for member in found.finished] == ["speed=1.0"]
     assert found["speed=3.0"].columns["steps"].tolist() == [1, 2, 3, 4, 5, 6]
     assert "in failing" in (tmp_path / "speed=3.0" / execution.FAILURE).read_text()
     assert repr(found) == f"Sweep(3 members, failed 2, rows {STEPS + 6})"
@@ -556,6 +557,14 @@ def test_the_line_of_progress():
     bar.show((replace(TASK, folder=Path("speed=2.0")), 0.5))
     bar._began -= 30.0
     assert bar.line().startswith("2 of 4 members  1 failed  ETA 0:30  speed=2.0 50 %")
+
+
+def test_one_blas_thread_whatever_is_set(tmp_path, monkeypatch):
+    """In a worker process of an environment that allows four."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
+    found = skmpm.sweep(ensembles.blas, {"a": {}}, out=tmp_path, processes=1)
+    assert not found.failed
+    assert found["a"].columns["threads"].tolist() == [1] * found["a"].columns["threads"].size
 
 
 def test_the_library_imports_no_dask():
