@@ -54,11 +54,11 @@ def build(options: argparse.Namespace) -> tuple[skmpm.Scene, float]:
     return scene, (discs.height - solid / (width * options.until)) / options.speed
 
 
-def row(step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables) -> Line:
+def row(scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables) -> Line:
     """One line of the table."""
     report, values = state.report, {name: getattr(seen, name) for name in COLUMNS if hasattr(seen, name)}
     lid = state.wall_force[LID, 1] / float(scene.walls[3].point[0])
-    values |= {"step": step, "t": state.t, "pressure_lid": lid, "residual": report.residual, "newton": report.newton}
+    values |= {"t": state.t, "pressure_lid": lid, "residual": report.residual, "newton": report.newton}
     return values | {"contact_iterations": report.contact, "seconds": sum(report.seconds.values())}
 
 
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> list[Line]:
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
         for state in skmpm.simulate(scene, dt=options.dt, until=until, scheme=scheme, **saved):
-            lines.append(row(len(lines) + 1, scene, state, skmpm.observe(scene, state)))
+            lines.append({"step": len(lines) + 1, **row(scene, state, skmpm.observe(scene, state))})
             table.writerow(lines[-1])
             file.flush()
             if len(lines) % options.every == 0:

@@ -2,7 +2,7 @@
 
 Build a `Scene` of `Body`s and `Wall`s, print its `preflight` check, then loop over `simulate(scene, dt=...,
 until=...)`; `observe`, `network` and `contact_pressure` evaluate the states it yields, `record` writes them for
-ParaView.
+ParaView. `sweep` runs the members of an ensemble.
 """
 
 from skmpm import contact, coulomb, linear, outline, transfer
@@ -16,6 +16,7 @@ from skmpm.preflight import Suggestion, preflight, suggest
 from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, State, StepFailed, Support, Wall, continued
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
+from skmpm.sweep import Run, Sweep, SweepError, sweep
 
 __version__ = "0.2.0.dev0"
 
@@ -36,6 +37,7 @@ __all__ = [
     "Points",
     "Pressure",
     "Rigid",
+    "Run",
     "Scene",
     "SceneError",
     "Scheme",
@@ -43,6 +45,8 @@ __all__ = [
     "StepFailed",
     "Suggestion",
     "Support",
+    "Sweep",
+    "SweepError",
     "Traction",
     "Wall",
     "Yeoh",
@@ -74,5 +78,6 @@ __all__ = [
     "simulate",
     "step",
     "suggest",
+    "sweep",
     "transfer",
 ]

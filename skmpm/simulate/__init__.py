@@ -2,6 +2,6 @@
 
 from skmpm.simulate.algorithm import step
 from skmpm.simulate.initial_state import initial
-from skmpm.simulate.run import simulate
+from skmpm.simulate.run import exit_at_sigterm, simulate
 
-__all__ = ["initial", "simulate", "step"]
+__all__ = ["exit_at_sigterm", "initial", "simulate", "step"]

@@ -115,7 +115,7 @@ def _run(
     """The loop of `simulate`."""
     saved, retried = perf_counter(), RetrySummary()
     try:
-        with Progress(scene, state, until, shown=progress) as bar, _exit_at_sigterm(wanted=checkpoint is not None):
+        with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * state.step_control.dt:
                 if pace is None:
                     state, failures = advance_with_retries(scene, state, until, scheme)
@@ -136,7 +136,7 @@ def _run(
 
 
 @contextmanager
-def _exit_at_sigterm(*, wanted: bool) -> Iterator[None]:
+def exit_at_sigterm(*, wanted: bool) -> Iterator[None]:
     """Raise SystemExit at SIGTERM, which batch systems send before they kill, unless the caller handles it."""
     if not (wanted and current_thread() is main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL):
         yield

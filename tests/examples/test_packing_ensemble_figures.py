@@ -38,8 +38,8 @@ def member(code, seed=0, friction=0.0, *, until=1.0, **changes):
         **{f"pressure_{wall}": p for wall in ("floor", "roof", "left", "right")},
         "overlap": 0.0 * p, "retries": 0.0 * p, "seconds": 0.0 * p,
     }  # fmt: skip
-    about = {"parameters": {"friction": friction, "seed": seed}, "finished": True}
-    return code.curves.Member(Path("nowhere"), about, values | {k: f(values) for k, f in changes.items()})
+    about = {"friction": friction, "seed": seed}, "finished"
+    return code.curves.Member(Path("nowhere"), *about, values | {k: f(values) for k, f in changes.items()})
 
 
 def ensemble(code, seeds=4, **changes):
@@ -100,8 +100,7 @@ def test_the_height_follows_from_the_nominal_fraction(code):
     width, height = scene.walls[3].point[0], scene.walls[1].point[1]
     t = np.linspace(0.0, until, 7)
     nominal = scene.initial_volumes.sum() / (width * (height - 2.0 * t))
-    about = {"parameters": {"discs": 40}, "finished": True}
-    run = code.curves.Member(Path(), about, {"t": t, "solid_fraction_nominal": nominal})
+    run = code.curves.Member(Path(), {"discs": 40}, "finished", {"t": t, "solid_fraction_nominal": nominal})
     assert run.height == pytest.approx(height - 2.0 * t, rel=1e-3)
     assert run.box == pytest.approx(width * (height - 2.0 * t), rel=1e-3)
 
@@ -326,7 +325,7 @@ def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
     drawn(code, tmp_path / "study", tmp_path / "docs")
     assert len(list((tmp_path / "docs" / "packing_ensemble").glob("*.png"))) == 7
     manifest = tmp_path / "study" / "regridded_mu0.5" / "manifest.json"
-    manifest.write_text(manifest.read_text().replace('"finished": true', '"finished": false'))
+    manifest.write_text(manifest.read_text().replace('"status": "finished"', '"status": "running"'))
     options = ["--study", str(tmp_path / "study"), "--docs", str(tmp_path / "docs")]
     code.figures.main(code.figures.parser().parse_args(options))
     assert not (tmp_path / "docs" / "packing_ensemble" / "forgetting.png").exists()

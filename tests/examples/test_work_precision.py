@@ -1,14 +1,16 @@
 """The work-precision study at small size: its commands, resumption, records, and rules of comparison."""
 
-import json
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import skmpm
+from skmpm.sweep import execution
 
 DOCS = Path(__file__).parents[2] / "docs" / "studies"
 
@@ -25,13 +27,14 @@ def test_commands(study, monkeypatch, tmp_path):
     command = ["--scenes", "cantilever", "--only", "preset", "sample", "--runs", "2", "--processes", "1"]
     options = module.parser().parse_args([*command, "--out", str(tmp_path / "out")])
     module.main(options)
-    results = sorted((tmp_path / "out" / "cantilever").glob("*.json"))
-    assert len(results) == 5
-    costs = [json.loads(path.read_text())["cost"] for path in results]
-    assert [c["newton"] for c in costs if c["points"] == 896.0] == [1.0]  # of `balanced`, at every position
-    times = [path.stat().st_mtime_ns for path in results]
+    found = skmpm.Sweep.read(tmp_path / "out")
+    assert len(found) == 5
+    assert [m.columns["newton"].tolist() for m in found if m.columns["points"][0] == 896.0] == [
+        [1.0] * 4
+    ]  # `balanced`
+    times = [(member.folder / "table.csv").stat().st_mtime_ns for member in found]
     module.main(options)
-    assert [path.stat().st_mtime_ns for path in results] == times
+    assert [(member.folder / "table.csv").stat().st_mtime_ns for member in found] == times
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
     rest = (DOCS / "work_precision.md").read_text().split("<!-- /study -->\n")[1]
@@ -70,21 +73,37 @@ def test_presets_are_those_of_the_library(study):
         assert parameters.scheme_of(setting, inertia=True) == getattr(skmpm.Scheme, name)(mean_dilatation=False)
 
 
-def test_ends_of_runs(study, tmp_path):
+def test_ends_of_runs(study):
     """A run without enough time or points says so; costs are counted up to there."""
-    module, parameters = study("study"), study("parameters")
-    member = module.Member("hertz", parameters.DEFAULT, "one", 0.05)
-    assert module.measure(member, tmp_path)["status"].startswith("too long")
-    torn = module.Member("cantilever", parameters.DEFAULT | {"cells": 6.3, "spacing": 2.0}, "one", 0.0)
-    assert module.measure(torn, tmp_path)["status"].startswith("failed")
-    assert study("results").run_of(module.measure(torn, tmp_path), frozenset(), None).error == float("inf")
+    module, parameters, results = study("study"), study("parameters"), study("results")
+    (late,) = module.measure("hertz", parameters.DEFAULT, 0.05)
+    assert late["status"] == "too long: more than 0.05 s"
+    setting = parameters.DEFAULT | {"cells": 6.3, "spacing": 2.0}
+    (torn,) = module.build("cantilever", setting, kept=Path())
+    assert torn["status"].startswith("failed")
+    columns = {name: np.array([value]) for name, value in torn.items()}
+    versions = {"versions": {"source": "0" * 64}}
+    member = SimpleNamespace(
+        columns=columns, parameters={"scene": "cantilever", "setting": setting}, status="finished", manifest=versions
+    )
+    run = results.run_of(results.result_of(member), frozenset(), None)
+    assert run.error == float("inf")
+    assert run.status == torn["status"]
 
 
 def test_retiming_keeps_the_shorter_time(study, tmp_path):
-    path = tmp_path / "run.json"
-    path.write_text(json.dumps({"cost": {"seconds": 3.0}}))
-    times = [study("study").faster({"cost": {"seconds": new}}, path)["cost"]["seconds"] for new in (2.0, 4.0)]
-    assert times == [2.0, 3.0]
+    """The presets on the cantilever twice, the second time beside the first; the faster counts."""
+    module, results = study("study"), study("results")
+    command = ["--scenes", "cantilever", "--only", "preset", "--processes", "1", "--out", str(tmp_path)]
+    for options in ([], ["--retime"]):
+        module.main(module.parser().parse_args([*command, *options]))
+    found = skmpm.Sweep.read(tmp_path)
+    assert sorted(member.parameters.get("again", 0) for member in found) == [0] * 3 + [1] * 3
+    runs = results.load(tmp_path).why("cantilever", "preset")
+    assert len(runs) == 3
+    for run in runs:
+        same = [m for m in found if results.key(m.parameters["setting"]) == results.key(run.setting)]
+        assert run.seconds == pytest.approx(min(m.columns["seconds"].sum() / 4.0 for m in same), rel=1e-12)
 
 
 def test_references(study):
@@ -110,34 +129,34 @@ def test_explicit_and_implicit_steps_measure_the_same(study):
     coarse = parameters.DEFAULT | {"cells": 3.2, "spacing": 0.5}
     found = []
     for setting in (coarse | {"theta": 0.5, "pace": 2.0}, coarse | {"explicit": True}):
-        run = scenes.CASES["collision"].run
-        found.append(run(setting, 0, meter.Meter(parameters.linear_of(setting)), None))
+        measure = scenes.CASES["collision"].measure
+        found.append(measure(setting, 0, meter.Meter(parameters.linear_of(setting))))
     errors = study("discs").collision_errors(*found, 0)
     assert max(errors.values()) < 0.03
 
 
 def test_a_long_run_goes_on_from_its_checkpoint(study, monkeypatch, tmp_path):
-    """The packing up to 0.72, cut after eight steps: curves are those of a run that was not cut."""
-    discs, parameters, meter = study("discs"), study("parameters"), study("meter")
+    """The packing up to 0.72, cut after eight steps: curves and counts are those of a run that was not cut."""
+    discs, parameters, module, results = study("discs"), study("parameters"), study("study"), study("results")
     monkeypatch.setattr(discs, "END", 0.72)
     setting = parameters.DEFAULT | {"cells": 2.5}
-    whole = discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), None)
-    watched = discs.watched
-
-    def cut(*args):
-        for k, line in enumerate(watched(*args)):
-            yield line
-            if k == 7:
-                raise KeyboardInterrupt
-
-    monkeypatch.setattr(discs, "watched", cut)
-    with pytest.raises(KeyboardInterrupt):
-        discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), tmp_path)
-    monkeypatch.setattr(discs, "watched", watched)
-    again = discs.packing(setting, 0, meter.Meter(parameters.linear_of(setting)), tmp_path)
-    assert again["fraction"] == whole["fraction"]
-    assert again["pressure"] == whole["pressure"]
-    assert again["alpha"] == whole["alpha"]
+    left = iter(range(7))
+    worker = execution.Worker(stopping=lambda: next(left, None) is None)
+    found = []
+    for name, workers in (("whole", [execution.Worker()]), ("cut", [worker, execution.Worker()])):
+        (tmp_path / name).mkdir()
+        about = {"scene": "packing", "setting": setting}
+        task = execution.Task(tmp_path / name, about, "", (), {})
+        ended = [execution.run_member(partial(module.build, kept=tmp_path), task, each).status for each in workers]
+        assert ended[-1] == "finished"
+        found.append(results.result_of(skmpm.Sweep.read(tmp_path)[name]))
+    assert ended == ["interrupted", "finished"]
+    whole, cut = found
+    for curve in ("fraction", "pressure", "lid", "alpha"):
+        np.testing.assert_array_equal(cut["measured"][0][curve], whole["measured"][0][curve])
+    for count in ("steps", "newton", "contact", "points"):
+        assert cut["cost"][count] == whole["cost"][count]
+    assert np.isfinite(whole["measured"][0]["alpha"]).sum() > 5
 
 
 def test_curves_are_compared_to_their_ends(study):
@@ -153,7 +172,7 @@ def test_curves_are_compared_to_their_ends(study):
             "fraction": fraction,
             "lid": [size * y for y in rise],
             "pressure": [size * y for y in rise],
-            "alpha": [1.0 + alpha * y if f < 0.919 else None for f, y in zip(fraction, rise, strict=True)],
+            "alpha": [1.0 + alpha * y if f < 0.919 else np.nan for f, y in zip(fraction, rise, strict=True)],
         }
 
     errors = study("discs").packing_errors(curves(1.1, 0.9), curves(1.0, 1.0), 0)

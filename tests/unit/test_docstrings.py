@@ -6,10 +6,22 @@ import numpy as np
 import pytest
 
 import skmpm
+from skmpm.sweep import Member
 
 
 @pytest.mark.parametrize(
-    "kind", [skmpm.Suggestion, skmpm.Packing, skmpm.Points, skmpm.coulomb.Info, skmpm.Network, skmpm.Traction]
+    "kind",
+    [
+        skmpm.Suggestion,
+        skmpm.Packing,
+        skmpm.Points,
+        skmpm.coulomb.Info,
+        skmpm.Network,
+        skmpm.Traction,
+        skmpm.Run,
+        skmpm.Sweep,
+        Member,
+    ],
 )
 def test_every_field_is_described(kind):
     described = kind.__doc__.partition("Attributes\n")[2]

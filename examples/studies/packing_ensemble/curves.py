@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+import skmpm
 from examples import compaction
 
 from .main_job import WAVE
@@ -26,23 +26,24 @@ FILLING = 0.72  # nominal solid fraction at which the box of `compaction.build` 
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """One run: its options, its manifest and the columns of its table, each (steps,)."""
+    """One run: its parameters, how it ended and the columns of its table, each (steps,)."""
 
     folder: Path
-    about: dict[str, Any]
+    parameters: dict[str, Any]
+    status: str
     table: dict[str, Array]
 
     @cached_property
     def options(self) -> Any:
-        """All options of `compaction.py`, those of the manifest over the defaults."""
+        """All options of `compaction.py`, its parameters over the defaults."""
         options = compaction.parser().parse_args([])
-        vars(options).update(self.about["parameters"])
+        vars(options).update(self.parameters)
         return options
 
     @property
     def usable(self) -> bool:
         """Whether it ended, at its end or at a step that failed; what is still to go on is not used."""
-        return bool(self.about.get("finished") or "failed" in self.about) and self.table["t"].size > 2
+        return self.status in ("finished", "failed") and len(self.table) > 0 and self.table["t"].size > 2
 
     @property
     def height(self) -> Array:
@@ -152,16 +153,12 @@ class Study:
 
 
 def read(out: Path) -> Study:
-    """Read the directories of `study.py`."""
-    found = {path.parent.name: _member(path.parent) for path in sorted(out.glob("*/manifest.json"))}
-    usable = {name: member for name, member in found.items() if member.usable}
-    return Study(usable, [name for name in found if name not in usable])
+    """Read the members that `study.py` ran."""
+    members = [Member(m.folder, m.parameters, m.status, numbers(m.columns)) for m in skmpm.Sweep.read(out)]
+    usable = {member.folder.name: member for member in members if member.usable}
+    return Study(usable, [member.folder.name for member in members if not member.usable])
 
 
-def _member(folder: Path) -> Member:
-    about = json.loads((folder / "manifest.json").read_text())
-    with (folder / "observables.csv").open() as file:
-        lines = [line.rstrip("\n").split(",") for line in file]
-    names, whole = lines[0], [line for line in lines[1:] if len(line) == len(lines[0]) and line[-1]]
-    values = np.array([[float(value) for value in line] for line in whole]).reshape(-1, len(names))
-    return Member(folder, about, dict(zip(names, values.T, strict=True)))
+def numbers(columns: dict[str, Any]) -> dict[str, Array]:
+    """Columns of a table as floating-point numbers."""
+    return {name: column.astype(np.float64) for name, column in columns.items()}

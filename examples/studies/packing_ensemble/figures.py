@@ -74,7 +74,7 @@ def ran(name: str, member: Member) -> tuple[str, ...]:
         f"{column['solid_fraction'].max():.3f}",
         f"{100 * column['overlap'].max():.4f} %",
         f"{column['seconds'].sum() / 60:.0f} min",
-        "at its end" if member.about["finished"] else "at a step that failed",
+        "at its end" if member.status == "finished" else "at a step that failed",
     )
 
 

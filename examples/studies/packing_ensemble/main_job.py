@@ -104,7 +104,7 @@ def main(options: argparse.Namespace) -> list[dict[str, float]]:
         run = skmpm.simulate(scene, dt=options.dt, until=until, scheme=scheme, start=start, **saved)
         for step, state in enumerate(run, start=1):
             seen = skmpm.observe(scene, state)
-            table.append(row(step, scene, state, seen))
+            table.append({"step": step, **row(scene, state, seen)})
             checks.append(check(step, scene, state, seen, options.dt, filled))
             writer.writerow(table[-1])
             checks_writer.writerow(checks[-1])

@@ -25,7 +25,7 @@ def scene(member: Member) -> skmpm.Scene:
 
 def states(member: Member) -> dict[float, skmpm.State]:
     """The states that were kept, by nominal solid fraction."""
-    paths = {stage: study.stage_file(member.folder, stage) for stage in study.STAGES}
+    paths = {stage: member.folder / f"{study.name_of(stage)}.checkpoint" for stage in study.STAGES}
     return {stage: skmpm.load(path) for stage, path in paths.items() if path.exists()}
 
 

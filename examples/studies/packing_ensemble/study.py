@@ -3,28 +3,19 @@
     python -m examples.studies.packing_ensemble --out out/study
 
 Runs every member of `members` (friction 0 and 0.5 for several seeds; for each friction a finer grid, a slower lid and
-the mode of Nezamabadi et al. (2017); body grids rebuilt at every step), each in a directory of its own:
-`observables.csv`, checkpoints at four stages, `manifest.json` (parameters, versions, hashes). Finished members are
-not run again, interrupted ones resume from their last checkpoint. `figures.py` draws the results.
+the mode of Nezamabadi et al. (2017); body grids rebuilt at every step) by `skmpm.sweep`, each in a directory of its
+own: `table.csv`, checkpoints at four stages, `manifest.json` (parameters, versions, command). Finished members are
+not run again, interrupted ones go on from their last checkpoint. `figures.py` draws the results.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
-import hashlib
-import json
-import os
-import platform
-from concurrent.futures import ProcessPoolExecutor
-from importlib.metadata import version
-from multiprocessing import Manager
+from functools import partial
 from pathlib import Path
-from time import sleep
 from typing import Any
 
 import numpy as np
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 import skmpm
 from examples import compaction
@@ -32,25 +23,6 @@ from examples import compaction
 STAGES = (0.75, 0.84, 0.92, 1.00)  # nominal solid fractions at which states are kept
 RADIUS = 0.95e-3  # mean [m]
 SPACING = 0.14 / 0.19  # of points, over the cell
-COLUMNS = [
-    *compaction.COLUMNS,
-    "dt",
-    "retries",
-    "pressure_points",
-    "pressure_floor",
-    "pressure_roof",
-    "pressure_left",
-    "pressure_right",
-    "interior_fraction",
-    "interior_pressure",
-    "interior_coordination",
-    "kinetic",
-    "elastic",
-    "dissipated",
-    "kinetic_discs",
-    "swing",
-]
-PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 
 
 def members(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
@@ -85,71 +57,33 @@ def resolved(cells: int) -> dict[str, float]:
     return {"cell": cell, "spacing": SPACING * cell}
 
 
-def run(name: str, chosen: dict[str, Any], out: Path, shared: dict[str, float]) -> str:
-    """Run one member to its end, from its checkpoint if it has one; `shared` receives its progress."""
-    folder = out / name
-    if finished(folder, chosen):
-        return name
-    folder.mkdir(parents=True, exist_ok=True)
+def build(**chosen: Any) -> skmpm.Run:
+    """A member from its options, the others being those of `compaction.py`."""
     options = compaction.parser().parse_args([])
     vars(options).update(chosen)
     scene, until = compaction.build(options)
-    scheme, checkpoint = compaction.SCHEMES[options.scheme], folder / "last.checkpoint"
-    about = manifest(chosen, scene)
-    table, start = resumed(folder, about) if checkpoint.exists() else ([], None)
-    (folder / "manifest.json").write_text(json.dumps(about, indent=1))
-    left = [stage for stage in STAGES if not stage_file(folder, stage).exists()]
-    with (folder / "observables.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(table)
-        states = skmpm.simulate(scene, dt=options.dt, until=until, scheme=scheme, start=start, checkpoint=checkpoint)
-        try:
-            for step, state in enumerate(states, start=len(table) + 1):
-                line = row(step, scene, state)
-                writer.writerow(line)
-                file.flush()
-                shared[name] = state.t / until
-                while left and line["solid_fraction_nominal"] >= left[0]:
-                    skmpm.save(stage_file(folder, left.pop(0)), state)
-        except skmpm.StepFailed as failure:
-            about["failed"] = str(failure)
-    end = skmpm.load(checkpoint)
-    about |= {"finished": bool(end.t >= until), "t": end.t, "end": digest(end.x, end.v)}
-    (folder / "manifest.json").write_text(json.dumps(about, indent=1))
-    return name
+    keep = {name_of(stage): partial(reached, stage) for stage in STAGES}
+    scheme = compaction.SCHEMES[options.scheme]
+    return skmpm.Run(scene, until, dt=options.dt, scheme=scheme, observe=row, keep=keep)
 
 
-def finished(folder: Path, chosen: dict[str, Any]) -> bool:
-    """Whether a member has been run to its end with these parameters."""
-    path = folder / "manifest.json"
-    if not path.exists():
-        return False
-    about = json.loads(path.read_text())
-    return bool(about.get("finished")) and about["parameters"] == chosen
+def reached(stage: float, line: dict[str, float]) -> bool:
+    """Whether a row is at a stage or beyond."""
+    return line["solid_fraction_nominal"] >= stage
 
 
-def resumed(folder: Path, about: dict[str, Any]) -> tuple[list[dict[str, str]], skmpm.State]:
-    """The table up to the checkpoint of an interrupted run, and its state."""
-    before = json.loads((folder / "manifest.json").read_text())
-    for what in ("parameters", "scene"):
-        if before[what] != about[what]:
-            raise SystemExit(f"{folder}: its checkpoint is of other {what}; delete the directory or choose another")
-    state = skmpm.load(folder / "last.checkpoint")
-    with (folder / "observables.csv").open() as file:
-        table = [line for line in csv.DictReader(file) if line["seconds"] and float(line["t"]) <= state.t]
-    unknown = {name: "nan" for name in COLUMNS if table and not table[0].get(name)}  # to the version that began it
-    return [line | unknown for line in table], state
+def name_of(stage: float) -> str:
+    """Under which the state at a nominal solid fraction is kept."""
+    return f"stage_{stage:.2f}"
 
 
-def row(step: int, scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
+def row(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
     """One line of the table."""
     report = state.report
     seen, inner = skmpm.observe(scene, state), skmpm.observe(scene, state, interior=True)
     floor, roof, left, right = seen.wall_pressure
     kinetic_discs, swing = motion(scene, state, seen.bodies.centre)
-    return {
-        **compaction.row(step, scene, state, seen),
+    line = compaction.row(scene, state, seen) | {
         "dt": report.dt,
         "retries": report.retries,
         "pressure_points": of_points(scene, state, seen),
@@ -166,6 +100,8 @@ def row(step: int, scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
         "kinetic_discs": kinetic_discs,
         "swing": swing,
     }
+    del line["t"]  # which the sweep adds
+    return line
 
 
 def of_points(scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables) -> float:
@@ -190,51 +126,14 @@ def motion(scene: skmpm.Scene, state: skmpm.State, centre: np.ndarray) -> tuple[
     return float(kinetic), float(np.sum(momentum * (centre - middle[:, None])))
 
 
-def stage_file(folder: Path, stage: float) -> Path:
-    """Where the state at a nominal solid fraction is kept."""
-    return folder / f"stage_{stage:.2f}.checkpoint"
-
-
-def manifest(chosen: dict[str, Any], scene: skmpm.Scene) -> dict[str, Any]:
-    """What a member is: parameters, versions, and a hash of the scene's points."""
-    return {
-        "parameters": chosen,
-        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
-        "scene": digest(scene.initial_positions, scene.initial_volumes),
-        "finished": False,
-    }
-
-
-def digest(*arrays: np.ndarray) -> str:
-    """SHA-256 of arrays."""
-    return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
-
-
 def main(options: argparse.Namespace) -> None:
-    """Run all members in parallel, with one progress display."""
+    """Run all members that have not finished, with a line of progress."""
     wanted = members(options)
-    names = [name for name in wanted if not options.only or any(name.startswith(o) for o in options.only)]
-    with Manager() as manager, ProcessPoolExecutor(options.processes) as pool, display() as progress:
-        shared = manager.dict()
-        bars = {name: progress.add_task(name, total=1.0) for name in names}
-        waiting = {pool.submit(run, name, wanted[name], options.out, shared): name for name in names}
-        while waiting:
-            for future in [f for f in waiting if f.done()]:
-                name = waiting.pop(future)
-                future.result()
-                about = json.loads((options.out / name / "manifest.json").read_text())
-                shared[name] = 1.0 if about["finished"] else shared.get(name, 0.0)
-                if "failed" in about:
-                    progress.console.print(f"{name} stopped: {about['failed']}")
-            for name, share in dict(shared).items():
-                progress.update(bars[name], completed=share)
-            sleep(0.5)
-
-
-def display() -> Progress:
-    """One line per member: name, bar, time left."""
-    return Progress(TextColumn("{task.description:>16}"), BarColumn(), TextColumn("{task.percentage:5.1f} %"),
-                    TimeRemainingColumn())  # fmt: skip
+    chosen = {n: about for n, about in wanted.items() if not options.only or n.startswith(tuple(options.only))}
+    found = skmpm.sweep(build, chosen, out=options.out, processes=options.processes, progress=True)
+    print(found)
+    for name, error in found.failed.items():
+        print(f"{name} stopped: {error}")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -247,6 +146,6 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--start", type=float, default=0.70, help="nominal solid fraction at the start")
     options.add_argument("--until", type=float, default=1.02, help="nominal solid fraction at the end")
     options.add_argument("--only", nargs="*", default=[], help="members whose names begin so")
-    options.add_argument("--processes", type=int, default=os.cpu_count(), help="members run at a time")
+    options.add_argument("--processes", type=int, help="members run at a time; None: as many as there are cores")
     options.add_argument("--out", type=Path, default=Path("out/study"), help="directory of the results")
     return options

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ SWING = 2.0 * np.pi / (3.516 * np.sqrt(E / (1.0 - NU**2) / (12.0 * DENSITY)) * D
 RAMP = 1.5  # of the load for explicit steps [periods]
 
 
-def cantilever(setting: Setting, position: int, meter: Meter, folder: Path | None) -> Measured:
+def cantilever(setting: Setting, position: int, meter: Meter) -> Measured:
     """Tip deflection, and the rms of the error of stress away from clamp and load over that of the stress."""
     cell, (*offset, angle) = 0.5 * DEPTH / setting["cells"], POSITIONS[position]
     straight, shift = skmpm.box((0, 0), (LENGTH, DEPTH), spacing=setting["spacing"] * cell), cell * np.array(offset)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +33,7 @@ SMALLEST = float(RADII.min())
 PACKING_DT = 8e-6  # [s]
 EDGES = np.linspace(0.84, 0.92, 9)  # nominal solid fractions between which pressures are averaged
 WORK = 0.90  # up to here the work of the lid counts
-MARKS = 0.001  # of the solid fraction, between looks at outlines
+MARKS = 0.0005  # of the solid fraction, whose multiples outlines are looked at at
 THICKNESS = 3.0  # of walls made of points [cells]
 
 
@@ -55,7 +53,7 @@ def own(laws: dict[str, Any], setting: Setting) -> Any:
     return laws["finite" if setting["material"] == "own" else "linear"]
 
 
-def collision(setting: Setting, position: int, meter: Meter, folder: Path | None) -> Measured:
+def collision(setting: Setting, position: int, meter: Meter) -> Measured:
     """Velocity of the first disc along and across the line of approach over its speed, and R omega over it."""
     cell, (*offset, angle) = R / setting["cells"], POSITIONS[position]
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -87,37 +85,19 @@ def collision_errors(measured: Measured, reference: Measured, position: int) -> 
     }
 
 
-def packing(setting: Setting, position: int, meter: Meter, folder: Path | None) -> Measured:
-    """Curves against the nominal solid fraction: pressure, force of the lid, and from time to time aspect ratios."""
+def packing(setting: Setting, meter: Meter, kept: Path) -> skmpm.Run:
+    """Rows against the nominal solid fraction: pressure, force of the lid, and from time to time aspect ratios."""
     cell = MEAN / setting["cells"]
     scene, height, width = box_of_discs(setting, cell)
     solid = float(scene.initial_volumes[: scene.offsets[DISCS]].sum())
     scheme = scheme_of(setting, inertia=True, solver=meter)
     dt = time_step(setting, cell, PACKING_DT, own(GELS, setting))
     until = (height - solid / (width * END)) / LID
-    table, start, spent = resumed(folder)
-    checkpoint = None if folder is None else folder / "last.checkpoint"
-    run = meter.states(scene, dt=dt, until=until, scheme=scheme, start=start, checkpoint=checkpoint)
-    looked = max((line["fraction"] for line in table if "alpha" in line), default=0.0)
-    for line in watched(scene, run, solid / width, height, looked):
-        table.append(line)
-        if folder is not None:
-            with (folder / "table.jsonl").open("a") as file:
-                file.write(json.dumps(line | {"seconds": spent + meter.seconds}) + "\n")
-    meter.seconds += spent
-    return {name: [line.get(name) for line in table] for name in ("fraction", "pressure", "lid", "alpha")}
 
+    def look(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
+        return watched(scene, state, solid / width, height)
 
-def resumed(folder: Path | None) -> tuple[list[dict[str, Any]], skmpm.State | None, float]:
-    """The table so far of an interrupted run, its last state and the processor time it took [s]."""
-    if folder is None or not (folder / "last.checkpoint").exists():
-        return [], None, 0.0
-    state = skmpm.load(folder / "last.checkpoint")
-    whole = (folder / "table.jsonl").read_text().split("\n")[:-1]  # the last line may have been cut
-    lines = [json.loads(line) for line in whole]
-    table = [line for line in lines if line["t"] <= state.t]
-    (folder / "table.jsonl").write_text("".join(json.dumps(line) + "\n" for line in table))
-    return table, state, float(table[-1]["seconds"]) if table else 0.0
+    return skmpm.Run(scene, until, dt=dt, scheme=scheme, observe=look, simulate=meter.states)
 
 
 def width_of(radii: Array) -> float:
@@ -177,17 +157,15 @@ def slabs(width: float, height: float, cell: float, spacing: float) -> list[skmp
     return [skmpm.Body(c, rigid, motion=(0.0, -LID * (k == 1), 0.0)) for k, c in enumerate(clouds)]
 
 
-def watched(
-    scene: skmpm.Scene, states: Iterator[skmpm.State], thickness: float, height: float, looked: float
-) -> Iterator[dict[str, Any]]:
-    """A line for every state; `thickness` is the height of all material, spread over the width [m]."""
-    for state in states:
-        fraction = thickness / (height - LID * state.t)
-        line = {"t": state.t, "fraction": fraction, **pressures(scene, state, fraction)}
-        if fraction >= looked + MARKS:
-            looked = fraction
-            line["alpha"] = float(skmpm.observe(scene, state).aspect_ratio)
-        yield line
+def watched(scene: skmpm.Scene, state: skmpm.State, thickness: float, height: float) -> dict[str, float]:
+    """A row; `thickness` is the height of all material, spread over the width [m].
+
+    The aspect ratio is that of steps in which the solid fraction passes a multiple of `MARKS`, nan in others.
+    """
+    before, fraction = (thickness / (height - LID * t) for t in (state.t - state.report.dt, state.t))
+    looked = np.floor(fraction / MARKS) > np.floor(before / MARKS)
+    alpha = float(skmpm.observe(scene, state).aspect_ratio) if looked else np.nan
+    return {"fraction": fraction, **pressures(scene, state, fraction), "alpha": alpha}
 
 
 def pressures(scene: skmpm.Scene, state: skmpm.State, fraction: float) -> dict[str, float]:
@@ -225,7 +203,7 @@ def packing_errors(measured: Measured, reference: Measured, position: int) -> di
 
 def _integral(measured: Measured, name: str, weight: Any, edges: Array) -> Array:
     """Integrals of a curve times a weight over the solid fraction, between edges."""
-    seen = [(f, y) for f, y in zip(measured["fraction"], measured[name], strict=True) if y is not None]
+    seen = [(f, y) for f, y in zip(measured["fraction"], measured[name], strict=True) if not np.isnan(y)]
     seen.append((max(seen[-1][0], edges[-1]), seen[-1][1]))  # the last look is a little before the end
     fraction, values = np.array(seen).T
     values = values * weight(fraction)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ SEED = 5  # of the positions: offset on the grid, direction of the plates, angle
 REACH, THICKNESS = 0.6, 3.0  # of plates made of points: half their length [R], their thickness [cells]
 
 
-def hertz(setting: Setting, position: int, meter: Meter, folder: Path | None) -> Measured:
+def hertz(setting: Setting, position: int, meter: Meter) -> Measured:
     """Force at each depth, and half-width of the contact at the largest, by its second moment."""
     cell, explicit, rng = 1.0 / setting["cells"], setting["explicit"], np.random.default_rng([SEED, position])
     offset, (angle, phase) = rng.random(2), 2.0 * np.pi * rng.random(2)

@@ -6,7 +6,6 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from time import process_time
 from types import FrameType
 
@@ -15,6 +14,8 @@ import scipy.sparse as sp
 
 import skmpm
 from skmpm import linear
+
+SIZES = ("unknowns", "points", "overlap")  # which are no sums: the largest counts
 
 
 class TooLong(Exception):  # noqa: N818  (says what happened, as `StepFailed` does)
@@ -53,6 +54,7 @@ class Meter:
     points: int = 0
     overlap: float = 0.0  # the largest
     _solves: list[int] = field(default_factory=list)  # iterations of every solve by multigrid
+    _taken: dict[str, float] = field(default_factory=dict)  # the cost when it was asked for last
 
     def __call__(self, A: sp.bsr_array, blocks: np.ndarray, rigid_motions: np.ndarray) -> linear.Solver:
         """As the solver does."""
@@ -72,12 +74,11 @@ class Meter:
         until: float,
         scheme: skmpm.Scheme,
         start: skmpm.State | None = None,
-        checkpoint: Path | None = None,
     ) -> Iterator[skmpm.State]:
         """As `skmpm.simulate`; times the steps and counts."""
         first = skmpm.initial(scene, scheme=scheme) if start is None else start
         self.points = int(first.x.shape[1])
-        run = skmpm.simulate(scene, dt=dt, until=until, scheme=scheme, start=first, checkpoint=checkpoint)
+        run = skmpm.simulate(scene, dt=dt, until=until, scheme=scheme, start=first)
         while True:
             began = process_time()
             try:
@@ -102,3 +103,9 @@ class Meter:
         names = ("seconds", "steps", "retries", "newton", "contact", "factorisations", "work", "unknowns", "points")
         counts = {name: float(getattr(self, name)) for name in (*names, "overlap")}
         return counts | {"products": float(sum(self._solves))}
+
+    def taken(self) -> dict[str, float]:
+        """The cost since this was asked for last; of sizes, what is known so far."""
+        now, before = self.cost(), self._taken
+        self._taken = now
+        return {name: value - (0.0 if name in SIZES else before.get(name, 0.0)) for name, value in now.items()}

@@ -10,15 +10,22 @@ from typing import Any
 
 import numpy as np
 
+import skmpm
+from skmpm.sweep import Member as Ran
+
 from . import scenes
+from .meter import SIZES, Meter
 from .parameters import DEFAULT, LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, resolutions, sample
-from .study import Member, file_of, plan
+from .study import Member, plan
+
+Result = dict[str, Any]
 
 SCENES = ("cantilever", "hertz", "collision", "packing")
 LIDS = tuple(name for name in scenes.CASES if name not in SCENES)
 MOST = 512  # of a sample that is looked for
 MARGIN = 1.3  # in cost, from which on a setting beats another
 INFLUENCE = 0.1  # slope below which a parameter counts as without influence
+COSTS = tuple(Meter(skmpm.linear.default).cost())
 TOLERANCES = (0.05, 0.02, 0.01)  # at which implicit and explicit steps are compared
 
 
@@ -75,16 +82,33 @@ def load(study: Path) -> Found:
     members: dict[str, dict[str, list[Member]]] = {}
     for member in plan(list(scenes.CASES), MOST):
         members.setdefault(member.scene, {}).setdefault(key(member.setting), []).append(member)
-    return Found({scene: of_scene(scene, each, study) for scene, each in members.items()})
+    ran: dict[str, dict[str, list[Result]]] = {}
+    for found in skmpm.Sweep.read(study):
+        if found.status in ("finished", "failed") and found.columns:
+            scene, setting = found.parameters["scene"], key(found.parameters["setting"])
+            ran.setdefault(scene, {}).setdefault(setting, []).append(result_of(found))
+    return Found({scene: of_scene(scene, each, ran.get(scene, {})) for scene, each in members.items()})
 
 
-def of_scene(scene: str, members: dict[str, list[Member]], study: Path) -> dict[str, Run]:
-    """The runs of one scene by setting."""
-    read = {}
-    for name, same in members.items():
-        path = file_of(same[0], study)
-        if path.exists():
-            read[name] = json.loads(path.read_text())
+def result_of(member: Ran) -> Result:
+    """The setting of a run, how it ended, what it measured position by position, and its cost per position."""
+    columns, scene = member.columns, member.parameters["scene"]
+    case = scenes.CASES[scene]
+    status = f"failed: {member.error}" if member.status == "failed" else str(columns["status"][-1])
+    total = {name: columns[name].max() if name in SIZES else columns[name].sum() / case.positions for name in COSTS}
+    result = {"scene": scene, "setting": member.parameters["setting"], "status": status}
+    result |= {"cost": {name: float(value) for name, value in total.items()}}
+    if status == "finished" and case.run is None:
+        result["measured"] = [json.loads(text) for text in columns["measured"]]
+    elif status == "finished":
+        curves = {name: column.tolist() for name, column in columns.items() if name not in (*COSTS, "t", "status")}
+        result["measured"] = [curves | ({"share": curves["share"][0]} if "share" in curves else {})]
+    return result | {"library": member.manifest["versions"]["source"][:12]}
+
+
+def of_scene(scene: str, members: dict[str, list[Member]], ran: dict[str, list[Result]]) -> dict[str, Run]:
+    """The runs of one scene by setting; of one that was run several times, the fastest."""
+    read = {name: min(ran[name], key=lambda result: result["cost"]["seconds"]) for name in members if ran.get(name)}
     reference, known = scenes.CASES[scene].reference, None
     if reference is not None:
         result = read.get(key(scenes.setting_on(scene, reference)), {})
@@ -94,7 +118,7 @@ def of_scene(scene: str, members: dict[str, list[Member]], study: Path) -> dict[
     return {name: run_of(result, frozenset(m.why for m in members[name]), known) for name, result in read.items()}
 
 
-def run_of(result: dict[str, Any], whys: frozenset[str], known: Any) -> Run:
+def run_of(result: Result, whys: frozenset[str], known: Any) -> Run:
     """A result with its errors."""
     measured = result.get("measured")
     errors = {} if measured is None else scenes.errors_of(result["scene"], measured, known)

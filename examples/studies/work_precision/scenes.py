@@ -5,7 +5,8 @@
 (c) `collision`: two discs, oblique, with friction; velocities and spin after they part.
 (d) `packing`: 30 discs squeezed by a lid, with friction; work of the lid, pressure and aspect ratio.
 
-A run returns the measured quantities. Errors are computed later, against the reference of the scene, so that a finer
+What is measured becomes the rows of a member of the sweep: one at a time, position by position, or step by step of a
+long run. Errors are computed later, against the reference of the scene, so that a finer
 reference requires no new runs. Scenes (a) to (c) are run at several positions on the grid: the error
 of a setting is the root mean square over them, quantity by quantity, and then the largest of the quantities.
 """
@@ -19,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+import skmpm
+
 from . import beam, discs, hertz, speeds, statics
 from .meter import Meter
 from .parameters import DEFAULT, Setting, effective
@@ -29,9 +32,9 @@ ALL = frozenset(DEFAULT)
 
 @dataclass(frozen=True)
 class Case:
-    """A scene of the study."""
+    """A scene of the study: measured at positions on the grid, or by one long run."""
 
-    run: Callable[[Setting, int, Meter, Path | None], Measured]  # at one position on the grid
+    measure: Callable[[Setting, int, Meter], Measured] | None  # at one position on the grid
     errors: Callable[[Measured, Measured, int], dict[str, float]]  # of a run, against the reference, at one of them
     parameters: frozenset[str]  # that make a difference
     inertia: bool  # of implicit steps
@@ -40,6 +43,7 @@ class Case:
     reference: Setting | None  # the run that is the reference; None: it is known without
     second: Setting | None  # as fine or nearly, for the floor: what the reference itself is uncertain by
     settings: tuple[Setting, ...] = ()  # all that is run, if not what the parameters ask for
+    run: Callable[[Setting, Meter, Path], skmpm.Run] | None = None  # what `measure` is too long for
 
 
 CONTACT = frozenset({"contact", "contact_tol"})
@@ -75,7 +79,7 @@ CASES = {
         second=DEFAULT | {"cells": 14.0, "spacing": 0.5, "pace": 1 / 4, "theta": 0.5},
     ),
     "packing": Case(
-        discs.packing,
+        None,
         discs.packing_errors,
         ALL,
         inertia=True,
@@ -83,11 +87,12 @@ CASES = {
         limit=200.0,
         reference=DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 1 / 8},
         second=DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 1 / 8, "perturbed": 1e-9},
+        run=discs.packing,
     ),
 }
 CASES |= {
     name: Case(
-        run,
+        None,
         speeds.squeeze_errors,
         ALL,
         inertia=True,
@@ -96,6 +101,7 @@ CASES |= {
         reference=DEFAULT | {"pace": speeds.finest(speed)},
         second=DEFAULT | {"pace": 2.0 * speeds.finest(speed)},
         settings=tuple(speeds.settings(speed)),
+        run=run,
     )
     for speed, (name, run) in zip(speeds.SPEEDS, speeds.RUNS.items(), strict=True)
 }
@@ -107,10 +113,11 @@ def setting_on(name: str, setting: Setting) -> Setting:
     return effective(setting, case.parameters, inertia=case.inertia)
 
 
-def run(name: str, setting: Setting, meter: Meter, folder: Path | None = None) -> list[Measured]:
-    """What a setting measures on a scene, position by position; `folder` keeps checkpoints of long runs."""
+def measured(name: str, setting: Setting, meter: Meter) -> list[Measured]:
+    """What a setting measures on a scene, position by position, each with what it cost."""
     case = CASES[name]
-    return [case.run(setting, position, meter, folder) for position in range(case.positions)]
+    assert case.measure is not None
+    return [{"found": case.measure(setting, k, meter), "cost": meter.taken()} for k in range(case.positions)]
 
 
 def errors_of(name: str, measured: list[Measured], reference: list[Measured] | None) -> dict[str, float]:

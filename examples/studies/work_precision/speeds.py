@@ -7,7 +7,6 @@ A setting's `pace` is 64 over the number of implicit steps; explicit ones are a 
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -31,7 +30,6 @@ FINEST = {20.0: 0.4}  # pace of the reference, else 0.04: 160 steps, else 1600
 LONGEST = 6000  # explicit steps; of more, the cost is that per step of a faster lid
 Measured = dict[str, Any]
 
-
 RADII = np.random.default_rng(3).uniform(0.7e-3, 1.2e-3, DISCS)
 
 
@@ -50,28 +48,25 @@ def packing(setting: Setting, speed: float) -> tuple[skmpm.Scene, float, float]:
     return scene, float(packed.height), solid / width
 
 
-def at_rest(setting: Setting, folder: Path | None) -> skmpm.State:
-    """The packing squeezed to `REST` and left there; kept in a file."""
-    path = None if folder is None else folder / f"rest_{setting['cells']:g}_{setting['spacing']:g}.checkpoint"
-    if path is not None and path.exists():
+def at_rest(setting: Setting, kept: Path) -> skmpm.State:
+    """The packing squeezed to `REST` and left there; `kept` is the directory of the file that keeps it."""
+    path = kept / f"rest_{setting['cells']:g}_{setting['spacing']:g}.checkpoint"
+    if path.exists():
         return skmpm.load(path)
     scene, height, thick = packing(setting, 2.0)
     *_, state = skmpm.simulate(scene, dt=8e-6, until=(height - thick / REST) / 2.0)
     still, *_ = packing(setting, 0.0)
     *_, state = skmpm.simulate(still, dt=8e-6, until=state.t + STILL * 8e-6, start=state)
     state = replace(state, v=0.0 * state.v, C=0.0 * state.C, t=0.0)
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial_path = path.with_suffix(f".{os.getpid()}")
-        skmpm.save(partial_path, state)
-        partial_path.replace(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    skmpm.save(path, state)
     return state
 
 
-def squeeze(setting: Setting, position: int, meter: Meter, folder: Path | None, *, speed: float) -> Measured:
-    """Pressure, and force of the lid, against its way over the height."""
+def squeeze(setting: Setting, meter: Meter, kept: Path, *, speed: float) -> skmpm.Run:
+    """Rows against the way of the lid over the height: pressure, force of the lid, and the share that is run."""
     scene, *_ = packing(setting, speed)
-    start = at_rest(setting, folder)
+    start = at_rest(setting, kept)
     height = float(start.walls[1, 1])
     until = STRAIN * height / speed
     explicit = setting["explicit"]
@@ -82,15 +77,13 @@ def squeeze(setting: Setting, position: int, meter: Meter, folder: Path | None, 
     )
     scheme = scheme_of(setting, inertia=True, solver=meter)
     last = LONGEST * dt if explicit and until > LONGEST * dt else until
-    way, pressure, lid = [0.0], [], []
-    for state in meter.states(scene, dt=dt, until=last, scheme=scheme, start=start):
+
+    def look(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
         fraction = float(scene.initial_volumes.sum()) / float(state.walls[3, 0] * state.walls[1, 1])
-        seen = discs.pressures(scene, state, fraction)
-        way.append(1.0 - float(state.walls[1, 1]) / height)
-        pressure.append(seen["pressure"])
-        lid.append(seen["lid"])
-    share = last / until
-    return {"way": way, "pressure": pressure, "lid": lid, "share": share}
+        way = 1.0 - float(state.walls[1, 1]) / height
+        return {"way": way, **discs.pressures(scene, state, fraction), "share": last / until}
+
+    return skmpm.Run(scene, last, dt=dt, scheme=scheme, start=start, observe=look, simulate=meter.states)
 
 
 def squeeze_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
@@ -108,7 +101,7 @@ def squeeze_errors(measured: Measured, reference: Measured, position: int) -> di
 
 
 def _integral(measured: Measured, name: str, edges: Any) -> Any:
-    way = np.array(measured["way"])
+    way = np.append(0.0, measured["way"])
     total = np.append(0.0, np.cumsum(np.array(measured[name]) * np.diff(way)))
     return np.diff(np.interp(edges, way, total))
 

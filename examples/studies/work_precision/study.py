@@ -5,9 +5,10 @@
     python -m examples.studies.work_precision --scenes hertz --runs 16   # a scene, a small sample
     python -m examples.studies.work_precision page --study out/work_precision  # the page from what has been run
 
-Every run leaves a json file in --out: its setting, what it measured, what it cost. What is there is not run again, so
-an interrupted study goes on where it was, and a larger --runs adds to the sample. A run that fails or takes too long
-says so in its file. Scenes are defined in `tradeoff_scenes.py`, parameters in `parameters.py`.
+Every run is a member of `skmpm.sweep` with a directory in --out: its setting, and a table of what it measured and
+cost. What is there is not run again, so an interrupted study goes on where it was, and a larger --runs adds to the
+sample. A run that fails or takes too long says so in its table. Scenes are defined in `scenes.py`, parameters in
+`parameters.py`.
 """
 
 from __future__ import annotations
@@ -16,25 +17,21 @@ import argparse
 import hashlib
 import json
 import logging
-import os
-import platform
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from importlib.metadata import version
-from multiprocessing import get_context
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import skmpm
+from skmpm.sweep import Member as Ran
 
 from . import scenes
 from .meter import Meter, TooLong, limited
 from .parameters import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, resolutions, sample
 
-PACKAGES = ("skmpm", "numpy", "scipy", "scikit-fem", "pyamg")
 SHARE = {"packing": 0.5}  # of the sample, where runs are long
 LATE = ("sample", "law", "slope", "second")  # what comes last there
-SIZES = ("unknowns", "points", "overlap")  # the largest of the positions, not their mean
 SHORT, REPEATS = 0.5, 2  # runs of less processor time [s] are repeated, for the clock is not that good
 KINDS = ("reference", "preset", "one", "perturbed", "speed", *LATE)
 
@@ -46,12 +43,18 @@ class Member:
     scene: str
     setting: Setting
     why: str  # one of `KINDS`
-    limit: float  # processor time [s]; 0: none
+    again: int = 0  # how often it was run before, for a shorter time
 
     @property
     def name(self) -> str:
-        """Of its file."""
-        return hashlib.sha256(json.dumps(self.setting, sort_keys=True).encode()).hexdigest()[:12]
+        """Of its directory."""
+        digest = hashlib.sha256(json.dumps(self.setting, sort_keys=True).encode()).hexdigest()[:12]
+        return f"{self.scene.replace(' ', '_')}_{digest}{f'_{self.again}' if self.again else ''}"
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Of `build`."""
+        return {"scene": self.scene, "setting": self.setting} | ({"again": self.again} if self.again else {})
 
 
 def plan(names: list[str], runs: int) -> list[Member]:
@@ -60,9 +63,9 @@ def plan(names: list[str], runs: int) -> list[Member]:
     for name in names:
         case = scenes.CASES[name]
         known = [("reference", case.reference), ("second", case.second)]
-        members += [Member(name, scenes.setting_on(name, s), why, 0.0) for why, s in known if s is not None]
+        members += [Member(name, scenes.setting_on(name, s), why) for why, s in known if s is not None]
         for why, settings in wanted(name, runs):
-            members += [Member(name, s, why, case.limit) for s in dict_unique(name, settings)]
+            members += [Member(name, s, why) for s in dict_unique(name, settings)]
     return sorted(members, key=lambda m: m.scene in SHARE and m.why in LATE)
 
 
@@ -91,89 +94,90 @@ def dict_unique(name: str, settings: list[Setting]) -> list[Setting]:
     return list({json.dumps(s, sort_keys=True): s for s in (scenes.setting_on(name, s) for s in settings)}.values())
 
 
-def measure(member: Member, out: Path) -> dict[str, Any]:
-    """Run one member; what it measured and cost, or how it ended."""
-    meter = Meter(linear_of(member.setting))
-    folder = out / "kept" / f"{member.scene}_{member.name}" if member.why in ("reference", "second") else None
-    if member.why == "speed" or member.scene.startswith("lid"):
-        folder = out / "kept"
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-    result: dict[str, Any] = {"scene": member.scene, "setting": member.setting, "status": "finished"}
+def build(scene: str, setting: Setting, again: int = 0, *, kept: Path) -> skmpm.Run | list[dict[str, Any]]:
+    """A member of the sweep: a long run, or rows of what was measured at the positions and what it cost."""
+    warm()
+    case, meter = scenes.CASES[scene], Meter(linear_of(setting))
+    fine = [scenes.setting_on(scene, s) for s in (case.reference, case.second) if s is not None]
+    limit = 0.0 if setting in fine else case.limit
+    if case.run is None:
+        return measure(scene, setting, limit)
+    run = case.run(setting, meter, kept)
+    return replace(run, observe=partial(observe, run.observe, meter, limit), stop=is_too_long)
+
+
+def observe(
+    look: Callable[..., dict[str, Any]], meter: Meter, limit: float, scene: skmpm.Scene, state: skmpm.State
+) -> dict[str, Any]:
+    """A row of a long run, with what it cost since the row before."""
+    status = f"too long: more than {limit:g} s" if limit and meter.seconds > limit else "finished"
+    return {"status": status, **look(scene, state), **meter.taken()}
+
+
+def is_too_long(row: Any) -> bool:
+    """Whether a long run is to end here."""
+    return bool(row["status"] != "finished")
+
+
+def measure(scene: str, setting: Setting, limit: float) -> list[dict[str, Any]]:
+    """Rows, a position each: what was measured, as JSON, and what it cost; or one that says how the run ended."""
+    meter = Meter(linear_of(setting))
     try:
-        with limited(member.limit):
-            result["measured"] = scenes.run(member.scene, member.setting, meter, folder)
+        with limited(limit):
+            found = scenes.measured(scene, setting, meter)
     except TooLong as stopped:
-        result["status"] = f"too long: {stopped}"
+        return [{"status": f"too long: {stopped}", "measured": "", **meter.cost()}]
     except (skmpm.StepFailed, skmpm.SceneError) as failure:
-        result["status"] = f"failed: {failure}"
-    cost = meter.cost()
-    if result["status"] == "finished" and cost["seconds"] < SHORT:
-        cost["seconds"] = min(cost["seconds"], *(again(member) for _ in range(REPEATS)))
-    positions = scenes.CASES[member.scene].positions
-    mean = {name: value if name in SIZES else value / positions for name, value in cost.items()}
-    return result | {"cost": mean, "library": library()}
+        return [{"status": f"failed: {failure}", "measured": "", **meter.cost()}]
+    if meter.seconds < SHORT:
+        repeated = [scenes.measured(scene, setting, Meter(linear_of(setting))) for _ in range(REPEATS)]
+        found = min([found, *repeated], key=lambda each: sum(one["cost"]["seconds"] for one in each))
+    return [{"status": "finished", "measured": json.dumps(one["found"]), **one["cost"]} for one in found]
 
 
-def again(member: Member) -> float:
-    """Processor time of the same run once more."""
-    meter = Meter(linear_of(member.setting))
-    scenes.run(member.scene, member.setting, meter)
-    return meter.seconds
-
-
+@cache
 def warm() -> None:
     """Let a new process do everything once, so that its first run costs what others do."""
     logging.getLogger("skmpm").setLevel(logging.ERROR)
-    scenes.CASES["hertz"].run(DEFAULT | {"cells": 2.5}, 0, Meter(skmpm.linear.default), None)
-
-
-def library() -> str:
-    """A hash of the library's source."""
-    root = Path(skmpm.__file__).parent
-    return hashlib.sha256(b"".join(p.read_bytes() for p in sorted(root.rglob("*.py")))).hexdigest()[:12]
-
-
-def file_of(member: Member, out: Path) -> Path:
-    """Where the result of a member is."""
-    return out / member.scene.replace(" ", "_") / f"{member.name}.json"
+    collide = scenes.CASES["hertz"].measure
+    assert collide is not None
+    collide(DEFAULT | {"cells": 2.5}, 0, Meter(skmpm.linear.default))
 
 
 def main(options: argparse.Namespace) -> None:
-    """Run what is missing."""
-    members = [m for m in plan(options.scenes, options.runs) if m.why in (options.only or KINDS)]
-    first: dict[Path, Member] = {}
-    for member in members:
-        first.setdefault(file_of(member, options.out), member)
-    left = [(path, member) for path, member in first.items() if path.exists() == options.retime]
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "manifest.json").write_text(json.dumps(manifest(), indent=1))
-    print(f"{len(left)} runs to do", flush=True)
-    with ProcessPoolExecutor(options.processes, mp_context=get_context("spawn"), initializer=warm) as pool:
-        waiting = [(path, member, pool.submit(measure, member, options.out)) for path, member in left]
-        for k, (path, member, future) in enumerate(waiting, start=1):
-            result = faster(future.result(), path)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            partial = path.with_suffix(".part")
-            partial.write_text(json.dumps(result))
-            partial.replace(path)
-            about = {n: v for n, v in member.setting.items() if v != DEFAULT[n]}
-            spent, ended = result["cost"]["seconds"], result["status"][:60]
-            print(f"{k}/{len(left)} {member.scene} {member.why} {about}: {spent:.2f} s, {ended}", flush=True)
+    """Run what is missing, and print what was run."""
+    members: dict[str, Member] = {}
+    for member in plan(options.scenes, options.runs):
+        if member.why in (options.only or KINDS):
+            members.setdefault(member.name, member)
+    there = {name for name in members if (options.out / name).exists()}
+    if options.retime:
+        members = {again.name: again for again in (repeated(members[name], options.out) for name in there)}
+    found = skmpm.sweep(
+        partial(build, kept=options.out.resolve() / "kept"),
+        {name: member.parameters for name, member in members.items()},
+        out=options.out,
+        processes=options.processes,
+        progress=True,
+    )
+    for ran in found:
+        if ran.name not in there:
+            print(described(members[ran.name], ran))
+    print(found)
 
 
-def faster(result: dict[str, Any], path: Path) -> dict[str, Any]:
-    """The result with the smaller of its time and that of an earlier run."""
-    if path.exists():
-        before = json.loads(path.read_text())["cost"]["seconds"]
-        result["cost"]["seconds"] = min(result["cost"]["seconds"], before)
-    return result
+def described(member: Member, ran: Ran) -> str:
+    """A line on what a member was, cost, and how it ended."""
+    about = {name: value for name, value in member.setting.items() if value != DEFAULT[name]}
+    ended = ran.error or (ran.columns["status"][-1] if ran.columns else ran.status)
+    return f"{member.scene} {member.why} {about}: {sum(ran.columns.get('seconds', [])):.2f} s, {ended[:60]}"
 
 
-def manifest() -> dict[str, Any]:
-    """Versions of what the study ran with."""
-    packages = {name: version(name) for name in PACKAGES}
-    return {"python": platform.python_version(), "machine": platform.machine(), "library": library(), **packages}
+def repeated(member: Member, out: Path) -> Member:
+    """The same once more, of a name that nothing in the directory has."""
+    while (out / member.name).exists():
+        member = replace(member, again=member.again + 1)
+    return member
 
 
 def parser() -> argparse.ArgumentParser:
@@ -183,6 +187,6 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--runs", type=int, default=96, help="size of the sample; half of it on the packing")
     options.add_argument("--only", nargs="*", choices=KINDS, default=[], help="kinds of runs; all, if none is named")
     options.add_argument("--retime", action="store_true", help="run what is there again and keep the shorter times")
-    options.add_argument("--processes", type=int, default=os.cpu_count(), help="runs at a time")
+    options.add_argument("--processes", type=int, help="runs at a time; None: as many as there are cores")
     options.add_argument("--out", type=Path, default=Path("out/work_precision"), help="directory of the results")
     return options

@@ -1,0 +1,94 @@
+"""The manifest of a member: what made its table, and how far it is."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from functools import cache, partial
+from importlib.metadata import PackageNotFoundError, version
+from inspect import getsource
+from pathlib import Path
+from socket import gethostname
+from typing import Any
+
+from skmpm.sweep.errors import SweepError
+
+FILE = "manifest.json"
+PACKAGES = ("numpy", "scipy", "numba", "scikit-fem", "pyamg")
+About = dict[str, Any]
+
+
+def read(folder: Path) -> About | None:
+    """The manifest of a directory; None if there is none."""
+    path = folder / FILE
+    if not path.exists():
+        return None
+    try:
+        return dict(json.loads(path.read_text()))
+    except ValueError as error:
+        raise SweepError(
+            f"{path} is no manifest of a sweep ({error}); delete {folder}, or give another out"
+        ) from error
+
+
+def write(folder: Path, about: Mapping[str, Any]) -> None:
+    """Replace the manifest of a directory."""
+    partial = folder / f".{FILE}.{os.getpid()}"
+    partial.write_text(json.dumps(about, indent=1) + "\n")
+    partial.replace(folder / FILE)
+
+
+def check(folder: Path, about: Mapping[str, Any], parameters: Mapping[str, Any]) -> None:
+    """SweepError if a directory was made with other parameters or by another version of the library.
+
+    A run that has not finished goes on only with the same versions of all that its results depend on.
+    """
+    remedy = "give another out, or delete the directory"
+    if about.get("parameters") != parameters:
+        raise SweepError(f"{folder} was made with other parameters, {about.get('parameters')}; {remedy}")
+    then, now = about.get("versions", {}), library() if about.get("status") == "finished" else versions()
+    other = [name for name in now if then.get(name) != now[name]]
+    if other:
+        old, new = (", ".join(f"{name} {str(v.get(name))[:12]}" for name in other) for v in (then, now))
+        raise SweepError(f"{folder} was made with {old}, this is {new}: results would be of both; {remedy}")
+
+
+@cache
+def library() -> dict[str, str]:
+    """Version of the library, and a hash of its source, which tells versions under development apart."""
+    root = Path(__file__).parents[1]
+    source = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(root.rglob("*.py")))).hexdigest()
+    return {"skmpm": _version("skmpm"), "source": source}
+
+
+def versions() -> dict[str, str]:
+    """Versions of all that results depend on."""
+    return {**library(), "python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def source_of(build: Callable[..., object]) -> dict[str, str]:
+    """Name of a function, and a hash of its source where there is one."""
+    while isinstance(build, partial):
+        build = build.func
+    name = f"{getattr(build, '__module__', '')}.{getattr(build, '__qualname__', type(build).__qualname__)}"
+    try:
+        return {"name": name, "source": hashlib.sha256(getsource(build).encode()).hexdigest()}
+    except (OSError, TypeError):
+        return {"name": name, "source": ""}
+
+
+def session(command: list[str]) -> About:
+    """Where and when a run is begun or resumed."""
+    now = datetime.now().astimezone().isoformat(timespec="seconds")
+    return {"began": now, "host": gethostname(), "process": os.getpid(), "command": command}

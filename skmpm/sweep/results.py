@@ -1,0 +1,155 @@
+"""`Sweep`: the results of all members, as one table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skmpm.io import load
+from skmpm.representation import line
+from skmpm.scene import State
+from skmpm.sweep import manifest
+from skmpm.sweep.errors import SweepError
+from skmpm.sweep.parameters import plain
+from skmpm.sweep.records import LAST, Column, read_table
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One member of a `Sweep`.
+
+    Attributes
+    ----------
+    folder : its directory, named after its parameters
+    parameters : those of `build`, sorted by name
+    status : "finished", "failed", "interrupted", or "running" where its process was killed or runs elsewhere
+    error : why it failed, or an empty text
+    columns : its table by name, (rows,) each; empty without rows
+    """
+
+    folder: Path
+    parameters: dict[str, Any]
+    status: str
+    error: str
+    columns: dict[str, Column] = field(repr=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the directory."""
+        return self.folder.name
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """Parameters, versions, command and times, as read from its file."""
+        return manifest.read(self.folder) or {}
+
+    def state(self, name: str = "last") -> State:
+        """The last state, or one that `Run.keep` kept under a name; FileNotFoundError if there is none."""
+        return load(self.folder / (LAST if name == "last" else f"{name}.checkpoint"))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep:
+    """The members of a sweep and their tables; `sweep` returns it.
+
+    Attributes
+    ----------
+    members : in the order of the parameters given to `sweep`
+    """
+
+    members: tuple[Member, ...]
+
+    @classmethod
+    def read(cls, out: str | Path) -> Sweep:
+        """Read a directory that `sweep` wrote, sorted by name, as far as its members have come.
+
+        Raises
+        ------
+        FileNotFoundError
+            if there is no such directory
+        """
+        if not Path(out).is_dir():
+            raise FileNotFoundError(f"Sweep.read: there is no directory {out}")
+        return cls(tuple(read_member(path.parent) for path in sorted(Path(out).glob(f"*/{manifest.FILE}"))))
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter(self.members)
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def __getitem__(self, name: str) -> Member:
+        """The member of a name."""
+        return next(m for m in self.members if m.name == name)
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Errors of the members that failed, by name."""
+        return {member.name: member.error for member in self.members if member.status == "failed"}
+
+    @property
+    def finished(self) -> Sweep:
+        """The members that have finished."""
+        return Sweep(tuple(member for member in self.members if member.status == "finished"))
+
+    def where(self, **parameters: Any) -> Sweep:
+        """The members with these parameters; SweepError if no member has one of that name."""
+        for name in parameters:
+            if not any(name in member.parameters for member in self.members):
+                known = sorted({key for member in self.members for key in member.parameters})
+                raise SweepError(f"where: no member has a parameter {name!r}; they have {', '.join(known) or 'none'}")
+        wanted = plain(parameters).items()
+        return Sweep(tuple(m for m in self.members if all(m.parameters.get(key) == value for key, value in wanted)))
+
+    def table(self) -> dict[str, Column]:
+        """Columns (rows,) of all members below each other by name, as `pandas.DataFrame` takes them.
+
+        ``member`` (its name), ``finished`` (whether it is), the parameters, then the columns of the rows. What a
+        member does not have is nan among numbers and an empty text among texts.
+        """
+        sizes = [next(iter(member.columns.values())).size if member.columns else 0 for member in self.members]
+        first: list[dict[str, Any]] = [{"member": m.name, "finished": m.status == "finished"} for m in self.members]
+        constant = [about | m.parameters for about, m in zip(first, self.members, strict=True)]
+        names = dict.fromkeys(key for about in constant for key in about)
+        found = {name: _repeated([about.get(name) for about in constant], sizes) for name in names}
+        columns = dict.fromkeys(key for member in self.members for key in member.columns)
+        return found | {name: _joined([m.columns.get(name) for m in self.members], sizes) for name in columns}
+
+    def __repr__(self) -> str:
+        facts: dict[str, object] = {"": f"{len(self.members)} members"}
+        for status in ("failed", "interrupted", "running"):
+            count = sum(member.status == status for member in self.members)
+            facts |= {status: count} if count else {}
+        rows = sum(next(iter(m.columns.values())).size for m in self.members if m.columns)
+        return line("Sweep", facts | {"rows": rows})
+
+
+def read_member(folder: Path, status: str = "", error: str = "") -> Member:
+    """A member from its directory; `status` and `error` replace those of its manifest."""
+    about = manifest.read(folder) or {"parameters": {}, "status": status, "error": error}
+    status, error = status or about["status"], error or about["error"]
+    columns = read_table(folder, finished=about["status"] == "finished")
+    return Member(folder, about["parameters"], status, error, columns)
+
+
+def _repeated(values: Sequence[Any], sizes: Sequence[int]) -> Column:
+    """A parameter, for every row of its member."""
+    return _joined([None if v is None else np.full(n, _cell(v)) for v, n in zip(values, sizes, strict=True)], sizes)
+
+
+def _cell(value: Any) -> Any:
+    return str(value) if isinstance(value, list | dict) else value
+
+
+def _joined(parts: Sequence[Column | None], sizes: Sequence[int]) -> Column:
+    """Columns below each other; None stands for values that are not there."""
+    texts = any(part is not None and part.dtype.kind == "U" for part in parts)
+    if texts:
+        return np.concatenate(
+            [np.full(n, "") if p is None else p.astype(str) for p, n in zip(parts, sizes, strict=True)]
+        )
+    return np.concatenate([np.full(n, np.nan) if p is None else p for p, n in zip(parts, sizes, strict=True)])

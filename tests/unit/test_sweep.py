@@ -1,0 +1,572 @@
+"""Sweeps in processes of this machine: whatever interrupts a member, its table is that of a run that was not."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import ensembles
+import numpy as np
+import pytest
+from ensembles import DT, STEPS
+
+import skmpm
+from skmpm.sweep import execution, lock, manifest, parameters, pickling, processes, records, run
+from skmpm.sweep.errors import Interrupted, InUse
+from skmpm.sweep.sweep import _Bar
+
+TASK = execution.Task(Path(), {"speed": 1.0}, "this sweep", ("python",), {"name": "squeezed", "source": ""})
+
+
+def task(folder, **chosen):
+    folder.mkdir(exist_ok=True)
+    return replace(TASK, folder=folder, parameters=chosen or TASK.parameters)
+
+
+def text(folder):
+    return (folder / records.TABLE).read_text()
+
+
+def stops_after(steps):
+    """A worker that is told to stop after so many steps."""
+    left = iter(range(steps - 1))
+    return execution.Worker(stopping=lambda: next(left, None) is None)
+
+
+def test_a_sweep_in_two_processes_is_what_loops_by_hand_give(tmp_path):
+    """Tables to the bit; manifests and states; finished members are not run again, and one is added."""
+    out, members = tmp_path / "new" / "out", [{"speed": 1.0}, {"speed": 2.0}]
+    found = skmpm.sweep(ensembles.squeezed, members, out=out, processes=2)
+    assert [member.status for member in found] == ["finished", "finished"]
+    for member in found:
+        assert text(member.folder) == ensembles.by_hand(member.parameters["speed"])
+        about = member.manifest
+        assert about["parameters"] == {"speed": member.parameters["speed"]}
+        assert about["versions"]["skmpm"] == skmpm.__version__
+        assert about["sessions"][0]["command"][1:] == sys.argv
+        assert about["sessions"][0]["seconds"] > 0.0
+        assert about["build"]["name"] == "ensembles.squeezed"
+    assert found["speed=2.0"].state().t == pytest.approx(STEPS * DT)
+    table = found.table()
+    assert list(table) == ["member", "finished", "speed", "t", "force", "steps", "newton"]
+    assert table["force"].tolist() == [*found["speed=1.0"].columns["force"], *found["speed=2.0"].columns["force"]]
+    assert set(table["member"][table["speed"] == 2.0]) == {"speed=2.0"}
+    written = [(m.folder / name).stat().st_mtime_ns for m in found for name in (records.TABLE, manifest.FILE)]
+    again = skmpm.sweep(ensembles.squeezed, [*members, {"speed": 0.5}], out=out, processes=1)
+    assert [(m.folder / name).stat().st_mtime_ns for m in found for name in (records.TABLE, manifest.FILE)] == written
+    assert len(again) == 3
+    assert repr(again) == f"Sweep(3 members, rows {3 * STEPS})"
+    assert [m.name for m in skmpm.Sweep.read(out)] == ["speed=0.5", "speed=1.0", "speed=2.0"]
+    assert [m.name for m in again.where(speed=np.float64(2.0))] == ["speed=2.0"]
+
+
+@pytest.mark.parametrize("options", [{}, {"dt": None}, {"every": 2.5 * DT}], ids=["dt", "chosen steps", "every"])
+def test_wherever_a_run_is_interrupted_it_ends_as_if_it_was_not(tmp_path, options):
+    """Cut after 1, 5 and 3 steps: table and state to the bit."""
+
+    def build(speed):
+        return replace(ensembles.squeezed(speed), **options)
+
+    whole, cut = task(tmp_path / "whole"), task(tmp_path / "cut")
+    assert execution.run_member(build, whole, execution.Worker()).status == "finished"
+    for k, steps in enumerate((1, 5, 3)):
+        assert execution.run_member(build, cut, stops_after(steps)).status == "interrupted"
+        before = text(cut.folder)
+        assert json.loads((cut.folder / manifest.FILE).read_text())["status"] == "interrupted"
+        assert len(json.loads((cut.folder / manifest.FILE).read_text())["sessions"]) == k + 1
+    assert text(whole.folder).startswith(before)
+    assert before != text(whole.folder)
+    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    assert text(cut.folder) == text(whole.folder)
+    assert len(text(whole.folder).splitlines()) > 5
+    same(cut.folder, whole.folder)
+
+
+def same(first, second):
+    one, other = (skmpm.load(folder / records.LAST) for folder in (first, second))
+    for name in ("x", "v", "F", "C", "stress", "t"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+@pytest.mark.parametrize("when", ["before the table", "in the table", "before the checkpoint", "after it"])
+def test_a_kill_in_the_middle_of_writing(tmp_path, monkeypatch, when):
+    """Of the second checkpoint: a process that ends there leaves what the next one goes on from."""
+    whole, cut = task(tmp_path / "whole"), task(tmp_path / "cut")
+
+    def build(speed):
+        return replace(ensembles.squeezed(speed), checkpoint=0.0)  # after every step
+
+    execution.run_member(build, whole, execution.Worker())
+    commit, save, count = records.Records.commit, records.save, iter(range(99))
+
+    def die(*_):
+        monkeypatch.setattr(records.Records, "commit", lambda *_: None)  # what is dead writes no more
+        if when == "in the table":
+            os.truncate(cut.folder / records.TABLE, (cut.folder / records.TABLE).stat().st_size - 3)
+        raise Interrupted
+
+    def dies(self, state):
+        if next(count) == 4:
+            if when == "before the table":
+                die()
+            if when == "in the table":
+                monkeypatch.setattr(records, "os", SimpleNamespace(fsync=die))
+            if when == "before the checkpoint":
+                monkeypatch.setattr(records, "save", die)
+            if when == "after it":
+                monkeypatch.setattr(records, "save", lambda *file: die(save(*file)))
+        commit(self, state)
+
+    monkeypatch.setattr(records.Records, "commit", dies)
+    execution.run_member(build, cut, execution.Worker())
+    monkeypatch.undo()
+    assert len(text(cut.folder).splitlines()) == {"before the table": 5}.get(when, 6)
+    (cut.folder / ".skmpm-0.tmp").write_text("half a checkpoint")
+    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    assert text(cut.folder) == text(whole.folder)
+    assert sorted(path.name for path in cut.folder.iterdir()) == sorted(path.name for path in whole.folder.iterdir())
+    same(cut.folder, whole.folder)
+
+
+def test_a_signal_between_writing_and_noting_it_writes_nothing_twice(tmp_path, monkeypatch):
+    """Raised after the checkpoint was saved, as a signal may; what ends the run writes once more."""
+    cut, save, signals = task(tmp_path / "cut"), records.save, iter([True])
+
+    def build(speed):
+        return replace(ensembles.squeezed(speed), checkpoint=0.0)
+
+    def saved(path, state):
+        save(path, state)
+        if next(signals, False):
+            raise Interrupted
+
+    monkeypatch.setattr(records, "save", saved)
+    assert execution.run_member(build, cut, execution.Worker()).status == "interrupted"
+    assert len(text(cut.folder).splitlines()) == 2
+
+
+def test_stop_and_keep(tmp_path):
+    """The run ends at the first force above 200 N/m; the first above 110 N/m is kept; a kill changes neither."""
+
+    def build(speed):
+        return replace(
+            ensembles.squeezed(speed),
+            stop=lambda row: row["force"] > 200.0,
+            keep={"loaded": lambda row: row["force"] > 110.0, "never": lambda row: row["force"] < 0.0},
+        )
+
+    cut = task(tmp_path / "cut")
+    execution.run_member(build, cut, stops_after(3))
+    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    force = records.read_table(cut.folder, finished=True)["force"]
+    assert force[-2] <= 200.0 < force[-1]
+    assert force.size < STEPS
+    kept = skmpm.load(cut.folder / "loaded.checkpoint")
+    assert kept.wall_force[1, 1] == force[force > 110.0][0]
+    assert not (cut.folder / "never.checkpoint").exists()
+    about = json.loads((cut.folder / manifest.FILE).read_text())
+    manifest.write(cut.folder, about | {"status": "running"})  # killed just before this was changed
+    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    assert records.read_table(cut.folder, finished=True)["force"].tolist() == force.tolist()
+
+
+def staged(speed):
+    """Squeezed in eight steps, then released as fast, in chosen steps; both keep the same columns."""
+
+    def then(state):
+        scene = ensembles.scene(-speed)
+        start = skmpm.continued(ensembles.scene(speed), state, scene)
+        return skmpm.Run(scene, until=14 * DT, observe=ensembles.force, start=start)
+
+    return replace(ensembles.squeezed(speed), until=8 * DT, then=then)
+
+
+def test_stages(tmp_path):
+    """One after the other, as by hand; an interruption in either, or between them, makes no difference."""
+    whole = task(tmp_path / "whole")
+    assert execution.run_member(staged, whole, execution.Worker()).status == "finished"
+    first, second = ensembles.scene(1.0), ensembles.scene(-1.0)
+    *_, state = skmpm.simulate(first, dt=DT, until=8 * DT)
+    skmpm.save(tmp_path / "by hand", state)
+    start = skmpm.continued(first, skmpm.load(tmp_path / "by hand"), second)
+    by_hand = [state, *skmpm.simulate(second, until=14 * DT, start=start)]
+    table = records.read_table(whole.folder, finished=True)
+    assert table["force"][7:].tolist() == [state.wall_force[1, 1] for state in by_hand]
+    assert table["t"][-1] == pytest.approx(14 * DT)
+    for steps in ((3, 3), (8, 1), (8, 2), (9, 1), (10,)):
+        cut = task(tmp_path / f"cut {steps}")
+        for number in steps:
+            assert execution.run_member(staged, cut, stops_after(number)).status == "interrupted"
+        assert execution.run_member(staged, cut, execution.Worker()).status == "finished"
+        assert text(cut.folder) == text(whole.folder), steps
+        same(cut.folder, whole.folder)
+
+
+def test_a_kill_between_stages(tmp_path, monkeypatch):
+    """After the last checkpoint of the first, before or after its end is kept."""
+    whole = task(tmp_path / "whole")
+    execution.run_member(staged, whole, execution.Worker())
+    for kept in (False, True):
+        cut, save = task(tmp_path / f"cut {kept}"), execution.save
+
+        def dies(path, state, kept=kept, save=save):
+            if kept:
+                save(path, state)
+            raise Interrupted
+
+        monkeypatch.setattr(execution, "save", dies)
+        assert execution.run_member(staged, cut, execution.Worker()).status == "interrupted"
+        monkeypatch.undo()
+        assert (cut.folder / "end_1.checkpoint").exists() == kept
+        assert execution.run_member(staged, cut, execution.Worker()).status == "finished"
+        assert text(cut.folder) == text(whole.folder)
+        same(cut.folder, whole.folder)
+
+
+def test_stages_that_are_refused(tmp_path):
+    """One that begins before the one before has ended."""
+
+    def build(speed):
+        return replace(staged(speed), then=lambda state: ensembles.squeezed(speed))
+
+    found = execution.run_member(build, task(tmp_path / "bad"), execution.Worker())
+    assert "begins before t = 4e-05 s" in found.error
+
+
+def test_a_member_that_fails_is_named_and_does_not_stop_the_others(tmp_path, caplog):
+    """One cannot be built, one fails after six steps, whose rows are kept; it is tried again from there."""
+    members = [{"speed": speed} for speed in (0.0, 3.0, 1.0)]
+    found = skmpm.sweep(ensembles.mixed, members, out=tmp_path, processes=1)
+    assert [member.status for member in found] == ["failed", "failed", "finished"]
+    assert found.failed == {
+        "speed=0.0": "SceneError: a lid that does not move",
+        "speed=3.0": "ArithmeticError: no force",
+    }
+    assert "sweep: speed=3.0 failed: ArithmeticError: no force (2 of 3)" in caplog.text
+    assert [member.name for member in found.finished] == ["speed=1.0"]
+    assert found["speed=3.0"].columns["steps"].tolist() == [1, 2, 3, 4, 5, 6]
+    assert "in failing" in (tmp_path / "speed=3.0" / execution.FAILURE).read_text()
+    assert repr(found) == f"Sweep(3 members, failed 2, rows {STEPS + 6})"
+    assert found.table()["finished"].sum() == STEPS
+    again = skmpm.sweep(ensembles.mixed, members[1:], out=tmp_path, processes=1)
+    assert again["speed=3.0"].columns["steps"].tolist() == [1, 2, 3, 4, 5, 6]
+    assert len(again["speed=3.0"].manifest["sessions"]) == 2
+
+
+def test_a_killed_process_is_replaced(tmp_path):
+    """SIGKILL in the middle: the member goes on in another process, from its checkpoint."""
+    started, killed = time.monotonic(), []
+    events = processes.in_processes(
+        pickling.pickled(ensembles.squeezed), [task(tmp_path / "cut", speed=1.0, slow=True)], 1
+    )
+    for event in events:  # noqa: B007
+        assert time.monotonic() < started + 300.0
+        holder = lock._holder(tmp_path / "cut") if (tmp_path / "cut" / records.LAST).exists() else {}
+        if holder and not killed:
+            killed.append(holder["process"])
+            os.kill(holder["process"], signal.SIGKILL)
+    assert event.status == "finished"
+    assert text(tmp_path / "cut") == ensembles.by_hand(1.0)
+    sessions = json.loads((tmp_path / "cut" / manifest.FILE).read_text())["sessions"]
+    assert [entry["process"] == killed[0] for entry in sessions] == [True, False]
+
+
+def test_a_killed_first_process_takes_its_workers_along(tmp_path):
+    """Workers write checkpoints, free their locks and end; the sweep goes on from there."""
+    process, out = script(tmp_path), tmp_path / "out"
+    folder, deadline = out / "slow=True,speed=1.0", time.monotonic() + 300.0
+    while not (folder / records.LAST).exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()
+    process.communicate()
+    while json.loads((folder / manifest.FILE).read_text())["status"] == "running" and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert json.loads((folder / manifest.FILE).read_text())["status"] == "interrupted"
+    found = skmpm.sweep(ensembles.squeezed, [{"speed": 1.0, "slow": True}], out=out, processes=1)
+    assert text(found["slow=True,speed=1.0"].folder) == ensembles.by_hand(1.0)
+
+
+def dies(**_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_member_whose_process_always_dies_fails(tmp_path):
+    found = skmpm.sweep(dies, [{"speed": 1.0}], out=tmp_path, processes=1)
+    assert found.failed == {"speed=1.0": "its process ended 3 times, by SIGKILL; was there enough memory?"}
+
+
+SCRIPT = """
+import sys
+import ensembles, skmpm
+if {guard}:
+    members = [dict(speed=speed, slow=True) for speed in (1.0, 2.0, 0.5)]
+    print(skmpm.sweep(ensembles.squeezed, members, out="out", processes=2))
+"""
+
+
+def script(folder, guard="__name__ == '__main__'"):
+    (folder / "script.py").write_text(SCRIPT.format(guard=guard))
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), str(Path(skmpm.__file__).parents[1])])
+    }
+    return subprocess.Popen(
+        [sys.executable, "script.py"], cwd=folder, env=environment, stdout=-1, stderr=-1, text=True
+    )
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_writes_checkpoints_and_the_sweep_goes_on_from_them(tmp_path, number):
+    """To the first process only: both members that run are interrupted, the third is not begun; nothing is lost."""
+    process, out = script(tmp_path), tmp_path / "out"
+    running = [out / "slow=True,speed=1.0", out / "slow=True,speed=2.0"]
+    deadline = time.monotonic() + 300.0
+    while not all((folder / records.LAST).exists() for folder in running) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == {signal.SIGTERM: 128 + signal.SIGTERM, signal.SIGINT: -signal.SIGINT}[number], errors
+    for folder in running:
+        about = json.loads((folder / manifest.FILE).read_text())
+        assert about["status"] == "interrupted"
+        lock.check_free(folder)
+        assert 0.0 < skmpm.load(folder / records.LAST).t < STEPS * DT
+    assert not (out / "slow=True,speed=0.5" / manifest.FILE).exists()
+    members = [{"speed": speed, "slow": True} for speed in (1.0, 2.0)]
+    found = skmpm.sweep(ensembles.squeezed, members, out=out, processes=2)
+    for member in found:
+        assert text(member.folder) == ensembles.by_hand(member.parameters["speed"])
+        assert len(member.manifest["sessions"]) == 2
+
+
+def test_a_script_without_the_guard_is_told_of_it(tmp_path):
+    _, errors = script(tmp_path, guard="True").communicate(timeout=300)
+    assert "SweepError: sweep is called by a script that a worker process imports; call it below" in errors
+    assert "ended with exit code 1 before it began" in errors
+
+
+def test_one_directory_one_run(tmp_path):
+    """A lock that is held is refused with its holder, one of a process that ended is not; threads count too."""
+    folder = tmp_path / "speed=1.0"
+    folder.mkdir()
+    with lock.locked(folder, "another sweep"):
+        with pytest.raises(InUse, match=rf"speed=1.0 is in use by process {os.getpid()} on .* since 20"):
+            skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
+        assert (
+            "is in use by process" in execution.run_member(ensembles.squeezed, task(folder), execution.Worker()).error
+        )
+        began = time.monotonic()
+        with pytest.raises(InUse), lock.locked(folder, "another sweep", patience=0.5):
+            pass
+        assert time.monotonic() - began > 0.5, "its own sweep is waited for"
+    assert (folder / lock.FILE).exists()
+    lock.check_free(folder)
+    holds = (
+        "from pathlib import Path\nfrom skmpm.sweep import lock\n"
+        f"with lock.locked(Path({str(folder)!r}), 'x'): print(1, flush=True); input()"
+    )
+    with subprocess.Popen([sys.executable, "-c", holds], stdout=-1, stdin=-1) as process:
+        process.stdout.readline()
+        with pytest.raises(InUse, match=f"by process {process.pid}"):
+            lock.check_free(folder)
+        process.kill()
+    lock.check_free(folder)
+
+
+def test_directories_of_other_parameters_or_versions_are_refused(tmp_path):
+    """By name, with what is other; a finished member is of no matter to the versions of other libraries."""
+    finished = task(tmp_path / "speed=1.0")
+    execution.run_member(ensembles.squeezed, finished, execution.Worker())
+    about = manifest.read(finished.folder)
+
+    def refused(changes, match):
+        manifest.write(finished.folder, about | changes)
+        with pytest.raises(skmpm.SweepError, match=match):
+            skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
+
+    refused({"parameters": {"speed": 2.0}}, r"speed=1.0 was made with other parameters, .*2.0.*; give another out")
+    refused({"versions": about["versions"] | {"skmpm": "0.1"}}, "was made with skmpm 0.1, this is skmpm")
+    refused({"versions": about["versions"] | {"source": "a"}}, "was made with source a, this is source")
+    numpy = about["versions"] | {"numpy": "1.0"}
+    refused({"versions": numpy, "status": "running"}, "was made with numpy 1.0, this is numpy")
+    manifest.write(finished.folder, about | {"versions": numpy})
+    assert len(skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)) == 1
+    (finished.folder / manifest.FILE).write_text("{")
+    with pytest.raises(skmpm.SweepError, match="is no manifest of a sweep"):
+        skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
+
+
+def test_a_build_that_has_changed_is_warned_of(tmp_path, caplog):
+    finished = task(tmp_path / "speed=1.0")
+    execution.run_member(ensembles.squeezed, finished, execution.Worker())
+    skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
+    assert "build has changed since 1 of the members were run" in caplog.text
+
+
+def test_names_of_directories():
+    """Readable where parameters are plain; nothing that is not the same has the same name."""
+    names = {
+        (("friction", 0.5), ("seed", 1)): "friction=0.5,seed=1",
+        (("material", "gel"), ("on", True)): "material=gel,on=True",
+        (("speed", 1e-05), ("dt", None)): "dt=None,speed=1e-05",
+        (): "run",
+    }
+    for items, name in names.items():
+        assert parameters.directory(parameters.plain(dict(items))) == name
+    odd = [
+        {"a": 1}, {"a": 1.0}, {"a": "1"}, {"a": True}, {"a": "True"}, {"a": [1]}, {"a": "[1]"}, {"a": "b,c=1"},
+        {"a": "b", "c": 1}, {"a": "é"}, {"a": "è"}, {"a": "x" * 300}, {"a": "x" * 301}, {"a": None}, {"a": "nan"},
+        {"a": float("nan")}, {"a": {"b": 1}}, {"a": ""}, {"a": "../b"}, {"a=1,b": 1}, {"a": 1, "b": 1},
+    ]  # fmt: skip
+    found = [parameters.directory(parameters.plain(each)) for each in odd]
+    assert len({name.casefold() for name in found}) == len(odd)
+    assert all(len(name) < 140 and "/" not in name for name in found)
+    assert parameters.plain({"b": np.float64(0.5), "a": np.arange(2), "c": (1, 2)}) == {
+        "a": [0, 1],
+        "b": 0.5,
+        "c": [1, 2],
+    }
+
+
+def test_members_that_are_refused(tmp_path):
+    with pytest.raises(skmpm.SweepError, match=r"two members have the directory speed=1.0"):
+        skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}, {"speed": np.float64(1.0)}], out=tmp_path)
+    with pytest.raises(skmpm.SweepError, match="the parameter 'gel' is a NeoHookean; parameters are numbers"):
+        skmpm.sweep(ensembles.squeezed, [{"gel": ensembles.GEL}], out=tmp_path)
+    with pytest.raises(skmpm.SweepError, match=r"a member is 1.0; give a dict"):
+        skmpm.sweep(ensembles.squeezed, [1.0], out=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_cannot_be_pickled_is_named(monkeypatch):
+    """With cloudpickle functions of any kind pass, a lock does not; without it the lambda is named."""
+    lid, held = ensembles.scene(), {"lock": threading.Lock()}
+
+    def with_lambda(speed):
+        return skmpm.Run(lid, until=speed)
+
+    def with_lock(speed):
+        return held[speed]
+
+    assert pickling.pickled(with_lambda)
+    with pytest.raises(
+        skmpm.SweepError, match=r"held\['lock'\] is of type lock, which cannot be sent .*; build it inside"
+    ):
+        pickling.pickled(with_lock)
+    monkeypatch.setitem(sys.modules, "cloudpickle", None)
+    assert pickling.pickled(ensembles.squeezed)
+    with pytest.raises(
+        skmpm.SweepError, match=r"build is the function .*with_lambda at line .*define functions at the top"
+    ):
+        pickling.pickled(with_lambda)
+    there = r"build\(lid=\).walls\[1\].velocity is a lambda at line \d+ of .*ensembles.py.*pip install"
+    with pytest.raises(skmpm.SweepError, match=there):
+        pickling.pickled(partial(ensembles.squeezed, lid=lid))
+    with pytest.raises(skmpm.SweepError, match=r"build is a lambda at line .*define functions at the top level"):
+        pickling.pickled(lambda speed: speed)
+
+
+def test_tables_that_build_makes_itself(tmp_path):
+    """Rows of numbers, truth values and texts come back as they were; columns of several members are joined."""
+    members = {"three": {"n": 3}, "two": {"n": 2, "name": "two\nlines"}, "none": {"n": 0}}
+    found = skmpm.sweep(ensembles.rows, members, out=tmp_path, processes=1)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["none", "three", "two"]
+    assert [member.status for member in found] == ["finished"] * 3
+    table = found.table()
+    assert {name: column.tolist() for name, column in table.items() if name != "member"} == {
+        "finished": [True] * 5,
+        "n": [3, 3, 3, 2, 2],
+        "name": ["", "", "", "two\nlines", "two\nlines"],
+        "k": [0, 1, 2, 0, 1],
+        "root": [0.0, 1.0, float(np.sqrt(2.0)), 0.0, 1.0],
+        "even": [True, False, True, True, False],
+        "text": ["a, 0", "a, 1", "a, 2", "two lines, 0", "two lines, 1"],
+    }
+    with pytest.raises(skmpm.SweepError, match="no member has a parameter 'm'; they have n, name"):
+        found.where(m=1)
+    with pytest.raises(FileNotFoundError, match="there is no directory"):
+        skmpm.Sweep.read(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("row", "match"),
+    [
+        ({"t": 1.0}, "the table has a column 't' already"),
+        ({"speed": 1.0}, "the table has a column 'speed' already"),
+        ({"stress": np.eye(2)}, "the value of 'stress' in a row is a ndarray; rows hold numbers and texts"),
+        (1.0, "a row of the table is a float; observe and build return values by name"),
+    ],
+)
+def test_rows_that_no_table_holds(tmp_path, row, match):
+    def build(speed):
+        return replace(ensembles.squeezed(speed), observe=lambda scene, state: row)
+
+    assert match in execution.run_member(build, task(tmp_path / "bad"), execution.Worker()).error
+
+
+def test_rows_have_the_same_columns(tmp_path):
+    def build(speed):
+        return replace(
+            ensembles.squeezed(speed), observe=lambda scene, state: {"a": 1} if state.t < 2.5 * DT else {"b": 2}
+        )
+
+    found = execution.run_member(build, task(tmp_path / "bad"), execution.Worker())
+    assert found.error == "ValueError: a row has other columns than the first, or another order: a, b"
+
+
+def test_runs_that_are_refused(tmp_path):
+    scene = ensembles.scene()
+    for options, match in (({"every": -1.0}, "every = -1.0"), ({"keep": {"last": bool}}, "'last' names no file")):
+        with pytest.raises(ValueError, match=match):
+            skmpm.Run(scene, until=1.0, **options)
+    with pytest.raises(TypeError, match="expected a Scene, got a str"):
+        skmpm.Run("scene", until=1.0)
+    found = execution.run_member(lambda speed: 1.0, task(tmp_path / "bad"), execution.Worker())
+    assert "build returned a float; expected a Run, or rows of the table" in found.error
+    gone = execution.run_member(ensembles.squeezed, replace(TASK, folder=tmp_path / "gone"), execution.Worker())
+    assert "is not there; give a directory that all workers share" in gone.error
+    with pytest.raises(ValueError, match="processes = 0"):
+        skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path, processes=0)
+
+
+def test_what_is_observed_unless_told_otherwise():
+    """The numbers of `observe`."""
+    scene = ensembles.scene()
+    (state, *_) = skmpm.simulate(scene, dt=DT, until=2 * DT)
+    assert run.observables(scene, state) == pytest.approx(skmpm.observe(scene, state).table(), nan_ok=True)
+
+
+def test_rows_between_steps():
+    """Multiples of `every` fall into steps by the state alone, whatever round-off makes of its time."""
+    (state, *_) = skmpm.simulate(ensembles.scene(), dt=DT, until=DT)
+    times = np.cumsum(np.full(30, 0.1))
+    due = [run.row_due(0.3, replace(state, t=float(t), report=replace(state.report, dt=0.1))) for t in times]
+    assert np.flatnonzero(due).tolist() == list(range(2, 30, 3))
+
+
+def test_the_line_of_progress():
+    """Members that have ended, those that run with their share, and what is left of the time."""
+    bar = _Bar(4, 1, shown=False)
+    bar.show(execution.Outcome(replace(TASK, folder=Path("speed=1.0")), "failed"))
+    bar.show((replace(TASK, folder=Path("speed=2.0")), 0.5))
+    bar._began -= 30.0
+    assert bar.line().startswith("2 of 4 members  1 failed  ETA 0:30  speed=2.0 50 %")
+
+
+def test_one_blas_thread_whatever_is_set(tmp_path, monkeypatch):
+    """In a worker process of an environment that allows four."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
+    found = skmpm.sweep(ensembles.blas, {"a": {}}, out=tmp_path, processes=1)
+    assert not found.failed
+    assert found["a"].columns["threads"].tolist() == [1] * found["a"].columns["threads"].size
+
+
+def test_the_library_imports_no_dask():
+    code = "import sys, skmpm; print([m for m in ('dask', 'distributed', 'cloudpickle') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout == "[]\n"
