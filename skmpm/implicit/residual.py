@@ -253,11 +253,12 @@ class Increment:
 
     @property
     def scaled_shear_modulus(self) -> Array:
-        """Shear moduli of floating bodies times theta^2 dt^2, zero for others, (bodies,) [kg/m]."""
-        grid, modulus = self.grid, np.zeros(self.floating.size)
+        """Smallest shear moduli of floating bodies times theta^2 dt^2, zero for others, (bodies,) [kg/m]."""
+        grid, modulus = self.grid, np.full(self.floating.size, np.inf)
         for material, points in self.bulk.materials:
-            modulus[grid.cell_body[grid.cell_of_point[points]]] = material.lame[1]
-        return np.asarray(self._theta_dt**2 * modulus * self.floating)
+            own = grid.cell_body[grid.cell_of_point[points]]
+            modulus[own] = np.minimum(modulus[own], material.lame[1])
+        return np.asarray(self._theta_dt**2 * np.where(self.floating, modulus, 0.0))
 
     @property
     def stiffness_as_mass(self) -> Array:

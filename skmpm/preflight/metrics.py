@@ -11,7 +11,7 @@ from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.material import Rigid, is_linear
+from skmpm.material import is_linear
 from skmpm.outline import chord_sagitta, slit_width
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene, check_walls_at_start
@@ -89,7 +89,6 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     check_driven("preflight", scene, scheme)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
-    soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
     wave, (grid, width) = scene.fastest_wave, _grid(scene)
     solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
     lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
@@ -127,7 +126,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         frictions=str(scene.frictions),
         friction=scene.frictions.largest if touches else 0.0,
         cohesion=float(max([scene.cohesion, *(wall.cohesion for wall in scene.walls)])) if touches else 0.0,
-        linear=all(is_linear(material) for material in soft),
+        linear=all(is_linear(material) for material in scene.materials),
         inertia=scheme.inertia,
         theta=scheme.theta,
         half_bandwidth=width,

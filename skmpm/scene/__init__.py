@@ -2,6 +2,7 @@
 
 from skmpm.scene.check import check_walls_at_start
 from skmpm.scene.fits import check_fits, check_initial_positions
+from skmpm.scene.materials import material_at
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
@@ -32,6 +33,7 @@ __all__ = [
     "check_walls_at_start",
     "continued",
     "field_values",
+    "material_at",
     "mean_velocity",
     "mises",
     "motion",

@@ -10,11 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Rigid, wave_speed
+from skmpm.material import Material, Rigid, wave_speed
 from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
 from skmpm.scene.friction import Friction, friction_of
+from skmpm.scene.materials import (
+    crossing_times,
+    deformable_mass,
+    densities,
+    points_by_material,
+    surface_compliance,
+)
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, scalar
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
 from skmpm.scene.prescribed_velocities import support_velocities
@@ -78,7 +85,7 @@ class Scene:
         return table("Scene", self._facts())
 
     def _facts(self) -> dict[str, object]:
-        materials = sorted({type(body.material).__name__ for body in self.bodies})
+        materials = sorted({type(m).__name__ for body in self.bodies for m in body.materials or (body.material,)})
         facts: dict[str, object] = {"bodies": f"{len(self.bodies)} of {', '.join(materials)}"}
         facts |= {"points": int(self.offsets[-1]), "cell": quantity(self.cell, "m")}
         facts |= {name: len(getattr(self, name)) for name in ("walls", "supports", "loads") if getattr(self, name)}
@@ -117,6 +124,26 @@ class Scene:
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
 
     @cached_property
+    def materials(self) -> tuple[Material, ...]:
+        """The deformable materials, in order of appearance."""
+        return tuple(dict.fromkeys(material for body in self.bodies for material in body.materials))
+
+    @cached_property
+    def points_by_material(self) -> tuple[tuple[Material, Ints], ...]:
+        """The deformable materials, each with its points among those of deformable bodies."""
+        return points_by_material(self)
+
+    @cached_property
+    def composite(self) -> NDArray[np.bool_]:
+        """Which bodies have several materials, (bodies,)."""
+        return np.array([len(body.materials) > 1 for body in self.bodies], dtype=bool)
+
+    @cached_property
+    def densities(self) -> Array:
+        """Densities at all points, (n,) [kg/m3]."""
+        return densities(self)
+
+    @cached_property
     def round(self) -> NDArray[np.bool_]:
         """Which bodies are bounded by circles about their centres of mass, (bodies,)."""
         return round_bodies(self)
@@ -129,28 +156,17 @@ class Scene:
     @cached_property
     def crossing_times(self) -> Array:
         """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones."""
-        radius = np.sqrt(np.add.reduceat(self.initial_volumes, self.offsets[:-1]) / np.pi)
-        slowness = np.full(len(self.bodies), np.inf)
-        for i, body in enumerate(self.bodies):
-            if not isinstance(body.material, Rigid):
-                lam, mu = body.material.lame
-                slowness[i] = np.sqrt(body.material.density / (lam + 2.0 * mu))
-        return np.asarray(radius * slowness)
+        return crossing_times(self)
 
     @cached_property
     def fastest_wave(self) -> float:
         """Speed of the fastest pressure wave [m/s]."""
-        return max(wave_speed(body.material) for body in self.bodies if not isinstance(body.material, Rigid))
+        return max(wave_speed(material) for material in self.materials)
 
     @cached_property
     def compliance(self) -> Array:
-        """(1 - nu^2) / E of the materials, by body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
-        result = np.zeros(len(self.bodies))
-        for i, body in enumerate(self.bodies):
-            if not isinstance(body.material, Rigid):
-                lam, mu = body.material.lame
-                result[i] = (lam + 2.0 * mu) / (4.0 * mu * (lam + mu))
-        return result
+        """(1 - nu^2) / E at the surface of each body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
+        return surface_compliance(self)
 
     @cached_property
     def outlined(self) -> NDArray[np.bool_]:
@@ -195,8 +211,7 @@ class Scene:
     @cached_property
     def wall_masses(self) -> Array:
         """Masses of the driven walls, (p,) [kg/m]."""
-        own = [b for b in self.bodies if not isinstance(b.material, Rigid)]
-        bodies = float(sum(b.material.density * b.points.volume.sum() for b in own))
+        bodies = deformable_mass(self)
         masses = [self.walls[i].mass for i in self.driven_walls.tolist()]
         return np.array([bodies if mass is None else mass for mass in masses], dtype=float)
 

@@ -254,7 +254,7 @@ class Derived:
     """Cached data that follow from the rest of the state; not saved, rebuilt on demand."""
 
     assembly: Assembly
-    ghost: Array  # (bodies,) moduli of the ghost penalty in `assembly` [Pa]
+    ghost: Array  # (cells,) moduli of the ghost penalty in `assembly` [Pa]
     moment_fitting: bool  # whether the weights in `assembly` are fitted
     supports: Elimination | None  # of the unknowns that supports determine
     supporting: Ints  # (2, n) the support that prescribes each component of the points' velocities, -1 where none

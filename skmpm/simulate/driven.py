@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import DrivenWalls, Increment
-from skmpm.material import Rigid
 from skmpm.observe.regions import region
 from skmpm.scene import PrescribedVelocities, Scene, SceneError, State
 from skmpm.scheme import Scheme
@@ -99,8 +98,8 @@ def driven_by_force(scene: Scene) -> Iterator[tuple[str, float]]:
     """Walls driven by a force, with the speed P / (rho c) that its pressure gives to a wave in the bodies [m/s]."""
     if scene.driven_walls.size == 0:
         return
-    x, soft = scene.initial_positions, [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
-    impedance = min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in soft)
+    x = scene.initial_positions
+    impedance = min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in scene.materials)
     for i, force in zip(scene.driven_walls.tolist(), np.abs(_forces_at_start(scene)).tolist(), strict=True):
         width = float(np.ptp(scene.normals[0, i] * x[1] - scene.normals[1, i] * x[0]))
         yield f"wall {i} by its force", force / width / float(impedance)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Rigid, viscosity_of
+from skmpm.material import viscosity_of
 from skmpm.scene import Scene, State, field_values, prescribed_motions
 from skmpm.simulate.regrid import assembly_of
 
@@ -46,12 +46,11 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     They do if a load or a prescribed velocity is a function of time, if anything is prescribed to move, or if a
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
-    deformable = [body.material for body in scene.bodies if not isinstance(body.material, Rigid)]
     motions = prescribed_motions(scene)
     if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *motions)):
         return True
     moving = any(v for motion in motions for v in motion if v is not None)
-    return moving or any(viscosity_of(material) > 0.0 for material in deformable)
+    return moving or any(viscosity_of(material) > 0.0 for material in scene.materials)
 
 
 def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ from skmpm.implicit import End, Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
 from skmpm.scene import (
+    Body,
     Contacts,
     Derived,
     PrescribedVelocities,
@@ -96,9 +97,14 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
 
 
 def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
-    materials, scheme = tuple(body.material for body in scene.bodies), increment.scheme
+    materials, scheme = tuple((body.materials, groups_of(body)) for body in scene.bodies), increment.scheme
     options = (scheme.theta, scheme.inertia, scheme.explicit, scheme.linear, scheme.mean_dilatation, scheme.contact)
     return (increment.dt, *options, materials)
+
+
+def groups_of(body: Body) -> bytes:
+    """The groups of the points of a body of several materials; nothing of others."""
+    return b"" if len(body.materials) < 2 or body.points.group is None else body.points.group.tobytes()
 
 
 def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:

@@ -41,7 +41,6 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     check_walls_at_start(scene)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
-    density = np.array([b.material.density for b in scene.bodies])
     v, C = initial_motion(scene)
     n = x.shape[1]
     state = State(
@@ -51,7 +50,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         F=np.repeat(np.eye(2)[:, :, None], n, axis=2),
         C=C,
         stress=np.zeros((2, 2, n)),
-        mass=density[body] * volume,
+        mass=scene.densities * volume,
         volume=volume,
         weight=volume,
         body=body,
@@ -102,9 +101,9 @@ def check_scheme(name: str, scheme: object) -> None:
 def check_explicit(name: str, scene: Scene, scheme: Scheme) -> None:
     """Raise ValueError if explicit steps are requested for viscous bodies: they do not include viscous forces."""
     for b, body in enumerate(scene.bodies if scheme.explicit else ()):
-        if not isinstance(body.material, Rigid) and viscosity_of(body.material) > 0.0:
+        if (viscosity := max(map(viscosity_of, body.materials), default=0.0)) > 0.0:
             raise ValueError(
-                f"{name}: body {b} has viscosity = {viscosity_of(body.material):g} Pa s, which explicit steps do not"
+                f"{name}: body {b} has viscosity = {viscosity:g} Pa s, which explicit steps do not"
                 " know; use Scheme(explicit=False) or viscosity = 0"
             )
 
