@@ -102,9 +102,9 @@ def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     return (increment.dt, *options, materials)
 
 
-def groups_of(body: Body) -> bytes:
-    """The groups of the points of a body of several materials; nothing of others."""
-    return b"" if len(body.materials) < 2 or body.points.group is None else body.points.group.tobytes()
+def groups_of(body: Body) -> str:
+    """The groups of the points of a body of several materials, as text; nothing of others."""
+    return "" if len(body.materials) < 2 or body.points.group is None else "\n".join(body.points.group.tolist())
 
 
 def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:
