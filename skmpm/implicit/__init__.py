@@ -23,6 +23,7 @@ from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import End, Increment
+from skmpm.implicit.springs import Springs
 from skmpm.implicit.statics import advance
 from skmpm.implicit.timer import Timer
 
@@ -36,6 +37,7 @@ __all__ = [
     "Increment",
     "KnownForces",
     "Solution",
+    "Springs",
     "StepRejected",
     "Timer",
     "advance",

@@ -27,6 +27,7 @@ from skmpm.simulate.initial_state import (
 )
 from skmpm.simulate.loading import loading_of
 from skmpm.simulate.regrid import inward_normals, torn_bodies
+from skmpm.simulate.springs import check_explicit_springs
 from skmpm.simulate.step_length import pace_of
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ class SceneMetrics:
 
     points: Ints  # (bodies,) including rigid ones
     rigid: int
-    around: dict[str, int]  # numbers of walls, supports, loads
+    around: dict[str, int]  # numbers of walls, supports, loads and springs
     own: Ints  # (deformable,) indices among the bodies
     points_per_cell: Array  # (deformable,) points over area in cells
     softening: Array  # (deformable,) estimated error of a uniform stress; nan without outline
@@ -84,6 +85,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
     check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     check_explicit("preflight", scene, scheme)
+    check_explicit_springs("preflight", scene, scheme)
     check_cohesion("preflight", scene, scheme)
     check_walls_at_start(scene)
     check_driven("preflight", scene, scheme)
@@ -101,7 +103,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     return SceneMetrics(
         points=count,
         rigid=count.size - own.size,
-        around={"walls": len(scene.walls), "supports": len(scene.supports), "loads": len(scene.loads)},
+        around={"walls": len(scene.walls), "supports": len(scene.supports), "loads": len(scene.loads)}
+        | ({"springs": len(scene.springs)} if scene.springs else {}),
         own=own,
         points_per_cell=count[own] / area,
         softening=stress_errors(scene)[own],

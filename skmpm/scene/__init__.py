@@ -8,6 +8,7 @@ from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
 from skmpm.scene.rigid_motion import centres, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
+from skmpm.scene.springs import Spring, rest_of, spring_energy, spring_forces, stiffness_of, work_of_ends
 from skmpm.scene.stages import continued
 from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
 from skmpm.scene.walls_in_view import view_of, wall_lines
@@ -22,6 +23,7 @@ __all__ = [
     "Report",
     "Scene",
     "SceneError",
+    "Spring",
     "State",
     "StepControl",
     "StepFailed",
@@ -39,9 +41,14 @@ __all__ = [
     "motion",
     "prescribed_motions",
     "prescribed_velocities",
+    "rest_of",
     "rigid_motion",
+    "spring_energy",
+    "spring_forces",
+    "stiffness_of",
     "stress_zz",
     "velocity_at",
     "view_of",
     "wall_lines",
+    "work_of_ends",
 ]

@@ -30,6 +30,7 @@ from skmpm.scene.objects import (
     vector,
 )
 from skmpm.scene.rigid_motion import rigid_motion
+from skmpm.scene.springs import check_springs
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -68,6 +69,7 @@ def check(scene: Scene) -> None:
     _ = scene.frictions  # with their checks, and kept
     check_supports(scene)
     check_loads(scene)
+    check_springs(scene)
     _check_overlaps(scene)
 
 

@@ -25,6 +25,7 @@ from skmpm.scene.materials import (
 from skmpm.scene.objects import Body, Load, SceneError, Support, Wall, motion, scalar
 from skmpm.scene.point_sets import PointSet, loaded_points, supported_points
 from skmpm.scene.prescribed_velocities import support_velocities
+from skmpm.scene.springs import Ends, Spring, ends_of
 from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
 from skmpm.units import quantity
 
@@ -43,6 +44,7 @@ class Scene:
     walls : rigid half-planes
     supports : prescribed velocities
     loads : dead loads
+    springs : beds to ground, and bars between sets of points
     friction : Coulomb coefficient of all contacts, between bodies, parts of one and walls, but for bodies and walls
         that give their own; or a table by pairs of their names, as ``{("gel", "glass"): 0.3, "default": 0.1}``,
         whose entries precede all
@@ -65,13 +67,14 @@ class Scene:
     walls: Sequence[Wall] = field(default=(), kw_only=True)
     supports: Sequence[Support] = field(default=(), kw_only=True)
     loads: Sequence[Load] = field(default=(), kw_only=True)
+    springs: Sequence[Spring] = field(default=(), kw_only=True)
     friction: float | Mapping[Any, float] = field(default=0.0, kw_only=True)
     cohesion: float = field(default=0.0, kw_only=True)
     cohesion_range: float = field(default=0.0, kw_only=True)
     gravity: ArrayLike | Callable[[Array, float], ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
 
     def __post_init__(self) -> None:
-        for name in ("bodies", "walls", "supports", "loads"):
+        for name in ("bodies", "walls", "supports", "loads", "springs"):
             several = getattr(self, name)
             if not isinstance(several, Iterable):
                 raise SceneError(f"{name}: expected a list, got a {type(several).__name__}")
@@ -88,7 +91,8 @@ class Scene:
         materials = sorted({type(m).__name__ for body in self.bodies for m in body.materials or (body.material,)})
         facts: dict[str, object] = {"bodies": f"{len(self.bodies)} of {', '.join(materials)}"}
         facts |= {"points": int(self.offsets[-1]), "cell": quantity(self.cell, "m")}
-        facts |= {name: len(getattr(self, name)) for name in ("walls", "supports", "loads") if getattr(self, name)}
+        around = ("walls", "supports", "loads", "springs")
+        facts |= {name: len(getattr(self, name)) for name in around if getattr(self, name)}
         friction = "a table" if isinstance(self.friction, Mapping) else self.friction
         return facts | {"friction": friction} | ({"cohesion [Pa]": self.cohesion} if self.cohesion else {})
 
@@ -259,6 +263,11 @@ class Scene:
     def loaded(self) -> Sequence[PointSet]:
         """The points that share each load."""
         return tuple(loaded_points(self, i, load) for i, load in enumerate(self.loads))
+
+    @cached_property
+    def sprung(self) -> Sequence[Ends]:
+        """The points that each spring acts on."""
+        return tuple(ends_of(self, i, spring) for i, spring in enumerate(self.springs))
 
     def support_velocities(self, t: float, dt: float | None = None) -> Array:
         """Velocities of supports in a step from t to t + dt, or at t, (supports, 2) [m/s], nan where free."""

@@ -46,7 +46,8 @@ def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
         for body in scene.bodies
     ]
     found = scene.round & np.array(symmetric)
-    for place in (*scene.supported, *scene.loaded):
+    ends = [place for ends in scene.sprung for place in (ends.first, ends.second) if place is not None]
+    for place in (*scene.supported, *scene.loaded, *ends):
         found[scene.owner[place.points]] = False
     return np.asarray(found)
 

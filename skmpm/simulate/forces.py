@@ -47,7 +47,8 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
     motions = prescribed_motions(scene)
-    if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *motions)):
+    ends = [spring.rest for spring in scene.springs]
+    if any(callable(f) for f in (scene.gravity, *(load.force for load in scene.loads), *ends, *motions)):
         return True
     moving = any(v for motion in motions for v in motion if v is not None)
     return moving or any(viscosity_of(material) > 0.0 for material in scene.materials)
@@ -61,6 +62,6 @@ def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
     interacting = np.zeros(len(scene.bodies), dtype=bool)
     loaded = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
     interacting[loaded[loaded >= 0]] = True
-    for supported in scene.supported:
+    for supported in (*scene.supported, *(ends.first for ends in scene.sprung)):
         interacting[state.body[supported.points]] = True
     return interacting

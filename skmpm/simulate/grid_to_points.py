@@ -78,7 +78,7 @@ def _carried(
 def _reusable(scene: Scene, state: State, increment: Increment, solution: Solution) -> Derived:
     """The data that later steps can use again: with linear materials the factor and the Delassus operator."""
     derived = replace(derived_of(state), key=(), solver=None, delassus=None)
-    if not increment.material_response.linear:
+    if not increment.material_response.linear or increment.springs is not None:
         return derived
     contact = solution.contact if solution.solver is not None else None  # the operator belongs to the factor
     delassus = None if contact is None else contact.delassus
@@ -91,7 +91,9 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
     It is for linear materials, unless dt, scheme or body grids have changed.
     """
     derived = state.derived
-    if derived is None or not increment.material_response.linear or derived.key != _key(scene, increment):
+    if derived is None or not increment.material_response.linear or increment.springs is not None:
+        return None, None
+    if derived.key != _key(scene, increment):
         return None, None
     return derived.solver, derived.delassus
 

@@ -21,12 +21,14 @@ from skmpm.scene import (
     field_values,
     prescribed_velocities,
     rigid_motion,
+    spring_energy,
     velocity_at,
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
+from skmpm.simulate.springs import check_explicit_springs
 from skmpm.transfer import to_nodes
 
 Array = NDArray[np.float64]
@@ -38,6 +40,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     check_explicit("initial", scene, scheme)
     check_cohesion("initial", scene, scheme)
     check_driven("initial", scene, scheme)
+    check_explicit_springs("initial", scene, scheme)
     check_walls_at_start(scene)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
@@ -72,7 +75,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     weight = volume.copy()
     weight[deformable] = assembly.volume
     state = replace(state, weight=weight)
-    at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal)))
+    at_start = Report(energy=Energy(kinetic=kinetic_energy(assembly, nodal), springs=spring_energy(scene, x, 0.0)))
     return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
 
 
