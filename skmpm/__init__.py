@@ -13,7 +13,21 @@ from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
 from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, polygon
 from skmpm.preflight import Suggestion, preflight, suggest
-from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, State, StepFailed, Support, Wall, continued
+from skmpm.scene import (
+    Body,
+    Load,
+    Periodic,
+    Pressure,
+    Scene,
+    SceneError,
+    Spring,
+    State,
+    StepFailed,
+    Support,
+    Wall,
+    continued,
+    spring_forces,
+)
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 from skmpm.sweep import Run, Sweep, SweepError, sweep
@@ -41,6 +55,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Scheme",
+    "Spring",
     "State",
     "StepFailed",
     "Suggestion",
@@ -76,6 +91,7 @@ __all__ = [
     "record",
     "save",
     "simulate",
+    "spring_forces",
     "step",
     "suggest",
     "sweep",

@@ -98,19 +98,22 @@ class Assembly:
         Dx, Dy = self.grid.derivatives
         return Dx.data.reshape(-1, 4), Dy.data.reshape(-1, 4)
 
-    def cell_sums(self, values: Array, points: Selection = ALL) -> Array:
-        """Sums of V values over the points of each cell, (cells,); `values` (points,)."""
-        cell = self.grid.cell_of_point[points]
-        return np.asarray(np.bincount(cell, self.volume[points] * values, self.grid.cells), dtype=np.float64)
+    def cell_sums(self, values: Array, points: Selection = ALL, part: Ints | None = None) -> Array:
+        """Sums of V values over the points of each cell, (cells,); `values` (points,).
 
-    def mean_dilatation(self, volumes: Array, points: Selection = ALL) -> Array:
-        """Ratio of current to undeformed volume of the cell of each point, (points,).
+        With `part` (points,), sums over the points of each part of a cell, (parts,).
+        """
+        cell, count = (self.grid.cell_of_point[points], self.grid.cells) if part is None else (part, 0)
+        return np.asarray(np.bincount(cell, self.volume[points] * values, count), dtype=np.float64)
+
+    def mean_dilatation(self, volumes: Array, points: Selection = ALL, part: Ints | None = None) -> Array:
+        """Ratio of current to undeformed volume of the cell of each point, or of its part of it, (points,).
 
         `volumes` (2, points) are the current and undeformed volumes of points per anchor volume; `points` include all
-        points of their cells.
+        points of their cells, or of the parts `part` (points,).
         """
-        cell = self.grid.cell_of_point[points]
-        now, rest = (self.cell_sums(v, points)[cell] for v in volumes)
+        cell = self.grid.cell_of_point[points] if part is None else part
+        now, rest = (self.cell_sums(v, points, part)[cell] for v in volumes)
         return np.asarray(now / rest)
 
     def mean_dilatation_stiffness(
@@ -121,15 +124,19 @@ class Assembly:
         rest: Array,
         points: Selection = ALL,
         cells: Selection = ALL,
+        part: Ints | None = None,
     ) -> Array:
         """Vectors B and D of the cell matrices B D' + D B' of `forms.mean_dilatation_stiffness`, (cells, 2, 4, 2).
 
-        `slope` and `mixed` (4, points), `bulk` and `rest` (points,) belong to all points of these cells.
+        `slope` and `mixed` (4, points), `bulk` and `rest` (points,) belong to all points of these cells. With `part`
+        (points,) `cells` are the cells of the parts, and each part has its vectors.
         """
         grid, own = self.grid, np.arange(self.grid.cells)[cells]
-        number = np.zeros(grid.cells, dtype=np.int64)
-        number[own] = np.arange(own.size)
-        cell, (gx, gy), volume = number[grid.cell_of_point[points]], self._gradients, self.volume[points]
+        cell, (gx, gy), volume = part, self._gradients, self.volume[points]
+        if cell is None:
+            number = np.zeros(grid.cells, dtype=np.int64)
+            number[own] = np.arange(own.size)
+            cell = number[grid.cell_of_point[points]]
         vectors = np.zeros((own.size, 2, 4, 2))
         loops.mean_dilatation_vectors(cell, gx[points], gy[points], volume, slope, mixed, bulk, rest, vectors)
         return vectors
@@ -154,15 +161,15 @@ def _heaviest(grid: BodyGrids, mass: Array) -> Array:
 
 
 def ghost_facets(grid: BodyGrids, volume: Array, threshold: float = 0.6) -> tuple[Ints, Ints]:
-    """Interior facets beside cells with a filling below `threshold`: their six nodes (6, f) and bodies (f,)."""
+    """Interior facets beside cells with a filling below `threshold`: their six nodes (6, f) and cells (2, f)."""
     fill = np.bincount(grid.cell_of_point, volume, grid.cells) / grid.cell**2
-    nodes, owners = [], []
+    nodes, cells = [], []
     for normal in (0, 1):
         pair = np.stack(_neighbours(grid, normal))
         pair = pair[:, fill[pair].min(axis=0) < threshold]
         nodes.append(np.stack([grid.nodes_of_cell[corner, pair[k]] for k, corner in GHOST_CORNERS[normal]]))
-        owners.append(grid.cell_body[pair[0]])
-    return np.concatenate(nodes, axis=1), np.concatenate(owners)
+        cells.append(pair)
+    return np.concatenate(nodes, axis=1), np.concatenate(cells, axis=1)
 
 
 def _neighbours(grid: BodyGrids, normal: int) -> tuple[Ints, Ints]:
@@ -191,11 +198,12 @@ def _neighbour(grid: BodyGrids, row: Ints, column: Ints) -> Ints:
 def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -> Assembly:
     """Compute the data that do not change while the body grids stay anchored.
 
-    `volume` [m2] and `mass` [kg/m] (n,) are those of the points, `ghost_modulus` (bodies,) [Pa] is gamma E_g.
+    `volume` [m2] and `mass` [kg/m] (n,) are those of the points, `ghost_modulus` (cells,) [Pa] is gamma E_g; of a
+    facet the smaller of its cells', so that a stiff core does not stiffen the soft skin.
     """
     nodes = grid.nodes
-    facet_nodes, facet_body = ghost_facets(grid, volume)
-    weight = ghost_modulus[facet_body]
+    facet_nodes, facet_cells = ghost_facets(grid, volume)
+    weight = ghost_modulus[facet_cells].min(axis=0)
     ghost_nodes = facet_nodes[:, weight > 0.0]
     ghost_values = weight[weight > 0.0] * _ghost_table()[:, :, None]
 

@@ -55,11 +55,12 @@ print(f"solid fraction {skmpm.observe(squeezed, state).solid_fraction:.3f} under
 
 P, RATE, nan = 1e5, 4.0, float("nan")
 sheared = scene(rate=[[0.0, RATE], [0.0, nan]], stress=[[nan, nan], [nan, -P]])
-state = skmpm.continued(squeezed, state, sheared)
-begin, rows = state.t, []
-for state in skmpm.simulate(sheared, until=begin + 0.2 / RATE, start=state):
+start = skmpm.continued(squeezed, state, sheared)
+rows = []
+for state in skmpm.simulate(sheared, until=start.t + 0.2 / RATE, start=start):
     seen = skmpm.observe(sheared, state)
-    rows.append((RATE * (state.t - begin), seen.stress[0, 1], -seen.stress[1, 1], seen.solid_fraction))
+    strain = RATE * (state.t - start.t)
+    rows.append((strain, seen.stress[0, 1], -seen.stress[1, 1], seen.solid_fraction))
 strain, shear, pressure, fraction = np.array(rows).T
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3), layout="constrained")
@@ -73,7 +74,7 @@ late = strain > 0.1
 print(f"friction coefficient of the packing: {np.mean(shear[late] / pressure[late]):.2f}")
 
 # %%
-# Twenty discs fluctuate; a study takes more, and several packings (`skmpm.sweep`). The picture shows
-# the box, and faded images around it. Chains of force lean against the shear.
+# Twenty discs fluctuate; a study takes more, and several packings (`skmpm.sweep`). The picture
+# shows the box, and faded images around it. Chains of force lean against the shear.
 
 skmpm.plot(sheared, state, forces=True)

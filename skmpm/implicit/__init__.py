@@ -24,6 +24,7 @@ from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import End, Increment
 from skmpm.implicit.scalar_unknowns import ScalarUnknowns
+from skmpm.implicit.springs import Springs
 from skmpm.implicit.statics import advance
 from skmpm.implicit.timer import Timer
 
@@ -38,6 +39,7 @@ __all__ = [
     "KnownForces",
     "ScalarUnknowns",
     "Solution",
+    "Springs",
     "StepRejected",
     "Timer",
     "advance",

@@ -53,6 +53,7 @@ class Bulk:
     F_anchor: Array | None  # (2, 2, n), None where undeformed
     stress_anchor: Array | None  # (2, 2, n) [Pa], None where unstressed
     mean_dilatation: tuple[bool, ...] = ()  # for which materials dilatation is the mean over a cell; () for none
+    mixed_cells: bool = False  # whether cells may hold points of several materials
 
     @property
     def linear(self) -> bool:
@@ -142,8 +143,8 @@ class Bulk:
             parts.append(C.reshape(2, 2, 2, 2, -1))
             added.append((dilatation.volume_slope(g.law, g.of(F)).reshape(4, -1), *others, g.law.rest(mean.size)))
         volume_gradient, mixed, bulk, rest = (np.concatenate(a, axis=-1) for a in zip(*added, strict=True))
-        points, cells = self._mean_dilatation_points
-        matrices = self.assembly.mean_dilatation_stiffness(volume_gradient, mixed, bulk, rest, points, cells)
+        points, cells, part = self._mean_dilatation_points
+        matrices = self.assembly.mean_dilatation_stiffness(volume_gradient, mixed, bulk, rest, points, cells, part)
         return self._of_all_points(parts), (cells, matrices)
 
     def cauchy(self, configuration: Configuration) -> Array:
@@ -172,17 +173,26 @@ class Bulk:
         return tuple(g for g in self.groups if g.mean_dilatation)
 
     @cached_property
-    def _mean_dilatation_points(self) -> tuple[Selection, Selection]:
-        """The points, by material, and the cells with mean dilatation."""
+    def _mean_dilatation_points(self) -> tuple[Selection, Selection, NDArray[np.int64] | None]:
+        """The points, by material, and the cells with mean dilatation.
+
+        In a cell of several materials each has a mean of its own, over its part of the cell. With such cells the part
+        of each point is the third value, and the cells are those of the parts.
+        """
         if len(self.groups) == 1:
-            return slice(None), slice(None)
+            return slice(None), slice(None), None
         every = np.arange(self.assembly.volume.size)
         points = np.concatenate([every[g.points] for g in self._mean_dilatation_groups])
+        if self.mixed_cells:
+            count = len(self._mean_dilatation_groups)
+            group = np.repeat(np.arange(count), [every[g.points].size for g in self._mean_dilatation_groups])
+            parts, part = np.unique(count * self.assembly.grid.cell_of_point[points] + group, return_inverse=True)
+            return points, parts // count, part
         if all(self.mean_dilatation):
-            return points, slice(None)
+            return points, slice(None), None
         within = np.zeros(self.assembly.grid.cells, dtype=bool)
         within[self.assembly.grid.cell_of_point[points]] = True
-        return points, np.flatnonzero(within)
+        return points, np.flatnonzero(within), None
 
     def _dilatations_by_group(self, configuration: Configuration) -> list[Array | None]:
         """Mean dilatations at the points of each group; None for groups with pointwise dilatation."""
@@ -193,9 +203,9 @@ class Bulk:
 
     def _cell_means(self, values: Array) -> Array:
         """Ratio of the cell sums of both rows of `values` (2, points with mean dilatation), (n,); nan elsewhere."""
-        points, _ = self._mean_dilatation_points
+        points, _, part = self._mean_dilatation_points
         mean = np.full(self.assembly.volume.size, np.nan)
-        mean[points] = self.assembly.mean_dilatation(values, points)
+        mean[points] = self.assembly.mean_dilatation(values, points, part)
         return mean
 
     def _of_all_points(self, parts: Sequence[Array]) -> Array:

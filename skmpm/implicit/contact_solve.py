@@ -15,7 +15,7 @@ from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.implicit.errors import StepRejected, pair
-from skmpm.linear import Delassus, Solver
+from skmpm.linear import Delassus, Joined, Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -65,6 +65,8 @@ def _delassus_matrix(
     Also returns the Delassus operator with the columns computed so far.
     """
     constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
+    joining = solver if isinstance(solver, Joined) else None
+    solver = joining.solver if joining else solver
     if delassus is None:
         reused = increment.material_response.linear and increment.scheme.anchor > 0.0
         reused &= solver.name != "amg"  # needs a solve per contact point: only for those in contact
@@ -75,6 +77,8 @@ def _delassus_matrix(
             sp.csr_array(sp.vstack([left, rows], format="csr")) for rows in (geometric.Z, geometric.acting)
         )
     W, delassus = delassus.between(left, right)
+    if joining:
+        W = W - joining.correction(left, right, sp.csr_array(sp.kron(constraints.base, np.eye(2), format="csr")))
     return increment.scheme.theta * W, delassus
 
 

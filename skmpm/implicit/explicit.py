@@ -37,10 +37,13 @@ class ExplicitBulk:
     def of(cls, bulk: Bulk, configuration: Configuration, v0: Array, dt: float, ghost: float) -> ExplicitBulk:
         """The forces at a configuration, for `ghost` as in Scheme."""
         grid = bulk.assembly.grid
-        ghost_scale = np.zeros(grid.bodies)
+        # One factor per body keeps the matrix symmetric: of several materials the heaviest over the softest.
+        density, modulus = np.zeros(grid.bodies), np.full(grid.bodies, np.inf)
         for material, points in bulk.materials if ghost > 0.0 else ():
-            inertia = GHOST_MASS * material.density * (grid.cell / dt) ** 2
-            ghost_scale[grid.cell_body[grid.cell_of_point[points]]] = inertia / (ghost * bounded_modulus(material))
+            own = grid.cell_body[grid.cell_of_point[points]]
+            density[own] = np.maximum(density[own], material.density)
+            modulus[own] = np.minimum(modulus[own], ghost * bounded_modulus(material))
+        ghost_scale = GHOST_MASS * density * (grid.cell / dt) ** 2 / modulus
         inertial_displacement = configuration.displacement + dt * v0
         return cls(bulk, configuration, bulk.force(configuration), inertial_displacement, ghost_scale[grid.node_body])
 

@@ -17,7 +17,7 @@ from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.equilibrium import RigidContacts
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.frozen_geometry import force_scale
-from skmpm.implicit.residual import Increment
+from skmpm.implicit.residual import Increment, null_space
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,7 +38,7 @@ class FloatingBodies:
     bodies: Ints  # (n,)
     modes: sp.csr_array  # (2 nodes, 3 n) nodal velocities of the rigid-body modes, body after body
     projection: sp.csr_array  # (3 n, 2 nodes) mass-weighted least-squares fit of the modes to nodal velocities
-    supports: sp.csr_array  # (m, 3 n) combinations of modes that supports set to zero
+    supports: sp.csr_array  # (m, 3 n) combinations of modes that supports set to zero, or springs to ground oppose
     free: sp.csr_array  # (3 n, 3 n) projection on the modes that supports leave free
     prescribed_range: Array  # (2, 2) smallest and largest prescribed displacement of supports and surfaces [m]
     resultant: Array  # (3 n,) of gravity and loads [N/m]
@@ -81,6 +81,8 @@ def floating_bodies(increment: Increment, constraints: Constraints) -> FloatingB
     load, supports = increment.load(np.zeros_like(increment.start)), increment.support_violation(modes)
     resultant = np.asarray(modes.T @ load)
     resultant[np.abs(resultant) <= ROUND_OFF * (abs(modes).T @ np.abs(load))] = 0.0
+    if increment.springs is not None:
+        supports = sp.csr_array(sp.vstack([supports, increment.springs.opposing(modes)], format="csr"))
     return FloatingBodies(bodies, modes, projection, supports, _free(supports), increment.dt * speeds, resultant)
 
 
@@ -97,12 +99,6 @@ def _free(supports: sp.csr_array) -> sp.csr_array:
     blocks = [gram[i : i + 3, i : i + 3].toarray() for i in range(0, gram.shape[0], 3)]
     bases = [null_space(block) for block in blocks]
     return sp.csr_array(sp.block_diag([basis @ basis.T for basis in bases], format="csr"))
-
-
-def null_space(gram: Array) -> Array:
-    """An orthonormal basis (3, k) of the rigid motions q with G q = 0, from G^T G (3, 3)."""
-    values, vectors = np.linalg.eigh(gram)
-    return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
 
 
 def _prescribed_range(increment: Increment, constraints: Constraints, index: Ints) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, indefinite, worst_body
-from skmpm.implicit.matrix import solver_of
+from skmpm.implicit.matrix import solver_of, with_bars
 from skmpm.implicit.residual import MAX_DRIFT, Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
@@ -109,11 +109,11 @@ def factorise(increment: Increment, contact: ContactIterate | None, configuratio
     """Factorise A or, if no modification of it by `matrix.solver_of` is positive definite, the projected A."""
     in_contact = contact is not None and contact.constraints.size > 0
     try:
-        return solver_of(increment, configuration, in_contact=in_contact)
+        return with_bars(increment, configuration, solver_of(increment, configuration, in_contact=in_contact))
     except np.linalg.LinAlgError:
         pass
     try:
-        return solver_of(increment, configuration, projected=True)
+        return with_bars(increment, configuration, solver_of(increment, configuration, projected=True))
     except np.linalg.LinAlgError as error:
         raise indefinite(increment.grid, error) from error
 

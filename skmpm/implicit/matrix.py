@@ -12,7 +12,7 @@ from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.residual import Increment
-from skmpm.linear import NotPositiveDefinite, Solver, diagonal, on_gauge, without_added_inertia
+from skmpm.linear import NotPositiveDefinite, Solver, diagonal, joined, on_gauge, without_added_inertia
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,6 +45,14 @@ def solver_of(
         if projected:
             raise
         return _modified(increment, A, configuration, _indefinite(increment, error), in_contact)
+
+
+def with_bars(increment: Increment, configuration: Configuration, solver: Solver) -> Solver:
+    """The solver for A with the stiffness of bars between bodies; the same without such springs."""
+    springs, interval = increment.springs, increment.scheme.theta * increment.dt
+    if springs is None or springs.linear:
+        return solver
+    return joined(solver, springs.bars, interval**2 * springs.bar_stiffnesses(configuration.displacement))
 
 
 def _modified(

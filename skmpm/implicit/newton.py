@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.implicit.acceleration import AndersonAcceleration
@@ -19,7 +18,6 @@ from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
-from skmpm.implicit.floating import null_space
 from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
     RELAXATION,
@@ -35,7 +33,7 @@ from skmpm.implicit.iteration import (
     with_contact,
 )
 from skmpm.implicit.line_search import move
-from skmpm.implicit.residual import Increment
+from skmpm.implicit.residual import Increment, null_space
 from skmpm.implicit.timer import Timer
 from skmpm.linear import Solver
 
@@ -133,7 +131,7 @@ class _Factor:
         if self.solver is None:
             return True
         pays = needs_refactorisation(increment, contact, iteration, norm, before)
-        return pays and not increment.material_response.linear
+        return pays and not increment.linear
 
     def released(self) -> _Factor:
         """The same without its solver, so that only one is in memory."""
@@ -188,11 +186,9 @@ def _check_resultants(increment: Increment) -> None:
         return
     grid, motions = increment.grid, increment.grid.rigid_motions()
     turned, load = grid.rigid_motions(increment.start), increment.load(np.zeros_like(increment.start))
-    violation = increment.support_violation(sp.csr_array(motions)).toarray()
-    owner = grid.node_body[increment.constrained_dofs // 2]
     for b in np.flatnonzero(increment.floating).tolist():
         dofs = slice(grid.blocks[b], grid.blocks[b + 1])
-        free = null_space(violation[owner == b].T @ violation[owner == b])
+        free = null_space(increment.held_motions[b])
         dead, following = increment.force[dofs], (load - increment.force)[dofs]
         size = np.abs(load[dofs]).sum()
         resultant = dead @ motions[dofs] + following @ turned[dofs]

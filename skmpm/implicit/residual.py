@@ -15,6 +15,7 @@ from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import ExplicitBulk
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
+from skmpm.implicit.springs import Springs
 from skmpm.implicit.viscous import ViscousBulk
 from skmpm.material import Points, wave_speed
 from skmpm.scheme import Scheme
@@ -27,6 +28,12 @@ LONG = 15.0  # [cells] that pressure waves travel in a long step; bodies under p
 # Stiffness of the springs that limit the rigid motion of a floating body in one Newton iteration, over its shear
 # modulus. With 1e-2 discs between plates took 7 to 19 iterations, with 1e-3 3 to 5, with 1e-4 no fewer.
 SPRING_STIFFNESS = 1e-3
+
+
+def null_space(gram: Array) -> Array:
+    """An orthonormal basis (3, k) of the rigid motions q with G q = 0, from G^T G (3, 3)."""
+    values, vectors = np.linalg.eigh(gram)
+    return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,7 @@ class Increment:
     proximal: Proximal | None = None  # for floating bodies with neutral rigid-body modes
     gauge: Gauge | None = None  # for bodies whose material can turn inside their shape
     pressure: FollowerPressure | None = None
+    springs: Springs | None = None
     depends_on_dt: bool = True  # whether the equations depend on dt; not in equilibria under constant conditions
 
     @property
@@ -109,12 +117,29 @@ class Increment:
         if self.scheme.inertia:
             return np.zeros(bodies, dtype=bool)
         present = np.bincount(self.grid.node_body, minlength=bodies) > 0
-        return present if self.supports is None else present & ~self.supports.holds
+        floating = present if self.supports is None else present & ~self.supports.holds
+        if self.springs is not None:
+            for b in np.flatnonzero(floating & self.springs.holding.any(axis=(1, 2))).tolist():
+                floating[b] = null_space(self.held_motions[b]).shape[1] > 0
+        return floating
+
+    @cached_property
+    def held_motions(self) -> Array:
+        """Rigid motions that supports or springs to ground hold, as quadratic forms by body, (bodies, 3, 3)."""
+        gram, owner = np.zeros((self.grid.bodies, 3, 3)), self.grid.node_body[self.constrained_dofs // 2]
+        violation = self.support_violation(sp.csr_array(self.grid.rigid_motions())).toarray()
+        np.add.at(gram, owner, violation[:, :, None] * violation[:, None, :])
+        return gram if self.springs is None else gram + self.springs.holding
+
+    @property
+    def linear(self) -> bool:
+        """Whether forces without contact are linear in the velocity."""
+        return self.material_response.linear and (self.springs is None or self.springs.linear)
 
     @property
     def one_solve(self) -> bool:
         """Whether one linear solve gives the solution without contact."""
-        return self.material_response.linear and self.pressure is None and not self.floating.any()
+        return self.linear and self.pressure is None and not self.floating.any()
 
     @property
     def inertial_velocity(self) -> Array:
@@ -159,8 +184,10 @@ class Increment:
     def energy(self, w: Array, configuration: Configuration) -> float:
         """The incremental potential E(w) without pressures, which have none, [J/m]."""
         change = w - self.inertial_velocity
+        springs = 0.0 if self.springs is None else self.springs.energy(configuration.displacement)
         return (
             self.material_response.energy(configuration)
+            + springs
             + 0.5 * float(change @ (self.mass * change))
             - self._theta_dt * float(self.force @ w)
         )
@@ -172,10 +199,16 @@ class Increment:
             self._theta_dt * self.material_response.force(configuration),
             self._theta_dt * self.load(w),
         )
+        if self.springs is not None:
+            elastic = elastic + self._theta_dt * self.springs.force(configuration.displacement)
         noise = self.round_off(w, configuration) / self.scheme.newton_tol
         return inertia + elastic - external, max(
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
         )
+
+    def spring_force(self, w: Array) -> Array | float:
+        """Force of the nodes on the springs, (2 nodes,) [N/m]; zero without springs."""
+        return 0.0 if self.springs is None else self.springs.force(self.start + self._theta_dt * w)
 
     def with_balanced_momentum(self, w: Array, contact_impulse: Array, last_impulse: Array) -> Array | None:
         """The velocity w with the momentum of every body balanced to round-off; None if that would change gaps.
@@ -207,7 +240,8 @@ class Increment:
         assembly = self.bulk.assembly
         if not self.scheme.inertia or self.supports is not None:
             return np.zeros((2, self.grid.bodies))
-        imbalance = assembly.lumped * (w - self.inertial_velocity) - self._theta_dt * self.load(w) - contact_impulse
+        force = self.load(w) - self.spring_force(w)
+        imbalance = assembly.lumped * (w - self.inertial_velocity) - self._theta_dt * force - contact_impulse
         resultant, mass = (self.grid.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
         return np.asarray(resultant / np.maximum(mass, 1e-300))
 
@@ -261,6 +295,8 @@ class Increment:
         if projected is not False:
             points = projected is True or np.isin(grid.cell_body, projected)[grid.cell_of_point]
         K = self.material_response.stiffness(configuration, projected=points)
+        if self.springs is not None:
+            K = K + self.springs.bed_stiffness()
         if self.scheme.inertia:
             return assembly.matrix(K, self._theta_dt**2)
         if self.proximal is not None:
@@ -269,11 +305,12 @@ class Increment:
 
     @property
     def scaled_shear_modulus(self) -> Array:
-        """Shear moduli of floating bodies times theta^2 dt^2, zero for others, (bodies,) [kg/m]."""
-        grid, modulus = self.grid, np.zeros(self.floating.size)
+        """Smallest shear moduli of floating bodies times theta^2 dt^2, zero for others, (bodies,) [kg/m]."""
+        grid, modulus = self.grid, np.full(self.floating.size, np.inf)
         for material, points in self.bulk.materials:
-            modulus[grid.cell_body[grid.cell_of_point[points]]] = material.lame[1]
-        return np.asarray(self._theta_dt**2 * modulus * self.floating)
+            own = grid.cell_body[grid.cell_of_point[points]]
+            modulus[own] = np.minimum(modulus[own], material.lame[1])
+        return np.asarray(self._theta_dt**2 * np.where(self.floating, modulus, 0.0))
 
     @property
     def stiffness_as_mass(self) -> Array:

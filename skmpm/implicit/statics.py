@@ -136,7 +136,7 @@ def _iterate(iterate: Iterate, balance: OutOfBalance, timer: Timer) -> None:
     patience = 2 if increment.proximal is None else INNER_ITERATIONS
     stalled = stalls and balance.iteration > iterate.centre_iteration + patience
     due = needs_refactorisation(increment, iterate.contact, balance.iteration, balance.relative, iterate.before)
-    if iterate.solver is None or (due and not increment.material_response.linear):
+    if iterate.solver is None or (due and not increment.linear):
         iterate.solver = None
         iterate.contact = iterate.contact.without_delassus()
         iterate.solver = factorise(increment, iterate.contact, iterate.configuration)

@@ -9,6 +9,7 @@ from skmpm.linear.band import Banded, banded
 from skmpm.linear.choice import CROSSOVER, default
 from skmpm.linear.delassus import Delassus
 from skmpm.linear.diagonal import Diagonal, diagonal
+from skmpm.linear.joined import Joined, joined
 from skmpm.linear.low_rank import LowRank, on_gauge, without_added_inertia
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
@@ -22,6 +23,7 @@ __all__ = [
     "Delassus",
     "Diagonal",
     "Direct",
+    "Joined",
     "Linear",
     "LowRank",
     "NotPositiveDefinite",
@@ -32,6 +34,7 @@ __all__ = [
     "diagonal",
     "direct",
     "half_bandwidth",
+    "joined",
     "on_gauge",
     "one_thread",
     "without_added_inertia",

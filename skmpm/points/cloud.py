@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Names = NDArray[np.str_]
 
 ROWS = 200_000  # pairs of edges tested for crossing at a time
 
@@ -28,16 +29,20 @@ class Points:
     x : positions, (2, n) [m]
     volume : (n,) [m2 per metre of thickness]
     outline : loops of indices of points, one (m,) each
+    group : names of the groups of the points, (n,), for a body of several materials (see `Body`); None without groups
     """
 
     x: Floats
     volume: Floats
     outline: tuple[Integers, ...] = ()
+    group: Names | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "x", np.array(self.x, dtype=np.float64))
         object.__setattr__(self, "volume", np.array(self.volume, dtype=np.float64))
         object.__setattr__(self, "outline", tuple(np.array(loop, dtype=np.int64) for loop in self.outline))
+        if self.group is not None:
+            object.__setattr__(self, "group", np.array(self.group))
 
     def __repr__(self) -> str:
         return f"Points({self.size} points, {len(self.outline)} loops)"
@@ -46,6 +51,25 @@ class Points:
     def size(self) -> int:
         """Number of material points."""
         return int(self.volume.size)
+
+    def with_groups(self, group: Callable[[Floats], ArrayLike] | ArrayLike) -> Points:
+        """The same points in groups, of which each may have its own material.
+
+        Parameters
+        ----------
+        group : (n,) names, or a function of positions (2, n) [m] that returns them, as in
+            ``disc(...).with_groups(lambda x: np.where(np.hypot(*x) < R / 2, "core", "shell"))``
+
+        Raises
+        ------
+        ValueError
+            if these are not n names
+        """
+        names = np.asarray(group(self.x.copy()) if callable(group) else group)
+        points = replace(self, group=names)
+        if problem := _check_group(points):
+            raise ValueError(f"with_groups: {problem}")
+        return points
 
 
 def check(points: Points) -> str | None:
@@ -60,10 +84,23 @@ def check(points: Points) -> str | None:
     if not (np.isfinite(volume) & (volume > 0)).all():
         worst = np.argmin(np.where(np.isfinite(volume), volume, -np.inf))
         return f"the volume of point {worst} is {volume[worst]:g}; volumes must be finite and > 0"
+    if message := _check_group(points):
+        return message
     for k, loop in enumerate(points.outline):
         if message := _check_loop(x, loop):
             return f"outline loop {k} {message}"
     return _check_crossings(x, points.outline) or _check_orientation(x, points.outline)
+
+
+def _check_group(points: Points) -> str | None:
+    if points.group is None:
+        return None
+    group, names = points.group, "give one name per point, as np.where(x[0] < 0.0, 'left', 'right')"
+    if group.dtype.kind != "U":
+        return f"group holds {group.dtype}; {names}"
+    if group.shape != (points.size,):
+        return f"group has shape {group.shape}, there are {points.size} points; {names}"
+    return None
 
 
 def _check_loop(x: Floats, loop: Integers) -> str | None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm.points.cloud import Floats, Integers, Points, signed_area
+from skmpm.points.mesh_groups import cell_groups
 
 if TYPE_CHECKING:
     import meshio
@@ -22,6 +23,8 @@ HIGHEST = 19  # degree of the last rule that scikit-fem has for triangles; its w
 # Boundaries that turn by less from edge to edge are smooth: circles of twelve edges and more.
 SMOOTH_COSINE = np.cos(np.deg2rad(30.5))
 
+Rule = tuple[Integers, Integers, Floats]  # sites (m, cells) of cells, the centre last, their groups, weights
+
 
 def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     """Return the points of a mesh of triangles and quadrilaterals.
@@ -33,6 +36,11 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     round body would roll as a polygon. The volumes add up to the area of the outlines. A mesh of
     several parts is not split: call this once per part. Polygons of eight and more sides have a smooth outline: see
     `Points`.
+
+    Physical groups of cells, as gmsh writes them, sets of cells (`meshio.Mesh.cell_sets`) and subdomains of
+    scikit-fem become the groups of the points (`Points.group`), for a body of several materials: see `Body`. An
+    unnamed group has its number as a name; of several sets the smallest that a cell belongs to counts, cells in none
+    are "other". The volumes of a group add up to the area of its cells.
 
     With `order` 2 edges of the mesh should be about 1.2 cells of the scene long, in both directions: a uniform stress
     is then right to 2 %. With edges of 2 cells some cells have no points, the body may be 10 to 50 % too soft, and
@@ -53,32 +61,39 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     if not 0 <= order <= HIGHEST:
         raise ValueError(f"order is {order}; give a degree from 0 to {HIGHEST}")
     nodes, blocks = _read(mesh)
+    names, groups = cell_groups(mesh, tuple(CORNERS))
+    count = max(len(names), 1)
     ends, edges, edge, outer = _edges(blocks)
     centres = [nodes[:, b].mean(axis=1) for b in blocks]
     sites = np.concatenate((nodes, nodes[:, edges].mean(axis=1), *centres), axis=1)
     middle = nodes.shape[1] + edge
 
-    weight = np.zeros(sites.shape[1])
     cell = nodes.shape[1] + edges.shape[1]
-    inner = []
-    for b, its_middle, its_outer in zip(blocks, _split(middle, blocks), _split(outer, blocks), strict=True):
+    inner, outermost = [], []
+    for b, group, its_middle, its_outer in zip(
+        blocks, groups, _split(middle, blocks), _split(outer, blocks), strict=True
+    ):
         boundary = its_outer.any(axis=0)
         site = np.concatenate((b, its_middle, [np.arange(cell, cell + boundary.size)]))[:, boundary]
-        weight += np.bincount(site.ravel(), _boundary_weights(nodes[:, b[:, boundary]]).ravel(), weight.size)
-        inner.append(_inner_rule(nodes[:, b[:, ~boundary]], order))
+        outermost.append((site, group[boundary], _boundary_weights(nodes[:, b[:, boundary]])))
+        x, volume = _inner_rule(nodes[:, b[:, ~boundary]], order)
+        inner.append((x, volume, np.repeat(group[~boundary], x.shape[1] // max((~boundary).sum(), 1))))
         cell += boundary.size
 
-    used = weight > 0
-    number = np.cumsum(used) - 1
     loops = _loops(ends[:, outer], middle[outer], nodes)
+    weight, own = _weights(outermost, (sites.shape[1], count), np.concatenate(loops))
+    used = weight.ravel() > 0
+    number = (np.cumsum(used) - 1).reshape(weight.shape)[np.arange(own.size), own]
     for loop in loops:
         bulge, area = _bulges(nodes[:, loop[::2]])
         sites[:, loop[1::2]] += bulge
-        weight[loop[1::2]] += area
+        weight[loop[1::2], own[loop[1::2]]] += area
     loops.sort(key=lambda loop: -abs(signed_area(sites[:, loop])))
-    x = np.concatenate((sites[:, used], *(x for x, _ in inner)), axis=1)
-    volume = np.concatenate((weight[used], *(v for _, v in inner)))
-    return Points(x, volume, tuple(number[loop] for loop in loops))
+    at, of = np.divmod(np.flatnonzero(used), count)
+    x = np.concatenate((sites[:, at], *(x for x, _, _ in inner)), axis=1)
+    volume = np.concatenate((weight.ravel()[used], *(v for _, v, _ in inner)))
+    own_group = np.array(names)[np.concatenate((of, *(g for _, _, g in inner)))] if names else None
+    return Points(x, volume, tuple(number[loop] for loop in loops), own_group)
 
 
 def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
@@ -150,6 +165,25 @@ def _boundary_weights(corners: Floats) -> Floats:
         at_centre * J.mean(axis=0, keepdims=True),
     )
     return np.concatenate(rows)
+
+
+def _weights(rules: list[Rule], shape: tuple[int, int], boundary: Integers) -> tuple[Floats, Integers]:
+    """Weights (sites, groups) of rules at sites, and the group of each boundary site, (sites,).
+
+    That is the group with the largest weight there; the others' weights go to the centres of their cells, for no
+    point but one of the outline lies on the boundary.
+    """
+    weight, own = np.zeros(shape), np.zeros(shape[0], dtype=np.int64)
+    for site, group, values in rules:
+        key = shape[1] * site + group
+        weight += np.bincount(key.ravel(), values.ravel(), weight.size).reshape(shape)
+    own[boundary] = weight[boundary].argmax(axis=1)
+    on_boundary = np.bincount(boundary, minlength=shape[0]) > 0
+    for site, group, values in rules if shape[1] > 1 else ():
+        other = on_boundary[site] & (own[site] != group)
+        np.add.at(weight, (site[-1], group), np.where(other, values, 0.0).sum(axis=0))
+        weight[site[other], np.broadcast_to(group, site.shape)[other]] = 0.0
+    return weight, own
 
 
 def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from skmpm import outline
 from skmpm.contact.cohesion import CLOSED_GAP
-from skmpm.material import Rigid, youngs_modulus
+from skmpm.material import youngs_modulus
 from skmpm.preflight.limit import Limit, above, below
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
@@ -27,10 +27,7 @@ def cohesion_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> It
     if metrics.cohesion == 0.0:
         return
     c = metrics.cohesion
-    soft = [
-        (youngs_modulus(m), b) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid)
-    ]
-    E, b = min(soft)
+    E, b = min((youngs_modulus(m), b) for b, body in enumerate(scene.bodies) for m in body.materials)
     if above(c / E, COHESION):
         yield f"body {b}: cohesion = {c:g} Pa is {c / E:.3g} of E; {COHESION.where}; use {COHESION.value * E:.3g} Pa"
     range_ = max(scene.cohesion_range / metrics.cell, CLOSED_GAP)  # [cells]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import product
 from math import floor, log10
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit.residual import LONG
-from skmpm.material import Rigid, is_linear, poisson_ratio, youngs_modulus
+from skmpm.material import is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.cohesion import cohesion_warnings
 from skmpm.preflight.limit import Limit, above, below
 from skmpm.preflight.metrics import SceneMetrics
@@ -41,6 +42,7 @@ POISSON = Limit(0.49999, "mean dilatation was verified up to 0.49999")  # test_l
 MULTIGRID = Limit(0.499, "amg takes 130 iterations at 0.499, 430 at 0.49999")  # test_locking
 FRICTION = Limit(2.0, "the contact solver was verified up to 2")  # test_contact_solver
 STIFFNESS = Limit(100.0, "collisions and squeezed discs were verified up to 100")  # tests/extremes/test_parameters
+BONDED = Limit(1e5, "parts of one body were verified up to 1e5")  # test_composite
 DENSITY = Limit(1e4, "verified for a disc at rest on one 1e4 times lighter")  # test_pile
 ROTATION = Limit(
     0.05, "a rotation by 0.05 rad causes a spurious strain of 0.00125, which grows with its square"
@@ -139,8 +141,7 @@ def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 
 def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    soft = [(body.material, b) for b, body in enumerate(scene.bodies) if not isinstance(body.material, Rigid)]
-    nu, b = max((poisson_ratio(material), b) for material, b in soft)
+    nu, b = max((poisson_ratio(m), b) for b, body in enumerate(scene.bodies) for m in body.materials)
     if not below(nu, LOCKING) and scheme.mean_dilatation is False:
         remedy = "use Scheme(mean_dilatation=None), the default"
         yield f"body {b}: nu = {nu:g} without mean dilatation; {LOCKING.where}; {remedy}"
@@ -151,15 +152,24 @@ def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Line
 
 
 def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    soft = [(b, m) for b, body in enumerate(scene.bodies) if not isinstance(m := body.material, Rigid)]
-    for name, limit, values in (
-        ("E", STIFFNESS, [(youngs_modulus(m), b) for b, m in soft]),
-        ("density", DENSITY, [(m.density, b) for b, m in soft]),
-    ):
-        (low, a), (high, b) = min(values), max(values)
-        if above(high / low, limit):
-            who, remedy = f"bodies {a} and {b}", f"use a ratio of at most {limit.value:g}"
-            yield f"{who}: ratio of {name} {_text(high / low, limit)}; {limit.where}; {remedy}"
+    soft = [(b, m) for b, body in enumerate(scene.bodies) for m in body.materials]
+    moduli = [(youngs_modulus(m), b) for b, m in soft]
+    for name, limit, values in (("E", STIFFNESS, moduli), ("density", DENSITY, [(m.density, b) for b, m in soft])):
+        low, high = ({b: value for value, b in sorted(values, reverse=most)} for most in (True, False))
+        pairs = product(sorted(low, key=low.__getitem__)[:2], sorted(high, key=high.__getitem__)[-2:])
+        yield from _ratio(name, limit, [(high[b] / low[a], a, b) for a, b in pairs if a != b])
+        if name == "E":
+            yield from _ratio(
+                "E", BONDED, [(high[b] / low[b], b, b) for b in np.flatnonzero(scene.composite).tolist()]
+            )
+
+
+def _ratio(name: str, limit: Limit, ratios: list[tuple[float, int, int]]) -> Lines:
+    """The largest of some ratios of the value in a body b to that in a body a, if it is above the limit."""
+    ratio, a, b = max(ratios, default=(1.0, 0, 0))
+    if above(ratio, limit):
+        who, remedy = f"bodies {a} and {b}" if a != b else f"body {a}", f"use a ratio of at most {limit.value:g}"
+        yield f"{who}: ratio of {name} {_text(ratio, limit)}; {limit.where}; {remedy}"
 
 
 def _friction(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
@@ -185,12 +195,11 @@ def _small_strain(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 
 def _is_linear(scene: Scene, b: int) -> bool:
-    material = scene.bodies[b].material
-    return not isinstance(material, Rigid) and is_linear(material)
+    return any(is_linear(material) for material in scene.bodies[b].materials)
 
 
 def _name(scene: Scene, b: int) -> str:
-    return type(scene.bodies[b].material).__name__
+    return next(type(material).__name__ for material in scene.bodies[b].materials if is_linear(material))
 
 
 def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:

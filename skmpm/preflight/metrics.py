@@ -11,7 +11,7 @@ from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.material import Rigid, is_linear
+from skmpm.material import is_linear
 from skmpm.outline import chord_sagitta, slit_width
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene, check_walls_at_start
@@ -27,6 +27,7 @@ from skmpm.simulate.initial_state import (
 )
 from skmpm.simulate.loading import loading_of
 from skmpm.simulate.regrid import inward_normals, torn_bodies
+from skmpm.simulate.springs import check_explicit_springs
 from skmpm.simulate.step_length import pace_of
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ class SceneMetrics:
     points: Ints  # (bodies,) including rigid ones
     rigid: int
     free_rigid: int  # of these, moved by forces
-    around: dict[str, str]  # numbers of walls, supports, loads
+    around: dict[str, str]  # walls or a periodic box, numbers of supports, loads and springs
     own: Ints  # (deformable,) indices among the bodies
     points_per_cell: Array  # (deformable,) points over area in cells
     softening: Array  # (deformable,) estimated error of a uniform stress; nan without outline
@@ -74,12 +75,13 @@ class SceneMetrics:
 
 
 def _around(scene: Scene) -> dict[str, str]:
-    """What acts on bodies: walls or a periodic box, supports, loads."""
+    """What acts on bodies: walls or a periodic box, supports, loads, springs."""
     if scene.periodic is None:
         walls = {"walls": str(len(scene.walls))}
     else:
         walls = {"periodic box": f"{scene.periodic.width:.4g} x {scene.periodic.height:.4g} m"}
-    return walls | {"supports": str(len(scene.supports)), "loads": str(len(scene.loads))}
+    found = walls | {"supports": str(len(scene.supports)), "loads": str(len(scene.loads))}
+    return found | ({"springs": str(len(scene.springs))} if scene.springs else {})
 
 
 def first_step(scene: Scene, scheme: Scheme) -> float:
@@ -94,12 +96,12 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
     check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     check_explicit("preflight", scene, scheme)
+    check_explicit_springs("preflight", scene, scheme)
     check_cohesion("preflight", scene, scheme)
     check_walls_at_start(scene)
     check_driven("preflight", scene, scheme)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
-    soft = [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
     wave, (grid, width) = scene.fastest_wave, _grid(scene)
     solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
     lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
@@ -138,7 +140,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         frictions=str(scene.frictions),
         friction=scene.frictions.largest if touches else 0.0,
         cohesion=float(max([scene.cohesion, *(wall.cohesion for wall in scene.walls)])) if touches else 0.0,
-        linear=all(is_linear(material) for material in soft),
+        linear=all(is_linear(material) for material in scene.materials),
         inertia=scheme.inertia,
         theta=scheme.theta,
         half_bandwidth=width,

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.contact.closest_points import LIGHT
-from skmpm.material import Rigid, poisson_ratio, youngs_modulus
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
@@ -30,13 +29,13 @@ def rolling_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Ite
     if not (scheme.inertia and weight > 0.0 and _gently_sloped(scene, gravity)) or acts_at_grid_nodes(scheme.contact):
         return
     for b in np.flatnonzero(scene.round).tolist():
-        material = scene.bodies[b].material
-        if isinstance(material, Rigid):
+        if not scene.deformable[b]:
             continue
         R = metrics.resolution[np.searchsorted(metrics.own, b)] * metrics.cell
         segment = 2.0 * np.pi * R / max(map(len, scene.bodies[b].points.outline))
-        modulus = youngs_modulus(material) / (1.0 - poisson_ratio(material) ** 2)
-        half_width = 2.0 * R * np.sqrt(material.density * weight * R / modulus)
+        own = slice(scene.offsets[b], scene.offsets[b + 1])
+        density = float(np.average(scene.densities[own], weights=scene.initial_volumes[own]))
+        half_width = 2.0 * R * np.sqrt(density * weight * R * scene.compliance[b])
         if half_width > LIGHT * segment and half_width < WIDE * metrics.cell:
             yield (
                 f"body {b}: its weight widens contacts to {half_width / segment:.2g} boundary segments on either"

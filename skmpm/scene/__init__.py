@@ -2,12 +2,14 @@
 
 from skmpm.scene.check import check_walls_at_start
 from skmpm.scene.fits import check_fits, check_initial_positions
+from skmpm.scene.materials import material_at
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, deformed, into_box, recut
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
 from skmpm.scene.rigid_motion import centres, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
+from skmpm.scene.springs import Spring, rest_of, spring_energy, spring_forces, stiffness_of, work_of_ends
 from skmpm.scene.stages import continued
 from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
 from skmpm.scene.walls_in_view import view_of, wall_lines
@@ -24,6 +26,7 @@ __all__ = [
     "Report",
     "Scene",
     "SceneError",
+    "Spring",
     "State",
     "StepControl",
     "StepFailed",
@@ -37,15 +40,21 @@ __all__ = [
     "deformed",
     "field_values",
     "into_box",
+    "material_at",
     "mean_velocity",
     "mises",
     "motion",
     "prescribed_motions",
     "prescribed_velocities",
     "recut",
+    "rest_of",
     "rigid_motion",
+    "spring_energy",
+    "spring_forces",
+    "stiffness_of",
     "stress_zz",
     "velocity_at",
     "view_of",
     "wall_lines",
+    "work_of_ends",
 ]

@@ -15,6 +15,7 @@ from skmpm.outline import area, lens_depth
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
+from skmpm.scene.check_groups import check_groups
 from skmpm.scene.check_loading import check_loads, check_supports
 from skmpm.scene.objects import (
     Body,
@@ -30,6 +31,7 @@ from skmpm.scene.objects import (
 )
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.rigid_motion import rigid_motion
+from skmpm.scene.springs import check_springs
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -68,6 +70,7 @@ def check(scene: Scene) -> None:
     _ = scene.frictions  # with their checks, and kept
     check_supports(scene)
     check_loads(scene)
+    check_springs(scene)
     if scene.periodic is not None:
         _check_periodic(scene)
     _check_overlaps(scene)
@@ -95,26 +98,30 @@ def _check_body(name: str, body: Body) -> None:
     problem = check_points(body.points)
     if problem:
         raise SceneError(f"{name}: {problem}")
-    material = body.material
-    if not isinstance(material, Rigid):
+    if not isinstance(body.material, Rigid):
         _check_outline(name, body.points)
-        _check_material(name, material)
-    positive(f"{name}: density", material.density, "a density in kg/m3")
+    if isinstance(body.material, Mapping):
+        check_groups(name, body.points, body.material)
+        for group, material in body.material.items():
+            _check_material(f"{name}, group {group!r}", material)
+    else:
+        _check_material(name, body.material)
     _check_motion(name, body)
 
 
 def _check_material(name: str, material: object) -> None:
-    """A material is what has density, lame, energy, stress and tangent, whatever its class."""
+    """A material is Rigid or has density, lame, energy, stress and tangent, whatever its class."""
     if isinstance(material, Isotropic):
         positive(f"{name}: Young's modulus E", material.E, "a modulus in Pa")
         nu = number(f"{name}: Poisson's ratio nu", material.nu, "give one between -1 and 0.5")
         if not -1.0 < nu < 0.5:
             raise SceneError(f"{name}: Poisson's ratio nu = {nu}; it lies between -1 and 0.5, both excluded")
-    if problem := lacking(material):
+    if not isinstance(material, Rigid) and (problem := lacking(material)):
         raise SceneError(
             f"{name}: material is {material!r}, {problem}; use NeoHookean, LinearElastic, Rigid, ... or a material of"
             " your own that passes skmpm.check_material"
         )
+    positive(f"{name}: density", material.density, "a density in kg/m3")  # type: ignore[attr-defined]
 
 
 def _check_outline(name: str, points: Points) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +14,7 @@ from skmpm.points import Points
 Array = NDArray[np.float64]
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
 Components = Sequence[float | None]  # of a support's velocity; None is free
+Part = tuple[Material, NDArray[np.int64] | slice]  # a material and its points
 Where = Callable[[Array], ArrayLike]  # positions (2, n) [m] at t = 0 -> (n,) bool
 
 
@@ -23,12 +24,14 @@ class SceneError(ValueError):
 
 @dataclass(frozen=True)
 class Body:
-    """A cloud of material points of one material.
+    """A cloud of material points of one material, or of several.
 
     Parameters
     ----------
     points : its points and outline
-    material : LinearElastic, NeoHookean, MooneyRivlin, Yeoh, Ogden, one of your own (`skmpm.Material`), or Rigid
+    material : LinearElastic, NeoHookean, MooneyRivlin, Yeoh, Ogden, one of your own (`skmpm.Material`), or Rigid.
+        A dict from the names of the groups of the points (`Points.group`) to materials makes a body of several, as in
+        ``Body(points, {"core": steel, "skin": rubber})``; they are bonded where they meet
     velocity : (2,) [m/s] at t = 0, or a function of positions (2, n) -> (2, n), not for `Rigid`; in a periodic box in
         addition to the motion of the box at the centre of mass
     spin : angular velocity about the centre of mass at t = 0 [rad/s], counter-clockwise
@@ -41,12 +44,31 @@ class Body:
     """
 
     points: Points
-    material: Material | Rigid
+    material: Material | Rigid | Mapping[str, Material]
     velocity: ArrayLike | Callable[..., ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
     spin: float = field(default=0.0, kw_only=True)
     motion: ArrayLike | Motion | None = field(default=None, kw_only=True)
     friction: float | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.material, Mapping):
+            object.__setattr__(self, "material", dict(self.material))
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The deformable materials of the body, each with its points; none of a rigid body."""
+        if isinstance(self.material, Mapping):
+            group = self.points.group
+            return tuple((material, np.flatnonzero(group == name)) for name, material in self.material.items())
+        return () if isinstance(self.material, Rigid) else ((self.material, slice(None)),)
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The deformable materials of the body; none of a rigid body."""
+        if isinstance(self.material, Mapping):
+            return tuple(self.material.values())
+        return () if isinstance(self.material, Rigid) else (self.material,)
 
 
 @dataclass(frozen=True)

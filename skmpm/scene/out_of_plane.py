@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Rigid, is_linear, poisson_ratio
+from skmpm.material import is_linear, poisson_ratio
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
 
@@ -18,10 +18,9 @@ def stress_zz(scene: Scene, state: State) -> Array:
     Linear materials: nu (sigma_xx + sigma_yy); others have it from their `stress_zz`.
     """
     out = np.zeros(state.x.shape[1])
-    for b, material in enumerate(body.material for body in scene.bodies):
-        own = slice(scene.offsets[b], scene.offsets[b + 1])
-        if isinstance(material, Rigid):
-            continue
+    deformable = np.flatnonzero(scene.deformable[scene.owner])
+    for material, points in scene.points_by_material:
+        own = deformable[points]
         if is_linear(material):
             out[own] = poisson_ratio(material) * (state.stress[0, 0, own] + state.stress[1, 1, own])
         else:

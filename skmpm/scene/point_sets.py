@@ -35,13 +35,18 @@ def supported_points(scene: Scene, i: int, support: Support) -> PointSet:
 
 def loaded_points(scene: Scene, i: int, load: Load) -> PointSet:
     """The points that share load i: by boundary length if only boundary points match, otherwise by volume."""
-    points = _matching(scene, f"load {i}: where", load.where)
+    return points_with_shares(scene, f"load {i}: where", load.where)
+
+
+def points_with_shares(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> PointSet:
+    """The points where a function is true: by boundary length if these are boundary points, otherwise by volume."""
+    points = _matching(scene, name, where)
     boundary = scene.outlines
     if np.isin(points, boundary.point).all():
         share = _lengths(boundary, scene.initial_positions, points)
     else:
         share = scene.initial_volumes[points]
-    return PointSet(points, share / share.sum())
+    return PointSet(points, share / share.sum() if points.size else share)
 
 
 def pressed_segments(scene: Scene, i: int, pressure: Pressure) -> Ints:

@@ -10,15 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Rigid, wave_speed
+from skmpm.material import Material, Rigid, wave_speed
 from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
 from skmpm.scene.friction import Friction, friction_of
+from skmpm.scene.materials import (
+    crossing_times,
+    densities,
+    points_by_material,
+    surface_compliance,
+)
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, motion, scalar
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.point_sets import PointSet, loaded_points, pressed_segments, supported_points
 from skmpm.scene.prescribed_velocities import support_velocities
+from skmpm.scene.springs import Ends, Spring, ends_of
 from skmpm.scene.symmetry import indifferent_to_rotation, round_bodies
 from skmpm.units import quantity
 
@@ -37,6 +44,7 @@ class Scene:
     walls : rigid half-planes
     supports : prescribed velocities
     loads : dead loads, and pressures that follow the boundary
+    springs : beds to ground, and bars between sets of points
     friction : Coulomb coefficient of all contacts, between bodies, parts of one and walls, but for bodies and walls
         that give their own; or a table by pairs of their names, as ``{("gel", "glass"): 0.3, "default": 0.1}``,
         whose entries precede all
@@ -60,6 +68,7 @@ class Scene:
     walls: Sequence[Wall] = field(default=(), kw_only=True)
     supports: Sequence[Support] = field(default=(), kw_only=True)
     loads: Sequence[Load | Pressure] = field(default=(), kw_only=True)
+    springs: Sequence[Spring] = field(default=(), kw_only=True)
     friction: float | Mapping[Any, float] = field(default=0.0, kw_only=True)
     cohesion: float = field(default=0.0, kw_only=True)
     cohesion_range: float = field(default=0.0, kw_only=True)
@@ -67,7 +76,7 @@ class Scene:
     periodic: Periodic | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        for name in ("bodies", "walls", "supports", "loads"):
+        for name in ("bodies", "walls", "supports", "loads", "springs"):
             several = getattr(self, name)
             if not isinstance(several, Iterable):
                 raise SceneError(f"{name}: expected a list, got a {type(several).__name__}")
@@ -81,10 +90,11 @@ class Scene:
         return table("Scene", self._facts())
 
     def _facts(self) -> dict[str, object]:
-        materials = sorted({type(body.material).__name__ for body in self.bodies})
+        materials = sorted({type(m).__name__ for body in self.bodies for m in body.materials or (body.material,)})
         facts: dict[str, object] = {"bodies": f"{len(self.bodies)} of {', '.join(materials)}"}
         facts |= {"points": int(self.offsets[-1]), "cell": quantity(self.cell, "m")}
-        facts |= {name: len(getattr(self, name)) for name in ("walls", "supports", "loads") if getattr(self, name)}
+        around = ("walls", "supports", "loads", "springs")
+        facts |= {name: len(getattr(self, name)) for name in around if getattr(self, name)}
         friction = "a table" if isinstance(self.friction, Mapping) else self.friction
         return facts | {"friction": friction} | ({"cohesion [Pa]": self.cohesion} if self.cohesion else {})
 
@@ -141,8 +151,27 @@ class Scene:
     @cached_property
     def mass(self) -> float:
         """Mass of all bodies that forces move [kg/m]."""
-        own = [body for body, free in zip(self.bodies, self.movable, strict=True) if free]
-        return float(sum(b.material.density * b.points.volume.sum() for b in own))
+        return float((self.densities * self.initial_volumes)[self.movable[self.owner]].sum())
+
+    @cached_property
+    def materials(self) -> tuple[Material, ...]:
+        """The deformable materials, in order of appearance."""
+        return tuple(dict.fromkeys(material for body in self.bodies for material in body.materials))
+
+    @cached_property
+    def points_by_material(self) -> tuple[tuple[Material, Ints], ...]:
+        """The deformable materials, each with its points among those of deformable bodies."""
+        return points_by_material(self)
+
+    @cached_property
+    def composite(self) -> NDArray[np.bool_]:
+        """Which bodies have several materials, (bodies,)."""
+        return np.array([len(body.materials) > 1 for body in self.bodies], dtype=bool)
+
+    @cached_property
+    def densities(self) -> Array:
+        """Densities at all points, (n,) [kg/m3]."""
+        return densities(self)
 
     @cached_property
     def round(self) -> NDArray[np.bool_]:
@@ -157,28 +186,17 @@ class Scene:
     @cached_property
     def crossing_times(self) -> Array:
         """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones."""
-        radius = np.sqrt(np.add.reduceat(self.initial_volumes, self.offsets[:-1]) / np.pi)
-        slowness = np.full(len(self.bodies), np.inf)
-        for i, body in enumerate(self.bodies):
-            if not isinstance(body.material, Rigid):
-                lam, mu = body.material.lame
-                slowness[i] = np.sqrt(body.material.density / (lam + 2.0 * mu))
-        return np.asarray(radius * slowness)
+        return crossing_times(self)
 
     @cached_property
     def fastest_wave(self) -> float:
         """Speed of the fastest pressure wave [m/s]."""
-        return max(wave_speed(body.material) for body in self.bodies if not isinstance(body.material, Rigid))
+        return max(wave_speed(material) for material in self.materials)
 
     @cached_property
     def compliance(self) -> Array:
-        """(1 - nu^2) / E of the materials, by body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
-        result = np.zeros(len(self.bodies))
-        for i, body in enumerate(self.bodies):
-            if not isinstance(body.material, Rigid):
-                lam, mu = body.material.lame
-                result[i] = (lam + 2.0 * mu) / (4.0 * mu * (lam + mu))
-        return result
+        """(1 - nu^2) / E at the surface of each body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
+        return surface_compliance(self)
 
     @cached_property
     def outlined(self) -> NDArray[np.bool_]:
@@ -290,6 +308,11 @@ class Scene:
         """The boundary points at which the segments begin that each pressure acts on."""
         each = enumerate(self.loads)
         return tuple(pressed_segments(self, i, load) for i, load in each if isinstance(load, Pressure))
+
+    @cached_property
+    def sprung(self) -> Sequence[Ends]:
+        """The points that each spring acts on."""
+        return tuple(ends_of(self, i, spring) for i, spring in enumerate(self.springs))
 
     def support_velocities(self, t: float, dt: float | None = None) -> Array:
         """Velocities of supports in a step from t to t + dt, or at t, (supports, 2) [m/s], nan where free."""

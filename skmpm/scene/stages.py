@@ -72,7 +72,8 @@ def _check_bodies(scene: Scene, new_scene: Scene) -> None:
         same = old.points is new.points or (
             np.array_equal(old.points.x, new.points.x) and np.array_equal(old.points.volume, new.points.volume)
         )
-        if not same or old.material.density != new.material.density:
+        own = slice(scene.offsets[b], scene.offsets[b + 1])
+        if not same or not np.array_equal(scene.densities[own], new_scene.densities[own]):
             what = "another density" if same else "other points"
             raise SceneError(f"continued: body {b} of the new scene has {what}; {remedy}")
 

@@ -75,17 +75,18 @@ class Contacts:
 
 @dataclass(frozen=True)
 class Energy:
-    """The energy budget [J/m]; terms other than kinetic and elastic are sums since t = 0.
+    """The energy budget [J/m]; terms other than kinetic, elastic and springs are sums since t = 0.
 
     Attributes
     ----------
     kinetic : of the nodal velocities
     elastic : including the ghost penalty
-    external : work of gravity, loads, walls and supports
+    external : work of gravity, loads, walls, supports and moving ends of springs
     push_out : work of contacts that remove an overlap of an earlier step
     cohesion : work of cohesive contacts on gaps that close, negative where they open
     regridding : change of the points' energy by regridding
     viscous : dissipated by the viscosity of materials
+    springs : stored in springs
     dissipated : the remainder: friction, impacts, the time scheme, the transfer
     """
 
@@ -96,6 +97,7 @@ class Energy:
     cohesion: float = 0.0
     regridding: float = 0.0
     viscous: float = 0.0
+    springs: float = 0.0
     dissipated: float = 0.0
 
 
@@ -266,7 +268,7 @@ class Derived:
     """Cached data that follow from the rest of the state; not saved, rebuilt on demand."""
 
     assembly: Assembly
-    ghost: Array  # (bodies,) moduli of the ghost penalty in `assembly` [Pa]
+    ghost: Array  # (cells,) moduli of the ghost penalty in `assembly` [Pa]
     moment_fitting: bool  # whether the weights in `assembly` are fitted
     supports: Elimination | None  # of the unknowns that supports determine
     supporting: Ints  # (2, n) the support that prescribes each component of the points' velocities, -1 where none

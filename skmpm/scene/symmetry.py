@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Material, Rigid, viscosity_of
+from skmpm.material import Material, viscosity_of
+from skmpm.scene.objects import Body
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -33,21 +34,41 @@ def round_bodies(scene: Scene) -> NDArray[np.bool_]:
 
 
 def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
-    """Round bodies of one isotropic, elastic material that nothing but frictionless contact acts on, (bodies,)."""
+    """Round bodies, isotropic and elastic, that nothing but frictionless contact acts on, (bodies,).
+
+    Several materials do not matter if they are concentric rings.
+    """
     if scene.frictions.among_bodies.any() or scene.cohesive:
         return np.zeros(len(scene.bodies), dtype=bool)
-    isotropic = {id(body.material): _isotropic(body.material) for body in scene.bodies}
-    found = scene.round & np.array([isotropic[id(body.material)] for body in scene.bodies])
-    for place in (*scene.supported, *scene.loaded):
+    isotropic = {id(material): _isotropic(material) for body in scene.bodies for material in body.materials}
+    symmetric = [
+        bool(body.materials) and all(isotropic[id(m)] for m in body.materials) and _rings(body)
+        for body in scene.bodies
+    ]
+    found = scene.round & np.array(symmetric)
+    ends = [place for ends in scene.sprung for place in (ends.first, ends.second) if place is not None]
+    for place in (*scene.supported, *scene.loaded, *ends):
         found[scene.owner[place.points]] = False
     for segments in scene.pressed:
         found[scene.outlines.body[segments]] = False
     return np.asarray(found)
 
 
-def _isotropic(material: Material | Rigid) -> bool:
+def _rings(body: Body) -> bool:
+    """Whether the materials of a body are rings about its centre of mass, or one."""
+    if len(body.parts) == 1:
+        return True
+    volume, x = body.points.volume, body.points.x
+    mass = np.concatenate([material.density * volume[points] for material, points in body.parts])
+    position = np.concatenate([x[:, points] for _, points in body.parts], axis=1)
+    radius = np.hypot(*(x - np.average(position, axis=1, weights=mass)[:, None]))
+    inner, outer = zip(*sorted((radius[p].min(), radius[p].max()) for _, p in body.parts), strict=True)
+    return all(low > high for low, high in zip(inner[1:], outer[:-1], strict=True))
+
+
+def _isotropic(material: Material) -> bool:
     """Whether the energy is a function of F F^T, by its values for one deformation of the material, rotated."""
-    if isinstance(material, Rigid) or viscosity_of(material) > 0.0:
+    if viscosity_of(material) > 0.0:
         return False
     F, angle = np.array([[1.2, 0.3], [0.05, 0.9]]), np.linspace(0.0, np.pi, 7)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

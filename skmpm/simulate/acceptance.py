@@ -9,7 +9,7 @@ from skmpm import outline
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import StepRejected
 from skmpm.material import Rigid, determinant, is_linear
-from skmpm.scene import Scene, State
+from skmpm.scene import Scene, State, material_at
 from skmpm.scheme import Scheme
 from skmpm.simulate.energy_budget import Budget
 from skmpm.simulate.initial_state import can_touch
@@ -32,8 +32,8 @@ EXPLICIT_TOLERANCE = 0.05  # over the largest energy: gain in an explicit step, 
 def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> float:
     """Overlap area over the area of all bodies after a step; StepRejected if the step violates a check."""
     if not (np.isfinite(budget.elastic) and float(after.volume.min()) > 0.0):
-        b = int(after.body[np.argmin(determinant(after.F))])
-        material = scene.bodies[b].material
+        worst = int(np.argmin(determinant(after.F)))
+        b, material = int(after.body[worst]), material_at(scene, worst)
         linear = not isinstance(material, Rigid) and is_linear(material)
         small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
         remedy = f"use a smaller dt{small}"

@@ -34,6 +34,7 @@ from skmpm.simulate.regrid import (
     regridded_state,
 )
 from skmpm.simulate.rigid_edges import indenting_edge_message
+from skmpm.simulate.springs import check_bars_held, check_explicit_springs, springs_of
 from skmpm.simulate.turning import gauge_condition
 from skmpm.simulate.unknowns import scalar_unknowns
 from skmpm.transfer import to_nodes
@@ -59,6 +60,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_explicit("step", scene, scheme)
     check_cohesion("step", scene, scheme)
     check_driven("step", scene, scheme)
+    check_explicit_springs("step", scene, scheme)
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
@@ -88,11 +90,13 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         gauge=gauge_condition(scene, state, v0, dt, scheme),
         pressure=follower_pressure(scene, state, state.t + scheme.theta * dt),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
+        springs=springs_of(scene, state, state.t + scheme.theta * dt),
     )
     timer.lap("transfer")
     try:
         check_connected(scene, state)
         check_parts_apart(scene, state, scheme)
+        check_bars_held(increment)
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
             contact = _contact_problem(scene, state, increment, motions, unknowns, timer, delassus)

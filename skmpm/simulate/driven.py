@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.material import Rigid
 from skmpm.observe.regions import region
 from skmpm.scene import Scene, SceneError, State
 from skmpm.scheme import Scheme
@@ -68,8 +67,8 @@ def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]
     """What a force or a stress drives, with the speed P / (rho c) that it gives to a wave in bodies at t [m/s]."""
     if not (scene.driven_walls.size or scene.periodic is not None):
         return
-    x, soft = scene.initial_positions, [b.material for b in scene.bodies if not isinstance(b.material, Rigid)]
-    impedance = float(min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in soft))
+    x = scene.initial_positions
+    impedance = float(min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in scene.materials))
     for i, force in zip(scene.driven_walls.tolist(), np.abs(_forces(scene, t)).tolist(), strict=True):
         width = float(np.ptp(scene.normals[0, i] * x[1] - scene.normals[1, i] * x[0]))
         yield f"wall {i} by its force", force / width / impedance

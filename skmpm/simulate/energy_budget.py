@@ -13,6 +13,7 @@ from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, cent
 from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
 from skmpm.simulate.forces import external_force, follower_pressure
 from skmpm.simulate.rigid_energy import free_bodies
+from skmpm.simulate.springs import energies
 from skmpm.simulate.unbalanced import unbalanced_ratio
 
 Array = NDArray[np.float64]
@@ -32,26 +33,34 @@ class Budget:
     before: float  # kinetic and elastic, at the start of the step
     kinetic: float
     elastic: float
-    external: float  # work of loads, supports, walls and rigid bodies
+    external: float  # work of loads, supports, walls, rigid bodies and moving ends of springs
     push_out: float  # penetration correction: work of contact forces on initial overlaps that the step removes
     viscous: float  # dissipated by the viscosity of materials
     noise: float  # round-off of energies
     exchanged: float  # sum of the magnitudes of the changes of kinetic and elastic energy, work and dissipation
     tolerated: float  # work of contact forces on open gaps, within `gap_tol`
     rounding: float  # round-off of strain energies, kinetic energy of gap velocities that are round-off
+    springs: tuple[float, float] = (0.0, 0.0)  # stored in springs, at the start and at the end of the step
     cohesion: float = 0.0  # work of cohesive contacts on open gaps, positive where these close
 
     @property
     def largest(self) -> float:
         """The largest of the energies."""
         after = self.kinetic + self.elastic
-        return max(abs(self.before), abs(after), abs(self.external), self.push_out, self.viscous, self.noise)
+        return max(
+            *self.springs, abs(self.before), abs(after), abs(self.external), self.push_out, self.viscous, self.noise
+        )
 
     @property
     def surplus(self) -> float:
         """Energy gained beyond the work and the tolerances."""
         supplied = self.external + self.push_out + self.tolerated + self.rounding + self.cohesion
-        return self.kinetic + self.elastic + self.viscous - self.before - supplied
+        return self.kinetic + self.elastic + self.viscous - self.before + self.into_springs - supplied
+
+    @property
+    def into_springs(self) -> float:
+        """Energy stored in springs in the step."""
+        return self.springs[1] - self.springs[0]
 
 
 def budget_of(
@@ -94,6 +103,13 @@ def budget_of(
         )
     if not inertia:
         external = 0.5 * (external + _work_at_start(scene, state, increment, w, motions))
+    springs = (0.0, 0.0)
+    if increment.springs is not None:
+        after = state.x.copy()
+        moved = increment.grid.at_points(end.configuration.displacement)
+        after[:, scene.deformable_points] = state.x_anchor[:, scene.deformable_points] + moved
+        springs, work = energies(scene, state.x, after, state.t, increment)
+        external += work
     return Budget(
         before=elastic[0] + kinetic[0],
         kinetic=kinetic[1],
@@ -103,7 +119,12 @@ def budget_of(
         cohesion=cohesion,
         viscous=viscous,
         noise=max(STRAIN_ROUND_OFF**2 * modulus, 1e-300),
-        exchanged=abs(kinetic[1] - kinetic[0]) + abs(elastic[1] - elastic[0]) + abs(external) + viscous,
+        springs=springs,
+        exchanged=abs(springs[1] - springs[0])
+        + abs(kinetic[1] - kinetic[0])
+        + abs(elastic[1] - elastic[0])
+        + abs(external)
+        + viscous,
         tolerated=tolerated,
         rounding=rounding,
     )
@@ -168,11 +189,13 @@ def report_of(
             cohesion=old.cohesion + budget.cohesion,
             regridding=old.regridding + by_regrid,
             viscous=old.viscous + budget.viscous,
+            springs=budget.springs[1],
             dissipated=old.dissipated
             + budget.external
             + budget.push_out
             + by_regrid
             - gained
+            - budget.into_springs
             - budget.viscous
             + budget.cohesion,
         ),

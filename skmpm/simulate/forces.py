@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.implicit import FollowerPressure
-from skmpm.material import Rigid, viscosity_of
+from skmpm.material import viscosity_of
 from skmpm.scene import Scene, State, field_values, prescribed_motions
 from skmpm.simulate.regrid import assembly_of
 
@@ -62,13 +62,13 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     They do if a load or a prescribed velocity is a function of time, if anything is prescribed to move, or if a
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
-    deformable = [body.material for body in scene.bodies if not isinstance(body.material, Rigid)]
     loads = [*(load.force for load in scene.dead_loads), *(pressure.value for pressure in scene.pressures)]
-    motions = prescribed_motions(scene)
-    if any(callable(f) for f in (scene.gravity, *loads, *motions)):
+    motions, ends = prescribed_motions(scene), [spring.rest for spring in scene.springs]
+    stress = None if scene.periodic is None else scene.periodic.stress
+    if any(callable(f) for f in (scene.gravity, *loads, *ends, *motions, stress)):
         return True
     moving = any(v for motion in motions for v in motion if v is not None)
-    return moving or any(viscosity_of(material) > 0.0 for material in deformable)
+    return moving or any(viscosity_of(material) > 0.0 for material in scene.materials)
 
 
 def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
@@ -79,6 +79,6 @@ def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
     interacting = np.zeros(len(scene.bodies), dtype=bool)
     loaded = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
     interacting[loaded[loaded >= 0]] = True
-    for supported in scene.supported:
+    for supported in (*scene.supported, *(ends.first for ends in scene.sprung)):
         interacting[state.body[supported.points]] = True
     return interacting

@@ -11,6 +11,7 @@ from skmpm.implicit import End, Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
 from skmpm.scene import (
+    Body,
     Contacts,
     Derived,
     PrescribedVelocities,
@@ -81,7 +82,7 @@ def _carried(
 def _reusable(scene: Scene, state: State, increment: Increment, solution: Solution) -> Derived:
     """The data that later steps can use again: with linear materials the factor and the Delassus operator."""
     derived = replace(derived_of(state), key=(), solver=None, delassus=None)
-    if not increment.material_response.linear:
+    if not increment.material_response.linear or increment.springs is not None:
         return derived
     contact = solution.contact if solution.solver is not None else None  # the operator belongs to the factor
     delassus = None if contact is None else contact.delassus
@@ -94,15 +95,22 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
     It is for linear materials, unless dt, scheme or body grids have changed.
     """
     derived = state.derived
-    if derived is None or not increment.material_response.linear or derived.key != _key(scene, increment):
+    if derived is None or not increment.material_response.linear or increment.springs is not None:
+        return None, None
+    if derived.key != _key(scene, increment):
         return None, None
     return derived.solver, derived.delassus
 
 
 def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
-    materials, scheme = tuple(body.material for body in scene.bodies), increment.scheme
+    materials, scheme = tuple((body.materials, groups_of(body)) for body in scene.bodies), increment.scheme
     options = (scheme.theta, scheme.inertia, scheme.explicit, scheme.linear, scheme.mean_dilatation, scheme.contact)
     return (increment.dt, *options, materials)
+
+
+def groups_of(body: Body) -> str:
+    """The groups of the points of a body of several materials, as text; nothing of others."""
+    return "" if len(body.materials) < 2 or body.points.group is None else "\n".join(body.points.group.tolist())
 
 
 def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:

@@ -22,6 +22,7 @@ from skmpm.scene import (
     field_values,
     prescribed_velocities,
     rigid_motion,
+    spring_energy,
     velocity_at,
 )
 from skmpm.scheme import Scheme
@@ -30,6 +31,7 @@ from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
 from skmpm.simulate.rigid_energy import kinetic_energy_of_free_bodies
+from skmpm.simulate.springs import check_explicit_springs
 from skmpm.transfer import to_nodes
 
 Array = NDArray[np.float64]
@@ -41,14 +43,14 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     check_explicit("initial", scene, scheme)
     check_cohesion("initial", scene, scheme)
     check_driven("initial", scene, scheme)
+    check_explicit_springs("initial", scene, scheme)
     check_walls_at_start(scene)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
-    density = np.array([b.material.density for b in scene.bodies])
     v, C = initial_motion(scene)
     rate = None if scene.periodic is None else scene.periodic.rate_at(0.0)
     if rate is not None:
-        v += (rate @ centres(x, density[body] * volume, body) * scene.movable)[:, body]
+        v += (rate @ centres(x, scene.densities * volume, body) * scene.movable)[:, body]
     n = x.shape[1]
     state = State(
         t=0.0,
@@ -57,7 +59,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         F=np.repeat(np.eye(2)[:, :, None], n, axis=2),
         C=C,
         stress=np.zeros((2, 2, n)),
-        mass=density[body] * volume,
+        mass=scene.densities * volume,
         volume=volume,
         weight=volume,
         body=body,
@@ -83,7 +85,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     state = replace(state, weight=weight)
     relative = nodal - velocity_of_box(state, state.box_rate)
     kinetic = kinetic_energy(assembly, relative) + kinetic_energy_of_free_bodies(scene, state)
-    at_start = Report(energy=Energy(kinetic=kinetic))
+    at_start = Report(energy=Energy(kinetic=kinetic, springs=spring_energy(scene, x, 0.0)))
     return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
 
 
@@ -111,9 +113,9 @@ def check_scheme(name: str, scheme: object) -> None:
 def check_explicit(name: str, scene: Scene, scheme: Scheme) -> None:
     """Raise ValueError if explicit steps are requested for viscous bodies: they do not include viscous forces."""
     for b, body in enumerate(scene.bodies if scheme.explicit else ()):
-        if not isinstance(body.material, Rigid) and viscosity_of(body.material) > 0.0:
+        if (viscosity := max(map(viscosity_of, body.materials), default=0.0)) > 0.0:
             raise ValueError(
-                f"{name}: body {b} has viscosity = {viscosity_of(body.material):g} Pa s, which explicit steps do not"
+                f"{name}: body {b} has viscosity = {viscosity:g} Pa s, which explicit steps do not"
                 " know; use Scheme(explicit=False) or viscosity = 0"
             )
 

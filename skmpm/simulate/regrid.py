@@ -19,7 +19,7 @@ from skmpm.constraint_elimination import Elimination, eliminate
 from skmpm.contact import acts_at_grid_nodes, joined_parts
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.implicit import Bulk, StepRejected
-from skmpm.material import Rigid, bounded_modulus, determinant, inverse, product
+from skmpm.material import bounded_modulus, determinant, inverse, product
 from skmpm.moment_fitting import fitted_weights
 from skmpm.scene import Derived, Scene, SceneError, State
 from skmpm.scheme import Scheme, averages_dilatation
@@ -66,17 +66,18 @@ def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
         and kept.assembly.grid.cell == scene.cell
         and np.array_equal(kept.supporting, scene.supporting)
         and kept.moment_fitting == scheme.moment_fitting
-        and np.array_equal(kept.ghost, _ghost_moduli(scene, scheme))
+        and np.array_equal(kept.ghost, _ghost_moduli(scene, scheme, kept.assembly.grid))
     )
 
 
 def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
     """Body grids in the reference configuration, and the data that depend only on it."""
-    deformable, modulus = scene.deformable[state.body], _ghost_moduli(scene, scheme)
+    deformable = scene.deformable[state.body]
     x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
     grid = build_grids(x[:, deformable], state.body[deformable], scene.cell, len(scene.bodies), inward[:, deformable])
     volume = (scene.initial_volumes * determinant(state.F_anchor))[deformable]
     weights = _weights(scene, grid, volume, x) if scheme.moment_fitting else volume
+    modulus = _ghost_moduli(scene, scheme, grid)
     return Derived(
         assembly=prepare(grid, weights, state.mass[deformable], modulus),
         ghost=modulus,
@@ -131,13 +132,16 @@ def _supports(scene: Scene, grid: BodyGrids, number: NDArray[np.int64]) -> Elimi
     return eliminate(sp.csr_array(sp.vstack(rows)), B, grid.blocks, grid.rigid_motions())
 
 
-def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
-    """Moduli of the bodies' ghost penalties, (bodies,) [Pa]."""
-    modulus = np.zeros(len(scene.bodies))
-    for b, body in enumerate(scene.bodies):
-        if not isinstance(body.material, Rigid):
-            modulus[b] = scheme.ghost * bounded_modulus(body.material)
-    return modulus
+def _ghost_moduli(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:
+    """Moduli of the ghost penalties of the cells, (cells,) [Pa]: of the softest material in each."""
+    first = [bounded_modulus(body.materials[0]) if body.materials else 0.0 for body in scene.bodies]
+    modulus = np.array(first)[grid.cell_body]
+    if scene.composite.any():
+        modulus[scene.composite[grid.cell_body]] = np.inf
+        for material, points in scene.points_by_material:
+            cells = grid.cell_of_point[points]
+            modulus[cells] = np.minimum(modulus[cells], bounded_modulus(material))
+    return np.asarray(scheme.ghost * modulus)
 
 
 def _reference_is_outdated(state: State, scheme: Scheme) -> bool:
@@ -187,12 +191,9 @@ def assembly_of(state: State) -> Assembly:
 
 def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
     """The deformable bodies' energy, grouped by material."""
-    own = scene.deformable_points
-    body = state.body[own]
-    of_body = [b.material for b in scene.bodies]
-    kinds = dict.fromkeys(m for m in of_body if not isinstance(m, Rigid))
-    groups = [(kind, np.flatnonzero(np.array([m == kind for m in of_body])[body])) for kind in kinds]
+    own, parts = scene.deformable_points, scene.points_by_material
     F, stress = state.F_anchor[:, :, own], state.stress_anchor[:, :, own]
     undeformed = bool((np.eye(2)[:, :, None] == F).all())
     reference = (None if undeformed else F, stress if stress.any() else None)
-    return Bulk(assembly_of(state), groups, *reference, tuple(averages_dilatation(scheme, kind) for kind in kinds))
+    averaged = tuple(averages_dilatation(scheme, material) for material, _ in parts)
+    return Bulk(assembly_of(state), parts, *reference, averaged, mixed_cells=bool(scene.composite.any()))

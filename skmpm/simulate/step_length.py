@@ -97,9 +97,9 @@ def pace_of(scene: Scene, scheme: Scheme, start: float, until: float) -> Pace:
     if scheme.explicit:
         raise SceneError("simulate: explicit steps need dt, below about 0.7 h/c; `preflight` gives c")
     loading = loading_of(scene, np.linspace(start, until, TIMES if _functions_of_time(scene) else 1))
-    functions = callable(scene.gravity) or any(callable(load.force) for load in scene.dead_loads)
-    functions |= any(callable(pressure.value) for pressure in scene.pressures)
-    if functions and not scheme.inertia:
+    of_time = [scene.gravity, *(load.force for load in scene.dead_loads), *(spring.rest for spring in scene.springs)]
+    of_time += [pressure.value for pressure in scene.pressures]
+    if any(callable(f) for f in of_time) and not scheme.inertia:
         raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
     gravity = float(np.hypot(*gravity_of(scene)))
     # Where something is driven, collisions of bodies that are loose between others need not be accurate.

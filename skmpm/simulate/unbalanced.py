@@ -10,10 +10,10 @@ from skmpm.implicit import Increment, Solution
 def unbalanced_ratio(increment: Increment, solution: Solution) -> float:
     """Largest resultant force on a body over the mean force between two bodies, or body and wall, in contact.
 
-    The resultant is that of contact forces, gravity and loads, which accelerates the body. Bodies with supports are
-    left out. It is zero if no force acts, and infinite if forces act but none between bodies.
+    The resultant is that of contact forces, gravity, loads and springs, which accelerates the body. Bodies with
+    supports are left out. It is zero if no force acts, and infinite if forces act but none between bodies.
     """
-    grid, force, mean = increment.grid, increment.load(solution.w), 0.0
+    grid, force, mean = increment.grid, increment.load(solution.w) - increment.spring_force(solution.w), 0.0
     contact = solution.contact
     if contact is not None and contact.constraints.size:
         constraints = contact.constraints

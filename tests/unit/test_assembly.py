@@ -26,7 +26,8 @@ def random_assembly(seed, bodies=3, points=25, ghost=0.0):
     mass = rng.uniform(900.0, 1100.0, body.size) * volume
     grid = build_grids(x, body, CELL, bodies)
     modulus = ghost * rng.uniform(1e5, 1e7, bodies)
-    return rng, body, grid, volume, mass, modulus, prepare(grid, volume, mass, modulus)
+    fast = prepare(grid, volume, mass, modulus[grid.cell_body])
+    return rng, body, grid, volume, mass, modulus, fast
 
 
 def random_gradients(rng, n, size=0.25):
@@ -83,7 +84,7 @@ def test_stiffness_of_any_symmetric_tangent_equals_the_form(seed):
     C = rng.normal(size=(4, 4, body.size))
     C = (C + C.swapaxes(0, 1)).reshape(2, 2, 2, 2, -1)
     expected = forms.stiffness.assemble(grid.basis(volume), C=C[..., None])
-    massless = prepare(grid, volume, np.zeros(body.size), np.zeros(2))
+    massless = prepare(grid, volume, np.zeros(body.size), np.zeros(grid.cells))
     assert_close(massless.matrix(massless.stiffness(C), 1.0).toarray(), expected.toarray())
 
 
@@ -180,7 +181,9 @@ def test_ghost_penalty_is_zero_for_linear_fields_and_never_negative(seed):
 @given(SEED, st.floats(0.0, 1.2))
 def test_ghost_facets_are_inside_bodies_beside_poorly_filled_cells_and_all_of_those(seed, threshold):
     _, _, grid, volume, *_ = random_assembly(seed)
-    nodes, owner = ghost_facets(grid, volume, threshold)
+    nodes, cells = ghost_facets(grid, volume, threshold)
+    owner = grid.cell_body[cells[0]]
+    assert np.array_equal(owner, grid.cell_body[cells[1]])
     facets, expected_owner = mesh_facets(grid, volume, threshold)
     ends = np.sort(nodes[[1, 4]], axis=0)  # the facet itself; the other four nodes are beside it
     expected = np.sort(grid.mesh.facets[:, facets], axis=0)
@@ -195,10 +198,11 @@ def test_ghost_facets_surround_the_one_cell_that_is_filled_less_than_the_thresho
     x = np.hstack([index, index + shift]) + 0.5
     volume = np.where((x[0] == 1.5) & (x[1] == 1.5), 0.59, 0.6)
     body = np.repeat([0, 1], 12)
-    nodes, owner = ghost_facets(build_grids(x, body, 1.0, 2), volume)
+    grid = build_grids(x, body, 1.0, 2)
+    nodes, cells = ghost_facets(grid, volume)
+    owner = grid.cell_body[cells[0]]
     assert np.array_equal(np.unique(owner), [0] if shift else [0, 1])
     assert np.count_nonzero(owner == 0) == 4
-    grid = build_grids(x, body, 1.0, 2)
     middle = grid.nodes_of_cell[:, (grid.cell_index == 1).all(axis=0) & (grid.cell_body == 0)]
     assert np.isin(nodes[[1, 4]][:, owner == 0], middle).all()
 
@@ -207,9 +211,9 @@ def test_full_cells_and_a_zero_modulus_have_no_ghost_penalty():
     x = np.stack(np.meshgrid(np.arange(4), np.arange(3))).reshape(2, -1) + 0.5
     body, one = np.zeros(12, int), np.ones(12)
     grid = build_grids(x, body, 1.0, 1)
-    full = prepare(grid, one, one, np.array([1.0]))
-    off = prepare(grid, 0.1 * one, one, np.array([0.0]))
-    on = prepare(grid, 0.1 * one, one, np.array([1.0]))
+    full = prepare(grid, one, one, np.ones(grid.cells))
+    off = prepare(grid, 0.1 * one, one, np.zeros(grid.cells))
+    on = prepare(grid, 0.1 * one, one, np.ones(grid.cells))
     assert full.ghost.dtype == np.float64
     assert not full.ghost.data.any() and not off.ghost.data.any()
     assert on.ghost.data.any()
@@ -222,7 +226,7 @@ def test_full_cells_and_a_zero_modulus_have_no_ghost_penalty():
 def test_a_point_on_a_grid_line_leaves_no_node_without_mass():
     x = np.array([[0.5, 1.0], [1.0, 2.0]])
     grid, mass = build_grids(x, np.zeros(2, int), 1.0, 1), np.array([2.0, 3.0])
-    M = prepare(grid, np.ones(2), mass, np.ones(1)).mass
+    M = prepare(grid, np.ones(2), mass, np.ones(grid.cells)).mass
     assert M.min() > 0.0
     assert M[0::2].sum() == pytest.approx(5.0, rel=1e-11)
     assert lumped_mass(grid, mass)[0::2].sum() == pytest.approx(5.0, rel=1e-15)
@@ -230,7 +234,7 @@ def test_a_point_on_a_grid_line_leaves_no_node_without_mass():
 
 def test_bodies_of_one_point_and_of_none_are_assembled():
     grid = build_grids(np.array([[0.3], [0.4]]), np.array([1]), 1.0, 3)
-    fast = prepare(grid, np.array([0.2]), np.array([5.0]), np.ones(3))
+    fast = prepare(grid, np.array([0.2]), np.array([5.0]), np.ones(grid.cells))
     C = MATERIALS[0].tangent(np.eye(2)[:, :, None])
     A = fast.matrix(fast.stiffness(C), 1.0)
     expected = forms.stiffness.assemble(grid.basis(fast.volume), C=C[..., None]).toarray() + np.diag(fast.mass)

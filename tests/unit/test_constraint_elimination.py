@@ -24,7 +24,7 @@ def solid(offset=(0.0, 0.0)):
     """A bar of 2 x 8 cells, (body grids, A): stiffness and a mass of one part in a million."""
     p = box(offset, (2, 8), spacing=0.5)
     grid = build_grids(p.x, np.zeros(p.size, int), 1.0, 1)
-    assembly = prepare(grid, p.volume, np.ones(p.size), np.array([1.0]))
+    assembly = prepare(grid, p.volume, np.ones(p.size), np.ones(grid.cells))
     F = np.repeat(np.eye(2)[:, :, None], p.size, axis=2)
     inertia = 1e-3 * assembly.mass.reshape(-1, 2, 1) * np.eye(2)
     return p, grid, assembly.matrix(assembly.stiffness(SOLID.tangent(F)), 1.0, inertia)

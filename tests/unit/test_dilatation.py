@@ -32,7 +32,8 @@ def random_bulk(seed, mix="mixed", regridded_state=True, averaged=ALL, points=20
     body = rng.permutation(np.repeat([0, 1], points))
     x = CELL * rng.uniform(0.0, 3.0, size=(2, body.size))
     volume = rng.uniform(0.02, 0.3, body.size) * CELL**2
-    assembly = prepare(build_grids(x, body, CELL, 2), volume, 1e3 * volume, np.full(2, ghost * 1e6))
+    grid = build_grids(x, body, CELL, 2)
+    assembly = prepare(grid, volume, 1e3 * volume, np.full(grid.cells, ghost * 1e6))
     materials = [(m, np.flatnonzero(body == b)) for b, m in enumerate(MIXES[mix])]
     stress = 1e5 * rng.normal(size=(2, 2, body.size))
     F_anchor = random_gradients(rng, body.size) if regridded_state else None
@@ -126,7 +127,7 @@ def test_regridding_in_the_same_cells_changes_nothing():
     end = np.eye(2)[:, :, None] + H
     F_anchor = np.repeat(G[:, :, None], n, axis=2)
     anew = Bulk(
-        prepare(grid, np.linalg.det(G) * first.assembly.volume, first.assembly.volume, np.zeros(2)),
+        prepare(grid, np.linalg.det(G) * first.assembly.volume, first.assembly.volume, np.zeros(grid.cells)),
         first.materials,
         F_anchor,
         None,

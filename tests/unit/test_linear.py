@@ -30,7 +30,7 @@ def system(dt, radius=3.3, points=220):
     solid = NeoHookean(1e7, 0.3, 1000.0)
     volume = np.full(body.size, np.pi * (radius * CELL) ** 2 / points)
     grid = build_grids(x, body, CELL, 4)
-    fast = prepare(grid, volume, 1000.0 * volume, np.full(4, 0.005 * 1e7))
+    fast = prepare(grid, volume, 1000.0 * volume, np.full(grid.cells, 0.005 * 1e7))
     F = np.eye(2)[:, :, None] + rng.uniform(-0.2, 0.2, size=(2, 2, body.size))
     C = projected(solid.tangent(F).reshape(4, 4, -1)).reshape(2, 2, 2, 2, -1)
     A = fast.matrix(fast.stiffness(C), dt**2)

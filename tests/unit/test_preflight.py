@@ -220,9 +220,7 @@ def gel(**changes):
 
 
 def quick(scene):
-    return scene.cell / max(
-        np.sqrt((m.lame[0] + 2 * m.lame[1]) / m.density) for m in (b.material for b in scene.bodies)
-    )
+    return scene.cell / max(np.sqrt((m.lame[0] + 2 * m.lame[1]) / m.density) for m in scene.materials)
 
 
 LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene and value, scheme
@@ -254,6 +252,9 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
         walls=[Wall((0, -R), (0, 1), friction=0.5), Wall((0, 2 * R), (0, -1), friction=v)]), None, {}),
     "stiffness": (limits.STIFFNESS, r"bodies 1 and 0: ratio of E 100\.01;",
                   lambda v: pair(first=gel(E=1e6 * v), second=gel(E=1e6)), None, {}),
+    "bonded": (limits.BONDED, r"body 0: ratio of E 100010; parts of one body",
+               lambda v: Scene([Body(disc((0.0, 0.0), R, spacing=0.74 * H).with_groups(lambda x: np.where(
+                   x[0] < 0, "a", "b")), {"a": gel(E=1e6), "b": gel(E=1e6 * v)})], cell=H), None, {}),
     "density": (limits.DENSITY, r"bodies 0 and 1: ratio of density 10001;",
                 lambda v: pair(second=gel(density=990.0 * v)), None, {}),
     "turning": (limits.ROTATION, r"body 0: LinearElastic rotates by 0.05 rad in 1e\+03 steps;", lambda v: Scene(

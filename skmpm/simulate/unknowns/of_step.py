@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.implicit import ScalarUnknowns
-from skmpm.material import Rigid
 from skmpm.scene import PrescribedVelocities, Scene, State
 from skmpm.scheme import Scheme
 from skmpm.simulate.unknowns.interval import Interval
@@ -27,7 +26,7 @@ def scalar_unknowns(
         return None
     soft, farthest = None, np.inf
     if not scheme.inertia:
-        shear = max(body.material.lame[1] for body in scene.bodies if not isinstance(body.material, Rigid))
+        shear = max(material.lame[1] for material in scene.materials)
         soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, FARTHEST * scene.cell / dt
     interval = Interval(state.t + scheme.theta * dt, dt, soft, farthest)
     box = StressedBox.of(scene, state, interval)

@@ -1,0 +1,85 @@
+"""The springs of a scene in a step: their equations, their energy, and where they are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.implicit import Increment, Springs, StepRejected
+from skmpm.scene import Scene, SceneError, State, rest_of, spring_energy, stiffness_of, work_of_ends
+from skmpm.scheme import Scheme
+from skmpm.simulate.regrid import assembly_of
+
+Array = NDArray[np.float64]
+
+
+def check_explicit_springs(name: str, scene: Scene, scheme: Scheme) -> None:
+    """Raise SceneError if explicit steps are requested with springs, which act at the end of a step."""
+    if scheme.explicit and scene.springs:
+        raise SceneError(f"{name}: spring 0 in explicit steps, which do not know springs; use Scheme(explicit=False)")
+
+
+def springs_of(scene: Scene, state: State, t: float) -> Springs | None:
+    """The springs of a step with the ends that they have at time t; None without springs."""
+    if not scene.springs:
+        return None
+    assembly, number = assembly_of(state), np.cumsum(scene.deformable[state.body]) - 1
+    N, moved = assembly.grid.interpolation, state.x_anchor - scene.initial_positions
+    points, stiffness, start = [np.zeros(0, dtype=np.int64)], [np.zeros((2, 0))], [np.zeros((2, 0))]
+    bars = [sp.csr_array((0, 2 * assembly.grid.nodes))]
+    span, bar_stiffness, length = [np.zeros((0, 2))], [0.0][:0], [0.0][:0]
+    for i, (spring, ends) in enumerate(zip(scene.springs, scene.sprung, strict=True)):
+        k, rest, first = stiffness_of(i, spring), rest_of(scene, i, t), ends.first
+        if ends.bed:
+            points.append(number[first.points])
+            stiffness.append(k[:, None] * first.share)
+            start.append(moved[:, first.points] - rest[:, None])
+            continue
+        row = first.share @ N[number[first.points]]
+        if ends.second is not None:
+            row = row - ends.second.share @ N[number[ends.second.points]]
+        bars.append(sp.csr_array(sp.kron(sp.csr_array(row.reshape(1, -1)), np.eye(2), format="csr")))
+        span.append(ends.span(state.x_anchor)[None])
+        bar_stiffness.append(float(k[0]))
+        length.append(float(rest))
+    return Springs(
+        assembly,
+        np.concatenate(points),
+        np.concatenate(stiffness, axis=1),
+        np.concatenate(start, axis=1),
+        sp.csr_array(sp.vstack(bars, format="csr")),
+        np.concatenate(span),
+        np.array(bar_stiffness, dtype=float),
+        np.array(length, dtype=float),
+    )
+
+
+def check_bars_held(increment: Increment) -> None:
+    """Raise StepRejected if, without inertia, a bar joins a body that nothing else holds."""
+    if increment.springs is None or increment.scheme.inertia:
+        return
+    loose = np.flatnonzero(increment.springs.joined & increment.floating)
+    if loose.size:
+        raise StepRejected(
+            f"body {loose[0]}",
+            "a spring joins it to something, and nothing else holds it; a step without inertia needs more",
+            "add a Support or a spring to ground, or use inertia",
+            retryable=False,
+        )
+
+
+def energies(
+    scene: Scene, before: Array, after: Array, t: float, increment: Increment
+) -> tuple[tuple[float, float], float]:
+    """Energy of the springs before and after a step with points at (2, n), and work of their moving ends [J/m].
+
+    With inertia the work is that of the forces in the balance, without of the mean of both ends of the step.
+    """
+    dt, theta = increment.dt, increment.scheme.theta
+    stored = spring_energy(scene, before, t), spring_energy(scene, after, t + dt)
+    if increment.scheme.inertia:
+        at = before + theta * (after - before)
+        return stored, work_of_ends(scene, at, (t, t + theta * dt, t + dt))
+    each = [work_of_ends(scene, x, (t, s, t + dt)) for x, s in ((before, t), (after, t + dt))]
+    return stored, 0.5 * sum(each)

@@ -1,0 +1,399 @@
+"""Springs against closed forms: beds and bars, their forces, energies and matrices, and errors in them."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import skmpm
+from skmpm import LinearElastic, NeoHookean, Spring, linear, spring_forces
+from skmpm.points import box, disc
+from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
+from skmpm.scheme import Scheme
+from skmpm.simulate import initial, simulate, step
+from skmpm.simulate.springs import springs_of
+
+sys.path.append(str(Path(__file__).parent))
+from test_only_what_is_required import Calls
+
+CELL, K = 0.1, 1e3  # [m], [N/m2]
+STIFF = NeoHookean(1e8, 0.3, 1000.0)  # a block of 1 m2 has 1000 kg/m and hardly deforms
+MIDPOINT, STATIC = Scheme(theta=0.5), Scheme(inertia=False, newton_tol=1e-8)
+PERIOD = 2.0 * np.pi * np.sqrt(1000.0 / K)
+
+
+def block(left=0.0, material=STIFF, bottom=0.0, **motion):
+    return Body(box((left, bottom), (1.0, 1.0), spacing=CELL / 2), material, **motion)
+
+
+def everywhere(x):
+    return np.ones(x.shape[1], dtype=bool)
+
+
+def left(x):
+    return x[0] < 1.5
+
+
+def right(x):
+    return x[0] > 1.5
+
+
+def run(scene, until, steps, scheme=MIDPOINT, **options):
+    *_, state = simulate(scene, dt=until / steps, until=until, scheme=scheme, **options)
+    return state
+
+
+def moved(scene, state):
+    return (state.x - scene.initial_positions).mean(axis=1)
+
+
+def total(energy):
+    return energy.kinetic + energy.elastic + energy.springs
+
+
+# Beds.
+
+
+@pytest.mark.parametrize("material", [STIFF, LinearElastic(1e8, 0.3, 1000.0)], ids=["finite", "linear"])
+def test_a_block_on_a_bed_has_the_period_of_its_mass(material):
+    """2 pi (m / k)^(1/2), to the second order of the midpoint rule, whose period is (1 + (omega dt)^2 / 12) of it."""
+    errors = []
+    for steps in (50, 100):
+        scene = Scene([block(material=material, velocity=(1.0, 0.0))], cell=CELL, springs=[Spring(everywhere, K)])
+        state = run(scene, PERIOD, steps)
+        late = -moved(scene, state)[0] / np.sqrt(1000.0 / K)  # x = (m / k)^(1/2) sin(omega t)
+        assert late == pytest.approx(2 * np.pi * (2 * np.pi / steps) ** 2 / 12, rel=0.02)
+        errors.append(late)
+        assert total(state.report.energy) == pytest.approx(500.0, rel=1e-9)  # that of the midpoint rule is kept
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)
+
+
+@pytest.mark.parametrize("scheme", [STATIC, Scheme(inertia=False)], ids=["tight", "default"])
+def test_a_load_extends_a_bed_by_force_over_stiffness(scheme):
+    """A body that springs alone hold, without inertia: exactly, in both directions, with different stiffnesses."""
+    push = Load(lambda x: x[0] > 1.0 - 1e-9, (3.0, 5.0))
+    balance = Load(lambda x: x[0] < 1e-9, (0.0, 5.0))  # with the moment of the first
+    scene = Scene([block()], cell=CELL, loads=[push, balance], springs=[Spring(everywhere, (K, 4 * K))])
+    state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
+    np.testing.assert_allclose(moved(scene, state), [3.0 / K, 10.0 / (4 * K)], rtol=1e-4)
+    np.testing.assert_allclose(spring_forces(scene, state), [[-3.0, -10.0]], rtol=10 * scheme.newton_tol)
+
+
+def test_a_bed_resists_rotation():
+    """A rigid block on a bed under a couple M turns by M / (k (w^2 + h^2) / 12)."""
+    couple = [Load(lambda x: x[0] > 1 - 1e-9, (0.0, 5.0)), Load(lambda x: x[0] < 1e-9, (0.0, -5.0))]
+    scene = Scene([block()], cell=CELL, loads=couple, springs=[Spring(everywhere, K)])
+    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    turn = np.polyfit(scene.initial_positions[0], (state.x - scene.initial_positions)[1], 1)[0]
+    assert turn == pytest.approx(5.0 / (K / 6.0), rel=2e-2)  # sin, and the elasticity of the block
+
+
+def test_a_bed_in_one_direction_leaves_the_other_to_a_support():
+    slide = Support(lambda x: x[1] < 1e-9, velocity=(None, 0.0))
+    scene = Scene(
+        [block()],
+        cell=CELL,
+        loads=[Load(everywhere, (2.0, 0.0))],
+        springs=[Spring(everywhere, (K, 0.0))],
+        supports=[slide],
+    )
+    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    assert moved(scene, state)[0] == pytest.approx(2.0 / K, rel=1e-6)
+    free = replace(scene, supports=())
+    loaded = replace(free, loads=[Load(everywhere, (0.0, 1.0))])
+    with pytest.raises(StepFailed, match="resultant"):
+        step(loaded, initial(loaded, scheme=STATIC), 1.0, scheme=STATIC)
+
+
+def test_a_bed_whose_end_moves_pulls_a_block_and_its_work_is_counted():
+    """Quasi-static: the block follows; with inertia: x = v (t - sin(omega t) / omega), energy as the work."""
+    speed = 0.02
+    scene = Scene([block()], cell=CELL, springs=[Spring(everywhere, K, rest=lambda t: (speed * t, 0.0))])
+    state = run(scene, 2.0, 4, STATIC)
+    np.testing.assert_allclose(moved(scene, state), [2.0 * speed, 0.0], atol=1e-8)
+    until, omega = 0.3 * PERIOD, np.sqrt(K / 1000.0)
+    state = run(scene, until, 100)
+    assert moved(scene, state)[0] == pytest.approx(speed * (until - np.sin(omega * until) / omega), rel=1e-3)
+    energy = state.report.energy
+    assert energy.external == pytest.approx(total(energy), rel=1e-3)
+    assert abs(energy.dissipated) < 1e-3 * energy.external
+
+
+def test_backward_euler_dissipates_the_energy_of_a_bed_and_counts_it():
+    scene = Scene([block(velocity=(1.0, 0.0))], cell=CELL, springs=[Spring(everywhere, K)])
+    energy = run(scene, PERIOD, 50, Scheme()).report.energy
+    assert total(energy) < 450.0
+    assert total(energy) + energy.dissipated == pytest.approx(500.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("scheme", [Scheme(anchor=0.0), Scheme(anchor=0.01)], ids=["always", "often"])
+def test_beds_and_bars_know_the_displacement_since_the_start_after_regridding(scheme):
+    body = block(velocity=(1.0, 0.0), material=replace(STIFF, E=1e6))
+    other = block(2.0, replace(STIFF, E=1e6))
+    springs = [Spring(left, K), Spring(left, 2 * K, to=right)]
+    scene = Scene([body, other], cell=CELL, springs=springs)
+    kept, anew = (run(scene, 0.2, 20, s) for s in (Scheme(), scheme))
+    np.testing.assert_allclose(moved(scene, anew), moved(scene, kept), rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(spring_forces(scene, anew), spring_forces(scene, kept), rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_block_on_a_floor_is_held_sideways_by_its_bed_alone(friction):
+    """Without inertia, under its weight: F / k without friction, less with it."""
+    floor = Wall((0.0, 0.0), (0.0, 1.0), friction=friction)
+    push = Load(lambda x: x[1] < 0.3, (1000.0, 0.0))
+    bed = Spring(lambda x: x[1] < 0.3, (100 * K, 0.0))
+    scene = Scene([block()], cell=CELL, walls=[floor], loads=[push], springs=[bed], gravity=(0.0, -9.81))
+    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    assert state.wall_force[0, 1] == pytest.approx(-9810.0, rel=1e-6)
+    (pull, _), (dragged, _) = spring_forces(scene, state)[0], state.wall_force[0]
+    assert pull - dragged == pytest.approx(-1000.0, rel=1e-5)  # the tolerance of the contact law
+    assert state.report.unbalanced < 1e-4
+    if friction == 0.0:
+        assert moved(scene, state)[0] == pytest.approx(1000.0 / (100 * K), rel=1e-3)
+    else:
+        assert dragged > 0.0
+
+
+# Bars.
+
+
+def pair(material=STIFF, gap=1.0, **springs):
+    bodies = [block(0.0, material, velocity=(1.0, 0.0)), block(1.0 + gap, material)]
+    return Scene(bodies, cell=CELL, springs=[Spring(left, K, to=right, **springs)])
+
+
+def test_two_blocks_on_a_bar_swing_with_the_reduced_mass():
+    """Period 2 pi (m / 2 k)^(1/2); momentum to round-off, energy to that of the midpoint rule."""
+    period = 2.0 * np.pi * np.sqrt(500.0 / K)
+    scene = pair()
+    state = run(scene, period, 100)
+    own = state.body == 0
+    span = state.x[0, ~own].mean() - state.x[0, own].mean()
+    late = (2 * np.pi) ** 3 / 100**2 / 12
+    assert (span - 2.0) * np.sqrt(K / 500.0) == pytest.approx(late, rel=0.05)
+    np.testing.assert_allclose(state.v @ state.mass, [1000.0, 0.0], atol=1e-9)
+    assert total(state.report.energy) == pytest.approx(500.0, rel=1e-7)
+
+
+def test_a_bar_turns_with_its_ends():
+    """Angular momentum of two blocks that circle each other: kept, to second order, though the bar turns by 1 rad."""
+    bodies = [block(0.0, velocity=(0.0, 1.0)), block(2.0, velocity=(0.0, -1.0))]
+    scene = Scene(bodies, cell=CELL, springs=[Spring(left, 100 * K, to=right)])
+    drift = []
+    for steps in (50, 100):
+        state = run(scene, 1.0, steps)
+        start = initial(scene)
+        moments = [s.mass @ (s.x[0] * s.v[1] - s.x[1] * s.v[0]) for s in (start, state)]
+        drift.append(abs(moments[1] / moments[0] - 1.0))
+        span = state.x[:, state.body == 0].mean(axis=1) - state.x[:, state.body == 1].mean(axis=1)
+        assert abs(np.arctan2(span[1], span[0])) < 2.2  # from pi
+        np.testing.assert_allclose(state.v @ state.mass, 0.0, atol=1e-9)
+    assert drift[1] < 2e-3
+
+
+def test_a_bar_holds_a_body_at_its_rest_length():
+    """A block pulled by a bar to a fixed point: at rest at F / k beyond its length, along the load."""
+    guide = Spring(everywhere, (0.0, 10.0 * K))
+    pull = [Load(everywhere, (7.0, 0.0))]
+    hang = Spring(everywhere, K, to=(-1.0, 0.5), rest=1.5)
+    clamp = Support(lambda x: x[0] < 1e-9, velocity=(None, 0.0))
+    scene = Scene([block()], cell=CELL, loads=pull, springs=[hang, guide], supports=[clamp])
+    with pytest.raises(StepFailed, match="spring joins it"):
+        step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    damped = Body(box((0.0, 0.0), (1.0, 1.0), spacing=CELL / 2), STIFF)
+    state = run(replace(scene, bodies=[damped]), 60.0, 60, Scheme())  # backward Euler damps it
+    assert state.x[0].mean() == pytest.approx(0.5 + 7.0 / K, abs=1e-5)
+
+
+def test_a_bar_between_two_held_bodies_without_inertia():
+    """Each on a bed k; the bar k, shorter by 0.03 m: both move by 0.01 m towards each other."""
+    springs = [Spring(everywhere, 2 * K), Spring(left, K, to=right, rest=2.0 - 0.03)]
+    scene = Scene([block(0.0), block(2.0)], cell=CELL, springs=springs)
+    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    shift = [(state.x - scene.initial_positions)[0, state.body == b].mean() for b in (0, 1)]
+    np.testing.assert_allclose(shift, [0.01, -0.01], rtol=1e-6)
+    assert state.report.newton <= 3
+    np.testing.assert_allclose(spring_forces(scene, state), [[0.0, 0.0], [10.0, 0.0]], atol=1e-5)
+
+
+def test_a_bar_presses_bodies_together_that_touch():
+    """Contact and bar: at rest the contact carries the tension of the bar; Newton takes few iterations."""
+    springs = [Spring(lambda x: x[0] < 0.3, 10 * K, to=lambda x: x[0] > 1.7, rest=1.0), Spring(left, (0.0, K))]
+    soft = NeoHookean(1e5, 0.3, 1000.0)
+    bodies = [block(0.0, soft), block(1.0, soft)]
+    scene = Scene(bodies, cell=CELL, springs=springs, friction=0.3)
+    state = run(scene, 8.0, 40, Scheme())
+    tension = np.hypot(*spring_forces(scene, state)[0])
+    assert tension > 0.5 * 10 * K * (1.7 - 1.0)
+    assert state.body_force[0, 1] == pytest.approx(tension, rel=2e-2)
+    assert state.report.newton <= 6
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_newtons_method_knows_stiff_bars_with_and_without_contact(friction):
+    """A bar a thousand times as stiff as inertia allows in a step: two to four iterations, not a failure."""
+    bar = Spring(lambda x: x[0] < 0.3, 1e8, to=lambda x: x[0] > 1.7, rest=1.65)
+    soft = NeoHookean(1e6, 0.3, 1000.0)
+    apart = Scene(
+        [block(0.0, soft), block(1.2, soft)], cell=CELL, springs=[replace(bar, rest=1.75)], friction=friction
+    )
+    touching = replace(apart, bodies=[block(0.0, soft), block(1.0, soft)], springs=[bar])
+    for scene in (apart, touching):
+        state = run(scene, 0.1, 5, Scheme())
+        assert state.report.newton <= 4 and state.report.retries == 0
+        length = np.hypot(*scene.sprung[0].span(state.x))
+        assert length == pytest.approx(scene.springs[0].rest, abs=2e-3)
+    assert state.contacts.force[0].sum() > 1e4
+
+
+@pytest.mark.parametrize("solver", [linear.banded, linear.direct, linear.amg])
+def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solver):
+    rng, scene = np.random.default_rng(0), pair()
+    state = initial(scene)
+    springs = springs_of(scene, state, 0.0)
+    assembly, grid = springs.assembly, springs.assembly.grid
+    C = STIFF.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
+    A = assembly.matrix(assembly.stiffness(C), 1e-4)
+    stiffness = 1e4 * springs.bar_stiffnesses(np.zeros(2 * grid.nodes))
+    joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions()), springs.bars, stiffness)
+    whole = A.toarray() + springs.bars.T @ (sp.block_diag(list(stiffness)) @ springs.bars.toarray())
+    b = rng.normal(size=2 * grid.nodes)
+    exact = np.linalg.solve(whole, b)
+    np.testing.assert_allclose(joined(b), exact, atol=1e-6 * np.abs(exact).max())
+    rows = sp.csr_array(sp.kron(grid.interpolation[[3, 400, 700]], np.eye(2), format="csr"))
+    W = rows @ np.linalg.solve(whole, rows.toarray().T)
+    np.testing.assert_allclose(joined.delassus(rows).toarray(), W, atol=1e-6 * np.abs(W).max())
+
+
+def test_forces_and_stiffness_of_springs_are_derivatives_of_their_energy():
+    rng = np.random.default_rng(3)
+    springs = [Spring(lambda x: x[0] < 0.2, (K, 3 * K)), Spring(left, K, to=right, rest=1.7)]
+    scene = replace(pair(), springs=springs)
+    found = springs_of(scene, initial(scene), 0.0)
+    nodes = found.assembly.grid.nodes
+    U, d = 0.05 * rng.normal(size=2 * nodes), 1e-6 * rng.normal(size=2 * nodes)
+    slope = (found.energy(U + d) - found.energy(U - d)) / 2
+    assert found.force(U) @ d == pytest.approx(slope, rel=1e-6)
+    change = (found.force(U + d) - found.force(U - d)) / 2
+    beds = found.assembly.matrix(found.bed_stiffness(), 1.0, np.zeros((nodes, 2, 2)))
+    bars = found.bars.T @ (sp.block_diag(list(found.bar_stiffnesses(U))) @ (found.bars @ d))
+    np.testing.assert_allclose(beds @ d + bars, change, atol=1e-6 * np.abs(change).max())
+
+
+# Runs.
+
+
+@pytest.mark.parametrize(
+    "scheme", [Scheme(), Scheme(anchor=0.05), Scheme.nezamabadi2017()], ids=["", "regrid", "nodes"]
+)
+def test_a_run_with_springs_restarts_bit_for_bit(scheme, tmp_path):
+    springs = [Spring(left, K, rest=lambda t: (0.1 * t, 0.0)), Spring(left, K, to=right)]
+    scene = replace(pair(LinearElastic(1e6, 0.3, 1000.0), gap=0.002), springs=springs)
+    whole = run(scene, 0.06, 6, scheme)
+    skmpm.save(tmp_path / "half", run(scene, 0.03, 3, scheme))
+    *_, state = simulate(scene, dt=0.01, until=0.06, scheme=scheme, start=skmpm.load(tmp_path / "half"))
+    for name in ("x", "v", "F", "stress"):
+        assert np.array_equal(getattr(whole, name), getattr(state, name))
+    assert whole.report.energy == state.report.energy
+
+
+def test_springs_may_change_with_the_stage():
+    scene = pair()
+    state = run(scene, 0.1, 5)
+    new = replace(scene, springs=[Spring(everywhere, K)])
+    *_, after = simulate(new, dt=0.02, until=0.2, scheme=MIDPOINT, start=skmpm.continued(scene, state, new))
+    assert after.report.energy.springs == pytest.approx(skmpm.scene.spring_energy(new, after.x, after.t))
+
+
+def test_what_a_linear_run_keeps_is_not_that_of_other_springs():
+    soft = LinearElastic(1e5, 0.3, 1000.0)
+    scenes = [Scene([block(material=soft, velocity=(1.0, 0.0))], cell=CELL)]
+    scenes += [replace(scenes[0], springs=[Spring(left, 100 * K * k)]) for k in (1.0, 2.0)]
+    for old in scenes:
+        for new in scenes:
+            start = run(old, 0.02, 2, Scheme())
+            kept, anew = (step(new, s, 0.01) for s in (start, replace(start, derived=None)))
+            assert np.array_equal(kept.x, anew.x)
+
+
+def test_a_disc_on_a_spring_is_not_indifferent_to_rotation():
+    scene = Scene([Body(disc((0, 0), 1.0, spacing=0.1), STIFF)], cell=0.2)
+    assert scene.indifferent_to_rotation[0]
+    assert not replace(scene, springs=[Spring(lambda x: x[0] > 0.9, K)]).indifferent_to_rotation[0]
+
+
+def test_preflight_and_repr_count_springs():
+    scene = pair()
+    assert "springs 1" in skmpm.preflight(scene, 1e-3) and "springs 1" in repr(scene)
+    assert "springs" not in skmpm.preflight(replace(scene, springs=()), 1e-3)
+
+
+# Errors.
+
+
+@pytest.mark.parametrize(
+    ("spring", "words"),
+    [
+        ("stiff", ("spring 0 is a str", "skmpm.Spring")),
+        (Spring(everywhere, 0.0), ("spring 0: stiffness = 0.0", "N/m2")),
+        (Spring(everywhere, (0.0, 0.0)), ("spring 0: stiffness", "not zero")),
+        (Spring(everywhere, (1.0, -1.0)), ("spring 0: stiffness = -1",)),
+        (Spring(everywhere, (1.0, 1.0, 1.0)), ("spring 0: stiffness", "one per direction")),
+        (Spring(left, (1.0, 1.0), to=right), ("spring 0: stiffness",)),
+        (Spring(lambda x: x[0] > 99, K), ("spring 0: where is true at no point",)),
+        (Spring(left, K, to=lambda x: x[0] > 99), ("spring 0: to is true at no point",)),
+        (Spring(left, K, to=everywhere), ("spring 0: where and to have points in common",)),
+        (Spring(left, K, to=(1.0, 2.0, 3.0)), ("spring 0: to",)),
+        (Spring(left, K, to=right, rest=-1.0), ("spring 0: rest = -1 m",)),
+        (Spring(left, K, to=right, rest="short"), ("spring 0: rest",)),
+        (Spring(left, K, rest=lambda t: 1.0), ("spring 0: rest at t = 0 s",)),
+        (Spring(0.0, K), ("spring 0: where", "function of positions")),
+    ],
+)
+def test_errors_name_the_spring_and_the_remedy(spring, words):
+    with pytest.raises(SceneError) as error:
+        replace(pair(), springs=[spring])
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_a_bar_without_length_at_the_start_is_refused():
+    at = tuple(np.average(block().points.x, axis=1, weights=block().points.volume))
+    with pytest.raises(SceneError, match="same position at t = 0"):
+        Scene([block()], cell=CELL, springs=[Spring(everywhere, K, to=at)])
+
+
+def test_explicit_steps_refuse_springs_by_name():
+    explicit = Scheme(explicit=True)
+    for ask in (lambda s: initial(s, scheme=explicit), lambda s: skmpm.preflight(s, 1e-5, scheme=explicit)):
+        with pytest.raises(SceneError, match="spring 0 in explicit steps"):
+            ask(pair())
+
+
+def test_a_bar_to_a_body_that_nothing_else_holds_is_refused_without_inertia():
+    scene = replace(pair(), walls=[Wall((0.0, 0.0), (0.0, 1.0))])
+    with pytest.raises(
+        StepFailed, match="body 0: a spring joins it to something, and nothing else holds it"
+    ) as error:
+        step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    assert "add a Support or a spring to ground" in str(error.value) and not error.value.retryable
+
+
+# Only what a scene requires.
+
+
+def test_a_scene_without_springs_calls_none_of_them():
+    def calls(scene):
+        start = initial(scene)
+        with Calls() as found:
+            step(scene, start, 1e-2)
+        return sum(
+            found.below(name) for name in ("skmpm.implicit.springs", "skmpm.linear.joined", "skmpm.scene.springs")
+        )
+
+    assert calls(replace(pair(), springs=())) == 0
+    assert calls(pair()) > 0
