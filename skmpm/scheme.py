@@ -43,7 +43,8 @@ class Scheme:
     explicit : use the forces at the start of the step; A is the lumped mass with a ghost penalty on
         accelerations; dt must stay below about 0.7 h/c
     linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by size
-    max_newton : Newton iterations after which a step fails; with contact and inertia it fails after sixteen
+    max_newton : Newton iterations after which a step fails; with contact and inertia it fails earlier,
+        after twenty that came no closer to convergence
     threads : among how many threads bodies are divided; None: as many as the process may use cores. Results do not
         depend on it
     """

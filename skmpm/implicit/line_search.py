@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.errors import StepRejected, worst_body
 from skmpm.implicit.residual import Increment
+from skmpm.implicit.retraction import retracted
 
 Array = NDArray[np.float64]
 
@@ -26,8 +27,9 @@ def move(
 ) -> tuple[Array, Configuration]:
     """The next w with its configuration: by an accelerated step if admissible, else by a line search.
 
-    The search is along the Newton direction. Linear materials take the step without it, since no configuration is
-    inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with contact.
+    The search is along the Newton direction, with exact rotations of bodies (`retraction`). Linear materials take the
+    step without it, since no configuration is inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with
+    contact.
     """
     step = direction if accelerated is None else accelerated
     increment = increment.with_load_of(w)
@@ -65,7 +67,7 @@ def _search(
     round_off = _round_off(increment, w, configuration, direction, abs(start) + abs(float(contact_impulse @ w)))
     length = 1.0
     while length > MIN_STEP_LENGTH:
-        trial = w + length * direction
+        trial = retracted(increment, w, length * direction)
         trial_configuration = increment.at(trial)
         merit = increment.energy(trial, trial_configuration) - float(contact_impulse @ trial)
         if merit <= start + SUFFICIENT_DECREASE * length * decrease + round_off:

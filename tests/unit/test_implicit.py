@@ -44,14 +44,19 @@ def last(scene, steps=12, scheme=None):
     return state
 
 
-def failing_stiffness(monkeypatch):
-    """Let contact solves of dynamic steps report that they failed with geometric stiffness."""
+QUASISTATIC = Scheme(inertia=False)
+
+
+def freezing(monkeypatch):
+    """Freeze the contact geometry of the second iterate in every dynamic step."""
     newton, solve = import_module("skmpm.implicit.newton"), contact_solve.solve
 
-    def failing(contact, solver, gradient):
-        return solve(replace(contact, stiffness_failures=1), solver, gradient)
+    def frozen(contact, solver, gradient):
+        if contact.frozen is None and contact.known.normal is not None:
+            contact = contact.with_frozen_geometry(contact.constraints)
+        return solve(contact, solver, gradient)
 
-    monkeypatch.setattr(newton, "solve", failing)
+    monkeypatch.setattr(newton, "solve", frozen)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
@@ -62,7 +67,7 @@ def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, frictio
     """
     scene = squeezed(friction)
     expected = last(scene)
-    failing_stiffness(monkeypatch)
+    freezing(monkeypatch)
     state = last(scene)
     assert state.report.frozen_normals
     assert not expected.report.frozen_normals
@@ -72,11 +77,29 @@ def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, frictio
 
 
 def test_geometry_is_frozen_where_the_contact_solver_fails_with_geometric_stiffness(monkeypatch):
-    """Without iterations for the stiffness the step still converges, and is reported with frozen normals."""
+    """Without iterations for the stiffness quasi-static steps still converge, and some report frozen normals."""
     monkeypatch.setattr(contact_solve, "MAX_STEPS", 0)
-    state = last(squeezed(0.0))
-    assert state.report.frozen_normals
-    assert state.report.residual < Scheme().gap_tol
+    reports = [state.report for state in simulate(squeezed(), dt=8e-6, until=32e-6, scheme=QUASISTATIC)]
+    assert any(report.frozen_normals for report in reports)
+    assert max(report.residual for report in reports) < Scheme().gap_tol
+
+
+def test_with_inertia_the_stiffness_that_failed_is_tried_again(monkeypatch):
+    """A step whose first contact solve fails with geometric stiffness converges as one in which none does."""
+    expected, most, failures, solve = last(squeezed(0.0), 6), contact_solve.MAX_STEPS, [], contact_solve.solve
+
+    def failing_at_first(contact, solver, gradient):
+        first = contact.known.normal is None
+        monkeypatch.setattr(contact_solve, "MAX_STEPS", 0 if first else most)
+        found = solve(contact, solver, gradient)
+        failures.append((first, found.contact.stiffness_failures - contact.stiffness_failures))
+        return found
+
+    monkeypatch.setattr(import_module("skmpm.implicit.newton"), "solve", failing_at_first)
+    state = last(squeezed(0.0), 6)
+    assert (True, 1) in failures and (False, 0) in failures and (False, 1) not in failures
+    assert not state.report.frozen_normals
+    assert state.wall_force == pytest.approx(expected.wall_force, rel=1e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
@@ -108,7 +131,7 @@ def moments(monkeypatch):
         found.append(frozen_geometry.frozen_geometry_moment(increment, solution.contact, solution.w).max())
         return solution
 
-    failing_stiffness(monkeypatch)
+    freezing(monkeypatch)
     monkeypatch.setattr(newton, "advance", recorded)
     return found
 
@@ -223,7 +246,7 @@ def test_the_delassus_operator_with_rotational_inertia_is_that_of_its_own_invers
     assert solver(mass[:, None] * move) == pytest.approx(move, abs=1e-12)
 
 
-@pytest.mark.parametrize(("iterations", "dt"), [(1, 8e-6), (2, 8e-6), (1, 8e-5), (3, 8e-5)])
+@pytest.mark.parametrize(("iterations", "dt"), [(1, 1e-5), (2, 8e-6), (1, 8e-5), (3, 8e-5)])
 def test_a_failure_names_the_criteria_that_are_not_met_and_no_other(iterations, dt):
     """It once named an out-of-balance force and a residual that were both below their tolerances."""
     scene, scheme = squeezed(), Scheme.accurate(max_newton=iterations)
