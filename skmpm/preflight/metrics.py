@@ -41,7 +41,7 @@ class SceneMetrics:
     points: Ints  # (bodies,) including rigid ones
     rigid: int
     free_rigid: int  # of these, moved by forces
-    around: dict[str, str]  # walls or a periodic box, numbers of supports, loads and springs
+    around: dict[str, object]  # walls or a periodic box, numbers of supports, loads and springs
     own: Ints  # (deformable,) indices among the bodies
     points_per_cell: Array  # (deformable,) points over area in cells
     softening: Array  # (deformable,) estimated error of a uniform stress; nan without outline
@@ -74,14 +74,13 @@ class SceneMetrics:
     memory: float  # [bytes] in addition to the program
 
 
-def _around(scene: Scene) -> dict[str, str]:
-    """What acts on bodies: walls or a periodic box, supports, loads, springs."""
-    if scene.periodic is None:
-        walls = {"walls": str(len(scene.walls))}
-    else:
-        walls = {"periodic box": f"{scene.periodic.width:.4g} x {scene.periodic.height:.4g} m"}
-    found = walls | {"supports": str(len(scene.supports)), "loads": str(len(scene.loads))}
-    return found | ({"springs": str(len(scene.springs))} if scene.springs else {})
+def _around(scene: Scene) -> dict[str, object]:
+    """What acts on bodies: numbers of walls or the periodic box, numbers of supports, loads and springs."""
+    found: dict[str, object] = {"walls": len(scene.walls)}
+    if scene.periodic is not None:
+        found = {"periodic box": f"{scene.periodic.width:.4g} x {scene.periodic.height:.4g} m"}
+    found |= {"supports": len(scene.supports), "loads": len(scene.loads)}
+    return found | ({"springs": len(scene.springs)} if scene.springs else {})
 
 
 def first_step(scene: Scene, scheme: Scheme) -> float:
