@@ -51,6 +51,7 @@ def disjoint(a, b):
     return found.status == 0 and found.x[3] > -1e-6 * R
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("solid_fraction", "friction"), [(0.4, 0.0), (0.7, 0.0), (0.6, 0.5)])
 def test_shapes_do_not_overlap_at_the_fraction_asked(solid_fraction, friction):
     """By a separating line for every pair of outlines, and by the overlap code of the library."""
@@ -111,6 +112,7 @@ def test_gaps_change_as_the_rows_say():
     np.testing.assert_allclose(change, 0.5 * (plus.gap - minus.gap), atol=1e-3 * np.abs(d).max())
 
 
+@pytest.mark.slow
 def test_a_jam_says_at_which_fraction():
     with pytest.raises(
         PackingError, match=r"the shapes jam at a solid fraction of 0\.[4-9]\d{3}, below the requested 0\.97"
@@ -143,6 +145,4 @@ def test_discs_never_enter_the_code_of_shapes(monkeypatch):
 def test_placed_moves_and_turns_a_cloud():
     cloud = box((0, 0), (2, 1), spacing=0.25)
     placed = cloud.placed((5.0, 6.0), np.pi / 2)
-    np.testing.assert_allclose(
-        placed.x, [6.0 - cloud.x[1] - 0.5, 5.0 + cloud.x[0], *np.array([[0.0], [0.0]])], atol=1e-12
-    )
+    np.testing.assert_allclose(placed.x, [5.5 - cloud.x[1], 5.0 + cloud.x[0]], atol=1e-12)
