@@ -106,11 +106,11 @@ def test_friction_jams_earlier():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"radii": [1e-3, -2e-3]}, r"radius -0\.002 m"),
-        ({"radii": [1e-3, np.nan]}, "radius nan m"),
-        ({"radii": [1e-3, np.inf]}, "radius inf m"),
-        ({"radii": []}, r"shape \(0,\)"),
-        ({"radii": [[1e-3]]}, r"shape \(1, 1\)"),
+        ({"shapes": [1e-3, -2e-3]}, r"radius -0\.002 m"),
+        ({"shapes": [1e-3, np.nan]}, "radius nan m"),
+        ({"shapes": [1e-3, np.inf]}, "radius inf m"),
+        ({"shapes": []}, r"shape \(0,\)"),
+        ({"shapes": [[1e-3]]}, r"shape \(1, 1\)"),
         ({"solid_fraction": 0.95}, r"solid_fraction 0\.95 must lie"),
         ({"solid_fraction": np.nan}, "solid_fraction nan must lie"),
         ({"solid_fraction": 0.0}, "solid_fraction 0 must lie"),
@@ -120,6 +120,6 @@ def test_friction_jams_earlier():
     ],
 )
 def test_says_what_is_wrong(change, message):
-    arguments = {"radii": np.full(10, 1e-3), "width": 8e-3} | change
+    arguments = {"shapes": np.full(10, 1e-3), "width": 8e-3} | change
     with pytest.raises(PackingError, match=message):
         packing(**arguments)

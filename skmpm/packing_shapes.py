@@ -1,0 +1,235 @@
+"""Non-overlapping motion of rigid convex shapes, for `packing`: contacts by separating axes, rotations included.
+
+The separation of two convex polygons along an outward normal of an edge is a lower bound of their distance, and the
+largest of them, over the edges of both, says whether they overlap (the separating axis theorem; Ericson, Real-Time
+Collision Detection, 2005, section 5.2). Constraints are the distances of the nearest vertices of the one polygon from
+that edge of the other: as long as none is negative, the shapes do not overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skmpm import coulomb
+from skmpm.compiled import compiled
+from skmpm.outline import chord_sagitta, outlines
+from skmpm.points import Points
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+ROWS = 3  # constraints of a pair: of the nearest vertex, and of the outermost ones that are nearly as close ...
+NEARLY = 0.1  # ... by this [mean radius]
+MARGIN = 0.5  # pairs with a smaller gap are constraints, and no shape moves farther at once [mean radius]
+OVERLAP = 1e-6  # allowed at the end [smallest radius]
+TOLERANCE, ACCEPTED, NEWTON = 1e-9, 1e-5, 20  # of the contact solver, accepted if it stalls, its iterations
+ROUNDS = 20  # linearisations per step
+STRAIGHT = 1e-9  # sine of an angle of a polygon that turns the wrong way by round-off
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """N convex polygons about their centroids, in units of their mean radius."""
+
+    vertices: Array  # (2, m) counter-clockwise, one shape after the other
+    offsets: Ints  # (N + 1,)
+    skin: Array  # (N,) by which the curve through the vertices leaves the polygon at most
+    area: Array  # (N,)
+    inertia: Array  # (N,) second moment of the area about the centroid
+    reach: Array  # (N,) largest distance of a vertex from the centroid
+    radius: Array  # (N,) of the disc of that area
+
+    def at(self, x: Array, size: float) -> Array:
+        """The vertices (2, m) of shapes scaled by `size`, at positions and angles x (3, N)."""
+        shape = np.repeat(np.arange(self.area.size), np.diff(self.offsets))
+        c, s = np.cos(x[2])[shape], np.sin(x[2])[shape]
+        return np.asarray(
+            x[:2, shape] + size * np.stack([c, s]) * self.vertices[0] + size * np.stack([-s, c]) * self.vertices[1]
+        )
+
+
+def shapes_of(clouds: Sequence[Points], unit: float) -> Shapes:
+    """The outer outlines of clouds of points about their centres of area, in units of `unit` [m].
+
+    Raises
+    ------
+    ValueError
+        if one has no outline, or is not convex
+    """
+    loops, centres = [], [centroid(cloud) for cloud in clouds]
+    for i, (cloud, centre) in enumerate(zip(clouds, centres, strict=True)):
+        if not cloud.outline:
+            raise ValueError(f"shape {i} has no outline; give the points of a disc, ellipse, polygon, ... or a mesh")
+        loop = np.round((cloud.x[:, cloud.outline[0]] - centre[:, None]) / unit, 10)
+        edge = np.roll(loop, -1, axis=1) - loop
+        ahead = np.roll(edge, -1, axis=1)
+        turn = (edge[0] * ahead[1] - edge[1] * ahead[0]) / (np.hypot(*edge) * np.hypot(*ahead))
+        if turn.min() < -STRAIGHT * loop.shape[1]:
+            where = cloud.x[:, cloud.outline[0][(int(turn.argmin()) + 1) % loop.shape[1]]]
+            raise ValueError(f"shape {i} is not convex at {where}; packing takes convex shapes only")
+        loops.append(loop)
+    counts = np.array([loop.shape[1] for loop in loops])
+    vertices, offsets = np.concatenate(loops, axis=1), np.append(0, np.cumsum(counts)).astype(np.int64)
+    boundary = outlines([(np.arange(n),) for n in counts], offsets)
+    area = np.round([cloud.volume.sum() / unit**2 for cloud in clouds], 10)  # rounded as lengths: any unit will do
+    arm = [(cloud.x - centre[:, None]) / unit for cloud, centre in zip(clouds, centres, strict=True)]
+    inertia = [(a**2).sum(axis=0) @ cloud.volume / unit**2 for a, cloud in zip(arm, clouds, strict=True)]
+    reach = np.maximum.reduceat(np.hypot(*vertices), offsets[:-1])
+    skin = chord_sagitta(boundary, vertices, len(clouds))
+    return Shapes(vertices, offsets, skin, area, np.round(inertia, 10), reach, np.sqrt(area / np.pi))
+
+
+def centroid(cloud: Points) -> Array:
+    """The centre of area of a cloud of points, (2,) [m]."""
+    return np.asarray(np.average(cloud.x, axis=1, weights=cloud.volume))
+
+
+def separate(shapes: Shapes, x: Array, size: float, box: Array, friction: float, tolerance: float) -> Array | None:
+    """Move shapes at x (3, N) as little as possible until none overlap; None if that does not converge."""
+    for _ in range(ROUNDS):
+        contacts = _contacts(shapes, x, size, box)
+        if contacts.gap.min(initial=0.0) >= -tolerance * float(shapes.radius.min()):
+            return x
+        motion = _motion(shapes, x, size, contacts, friction)
+        if motion is None or max(np.abs(motion[:2]).max(), np.abs(size * shapes.reach * motion[2]).max()) > MARGIN:
+            return None
+        x = x + motion
+    return None
+
+
+class _Contacts(NamedTuple):
+    """Constraints of pairs of shapes, then of shapes at walls."""
+
+    first: Ints  # (k,)
+    second: Ints  # (pairs,)
+    normal: Array  # (2, k) towards the first
+    point: Array  # (2, k)
+    gap: Array  # (k,)
+
+
+def _contacts(shapes: Shapes, x: Array, size: float, box: Array) -> _Contacts:
+    v, skin = shapes.at(x, size), size * shapes.skin
+    a, b = _near_pairs(x[:2], size * shapes.reach)
+    normal, point, gap = np.zeros((a.size, 2)), np.zeros((a.size, ROWS, 2)), np.full((a.size, ROWS), np.inf)
+    _pairs(a, b, shapes.offsets, v, skin, NEARLY, normal, point, gap)
+    rows, which = np.nonzero(gap < MARGIN)
+    on_wall = _at_walls(shapes, v, skin, box)
+    return _Contacts(
+        np.concatenate([a[rows], on_wall.first]),
+        b[rows],
+        np.concatenate([normal[rows].T, on_wall.normal], axis=1),
+        np.concatenate([point[rows, which].T, on_wall.point], axis=1),
+        np.concatenate([gap[rows, which], on_wall.gap]),
+    )
+
+
+def _near_pairs(x: Array, reach: Array) -> tuple[Ints, Ints]:
+    """Pairs of shapes whose circumscribed circles are closer than the margin; images would join them here."""
+    a, b = cKDTree(x.T).query_pairs(2.0 * float(reach.max()) + MARGIN, output_type="ndarray").T
+    near = np.hypot(*(x[:, a] - x[:, b])) < reach[a] + reach[b] + MARGIN
+    return a[near].astype(np.int64), b[near].astype(np.int64)
+
+
+def _at_walls(shapes: Shapes, v: Array, skin: Array, box: Array) -> _Contacts:
+    """Constraints of the nearest and the outermost nearly as close vertices at the four walls."""
+    shape = np.repeat(np.arange(skin.size), np.diff(shapes.offsets))
+    found = []
+    for axis, sign in ((0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0)):
+        gap = (v[axis] if sign > 0.0 else box[axis] - v[axis]) - skin[shape]
+        least = np.minimum.reduceat(gap, shapes.offsets[:-1])
+        close = np.flatnonzero((gap < MARGIN) & (gap <= least[shape] + NEARLY))
+        order = close[np.lexsort((v[1 - axis, close], shape[close]))]
+        ends = np.diff(shape[order]) != 0
+        kept = np.append(ends, True) | np.append(True, ends) | (gap[order] == least[shape[order]])
+        normal = np.zeros((2, int(kept.sum())))
+        normal[axis] = sign
+        found.append((shape[order[kept]], normal, v[:, order[kept]], gap[order[kept]]))
+    first, normal, point, gap = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
+    return _Contacts(first, np.zeros(0, dtype=np.int64), normal, point, gap)
+
+
+@compiled
+def _pairs(
+    first: Ints,
+    second: Ints,
+    offsets: Ints,
+    v: Array,
+    skin: Array,
+    nearly: float,
+    normal: Array,
+    point: Array,
+    gap: Array,
+) -> None:
+    """Write the separating axis of every pair, from the second to the first, and the vertices nearest along it."""
+    for p in range(first.size):
+        best, edge, incident, ex, ey, nx, ny = -1e300, 0, 0, 0.0, 0.0, 0.0, 0.0
+        for side in range(2):  # edges of the second against vertices of the first, and the other way round
+            one, other = (second[p], first[p]) if side == 0 else (first[p], second[p])
+            start, end = offsets[one], offsets[one + 1]
+            for i in range(start, end):
+                j = i + 1 if i + 1 < end else start
+                dx, dy = v[0, j] - v[0, i], v[1, j] - v[1, i]
+                length = np.sqrt(dx * dx + dy * dy)
+                ax, ay = dy / length, -dx / length
+                least = 1e300
+                for q in range(offsets[other], offsets[other + 1]):
+                    distance = ax * (v[0, q] - v[0, i]) + ay * (v[1, q] - v[1, i])
+                    if distance < least:
+                        least = distance
+                        if least <= best:
+                            break
+                if least > best:
+                    best, edge, incident, ex, ey, nx, ny = least, side, other, v[0, i], v[1, i], ax, ay
+        sign = 1.0 if edge == 0 else -1.0
+        normal[p, 0], normal[p, 1] = sign * nx, sign * ny
+        skins = skin[first[p]] + skin[second[p]]
+        lowest, low, high, low_q, high_q = 1e300, 1e300, -1e300, -1, -1
+        for q in range(offsets[incident], offsets[incident + 1]):
+            distance = nx * (v[0, q] - ex) + ny * (v[1, q] - ey)
+            if distance < lowest:
+                lowest = distance
+                gap[p, 0], point[p, 0, 0], point[p, 0, 1] = distance - skins, v[0, q], v[1, q]
+            if distance <= best + nearly:
+                along = -ny * v[0, q] + nx * v[1, q]
+                if along < low:
+                    low, low_q = along, q
+                if along > high:
+                    high, high_q = along, q
+        for k, q in ((1, low_q), (2, high_q)):
+            distance = nx * (v[0, q] - ex) + ny * (v[1, q] - ey)
+            if distance > lowest or v[0, q] != point[p, 0, 0] or v[1, q] != point[p, 0, 1]:
+                gap[p, k], point[p, k, 0], point[p, k, 1] = distance - skins, v[0, q], v[1, q]
+
+
+def _motion(shapes: Shapes, x: Array, size: float, contacts: _Contacts, friction: float) -> Array | None:
+    """Least mass-weighted motion (3, N) that opens all gaps, linearised; None if there is none."""
+    k, pairs, N = contacts.gap.size, contacts.second.size, shapes.area.size
+    n = contacts.normal
+    directions = [n] if friction == 0.0 else [n, np.array([-n[1], n[0]])]
+    rows = [_rows(contacts, direction, x[:2], N) for direction in directions]
+    H, q = rows[0], contacts.gap - 0.5 * OVERLAP * float(shapes.radius.min())
+    if friction > 0.0:
+        order = np.arange(2 * k).reshape(2, k).T.ravel()
+        H, q = sp.csr_array(sp.vstack(rows, format="csr")[order]), np.stack([q, np.zeros(k)], axis=1).ravel()
+    mu = np.where(np.arange(k) < pairs, friction, 0.0)
+    H_M = H @ sp.diags_array(1.0 / np.concatenate([shapes.area, shapes.area, size**2 * shapes.inertia]))
+    r, info = coulomb.solve(H_M @ H.T, q, mu, tol=TOLERANCE, iterations=NEWTON)
+    return (H_M.T @ r).reshape(3, -1) if info.residual < ACCEPTED else None
+
+
+def _rows(contacts: _Contacts, d: Array, x: Array, N: int) -> sp.csr_array:
+    """Velocities of the first along d (2, k) less those of the second; columns x, then y, then angles, (k, 3 N)."""
+    a, b, pairs = contacts.first, contacts.second, contacts.second.size
+    i, (r, s) = np.arange(a.size), (contacts.point[:, : o.size] - x[:, o] for o in (a, b))
+    entries = [(i, a, d[0]), (i, N + a, d[1]), (i, 2 * N + a, r[0] * d[1] - r[1] * d[0])]
+    j, e = i[:pairs], -d[:, :pairs]
+    entries += [(j, b, e[0]), (j, N + b, e[1]), (j, 2 * N + b, s[0] * e[1] - s[1] * e[0])]
+    rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
+    return sp.csr_array((values, (rows, columns)), shape=(a.size, 3 * N))
