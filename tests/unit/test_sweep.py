@@ -499,6 +499,8 @@ def test_tables_that_build_makes_itself(tmp_path):
     }
     with pytest.raises(skmpm.SweepError, match="no member has a parameter 'm'; they have n, name"):
         found.where(m=1)
+    with pytest.raises(KeyError, match="'four' is none of the members three, two, none"):
+        found["four"]
     with pytest.raises(FileNotFoundError, match="there is no directory"):
         skmpm.Sweep.read(tmp_path / "nowhere")
 
