@@ -14,16 +14,23 @@ from skmpm.sweep.errors import SweepError
 Dumps = Callable[[object], bytes]
 
 
+def by_value() -> bool:
+    """Whether functions of the script that is run are sent with what they refer to: by cloudpickle."""
+    try:
+        import cloudpickle  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
 def pickled(build: Callable[..., object]) -> bytes:
     """The function as bytes that `pickle.loads` reads; SweepError names what in it cannot be pickled."""
-    try:
+    dumps: Dumps = pickle.dumps
+    remedy = "define functions at the top level of a module, or install cloudpickle: pip install 'skmpm[cluster]'"
+    if by_value():
         import cloudpickle
 
-        dumps: Dumps = cloudpickle.dumps
-        remedy = "build it inside the function"
-    except ImportError:
-        dumps = pickle.dumps
-        remedy = "define functions at the top level of a module, or install cloudpickle: pip install 'skmpm[cluster]'"
+        dumps, remedy = cloudpickle.dumps, "build it inside the function"
     try:
         return dumps(build)
     except Exception as error:

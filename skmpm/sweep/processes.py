@@ -5,19 +5,22 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import sys
 from collections import deque
 from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from time import monotonic
-from types import FrameType
+from types import FrameType, ModuleType
 
 from skmpm.parallel import available
 from skmpm.sweep.errors import Interrupted, SweepError
 from skmpm.sweep.execution import Outcome, Task, Worker, run_member
+from skmpm.sweep.pickling import by_value
 
 ATTEMPTS = 3  # of a member whose process is killed, as by a lack of memory
 TICK = 0.5  # [s] between looks at what has happened, and between reports of progress
@@ -85,9 +88,21 @@ def _started(build: bytes, threads: int) -> _Process:
     context = get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_serve, args=(there, build, threads), daemon=True, name="skmpm sweep")
-    process.start()
+    with _without_script() if by_value() else nullcontext():
+        process.start()
     there.close()
     return _Process(process, here)
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Within it processes start without importing the script that is run: they need nothing of it."""
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
 def _ended(worker: _Process, queue: deque[Task], attempts: dict[Path, int]) -> Iterator[Outcome]:
@@ -112,8 +127,8 @@ def _unable(worker: _Process) -> SweepError:
     """The error where no process has begun."""
     worker.process.join()
     return SweepError(
-        f"a worker process ended with exit code {worker.process.exitcode} before it began; a script calls sweep below"
-        " `if __name__ == '__main__':`, because worker processes import it"
+        f"a worker process ended with exit code {worker.process.exitcode} before it began; without cloudpickle a"
+        " script calls sweep below `if __name__ == '__main__':`, because worker processes import it"
     )
 
 

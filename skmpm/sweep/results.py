@@ -83,8 +83,11 @@ class Sweep:
         return len(self.members)
 
     def __getitem__(self, name: str) -> Member:
-        """The member of a name."""
-        return next(m for m in self.members if m.name == name)
+        """The member of a name; KeyError if there is none."""
+        found = {member.name: member for member in self.members}
+        if name not in found:
+            raise KeyError(f"{name!r} is none of the members {', '.join(found)}")
+        return found[name]
 
     @property
     def failed(self) -> dict[str, str]:

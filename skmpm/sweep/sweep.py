@@ -52,7 +52,8 @@ def sweep(
 
     Parameters
     ----------
-    build : function of the parameters of a member. It is pickled, by cloudpickle if that is installed
+    build : function of the parameters of a member. It is pickled, by cloudpickle if that is installed; without it,
+        the function is one of a module, and a script calls `sweep` below ``if __name__ == "__main__":``
     members : dicts of parameters: numbers, texts, None, lists and dicts of these; or a dict of such dicts, by the
         names of their directories
     out : directory of the results, created if needed; of a cluster, one that all its workers share
@@ -69,7 +70,7 @@ def sweep(
     """
     if getattr(current_process(), "_inheriting", False):
         raise SweepError("sweep is called by a script that a worker process imports; call it below"
-                         " `if __name__ == '__main__':`")  # fmt: skip
+                         " `if __name__ == '__main__':`, or install cloudpickle")  # fmt: skip
     if processes is not None and processes < 1:
         raise ValueError(f"sweep: processes = {processes}; give a number of at least 1, or None for all cores")
     tasks, function = _tasks(build, members, Path(out).resolve()), pickled(build)
@@ -114,7 +115,8 @@ def _left(tasks: list[Task]) -> list[Task]:
         about = manifest.read(task.folder)
         if about is not None:
             manifest.check(task.folder, about, task.parameters)
-            other += about.get("build") != task.build
+            sources = {about.get("build", {}).get("source"), task.build["source"]}
+            other += len(sources) == 2 and all(sources)  # there is none of what was typed in
         if about is None or about["status"] != "finished":
             check_free(task.folder)
             left.append(task)

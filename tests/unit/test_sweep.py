@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -311,11 +312,10 @@ if {guard}:
 """
 
 
-def script(folder, guard="__name__ == '__main__'"):
+def script(folder, guard="__name__ == '__main__'", *paths):
     (folder / "script.py").write_text(SCRIPT.format(guard=guard))
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), str(Path(skmpm.__file__).parents[1])])
-    }
+    places = [*paths, Path(__file__).parent, Path(skmpm.__file__).parents[1]]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, places))}
     return subprocess.Popen(
         [sys.executable, "script.py"], cwd=folder, env=environment, stdout=-1, stderr=-1, text=True
     )
@@ -345,10 +345,18 @@ def test_a_signal_writes_checkpoints_and_the_sweep_goes_on_from_them(tmp_path, n
         assert len(member.manifest["sessions"]) == 2
 
 
-def test_a_script_without_the_guard_is_told_of_it(tmp_path):
-    _, errors = script(tmp_path, guard="True").communicate(timeout=300)
+def test_a_script_needs_a_guard_only_without_cloudpickle(tmp_path):
+    """Then it is told of it; else workers import no script, which may come from a terminal as well."""
+    found, errors = script(tmp_path, "True").communicate(timeout=300)
+    assert found == f"Sweep(3 members, rows {3 * STEPS})\n", errors
+    (tmp_path / "without").mkdir()
+    (tmp_path / "without" / "cloudpickle.py").write_text("raise ImportError")
+    shutil.rmtree(tmp_path / "out")
+    _, errors = script(tmp_path, "True", tmp_path / "without").communicate(timeout=300)
     assert "SweepError: sweep is called by a script that a worker process imports; call it below" in errors
     assert "ended with exit code 1 before it began" in errors
+    found, errors = script(tmp_path, "__name__ == '__main__'", tmp_path / "without").communicate(timeout=300)
+    assert found == f"Sweep(3 members, rows {3 * STEPS})\n", errors
 
 
 def test_one_directory_one_run(tmp_path):
@@ -402,11 +410,12 @@ def test_directories_of_other_parameters_or_versions_are_refused(tmp_path):
         skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
 
 
-def test_a_build_that_has_changed_is_warned_of(tmp_path, caplog):
-    finished = task(tmp_path / "speed=1.0")
+@pytest.mark.parametrize(("source", "warned"), [("0" * 64, True), ("", False)], ids=["other", "unknown"])
+def test_a_build_that_has_changed_is_warned_of(tmp_path, caplog, source, warned):
+    finished = replace(task(tmp_path / "speed=1.0"), build={"name": "ensembles.squeezed", "source": source})
     execution.run_member(ensembles.squeezed, finished, execution.Worker())
     skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
-    assert "build has changed since 1 of the members were run" in caplog.text
+    assert ("build has changed since 1 of the members were run" in caplog.text) == warned
 
 
 def test_names_of_directories():
@@ -490,6 +499,8 @@ def test_tables_that_build_makes_itself(tmp_path):
     }
     with pytest.raises(skmpm.SweepError, match="no member has a parameter 'm'; they have n, name"):
         found.where(m=1)
+    with pytest.raises(KeyError, match="'four' is none of the members three, two, none"):
+        found["four"]
     with pytest.raises(FileNotFoundError, match="there is no directory"):
         skmpm.Sweep.read(tmp_path / "nowhere")
 
