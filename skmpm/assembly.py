@@ -98,20 +98,15 @@ class Assembly:
         Dx, Dy = self.grid.derivatives
         return Dx.data.reshape(-1, 4), Dy.data.reshape(-1, 4)
 
-    def cell_sums(self, values: Array, points: Selection = ALL) -> Array:
-        """Sums of V values over the points of each cell, (cells,); `values` (points,)."""
-        cell = self.grid.cell_of_point[points]
-        return np.asarray(np.bincount(cell, self.volume[points] * values, self.grid.cells), dtype=np.float64)
-
     def mean_dilatation(self, volumes: Array, points: Selection = ALL) -> Array:
         """Ratio of current to undeformed volume of the cell of each point, (points,).
 
         `volumes` (2, points) are the current and undeformed volumes of points per anchor volume; `points` include all
         points of their cells.
         """
-        cell = self.grid.cell_of_point[points]
-        now, rest = (self.cell_sums(v, points)[cell] for v in volumes)
-        return np.asarray(now / rest)
+        cell, ratios = self.grid.cell_of_point[points], np.empty(volumes.shape[1])
+        loops.cell_ratios(cell, self.volume[points], volumes, np.zeros((self.grid.cells, 2)), ratios)
+        return ratios
 
     def mean_dilatation_stiffness(
         self,

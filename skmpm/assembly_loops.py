@@ -13,12 +13,17 @@ Ints = NDArray[np.int64]
 
 @compiled
 def ghost_force(indptr: NDArray[np.int32], indices: NDArray[np.int32], data: Array, u: Array, force: Array) -> None:
-    """Write G u from differences of u (nodes, 2): rows of G sum to zero, and bodies may be far from their anchor."""
+    """Add G u from differences of u (nodes, 2): rows of G sum to zero, and bodies may be far from their anchor."""
     for i in range(indptr.size - 1):
         for e in range(indptr[i], indptr[i + 1]):
             j = indices[e]
-            force[i, 0] += data[e] * (u[j, 0] - u[i, 0])
-            force[i, 1] += data[e] * (u[j, 1] - u[i, 1])
+            if j >= i:
+                break
+            x, y = data[e] * (u[j, 0] - u[i, 0]), data[e] * (u[j, 1] - u[i, 1])
+            force[i, 0] += x
+            force[i, 1] += y
+            force[j, 0] -= x
+            force[j, 1] -= y
 
 
 @compiled
@@ -28,8 +33,20 @@ def ghost_energy(indptr: NDArray[np.int32], indices: NDArray[np.int32], data: Ar
     for i in range(indptr.size - 1):
         for e in range(indptr[i], indptr[i + 1]):
             j = indices[e]
+            if j >= i:
+                break
             total += data[e] * ((u[j, 0] - u[i, 0]) ** 2 + (u[j, 1] - u[i, 1]) ** 2)
-    return -0.25 * total
+    return -0.5 * total
+
+
+@compiled
+def cell_ratios(cell: Ints, volume: Array, values: Array, sums: Array, ratios: Array) -> None:
+    """Ratios of the sums of V values over the points of each cell, at the points; values (2, n), sums (cells, 2)."""
+    for p in range(cell.size):
+        sums[cell[p], 0] += volume[p] * values[0, p]
+        sums[cell[p], 1] += volume[p] * values[1, p]
+    for p in range(cell.size):
+        ratios[p] = sums[cell[p], 0] / sums[cell[p], 1]
 
 
 @compiled

@@ -44,6 +44,22 @@ def volume_slope(law: Anchored, F: Array) -> Array:
     return np.broadcast_to(np.eye(2)[:, :, None], F.shape) if law.linear else cofactor(F)
 
 
+def with_tension(law: Anchored, F: Array, P: Array, tension: Array) -> Array:
+    """P (2, 2, n) with the stress of a mean tension (n,), the derivative of the cell's energy by its volume [Pa]."""
+    total = np.empty_like(P)
+    _with_tension(law.linear, F.reshape(4, -1), P.reshape(4, -1), tension, total.reshape(4, -1))
+    return total
+
+
+@compiled_in_order
+def _with_tension(linear: bool, F: Array, P: Array, tension: Array, total: Array) -> None:
+    """Write P + tension dV/dF, all (4, n)."""
+    for p in range(tension.size):
+        a, b, c, d = (1.0, 0.0, 0.0, 1.0) if linear else (F[3, p], -F[2, p], -F[1, p], F[0, p])
+        total[0, p], total[1, p] = P[0, p] + tension[p] * a, P[1, p] + tension[p] * b
+        total[2, p], total[3, p] = P[2, p] + tension[p] * c, P[3, p] + tension[p] * d
+
+
 def energy(law: Anchored, F: Array, theta: Array) -> Array:
     """W(F, theta), (n,) [Pa]; inf where a point or the cell is turned inside out."""
     mu = law.material.lame[1]
