@@ -131,8 +131,9 @@ class Assembly:
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
         """Block-sparse A = M + factor K, (2 nodes, 2 nodes), or with diagonal blocks (nodes, 2, 2) in place of M."""
-        nodes, data = self.grid.nodes, factor * stiffness
-        data[self.diagonal_blocks] += self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
+        nodes, data = self.grid.nodes, np.empty_like(stiffness)
+        added = self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
+        loops.scaled_sum(factor, stiffness, self.diagonal_blocks, added, data)
         return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
 
 

@@ -62,19 +62,35 @@ def add_stiffness(
     K: Array,
 ) -> None:
     """Add V grad N_I : C : grad N_J of points first:last to the blocks K (blocks, 2, 2); symmetric C (4, 4, n)."""
+    flat = K.reshape(-1)
     for p in range(first, last):
         V, x, y, block = volume[p], gx[p], gy[p], block_of_cell[cell_of_point[p]]
+        c00, c01, c02, c03 = V * C[0, 0, p], V * C[0, 1, p], V * C[0, 2, p], V * C[0, 3, p]
+        c11, c12, c13 = V * C[1, 1, p], V * C[1, 2, p], V * C[1, 3, p]
+        c22, c23, c33 = V * C[2, 2, p], V * C[2, 3, p], V * C[3, 3, p]
+        for I in range(4):  # noqa: E741
+            xx_x, xx_y = x[I] * c00 + y[I] * c01, x[I] * c01 + y[I] * c11
+            xy_x, xy_y = x[I] * c02 + y[I] * c12, x[I] * c03 + y[I] * c13
+            yx_x, yx_y = x[I] * c02 + y[I] * c03, x[I] * c12 + y[I] * c13
+            yy_x, yy_y = x[I] * c22 + y[I] * c23, x[I] * c23 + y[I] * c33
+            for J in range(4):
+                entry = flat[4 * block[I, J] : 4 * block[I, J] + 4]
+                entry[0] += xx_x * x[J] + xx_y * y[J]
+                entry[1] += xy_x * x[J] + xy_y * y[J]
+                entry[2] += yx_x * x[J] + yx_y * y[J]
+                entry[3] += yy_x * x[J] + yy_y * y[J]
+
+
+@compiled
+def scaled_sum(factor: float, K: Array, diagonal: Ints, added: Array, out: Array) -> None:
+    """Write factor K, blocks (blocks, 2, 2), with `added` (nodes, 2, 2) in their `diagonal` ones."""
+    given, flat = K.reshape(-1), out.reshape(-1)
+    for e in range(flat.size):
+        flat[e] = factor * given[e]
+    for node in range(diagonal.size):
         for i in range(2):
-            for k in range(i, 2):
-                xx, xy = V * C[2 * i, 2 * k, p], V * C[2 * i, 2 * k + 1, p]
-                yx, yy = V * C[2 * i + 1, 2 * k, p], V * C[2 * i + 1, 2 * k + 1, p]
-                for I in range(4):  # noqa: E741
-                    by_x, by_y = x[I] * xx + y[I] * yx, x[I] * xy + y[I] * yy
-                    for J in range(4):
-                        value = by_x * x[J] + by_y * y[J]
-                        K[block[I, J], i, k] += value
-                        if i < k:
-                            K[block[J, I], k, i] += value
+            for k in range(2):
+                out[diagonal[node], i, k] += added[node, i, k]
 
 
 @compiled

@@ -23,6 +23,7 @@ from skmpm.material.anchored import Anchored, Points
 from skmpm.material.anchored import projected as without_negative
 from skmpm.material.invariants import TURN, cofactor
 from skmpm.material.law import determinant
+from skmpm.material.response import curvature
 
 Array = NDArray[np.float64]
 
@@ -175,7 +176,7 @@ def tangents(
     `projected`, the three are those of the nearest positive semi-definite matrix (5, 5, n) of F and theta at
     the point: the quadratic form of the cell is a sum of theirs.
     """
-    by_F, mixed, by_theta = curvatures(law, F, theta)
+    by_F, mixed, by_theta = curvature(law, F, theta) or curvatures(law, F, theta)
     if law.linear:
         return by_F, mixed, by_theta
     _add_turn(tension, by_F)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.compiled import compiled_in_order
+from skmpm.compiled import compiled, compiled_in_order
 from skmpm.material.anchored import Anchored
 from skmpm.material.linear import LinearElastic
 from skmpm.material.neohookean import NeoHookean
@@ -106,6 +106,55 @@ def _neo_hookean(
             by_F[0, p], by_F[1, p] = s * xx + own * d, s * xy - own * c
             by_F[2, p], by_F[3, p] = s * yx - own * b, s * yy + own * a
             by_theta[p] = (0.5 * q - mu * rest * (mean - 1.0)) / mean
+
+
+def curvature(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array, Array] | None:
+    """W_FF (4, 4, n), W_Ftheta (4, n) and W_thetatheta (n,) [Pa] of NeoHookean, None for other laws."""
+    kind: Any = type(law.material)
+    if kind is not NeoHookean:
+        return None
+    n, (lam, mu) = theta.size, law.material.lame
+    by_F, mixed, by_theta = np.empty((4, 4, n)), np.empty((4, n)), np.empty(n)
+    anchor = np.zeros((4, 0)) if law.F_anchor is None else law.F_anchor.reshape(4, n)
+    _neo_hookean_curvature(lam, mu, F.reshape(4, n), anchor, theta, by_F, mixed, by_theta)
+    return by_F, mixed, by_theta
+
+
+@compiled
+def _neo_hookean_curvature(
+    lam: float, mu: float, F: Array, anchor: Array, theta: Array, by_F: Array, mixed: Array, by_theta: Array
+) -> None:
+    """Second derivatives of W = (mu (theta Q / 2 J - theta + J - 1 - ln J) + lambda / 2 (ln theta)^2) / det G.
+
+    Q = |F G|^2 has the derivatives 2 F B and 2 B, B = G G^T.
+    """
+    for p in range(theta.size):
+        a, b, c, d = F[0, p], F[1, p], F[2, p], F[3, p]
+        xx, xy, yy, rest = 1.0, 0.0, 1.0, 1.0  # of B
+        if anchor.size:
+            e, f, g, h = anchor[0, p], anchor[1, p], anchor[2, p], anchor[3, p]
+            xx, xy, yy, rest = e * e + f * f, e * g + f * h, g * g + h * h, 1.0 / (e * h - f * g)
+        inverse = rest / (a * d - b * c)  # 1 / J
+        slope = (a * xx + b * xy, a * xy + b * yy, c * xx + d * xy, c * xy + d * yy)  # Q_F / 2
+        turn = (d * inverse / rest, -c * inverse / rest, -b * inverse / rest, a * inverse / rest)  # J_F / J
+        size = slope[0] * a + slope[1] * b + slope[2] * c + slope[3] * d
+        factor = mu * rest * theta[p] * inverse
+        square = factor * size + mu * rest
+        for i in range(4):
+            mixed[i, p] = mu * rest * inverse * (slope[i] - 0.5 * size * turn[i])
+            for k in range(4):
+                by_F[i, k, p] = square * turn[i] * turn[k] - factor * (slope[i] * turn[k] + turn[i] * slope[k])
+        for i in (0, 2):
+            by_F[i, i, p] += factor * xx
+            by_F[i + 1, i + 1, p] += factor * yy
+            by_F[i, i + 1, p] += factor * xy
+            by_F[i + 1, i, p] += factor * xy
+        second = mu * (1.0 - inverse) - 0.5 * factor * size * inverse / rest
+        by_F[0, 3, p] += second
+        by_F[3, 0, p] += second
+        by_F[1, 2, p] -= second
+        by_F[2, 1, p] -= second
+        by_theta[p] = rest * lam * (1.0 - np.log(theta[p])) / theta[p] ** 2
 
 
 _LOOPS = {LinearElastic: _linear_elastic, NeoHookean: _neo_hookean}
