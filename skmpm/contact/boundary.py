@@ -164,7 +164,8 @@ def _roles(scene: Scene, boundary: Outlines, x: Array) -> Roles:
     centre = [np.bincount(boundary.body, component, len(scene.bodies)) / count for component in x]
     rank = np.empty(len(scene.bodies), dtype=np.int64)
     rank[np.lexsort((centre[1], centre[0], rounded, ~scene.deformable))] = np.arange(rank.size)
-    bend = np.where(scene.deformable[boundary.body], 0.0, outline.bend(boundary, x))
+    rigid = ~scene.deformable[boundary.body]
+    bend = np.where(rigid, outline.bend(boundary, x), 0.0) if rigid.any() else np.zeros(rigid.size)
     return Roles(rank, spacing, bend)
 
 

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.compiled import compiled
+from skmpm.compiled import compiled, compiled_in_order
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.topology import Floats, Integers, Outlines
 
@@ -116,10 +116,23 @@ def _coefficients(x: Floats, previous: Integers, following: Integers, first: Flo
 
 def _turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Lengths of segments (m,), cosines of the turns at their start points, and whether these are left turns."""
-    ahead = x[:, outlines.next] - x
-    length, back = np.maximum(np.hypot(*ahead), 1e-300), ahead[:, outlines.previous]
-    cosine = np.einsum("im,im->m", ahead, back) / (length * length[outlines.previous])
-    return length, cosine, np.asarray(back[0] * ahead[1] > back[1] * ahead[0])
+    length, cosine, left = np.empty(outlines.size), np.empty(outlines.size), np.empty(outlines.size, dtype=np.bool_)
+    _write_turns(x, outlines.previous, outlines.next, length, cosine, left)
+    return length, cosine, left
+
+
+@compiled_in_order
+def _write_turns(
+    x: Floats, previous: Integers, following: Integers, length: Floats, cosine: Floats, left: NDArray[np.bool_]
+) -> None:
+    """The same of boundary points x (2, m)."""
+    for i in range(length.size):
+        length[i] = max(np.hypot(x[0, following[i]] - x[0, i], x[1, following[i]] - x[1, i]), 1e-300)
+    for i in range(length.size):
+        h, j = previous[i], following[i]
+        a, b, c, d = x[0, i] - x[0, h], x[1, i] - x[1, h], x[0, j] - x[0, i], x[1, j] - x[1, i]
+        cosine[i] = (a * c + b * d) / (length[i] * length[h])
+        left[i] = a * d > b * c
 
 
 def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
