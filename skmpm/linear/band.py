@@ -12,6 +12,7 @@ from skmpm.compiled import compiled
 from skmpm.linear import cholesky
 from skmpm.linear.blockwise import Rows, by_body
 from skmpm.linear.solver import NotPositiveDefinite, Solver, half_bandwidth
+from skmpm.linear.squares import squares
 from skmpm.parallel import over_bodies
 
 Array = NDArray[np.float64]
@@ -46,7 +47,7 @@ class Banded:
             *(self.bands, self.offsets, self.blocks, self.ends, rows.ends, rows.first, entries, rows.dof, rows.value),
             *(out, begins),
         )
-        over_bodies(lambda first, last: cholesky.squares(first, last, *arguments), self.blocks)
+        over_bodies(lambda first, last: squares(first, last, *arguments), self.blocks)
 
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:

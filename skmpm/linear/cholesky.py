@@ -1,4 +1,4 @@
-"""Cholesky factors L in bands, their substitutions and L^-1 H^T: the loops of `band`.
+"""Cholesky factors L in bands and their substitutions: the loops of `band`.
 
 A body has n unknowns, two a node, and n columns of `height` entries: entry (i, j) of L is band[j height + i - j].
 Rows of nodes differ in length, and entries of L lie between the diagonal and the last row that A reaches from their
@@ -17,7 +17,6 @@ Ints = NDArray[np.int64]
 
 PANEL = 4  # columns of L that are eliminated at once, those of two nodes
 WIDEST = 4160  # rows of a panel; no power of two, with which its columns would share lines of the cache
-BLOCK = 64  # rows of Z in one product Z^T Z, by which zeros above the first entry of a column are left out
 
 
 @compiled_in_order
@@ -98,13 +97,19 @@ def _eliminate(band: Array, height: int, begin: int, size: int) -> bool:
 
 
 @compiled
+def copy_panel(band: Array, height: int, at: int, size: int, panel: Array) -> None:
+    """Copy the rows below the triangle of the panel that begins at band[at], column by column."""
+    for column in range(PANEL):
+        begin = at + column * height + PANEL - column
+        panel[column * WIDEST : column * WIDEST + size] = band[begin : begin + size]
+
+
+@compiled
 def _eliminate_below(band: Array, height: int, begin: int, rows: int, panel: Array) -> None:
     """Overwrite the rows of a panel below its triangle by those of L, and copy them to `panel`, column by column."""
     size, a = rows - PANEL, begin * height
     b, c, d = a + height, a + 2 * height, a + 3 * height
-    for column in range(PANEL):
-        at = a + column * height + PANEL - column
-        panel[column * WIDEST : column * WIDEST + size] = band[at : at + size]
+    copy_panel(band, height, a, size, panel)
     ba, ca, da, cb, db, dc = band[a + 1], band[a + 2], band[a + 3], band[b + 1], band[b + 2], band[c + 1]
     ra, rb, rc, rd = 1.0 / band[a], 1.0 / band[b], 1.0 / band[c], 1.0 / band[d]
     for i in range(size):
@@ -186,76 +191,3 @@ def _substitute(band: Array, height: int, ends: Ints, x: Array) -> None:
         x1 = (s1 - band[b + 2] * x2 - band[b + 3] * x3) / band[b + 1]
         x0 = (s0 - band[a + 1] * x1 - band[a + 2] * x2 - band[a + 3] * x3) / band[a]
         x[j], x[j + 1], x[j + 2], x[j + 3] = x0, x1, x2, x3
-
-
-@compiled
-def squares(
-    begin: int,
-    end: int,
-    bands: Array,
-    offsets: Ints,
-    blocks: Ints,
-    reach: Ints,
-    ends: Ints,
-    first: Ints,
-    entries: Ints,
-    dof: Ints,
-    value: Array,
-    out: Array,
-    begins: Ints,
-) -> None:
-    """Z^T Z of every body, Z = L^-1 H_b^T, one after the other in `out`, which is zero."""
-    for body in range(begin, end):
-        start, n, m = blocks[body], blocks[body + 1] - blocks[body], ends[body + 1] - ends[body]
-        if m == 0:
-            continue
-        Z, active = np.zeros((n, m)), np.zeros(n, dtype=np.int64)
-        for j in range(m):
-            row = ends[body] + j
-            for e in range(entries[row], entries[row + 1]):
-                Z[dof[e] - start, j] = value[e]
-            active[first[row] - start] = j + 1
-        for i in range(1, n):
-            active[i] = max(active[i], active[i - 1])
-        band = bands[offsets[body] : offsets[body + 1]]
-        _forward(band, band.size // n, reach[start // 2 : (start + n) // 2], Z, active)
-        square = out[begins[body] : begins[body + 1]].reshape((m, m))
-        for i in range(0, n, BLOCK):
-            some = active[min(i + BLOCK, n) - 1]
-            if some > 0:
-                rows = np.ascontiguousarray(Z[i : i + BLOCK, :some])
-                square[:some, :some] += rows.T @ rows
-
-
-@compiled
-def _forward(band: Array, height: int, ends: Ints, Z: Array, active: Ints) -> None:
-    """Forward substitution L^-1 Z in place, PANEL rows at once; row i has entries in the first active[i] columns."""
-    n, panel = Z.shape[0], np.empty(PANEL * WIDEST)
-    for begin in range(0, n, PANEL):
-        size = min(PANEL, n - begin)
-        for i in range(begin, begin + size):
-            for j in range(begin, i):
-                factor = band[j * height + i - j]
-                for k in range(active[j]):
-                    Z[i, k] -= factor * Z[j, k]
-            inverse = 1.0 / band[i * height]
-            for k in range(active[i]):
-                Z[i, k] *= inverse
-        some = active[begin + size - 1]
-        if size < PANEL or some == 0:
-            continue
-        for left in range(0, some, WIDEST):
-            right = min(left + WIDEST, some)
-            for column in range(PANEL):
-                panel[column * WIDEST : column * WIDEST + right - left] = Z[begin + column, left:right]
-            for i in range(begin + PANEL, ends[begin // 2 + 1], 2):  # both rows of a node
-                at = begin * height + i - begin
-                a, b = band[at], band[at + height - 1]
-                c, d = band[at + 2 * (height - 1)], band[at + 3 * (height - 1)]
-                e, f = band[at + 1], band[at + height]
-                g, h = band[at + 2 * height - 1], band[at + 3 * height - 2]
-                upper, lower = Z[i, left:right], Z[i + 1, left:right]
-                for k in range(right - left):
-                    w, x, y, z = panel[k], panel[k + WIDEST], panel[k + 2 * WIDEST], panel[k + 3 * WIDEST]
-                    upper[k] -= a * w + b * x + c * y + d * z
-                    lower[k] -= e * w + f * x + g * y + h * z
