@@ -53,12 +53,8 @@ class Curve:
 
     def weights(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
         """Weights (4, k) of the stencil in the curve at parameters s (k,) in [0, 1], or in its derivatives by s."""
-        start, first, end, last = _hermite(s, derivative)
-        out = np.zeros((4, segment.size))
-        out[1] += start
-        out[2] += end
-        out[:3] += first * self.first[:, segment]
-        out[1:] += last * self.last[:, segment]
+        out = np.empty((4, segment.size))
+        _weights(self.first, self.last, segment, np.asarray(s, dtype=np.float64), derivative, out)
         return out
 
     def through(self, x: Floats) -> Cubics:
@@ -144,7 +140,20 @@ def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
     return np.asarray(number[run])
 
 
-def _hermite(s: Floats, derivative: int) -> tuple[Floats, Floats, Floats, Floats]:
+@compiled
+def _weights(first: Floats, last: Floats, segment: Integers, s: Floats, derivative: int, out: Floats) -> None:
+    """Write the weights (4, k) of the stencils from the tangents at the ends of the segments."""
+    for k in range(segment.size):
+        i = segment[k]
+        start, at_start, end, at_end = _hermite(s[k], derivative)
+        out[0, k] = at_start * first[0, i]
+        out[1, k] = start + at_start * first[1, i] + at_end * last[0, i]
+        out[2, k] = end + at_start * first[2, i] + at_end * last[1, i]
+        out[3, k] = at_end * last[2, i]
+
+
+@compiled
+def _hermite(s: float, derivative: int) -> tuple[float, float, float, float]:
     """Cubic Hermite functions of start, tangent at the start, end, tangent at the end, or their derivatives."""
     if derivative == 0:
         end = s * s * (3.0 - 2.0 * s)

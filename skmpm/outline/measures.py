@@ -38,9 +38,20 @@ def normals(outlines: Outlines, x: Floats) -> Floats:
 
     A normal is zero if the two neighbours coincide.
     """
-    t = x[:, outlines.next] - x[:, outlines.previous]
-    length = np.linalg.norm(t, axis=0)
-    return np.array((t[1], -t[0])) / np.where(length > 0, length, 1.0)
+    out = np.empty((2, outlines.size))
+    _normals(x, outlines.previous, outlines.next, out)
+    return out
+
+
+@compiled_in_order
+def _normals(x: Floats, previous: Integers, following: Integers, out: Floats) -> None:
+    """Write the normals at boundary points x (2, m)."""
+    for i in range(out.shape[1]):
+        h, j = previous[i], following[i]
+        along_x, along_y = x[0, j] - x[0, h], x[1, j] - x[1, h]
+        length = np.sqrt(along_x**2 + along_y**2)
+        length = length if length > 0.0 else 1.0
+        out[0, i], out[1, i] = along_y / length, -along_x / length
 
 
 def bend(outlines: Outlines, x: Floats) -> Floats:
