@@ -40,7 +40,7 @@ def factorise(
             continue
         start, band = blocks[body] // 2, bands[offsets[body] : offsets[body + 1]]
         own, height, panel = ends[start : start + n // 2], band.size // n, np.empty(PANEL * WIDEST)
-        _fill(start, indptr, indices, data, own, height, band)
+        _fill(start, n // 2, indptr, indices, data, height, band)
         for begin in range(0, n, PANEL):
             size, end = min(PANEL, n - begin), own[min(begin // 2 + 1, n // 2 - 1)]
             if not _eliminate(band, height, begin, size):
@@ -54,19 +54,18 @@ def factorise(
 @compiled
 def _fill(
     start: int,
+    nodes: int,
     indptr: NDArray[np.integer],
     indices: NDArray[np.integer],
     data: Array,
-    ends: Ints,
     height: int,
     band: Array,
 ) -> None:
-    """Write the lower triangle of a body's block of A, whose first node is `start`, to its band."""
-    nodes = ends.size
-    for node in range(nodes):
-        end = ends[min(node + 1, nodes - 1)]
-        for j in (2 * node, 2 * node + 1):
-            band[j * height : j * height + end - j] = 0.0
+    """Write the lower triangle of a body's block of A, whose first node is `start`, to its band.
+
+    Entries beyond the profile are zero, too: states keep factors, and the same run leads to the same bits.
+    """
+    band[:] = 0.0
     for node in range(nodes):
         row = start + node
         for e in range(indptr[row], indptr[row + 1]):
