@@ -96,14 +96,16 @@ def scaled_sum(factor: float, K: Array, diagonal: Ints, added: Array, out: Array
 @compiled
 def add_rank_two(block_of_cell: Ints, vectors: Array, K: Array) -> None:
     """Add B D' + D B' of every cell, `vectors` (cells, 2, 4, 2), to the blocks K (blocks, 2, 2)."""
+    flat = K.reshape(-1)
     for c in range(block_of_cell.shape[0]):
-        B, D = vectors[c, 0], vectors[c, 1]
+        B, D, block = vectors[c, 0], vectors[c, 1], block_of_cell[c]
         for I in range(4):  # noqa: E741
             for J in range(4):
-                block = block_of_cell[c, I, J]
-                for i in range(2):
-                    for k in range(2):
-                        K[block, i, k] += D[I, i] * B[J, k] + B[I, i] * D[J, k]
+                entry = flat[4 * block[I, J] : 4 * block[I, J] + 4]
+                entry[0] += D[I, 0] * B[J, 0] + B[I, 0] * D[J, 0]
+                entry[1] += D[I, 0] * B[J, 1] + B[I, 0] * D[J, 1]
+                entry[2] += D[I, 1] * B[J, 0] + B[I, 1] * D[J, 0]
+                entry[3] += D[I, 1] * B[J, 1] + B[I, 1] * D[J, 1]
 
 
 @compiled
@@ -116,13 +118,17 @@ def mean_dilatation_vectors(
         c, V = cell[p], volume[p]
         total[c] += V * rest[p]
         curvature[c] += V * bulk[p]
+        xx, xy, yx, yy = slope[0, p], slope[1, p], slope[2, p], slope[3, p]
+        mixed_xx, mixed_xy, mixed_yx, mixed_yy = mixed[0, p], mixed[1, p], mixed[2, p], mixed[3, p]
+        B, D = out[c, 0], out[c, 1]
         for I in range(4):  # noqa: E741
             x, y = V * gx[p, I], V * gy[p, I]
-            for i in range(2):
-                out[c, 0, I, i] += slope[2 * i, p] * x + slope[2 * i + 1, p] * y
-                out[c, 1, I, i] += mixed[2 * i, p] * x + mixed[2 * i + 1, p] * y
+            B[I, 0] += xx * x + xy * y
+            B[I, 1] += yx * x + yy * y
+            D[I, 0] += mixed_xx * x + mixed_xy * y
+            D[I, 1] += mixed_yx * x + mixed_yy * y
     for c in range(out.shape[0]):
-        half = 0.5 * curvature[c] / total[c]
+        half, B, D = 0.5 * curvature[c] / total[c], out[c, 0], out[c, 1]
         for I in range(4):  # noqa: E741
             for i in range(2):
-                out[c, 1, I, i] = (out[c, 1, I, i] + half * out[c, 0, I, i]) / total[c]
+                D[I, i] = (D[I, i] + half * B[I, i]) / total[c]
