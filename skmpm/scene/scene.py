@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Rigid, bounded_modulus, wave_speed
+from skmpm.material import Rigid, wave_speed
 from skmpm.outline import Outlines, folded, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
@@ -151,12 +151,6 @@ class Scene:
                 lam, mu = body.material.lame
                 result[i] = (lam + 2.0 * mu) / (4.0 * mu * (lam + mu))
         return result
-
-    @cached_property
-    def bounded_moduli(self) -> Array:
-        """`material.bounded_modulus` of the bodies, zero for rigid ones, (bodies,) [Pa]."""
-        materials = (body.material for body in self.bodies)
-        return np.array([0.0 if isinstance(m, Rigid) else bounded_modulus(m) for m in materials])
 
     @cached_property
     def outlined(self) -> NDArray[np.bool_]:

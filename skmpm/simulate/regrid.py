@@ -19,7 +19,7 @@ from skmpm.constraint_elimination import Elimination, eliminate
 from skmpm.contact import acts_at_grid_nodes, joined_parts
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.implicit import Bulk, StepRejected
-from skmpm.material import Rigid, determinant, inverse, product
+from skmpm.material import Rigid, bounded_modulus, determinant, inverse, product
 from skmpm.moment_fitting import fitted_weights
 from skmpm.scene import Derived, Scene, SceneError, State
 from skmpm.scheme import Scheme, averages_dilatation
@@ -133,7 +133,11 @@ def _supports(scene: Scene, grid: BodyGrids, number: NDArray[np.int64]) -> Elimi
 
 def _ghost_moduli(scene: Scene, scheme: Scheme) -> Array:
     """Moduli of the bodies' ghost penalties, (bodies,) [Pa]."""
-    return scheme.ghost * scene.bounded_moduli
+    modulus = np.zeros(len(scene.bodies))
+    for b, body in enumerate(scene.bodies):
+        if not isinstance(body.material, Rigid):
+            modulus[b] = scheme.ghost * bounded_modulus(body.material)
+    return modulus
 
 
 def _reference_is_outdated(state: State, scheme: Scheme) -> bool:
