@@ -98,23 +98,18 @@ class Assembly:
         Dx, Dy = self.grid.derivatives
         return Dx.data.reshape(-1, 4), Dy.data.reshape(-1, 4)
 
-    def cell_sums(self, values: Array, points: Selection = ALL, part: Ints | None = None) -> Array:
-        """Sums of V values over the points of each cell, (cells,); `values` (points,).
-
-        With `part` (points,), sums over the points of each part of a cell, (parts,).
-        """
-        cell, count = (self.grid.cell_of_point[points], self.grid.cells) if part is None else (part, 0)
-        return np.asarray(np.bincount(cell, self.volume[points] * values, count), dtype=np.float64)
-
     def mean_dilatation(self, volumes: Array, points: Selection = ALL, part: Ints | None = None) -> Array:
         """Ratio of current to undeformed volume of the cell of each point, or of its part of it, (points,).
 
         `volumes` (2, points) are the current and undeformed volumes of points per anchor volume; `points` include all
         points of their cells, or of the parts `part` (points,).
         """
-        cell = self.grid.cell_of_point[points] if part is None else part
-        now, rest = (self.cell_sums(v, points, part)[cell] for v in volumes)
-        return np.asarray(now / rest)
+        cell, count = (
+            (self.grid.cell_of_point[points], self.grid.cells) if part is None else (part, int(part.max()) + 1)
+        )
+        ratios = np.empty(volumes.shape[1])
+        loops.cell_ratios(cell, self.volume[points], volumes, np.zeros((count, 2)), ratios)
+        return ratios
 
     def mean_dilatation_stiffness(
         self,
@@ -143,8 +138,9 @@ class Assembly:
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
         """Block-sparse A = M + factor K, (2 nodes, 2 nodes), or with diagonal blocks (nodes, 2, 2) in place of M."""
-        nodes, data = self.grid.nodes, factor * stiffness
-        data[self.diagonal_blocks] += self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
+        nodes, data = self.grid.nodes, np.empty_like(stiffness)
+        added = self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
+        loops.scaled_sum(factor, stiffness, self.diagonal_blocks, added, data)
         return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
 
 

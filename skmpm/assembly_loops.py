@@ -13,12 +13,17 @@ Ints = NDArray[np.int64]
 
 @compiled
 def ghost_force(indptr: NDArray[np.int32], indices: NDArray[np.int32], data: Array, u: Array, force: Array) -> None:
-    """Write G u from differences of u (nodes, 2): rows of G sum to zero, and bodies may be far from their anchor."""
+    """Add G u from differences of u (nodes, 2): rows of G sum to zero, and bodies may be far from their anchor."""
     for i in range(indptr.size - 1):
         for e in range(indptr[i], indptr[i + 1]):
             j = indices[e]
-            force[i, 0] += data[e] * (u[j, 0] - u[i, 0])
-            force[i, 1] += data[e] * (u[j, 1] - u[i, 1])
+            if j >= i:
+                break
+            x, y = data[e] * (u[j, 0] - u[i, 0]), data[e] * (u[j, 1] - u[i, 1])
+            force[i, 0] += x
+            force[i, 1] += y
+            force[j, 0] -= x
+            force[j, 1] -= y
 
 
 @compiled
@@ -28,8 +33,20 @@ def ghost_energy(indptr: NDArray[np.int32], indices: NDArray[np.int32], data: Ar
     for i in range(indptr.size - 1):
         for e in range(indptr[i], indptr[i + 1]):
             j = indices[e]
+            if j >= i:
+                break
             total += data[e] * ((u[j, 0] - u[i, 0]) ** 2 + (u[j, 1] - u[i, 1]) ** 2)
-    return -0.25 * total
+    return -0.5 * total
+
+
+@compiled
+def cell_ratios(cell: Ints, volume: Array, values: Array, sums: Array, ratios: Array) -> None:
+    """Ratios of the sums of V values over the points of each cell, at the points; values (2, n), sums (cells, 2)."""
+    for p in range(cell.size):
+        sums[cell[p], 0] += volume[p] * values[0, p]
+        sums[cell[p], 1] += volume[p] * values[1, p]
+    for p in range(cell.size):
+        ratios[p] = sums[cell[p], 0] / sums[cell[p], 1]
 
 
 @compiled
@@ -45,32 +62,50 @@ def add_stiffness(
     K: Array,
 ) -> None:
     """Add V grad N_I : C : grad N_J of points first:last to the blocks K (blocks, 2, 2); symmetric C (4, 4, n)."""
+    flat = K.reshape(-1)
     for p in range(first, last):
         V, x, y, block = volume[p], gx[p], gy[p], block_of_cell[cell_of_point[p]]
+        c00, c01, c02, c03 = V * C[0, 0, p], V * C[0, 1, p], V * C[0, 2, p], V * C[0, 3, p]
+        c11, c12, c13 = V * C[1, 1, p], V * C[1, 2, p], V * C[1, 3, p]
+        c22, c23, c33 = V * C[2, 2, p], V * C[2, 3, p], V * C[3, 3, p]
+        for I in range(4):  # noqa: E741
+            xx_x, xx_y = x[I] * c00 + y[I] * c01, x[I] * c01 + y[I] * c11
+            xy_x, xy_y = x[I] * c02 + y[I] * c12, x[I] * c03 + y[I] * c13
+            yx_x, yx_y = x[I] * c02 + y[I] * c03, x[I] * c12 + y[I] * c13
+            yy_x, yy_y = x[I] * c22 + y[I] * c23, x[I] * c23 + y[I] * c33
+            for J in range(4):
+                entry = flat[4 * block[I, J] : 4 * block[I, J] + 4]
+                entry[0] += xx_x * x[J] + xx_y * y[J]
+                entry[1] += xy_x * x[J] + xy_y * y[J]
+                entry[2] += yx_x * x[J] + yx_y * y[J]
+                entry[3] += yy_x * x[J] + yy_y * y[J]
+
+
+@compiled
+def scaled_sum(factor: float, K: Array, diagonal: Ints, added: Array, out: Array) -> None:
+    """Write factor K, blocks (blocks, 2, 2), with `added` (nodes, 2, 2) in their `diagonal` ones."""
+    given, flat = K.reshape(-1), out.reshape(-1)
+    for e in range(flat.size):
+        flat[e] = factor * given[e]
+    for node in range(diagonal.size):
         for i in range(2):
-            for k in range(i, 2):
-                xx, xy = V * C[2 * i, 2 * k, p], V * C[2 * i, 2 * k + 1, p]
-                yx, yy = V * C[2 * i + 1, 2 * k, p], V * C[2 * i + 1, 2 * k + 1, p]
-                for I in range(4):  # noqa: E741
-                    by_x, by_y = x[I] * xx + y[I] * yx, x[I] * xy + y[I] * yy
-                    for J in range(4):
-                        value = by_x * x[J] + by_y * y[J]
-                        K[block[I, J], i, k] += value
-                        if i < k:
-                            K[block[J, I], k, i] += value
+            for k in range(2):
+                out[diagonal[node], i, k] += added[node, i, k]
 
 
 @compiled
 def add_rank_two(block_of_cell: Ints, vectors: Array, K: Array) -> None:
     """Add B D' + D B' of every cell, `vectors` (cells, 2, 4, 2), to the blocks K (blocks, 2, 2)."""
+    flat = K.reshape(-1)
     for c in range(block_of_cell.shape[0]):
-        B, D = vectors[c, 0], vectors[c, 1]
+        B, D, block = vectors[c, 0], vectors[c, 1], block_of_cell[c]
         for I in range(4):  # noqa: E741
             for J in range(4):
-                block = block_of_cell[c, I, J]
-                for i in range(2):
-                    for k in range(2):
-                        K[block, i, k] += D[I, i] * B[J, k] + B[I, i] * D[J, k]
+                entry = flat[4 * block[I, J] : 4 * block[I, J] + 4]
+                entry[0] += D[I, 0] * B[J, 0] + B[I, 0] * D[J, 0]
+                entry[1] += D[I, 0] * B[J, 1] + B[I, 0] * D[J, 1]
+                entry[2] += D[I, 1] * B[J, 0] + B[I, 1] * D[J, 0]
+                entry[3] += D[I, 1] * B[J, 1] + B[I, 1] * D[J, 1]
 
 
 @compiled
@@ -83,13 +118,17 @@ def mean_dilatation_vectors(
         c, V = cell[p], volume[p]
         total[c] += V * rest[p]
         curvature[c] += V * bulk[p]
+        xx, xy, yx, yy = slope[0, p], slope[1, p], slope[2, p], slope[3, p]
+        mixed_xx, mixed_xy, mixed_yx, mixed_yy = mixed[0, p], mixed[1, p], mixed[2, p], mixed[3, p]
+        B, D = out[c, 0], out[c, 1]
         for I in range(4):  # noqa: E741
             x, y = V * gx[p, I], V * gy[p, I]
-            for i in range(2):
-                out[c, 0, I, i] += slope[2 * i, p] * x + slope[2 * i + 1, p] * y
-                out[c, 1, I, i] += mixed[2 * i, p] * x + mixed[2 * i + 1, p] * y
+            B[I, 0] += xx * x + xy * y
+            B[I, 1] += yx * x + yy * y
+            D[I, 0] += mixed_xx * x + mixed_xy * y
+            D[I, 1] += mixed_yx * x + mixed_yy * y
     for c in range(out.shape[0]):
-        half = 0.5 * curvature[c] / total[c]
+        half, B, D = 0.5 * curvature[c] / total[c], out[c, 0], out[c, 1]
         for I in range(4):  # noqa: E741
             for i in range(2):
-                out[c, 1, I, i] = (out[c, 1, I, i] + half * out[c, 0, I, i]) / total[c]
+                D[I, i] = (D[I, i] + half * B[I, i]) / total[c]

@@ -92,9 +92,7 @@ def packing(
     """
     if isinstance(shapes, Sequence) and len(shapes) and all(isinstance(shape, Points) for shape in shapes):
         if periodic:
-            raise PackingError(
-                "shapes in a periodic box: only discs are packed in one; give radii, or periodic=False"
-            )
+            raise PackingError("shapes: only discs are packed in a periodic box; give radii, or periodic=False")
         return _of_shapes(shapes, width, solid_fraction, friction, seed)  # type: ignore[arg-type]
     R = np.array(_numbers(shapes), dtype=float)
     _check(R, width, solid_fraction, friction)
@@ -129,12 +127,10 @@ def _of_shapes(clouds: Sequence[Points], width: float, solid_fraction: float, fr
         raise PackingError(f"shapes: {error}") from error
     height = float(area.sum() / (width * solid_fraction))
     box = np.round([width / unit, height / unit], 10)
-    rng = np.random.default_rng(seed)
+    rng, closed = np.random.default_rng(seed), _Box(box, periodic=False)
 
     def start() -> Array:
-        return np.vstack(
-            [_scatter(shapes.radius, _Box(box, periodic=False), rng), rng.uniform(0.0, 2.0 * np.pi, R.size)]
-        )
+        return np.vstack([_scatter(shapes.radius, closed, rng), rng.uniform(0.0, 2.0 * np.pi, R.size)])
 
     separate = partial(packing_shapes.separate, shapes, box=box, friction=friction)
     attempts = 1 + _ATTEMPTED_SHAPES // R.size

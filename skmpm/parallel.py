@@ -2,7 +2,7 @@
 
 Bodies are independent of each other until contact couples them, and whatever is computed for one body is computed in
 the same order in any range, so that results do not depend on the number of threads. Only loops that hold no lock gain
-by it: compiled ones and LAPACK through pointers.
+by it: compiled ones.
 """
 
 from __future__ import annotations

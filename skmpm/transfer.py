@@ -24,9 +24,10 @@ def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
 
     Jiang et al., ACM ToG 34 (2015), eq. 8: P_i = sum_p m_p N_ip (v_p + C_p (X_i - X_p)). `mass` (n,) [kg/m].
     """
-    momentum = np.asarray(assembly.grid.interpolation.T @ (mass * v).T).ravel()
     if C.any():
-        momentum = momentum + assembly.grid.affine_momentum(mass, C)
+        momentum = assembly.grid.affine_momentum(mass, v, C)
+    else:
+        momentum = np.asarray(assembly.grid.interpolation.T @ (mass * v).T).ravel()
     return np.asarray(momentum / np.maximum(assembly.lumped, 1e-300))
 
 

@@ -164,7 +164,8 @@ def _roles(scene: Scene, surfaces: outline.Images, x: Array) -> Roles:
     place = centre[::-1] if scene.periodic is None else [np.arange(bodies), surfaces.body]
     rank = np.empty(bodies, dtype=np.int64)
     rank[np.lexsort((*place, rounded, ~scene.deformable[surfaces.body]))] = np.arange(bodies)
-    bend = np.where(scene.deformable[surfaces.owner], 0.0, outline.bend(boundary, x))
+    rigid = ~scene.deformable[surfaces.owner]
+    bend = np.where(rigid, outline.bend(boundary, x), 0.0) if rigid.any() else np.zeros(rigid.size)
     return Roles(rank, spacing, bend)
 
 

@@ -44,11 +44,13 @@ def closest_points(
 
     `walls` (walls, 2) [m] are points of the walls then, `contacts` those of the last step.
     """
+    if near.point.size == 0 and walls.size == 0:
+        return NO_SHIFTS
     length, turn = _turns(ahead.curve, scene.initial_positions[:, ahead.curve.outlines.point])
     found = [_on_wall(scene, near, i, point, ahead, length, turn) for i, point in enumerate(walls)]
     if near.point.size:
         found.append(_on_bodies(scene, near, roles, ahead, length, turn))
-    return _shifts(joined(found), contacts) if found else NO_SHIFTS
+    return _shifts(joined(found), contacts)
 
 
 @dataclass(frozen=True)

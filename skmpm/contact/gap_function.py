@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled_in_order
 from skmpm.contact.projection import Neighbours, foot_points, project, tangent_shares, wall_keys
 from skmpm.contact.shifts import guard_keys
 from skmpm.scene import Scene
@@ -92,8 +93,8 @@ def contacts_with_wall(
     """Contact pairs of boundary points with wall i, which moves from `point` by `step`, both (2,) [m]."""
     curve, boundary = near.curve, near.curve.outlines
     normal = np.asarray(scene.walls[i].normal, dtype=float)
-    before = normal @ (start - point[:, None])
-    gap = before + normal @ (moved - step[:, None])
+    before, gap = np.empty(start.shape[1]), np.empty(start.shape[1])
+    _wall_gaps(normal, start, point, moved, step, before, gap)
     c = np.flatnonzero((gap < near.reach) & scene.movable[boundary.body])
     key = wall_keys(curve, i, c)
     shift = near.shifts.of(key)
@@ -119,3 +120,13 @@ def contacts_with_wall(
         friction=scene.frictions.between(bodies),
         kept=near.shifts.kept_overlap(key),
     )
+
+
+@compiled_in_order
+def _wall_gaps(
+    normal: Array, start: Array, point: Array, moved: Array, step: Array, before: Array, gap: Array
+) -> None:
+    """Write the gaps (m,) between points and a wall before and after both have moved."""
+    for c in range(gap.size):
+        before[c] = normal[0] * (start[0, c] - point[0]) + normal[1] * (start[1, c] - point[1])
+        gap[c] = before[c] + normal[0] * (moved[0, c] - step[0]) + normal[1] * (moved[1, c] - step[1])

@@ -103,25 +103,62 @@ def _invert(
     """The inverse of each block, whose rows are order[starts[b]:starts[b + 1]]."""
     position = np.empty(label.size, dtype=np.int64)
     for b in range(starts.size - 1):
-        size = starts[b + 1] - starts[b]
+        rows = order[starts[b] : starts[b + 1]]
+        size = rows.size
         for i in range(size):
-            position[order[starts[b] + i]] = i
-        block = np.zeros((size, size))
+            position[rows[i]] = i
+        block = inverses[offsets[b] : offsets[b + 1]].reshape((size, size))
+        block[:] = 0.0
         for i in range(size):
-            row = order[starts[b] + i]
-            for e in range(indptr[row], indptr[row + 1]):
-                if label[indices[e]] == b:
-                    block[i, position[indices[e]]] = data[e]
-        inverses[offsets[b] : offsets[b + 1]] = np.linalg.inv(block).ravel()
+            own, values = indices[indptr[rows[i]] : indptr[rows[i] + 1]], data[indptr[rows[i]] : indptr[rows[i] + 1]]
+            for e in range(own.size):
+                if label[own[e]] == b:
+                    block[i, position[own[e]]] = values[e]
+        _invert_block(block)
+
+
+@compiled
+def _invert_block(A: Array) -> None:
+    """Overwrite a small matrix by its inverse (Gauss and Jordan, with exchanges of rows)."""
+    n = A.shape[0]
+    exchanged = np.empty(n, dtype=np.int64)
+    for k in range(n):
+        p = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[p, k]):
+                p = i
+        if A[p, k] == 0.0:
+            raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
+        exchanged[k] = p
+        for j in range(n):
+            A[k, j], A[p, j] = A[p, j], A[k, j]
+        inverse, A[k, k] = 1.0 / A[k, k], 1.0
+        pivot = A[k]
+        for j in range(n):
+            pivot[j] *= inverse
+        for i in range(n):
+            if i != k:
+                row, factor = A[i], A[i, k]
+                row[k] = 0.0
+                for j in range(n):
+                    row[j] -= factor * pivot[j]
+    for k in range(n - 1, -1, -1):
+        p = exchanged[k]
+        for i in range(n):
+            A[i, k], A[i, p] = A[i, p], A[i, k]
 
 
 @compiled
 def _apply(order: Ints, starts: Ints, offsets: Ints, inverses: Array, x: Array, y: Array) -> None:
     """The products of the inverses of blocks with the rows of x."""
+    own = np.empty(x.size)
     for b in range(starts.size - 1):
-        size = starts[b + 1] - starts[b]
+        rows = order[starts[b] : starts[b + 1]]
+        size, block = rows.size, inverses[offsets[b] : offsets[b + 1]]
         for i in range(size):
-            total = 0.0
+            own[i] = x[rows[i]]
+        for i in range(size):
+            row, total = block[i * size : (i + 1) * size], 0.0
             for j in range(size):
-                total += inverses[offsets[b] + i * size + j] * x[order[starts[b] + j]]
-            y[order[starts[b] + i]] = total
+                total += row[j] * own[j]
+            y[rows[i]] = total

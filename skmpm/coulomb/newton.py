@@ -183,17 +183,18 @@ def _combine(
     end = 0
     for i in range(free.size):
         begin, shifted = end, False
-        for e in range(indptr[free[i]], indptr[free[i] + 1]):
-            weight, at = factor[indices[e]], column[indices[e]]
+        own, row = indices[indptr[free[i]] : indptr[free[i] + 1]], values[indptr[free[i]] : indptr[free[i] + 1]]
+        for e in range(own.size):
+            weight, at = factor[own[e]], column[own[e]]
             if weight == 0.0:
                 continue
             if not shifted and at >= i:
                 out_indices[end], out[end], shifted = i, shift, True
                 end += 1
             if end > begin and out_indices[end - 1] == at:
-                out[end - 1] += weight * values[e]
+                out[end - 1] += weight * row[e]
             else:
-                out_indices[end], out[end] = at, weight * values[e]
+                out_indices[end], out[end] = at, weight * row[e]
                 end += 1
         if not shifted:
             out_indices[end], out[end] = i, shift

@@ -131,10 +131,10 @@ class BodyGrids:
         point_loops.add_divergence(self._nodes_of_points, by_x, by_y, volume, P, sums)
         return sums.ravel()
 
-    def affine_momentum(self, mass: Array, C: Array) -> Array:
-        """Sum over points of m N C (X - x), (2 nodes,); masses (n,) and velocity gradients (2, 2, n)."""
+    def affine_momentum(self, mass: Array, v: Array, C: Array) -> Array:
+        """Sum over points of m N (v + C (X - x)), (2 nodes,); masses (n,), velocities (2, n), gradients (2, 2, n)."""
         sums, N = np.zeros((self.nodes, 2)), _by_point(self.interpolation)
-        point_loops.add_affine_momentum(self._nodes_of_points, N, self.local, self.cell, mass, C, sums)
+        point_loops.add_affine_momentum(self._nodes_of_points, N, self.local, self.cell, mass, v, C, sums)
         return sums.ravel()
 
     @cached_property
@@ -162,7 +162,9 @@ class BodyGrids:
 
     def sums(self, values: Array) -> Array:
         """Sums (k, bodies) of nodal values (k, nodes) over the nodes of each body."""
-        return np.stack([np.bincount(self.node_body, row, self.bodies) for row in values])
+        sums = np.zeros((values.shape[0], self.bodies))
+        point_loops.sum_by_body(self.node_body, np.asarray(values, dtype=np.float64), sums)
+        return sums
 
     def means(self, values: Array, weight: Array | None = None) -> Array:
         """Means (k, bodies) of nodal values (k, nodes) over the nodes of each body, weighted by (nodes,)."""

@@ -55,12 +55,20 @@ def add_divergence(node: Ints, by_x: Array, by_y: Array, volume: Array, P: Array
 
 @compiled
 def add_affine_momentum(
-    node: Ints, weight: Array, local: Array, cell: float, mass: Array, C: Array, out: Array
+    node: Ints, weight: Array, local: Array, cell: float, mass: Array, v: Array, C: Array, out: Array
 ) -> None:
-    """Add m N C (X - x) of all points at `local` (2, n) in their cells to `out` (nodes, 2)."""
+    """Add m N (v + C (X - x)) of all points at `local` (2, n) in their cells to `out` (nodes, 2)."""
     for p in range(node.shape[0]):
         for I in range(4):  # noqa: E741
-            n, share = node[p, I], cell * mass[p] * weight[p, I]
-            x, y = CORNERS[0, I] - local[0, p], CORNERS[1, I] - local[1, p]
-            out[n, 0] += share * (C[0, 0, p] * x + C[0, 1, p] * y)
-            out[n, 1] += share * (C[1, 0, p] * x + C[1, 1, p] * y)
+            n, share = node[p, I], mass[p] * weight[p, I]
+            x, y = cell * (CORNERS[0, I] - local[0, p]), cell * (CORNERS[1, I] - local[1, p])
+            out[n, 0] += share * (v[0, p] + C[0, 0, p] * x + C[0, 1, p] * y)
+            out[n, 1] += share * (v[1, p] + C[1, 0, p] * x + C[1, 1, p] * y)
+
+
+@compiled
+def sum_by_body(body: NDArray[np.int64], values: Array, out: Array) -> None:
+    """Add values (k, nodes) to those of their bodies, `out` (k, bodies)."""
+    for k in range(out.shape[0]):
+        for n in range(body.size):
+            out[k, body[n]] += values[k, n]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly, Selection
-from skmpm.material import Anchored, Material, Points, dilatation, is_linear, viscosity_of
+from skmpm.material import Anchored, Material, Points, Response, dilatation, is_linear, response, viscosity_of
 from skmpm.material import projected as without_negative
 
 Array = NDArray[np.float64]
@@ -24,9 +24,13 @@ class Configuration:
 
     displacement: Array  # (2 nodes,) [m]
     F: Array  # (2, 2, n)
-    dilatation: Array | None = (
-        None  # (n,) mean of each point's cell, nan where the pointwise one is used; None if all
-    )
+    dilatation: Array | None = None  # (n,) mean of each cell at its points, nan where it is pointwise; None if all
+    bulk: Bulk | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def responses(self) -> tuple[Response | None, ...] | None:
+        """Energy and its derivatives at the points of each material, None for materials without a compiled pass."""
+        return None if self.bulk is None else self.bulk.responses(self)
 
 
 class Group(NamedTuple):
@@ -89,19 +93,24 @@ class Bulk:
         F[0, 0] += 1.0
         F[1, 1] += 1.0
         if not any(self.mean_dilatation):
-            return Configuration(displacement, F)
+            return Configuration(displacement, F, bulk=self)
         volumes = [dilatation.volumes(g.law, g.of(F)) for g in self._mean_dilatation_groups]
-        return Configuration(displacement, F, self._cell_means(np.concatenate(volumes, axis=-1)))
+        return Configuration(displacement, F, self._cell_means(np.concatenate(volumes, axis=-1)), self)
+
+    def responses(self, configuration: Configuration) -> tuple[Response | None, ...]:
+        """Energy and its derivatives at the points of each material, None for materials without a compiled pass."""
+        means = self._dilatations_by_group(configuration)
+        return tuple(response(g.law, g.of(configuration.F), m) for g, m in zip(self.groups, means, strict=True))
 
     def energy(self, configuration: Configuration) -> float:
         """Strain energy and ghost penalty [J/m]; inf where a point is inverted (J <= 0)."""
-        F, means = configuration.F, self._dilatations_by_group(configuration)
-        density = self._of_all_points(
-            [
-                g.law.energy(g.of(F)) if mean is None else dilatation.energy(g.law, g.of(F), mean)
-                for g, mean in zip(self.groups, means, strict=True)
-            ]
-        )
+        F, parts = configuration.F, []
+        for g, mean, found in self._by_group(configuration):
+            if found is not None:
+                parts.append(found.energy)
+            else:
+                parts.append(g.law.energy(g.of(F)) if mean is None else dilatation.energy(g.law, g.of(F), mean))
+        density = self._of_all_points(parts)
         if not np.isfinite(density).all():
             return float("inf")
         return float(self.assembly.volume @ density) + self.assembly.ghost_energy(configuration.displacement)
@@ -114,9 +123,13 @@ class Bulk:
     def stress(self, configuration: Configuration) -> Array:
         """First Piola-Kirchhoff stress, the derivative of the cells' energies by F at the points, (2, 2, n) [Pa]."""
         P, mean_stress = self._derivatives(configuration)
-        if mean_stress is not None:
-            for g in self._mean_dilatation_groups:
-                P[..., g.points] += g.of(mean_stress) * dilatation.volume_slope(g.law, g.of(configuration.F))
+        if mean_stress is None:
+            return P
+        if len(self.groups) == 1:
+            return dilatation.with_tension(self.groups[0].law, configuration.F, P, mean_stress)
+        for g in self._mean_dilatation_groups:
+            own = dilatation.with_tension(g.law, g.of(configuration.F), g.of(P), g.of(mean_stress))
+            P[..., g.points] = own
         return P
 
     def stiffness(self, configuration: Configuration, *, projected: Points = False) -> Array:
@@ -158,12 +171,16 @@ class Bulk:
         The latter is a mean stress of the cell of each point, positive in tension; None without mean dilatation.
         """
         F, parts, stresses = configuration.F, [], []
-        for g, mean in zip(self.groups, self._dilatations_by_group(configuration), strict=True):
-            if mean is None:
-                parts.append(g.law.stress(g.of(F)))
-                continue
-            P, by_dilatation = dilatation.slopes(g.law, g.of(F), mean)
+        for g, mean, found in self._by_group(configuration):
+            if found is not None:
+                P, by_dilatation = found.by_F, found.by_theta
+            elif mean is not None:
+                P, by_dilatation = dilatation.slopes(g.law, g.of(F), mean)
+            else:
+                P = g.law.stress(g.of(F))
             parts.append(P)
+            if mean is None:
+                continue
             stresses.append(np.stack([by_dilatation, g.law.rest(mean.size)]))
         mean_stress = self._cell_means(np.concatenate(stresses, axis=-1)) if stresses else None
         return self._of_all_points(parts), mean_stress
@@ -200,6 +217,11 @@ class Bulk:
             g.of(configuration.dilatation) if g.mean_dilatation and configuration.dilatation is not None else None
             for g in self.groups
         ]
+
+    def _by_group(self, configuration: Configuration) -> list[tuple[Group, Array | None, Response | None]]:
+        """The points by material with their mean dilatations, None where pointwise, and compiled responses."""
+        means, found = self._dilatations_by_group(configuration), configuration.responses
+        return list(zip(self.groups, means, found or (None,) * len(means), strict=True))
 
     def _cell_means(self, values: Array) -> Array:
         """Ratio of the cell sums of both rows of `values` (2, points with mean dilatation), (n,); nan elsewhere."""

@@ -79,11 +79,12 @@ def _sorted(row: Ints, ends: Ints, begins: Ints, dense: Array, indptr: Ints, dat
     for b in range(ends.size - 1):
         size, own = ends[b + 1] - ends[b], row[ends[b] : ends[b + 1]]
         order = np.argsort(own)
+        columns = own[order]
         for i in order:
             source, target = begins[b] + i * size, indptr[own[i]]
+            values, entries, column = dense[source : source + size], data[target:], indices[target:]
             for k in range(size):
-                data[target + k] = dense[source + order[k]]
-                indices[target + k] = own[order[k]]
+                entries[k], column[k] = values[order[k]], columns[k]
 
 
 def by_columns(solve: Solver, blocks: Ints, H: sp.csr_array) -> sp.csr_array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skmpm.compiled import compiled
 from skmpm.linear.solver import Solver
+from skmpm.parallel import over_bodies
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -87,26 +88,32 @@ def _spread(data: Array, column: Ints, rows: Ints, count: Ints, size: int) -> sp
 
 
 def _product(left: sp.csr_array, S: sp.csr_array, right: sp.csr_array, owner: Ints) -> sp.csr_array:
-    """The product left S right^T of rows that touch at most two bodies each, columns ascending.
+    """The product left S right^T of rows that touch at most two bodies each, columns ascending; S is symmetric.
 
-    `owner` (2 m,) is the body of every row of S, -1 where that is empty.
+    `owner` (2 m,) is the body of every row of S, -1 where that is empty. The products of a body are dense.
     """
-    pairs = [_bodies_of_rows(rows.indptr, rows.indices, owner) for rows in (left, right)]
     bodies = int(owner.max(initial=-1)) + 1
-    count = np.bincount(pairs[1][pairs[1] >= 0], minlength=bodies)
-    begins, rows_of_body = np.append(0, np.cumsum(count)), np.empty(int(count.sum()), dtype=np.int32)
-    _rows_by_body(pairs[1], begins, rows_of_body)
-    most = int(np.where(pairs[0] >= 0, count[pairs[0]], 0).sum()) if bodies else 0
-    indptr, indices, data = (
-        np.zeros(left.shape[0] + 1, dtype=np.int32),
-        np.empty(most, dtype=np.int32),
-        np.empty(most),
-    )
-    filled = _products(
+    pairs = [_bodies_of_rows(rows.indptr, rows.indices, owner) for rows in (left, right)]
+    (points, of_left, of_right) = (_by_body(of, bodies) for of in (owner[:, None], *pairs))
+    begins = np.append(0, np.cumsum(np.diff(of_left[0]) * np.diff(of_right[0])))
+    blocks = np.zeros(begins[-1])
+    arguments = (
         *(left.indptr, left.indices, left.data, S.indptr, S.indices, S.data, right.indptr, right.indices, right.data),
-        *(owner, pairs[0], begins, rows_of_body, indptr, indices, data),
+        *(owner, *points, *of_left, *of_right, begins, blocks),
     )
+    over_bodies(lambda first, last: _products(first, last, *arguments), begins)
+    most = int(np.append(np.diff(of_right[0]), 0)[pairs[0]].sum())  # -1, no body, is the last: none
+    indptr, indices, data = np.zeros(left.shape[0] + 1, np.int32), np.empty(most, np.int32), np.empty(most)
+    filled = _merge(pairs[0], *of_right, begins, blocks, indptr, indices, data)
     return sp.csr_array((data[:filled], indices[:filled], indptr), shape=(left.shape[0], right.shape[0]))
+
+
+def _by_body(bodies: Ints, count: int) -> tuple[Ints, Ints]:
+    """Offsets (count + 1,) and the rows that touch each body, ascending, body after body."""
+    number = np.bincount(bodies[bodies >= 0], minlength=count)
+    begins, rows = np.append(0, np.cumsum(number)), np.empty(int(number.sum()), dtype=np.int64)
+    _rows_by_body(bodies, begins, rows)
+    return begins, rows
 
 
 @compiled
@@ -138,6 +145,8 @@ def _rows_by_body(bodies: Ints, begins: Ints, rows: Ints) -> None:
 
 @compiled
 def _products(
+    first: int,
+    last: int,
     left_indptr: Ints,
     left_indices: Ints,
     left: Array,
@@ -148,39 +157,82 @@ def _products(
     right_indices: Ints,
     right: Array,
     owner: Ints,
-    bodies: Ints,
+    point_begins: Ints,
+    points: Ints,
+    left_begins: Ints,
+    left_rows: Ints,
+    right_begins: Ints,
+    right_rows: Ints,
     begins: Ints,
-    rows_of_body: Ints,
+    blocks: Array,
+) -> None:
+    """Dense products of the rows that touch a body with its part of S, from blocks[begins[body]], which is zero."""
+    position = np.empty(owner.size, dtype=np.int64)
+    for body in range(first, last):
+        own = points[point_begins[body] : point_begins[body + 1]]
+        rows, columns = left_rows[left_begins[body] : left_begins[body + 1]], right_rows[right_begins[body] :]
+        width = right_begins[body + 1] - right_begins[body]
+        if rows.size == 0 or width == 0:
+            continue
+        for k in range(own.size):
+            position[own[k]] = k
+        dense, turned = np.zeros((own.size, own.size)), np.empty((own.size, width))
+        for k in range(own.size):
+            for e in range(S_indptr[own[k]], S_indptr[own[k] + 1]):
+                dense[k, position[S_indices[e]]] = S[e]
+        for j in range(width):
+            total = np.zeros(own.size)
+            for e in range(right_indptr[columns[j]], right_indptr[columns[j] + 1]):
+                if owner[right_indices[e]] == body:
+                    _add(right[e], dense[position[right_indices[e]]], total)
+            turned[:, j] = total
+        block = blocks[begins[body] : begins[body + 1]].reshape((rows.size, width))
+        for i in range(rows.size):
+            for e in range(left_indptr[rows[i]], left_indptr[rows[i] + 1]):
+                if owner[left_indices[e]] == body:
+                    _add(left[e], turned[position[left_indices[e]]], block[i])
+
+
+@compiled
+def _add(factor: float, x: Array, y: Array) -> None:
+    """Add factor x to y."""
+    for k in range(y.size):
+        y[k] += factor * x[k]
+
+
+@compiled
+def _merge(
+    bodies: Ints,
+    right_begins: Ints,
+    right_rows: Ints,
+    begins: Ints,
+    blocks: Array,
     indptr: Ints,
     indices: Ints,
     data: Array,
 ) -> int:
-    """Row i of left S at the unknowns of its bodies, times the rows of right that touch these; number of entries."""
-    row, end = np.zeros(owner.size), 0
-    for i in range(left_indptr.size - 1):
-        for e in range(left_indptr[i], left_indptr[i + 1]):
-            at, factor = left_indices[e], left[e]
-            for s in range(S_indptr[at], S_indptr[at + 1]):
-                row[S_indices[s]] += factor * S[s]
+    """Write the sums of the products of both bodies of each row, columns ascending; return the number of entries."""
+    filled, end = np.zeros(begins.size, dtype=np.int64), 0
+    for i in range(bodies.shape[0]):
         a, b = bodies[i, 0], bodies[i, 1]
-        first, last = (begins[a], begins[a + 1]) if a >= 0 else (0, 0)
-        other, stop = (begins[b], begins[b + 1]) if b >= 0 else (0, 0)
+        first, last = (right_begins[a], right_begins[a + 1]) if a >= 0 else (0, 0)
+        other, stop = (right_begins[b], right_begins[b + 1]) if b >= 0 else (0, 0)
+        at = begins[a] + filled[a] * (last - first) - first
+        and_at = begins[b] + filled[b] * (stop - other) - other
         while first < last or other < stop:
-            if other >= stop or (first < last and rows_of_body[first] <= rows_of_body[other]):
-                j = rows_of_body[first]
-                other += 1 if other < stop and rows_of_body[other] == j else 0
-                first += 1
-            else:
-                j = rows_of_body[other]
-                other += 1
+            j = right_rows[first] if first < last else right_rows[other]
+            if other < stop:
+                j = min(j, right_rows[other])
             total = 0.0
-            for e in range(right_indptr[j], right_indptr[j + 1]):
-                total += right[e] * row[right_indices[e]]
+            if first < last and right_rows[first] == j:
+                total += blocks[at + first]
+                first += 1
+            if other < stop and right_rows[other] == j:
+                total += blocks[and_at + other]
+                other += 1
             indices[end], data[end] = j, total
             end += 1
         indptr[i + 1] = end
-        for e in range(left_indptr[i], left_indptr[i + 1]):
-            at = left_indices[e]
-            for s in range(S_indptr[at], S_indptr[at + 1]):
-                row[S_indices[s]] = 0.0
+        filled[a] += 1
+        filled[b] += 1
     return end

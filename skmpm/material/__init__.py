@@ -1,7 +1,8 @@
 """Materials are functions of the deformation gradient alone; the rest is built on them once, for any material.
 
 `law` is the interface. `anchored` refers a material to a deformed, stressed anchor configuration, `dilatation` adds
-the mean dilatation of cells, `viscous` Kelvin-Voigt viscosity; `check` compares its functions with each other.
+the mean dilatation of cells, `response` is both in one pass, `viscous` adds Kelvin-Voigt viscosity; `check` compares
+the functions of a material with each other.
 """
 
 from skmpm.material import dilatation
@@ -24,6 +25,7 @@ from skmpm.material.law import (
 from skmpm.material.linear import LinearElastic
 from skmpm.material.neohookean import NeoHookean
 from skmpm.material.requirements import lacking
+from skmpm.material.response import Response, response
 from skmpm.material.rigid import Rigid
 from skmpm.material.rubber import MooneyRivlin, Ogden, Yeoh
 from skmpm.material.viscous import Viscous
@@ -38,6 +40,7 @@ __all__ = [
     "NeoHookean",
     "Ogden",
     "Points",
+    "Response",
     "Rigid",
     "Viscous",
     "Yeoh",
@@ -51,6 +54,7 @@ __all__ = [
     "poisson_ratio",
     "product",
     "projected",
+    "response",
     "viscosity_of",
     "wave_speed",
     "youngs_modulus",

@@ -23,6 +23,7 @@ from skmpm.material.anchored import Anchored, Points
 from skmpm.material.anchored import projected as without_negative
 from skmpm.material.invariants import TURN, cofactor
 from skmpm.material.law import determinant
+from skmpm.material.response import curvature
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,22 @@ def volumes(law: Anchored, F: Array) -> Array:
 def volume_slope(law: Anchored, F: Array) -> Array:
     """Derivative of the volume now by F, (2, 2, n)."""
     return np.broadcast_to(np.eye(2)[:, :, None], F.shape) if law.linear else cofactor(F)
+
+
+def with_tension(law: Anchored, F: Array, P: Array, tension: Array) -> Array:
+    """P (2, 2, n) with the stress of a mean tension (n,), the derivative of the cell's energy by its volume [Pa]."""
+    total = np.empty_like(P)
+    _with_tension(law.linear, F.reshape(4, -1), P.reshape(4, -1), tension, total.reshape(4, -1))
+    return total
+
+
+@compiled_in_order
+def _with_tension(linear: bool, F: Array, P: Array, tension: Array, total: Array) -> None:
+    """Write P + tension dV/dF, all (4, n)."""
+    for p in range(tension.size):
+        a, b, c, d = (1.0, 0.0, 0.0, 1.0) if linear else (F[3, p], -F[2, p], -F[1, p], F[0, p])
+        total[0, p], total[1, p] = P[0, p] + tension[p] * a, P[1, p] + tension[p] * b
+        total[2, p], total[3, p] = P[2, p] + tension[p] * c, P[3, p] + tension[p] * d
 
 
 def energy(law: Anchored, F: Array, theta: Array) -> Array:
@@ -159,7 +176,7 @@ def tangents(
     `projected`, the three are those of the nearest positive semi-definite matrix (5, 5, n) of F and theta at
     the point: the quadratic form of the cell is a sum of theirs.
     """
-    by_F, mixed, by_theta = curvatures(law, F, theta)
+    by_F, mixed, by_theta = curvature(law, F, theta) or curvatures(law, F, theta)
     if law.linear:
         return by_F, mixed, by_theta
     _add_turn(tension, by_F)

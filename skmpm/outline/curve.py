@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.compiled import compiled
+from skmpm.compiled import compiled, compiled_in_order
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.topology import Floats, Integers, Outlines
 
@@ -53,12 +53,8 @@ class Curve:
 
     def weights(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
         """Weights (4, k) of the stencil in the curve at parameters s (k,) in [0, 1], or in its derivatives by s."""
-        start, first, end, last = _hermite(s, derivative)
-        out = np.zeros((4, segment.size))
-        out[1] += start
-        out[2] += end
-        out[:3] += first * self.first[:, segment]
-        out[1:] += last * self.last[:, segment]
+        out = np.empty((4, segment.size))
+        _weights(self.first, self.last, segment, np.asarray(s, dtype=np.float64), derivative, out)
         return out
 
     def through(self, x: Floats) -> Cubics:
@@ -116,10 +112,23 @@ def _coefficients(x: Floats, previous: Integers, following: Integers, first: Flo
 
 def _turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Lengths of segments (m,), cosines of the turns at their start points, and whether these are left turns."""
-    ahead = x[:, outlines.next] - x
-    length, back = np.maximum(np.hypot(*ahead), 1e-300), ahead[:, outlines.previous]
-    cosine = np.einsum("im,im->m", ahead, back) / (length * length[outlines.previous])
-    return length, cosine, np.asarray(back[0] * ahead[1] > back[1] * ahead[0])
+    length, cosine, left = np.empty(outlines.size), np.empty(outlines.size), np.empty(outlines.size, dtype=np.bool_)
+    _write_turns(x, outlines.previous, outlines.next, length, cosine, left)
+    return length, cosine, left
+
+
+@compiled_in_order
+def _write_turns(
+    x: Floats, previous: Integers, following: Integers, length: Floats, cosine: Floats, left: NDArray[np.bool_]
+) -> None:
+    """The same of boundary points x (2, m)."""
+    for i in range(length.size):
+        length[i] = max(np.hypot(x[0, following[i]] - x[0, i], x[1, following[i]] - x[1, i]), 1e-300)
+    for i in range(length.size):
+        h, j = previous[i], following[i]
+        a, b, c, d = x[0, i] - x[0, h], x[1, i] - x[1, h], x[0, j] - x[0, i], x[1, j] - x[1, i]
+        cosine[i] = (a * c + b * d) / (length[i] * length[h])
+        left[i] = a * d > b * c
 
 
 def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
@@ -131,7 +140,20 @@ def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
     return np.asarray(number[run])
 
 
-def _hermite(s: Floats, derivative: int) -> tuple[Floats, Floats, Floats, Floats]:
+@compiled
+def _weights(first: Floats, last: Floats, segment: Integers, s: Floats, derivative: int, out: Floats) -> None:
+    """Write the weights (4, k) of the stencils from the tangents at the ends of the segments."""
+    for k in range(segment.size):
+        i = segment[k]
+        start, at_start, end, at_end = _hermite(s[k], derivative)
+        out[0, k] = at_start * first[0, i]
+        out[1, k] = start + at_start * first[1, i] + at_end * last[0, i]
+        out[2, k] = end + at_start * first[2, i] + at_end * last[1, i]
+        out[3, k] = at_end * last[2, i]
+
+
+@compiled
+def _hermite(s: float, derivative: int) -> tuple[float, float, float, float]:
     """Cubic Hermite functions of start, tangent at the start, end, tangent at the end, or their derivatives."""
     if derivative == 0:
         end = s * s * (3.0 - 2.0 * s)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled_in_order
 from skmpm.outline.curve import CORNER_COSINE
-from skmpm.outline.topology import Floats, Outlines
+from skmpm.outline.topology import Floats, Integers, Outlines
 
 TURNED_AWAY = 0.5  # sine of the largest angle between a segment and the plane of a contact it belongs to
 
@@ -37,9 +38,20 @@ def normals(outlines: Outlines, x: Floats) -> Floats:
 
     A normal is zero if the two neighbours coincide.
     """
-    t = x[:, outlines.next] - x[:, outlines.previous]
-    length = np.linalg.norm(t, axis=0)
-    return np.array((t[1], -t[0])) / np.where(length > 0, length, 1.0)
+    out = np.empty((2, outlines.size))
+    _normals(x, outlines.previous, outlines.next, out)
+    return out
+
+
+@compiled_in_order
+def _normals(x: Floats, previous: Integers, following: Integers, out: Floats) -> None:
+    """Write the normals at boundary points x (2, m)."""
+    for i in range(out.shape[1]):
+        h, j = previous[i], following[i]
+        along_x, along_y = x[0, j] - x[0, h], x[1, j] - x[1, h]
+        length = np.sqrt(along_x**2 + along_y**2)
+        length = length if length > 0.0 else 1.0
+        out[0, i], out[1, i] = along_y / length, -along_x / length
 
 
 def bend(outlines: Outlines, x: Floats) -> Floats:
@@ -67,9 +79,18 @@ def half_segments(outlines: Outlines, x: Floats, c: NDArray[np.int64], normal: F
 
 def turning_angles(outlines: Outlines, x: Floats) -> Floats:
     """Return the left turns of the boundary at its points (m,), in [-pi, pi] [rad]."""
-    ahead = x[:, outlines.next] - x
-    back = ahead[:, outlines.previous]
-    return np.asarray(np.arctan2(back[0] * ahead[1] - back[1] * ahead[0], (back * ahead).sum(axis=0)))
+    turns = np.empty(outlines.size)
+    _turning_angles(x, outlines.previous, outlines.next, turns)
+    return turns
+
+
+@compiled_in_order
+def _turning_angles(x: Floats, previous: Integers, following: Integers, turns: Floats) -> None:
+    """Write the left turns at boundary points x (2, m)."""
+    for i in range(turns.size):
+        h, j = previous[i], following[i]
+        back_x, back_y, x_ahead, y_ahead = x[0, i] - x[0, h], x[1, i] - x[1, h], x[0, j] - x[0, i], x[1, j] - x[1, i]
+        turns[i] = np.arctan2(back_x * y_ahead - back_y * x_ahead, back_x * x_ahead + back_y * y_ahead)
 
 
 def chord_sagitta(outlines: Outlines, x: Floats, bodies: int) -> Floats:

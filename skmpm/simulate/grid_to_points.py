@@ -35,13 +35,20 @@ def end_state(
     dt, own, prescribed = increment.dt, scene.deformable_points, ~scene.deformable[state.body]
     bulk, grid, configuration = increment.bulk, increment.grid, end.configuration
 
-    x, v, F, C, stress, weight = (a.copy() for a in (state.x, state.v, state.F, state.C, state.stress, state.weight))
-    x[:, own] = state.x_anchor[:, own] + grid.at_points(configuration.displacement)
-    transfer = increment.scheme.transfer if increment.scheme.inertia else apic
-    v[:, own], C[:, :, own] = transfer(grid, increment.v0, end.velocity, state.v[:, own])
-    F[:, :, own] = product(configuration.F, state.F_anchor[:, :, own])
-    stress[:, :, own] = bulk.cauchy(configuration)
-    weight[own] = bulk.assembly.volume * determinant(configuration.F)
+    J, transfer = determinant(configuration.F), increment.scheme.transfer if increment.scheme.inertia else apic
+    v, C = transfer(grid, increment.v0, end.velocity, state.v[:, own])
+    F = configuration.F if bulk.F_anchor is None else product(configuration.F, bulk.F_anchor)
+    x, v, F, C, stress, weight = (
+        _with_points(old, own, new)
+        for old, new in (
+            (state.x, state.x_anchor[:, own] + grid.at_points(configuration.displacement)),
+            (state.v, v),
+            (state.F, F),
+            (state.C, C),
+            (state.stress, bulk.cauchy(configuration)),
+            (state.weight, bulk.assembly.volume * J),
+        )
+    )
     if prescribed.any():
         x[:, prescribed], v[:, prescribed] = _carried(state, motions, prescribed, dt)
     contacts, wall_force = _contacts(scene, solution, dt)
@@ -66,6 +73,15 @@ def end_state(
         box_rate=gradient_at_end(state, motions, dt),
         derived=_reusable(scene, state, increment, solution),
     )
+
+
+def _with_points(old: Array, own: NDArray[np.bool_] | slice, new: Array) -> Array:
+    """Values (..., n) of all points, `new` at those of index `own`, which are all if that is a slice."""
+    if isinstance(own, slice):
+        return new
+    values = old.copy()
+    values[..., own] = new
+    return values
 
 
 def _carried(

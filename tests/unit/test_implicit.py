@@ -27,7 +27,7 @@ from skmpm import (
 from skmpm.implicit import Bulk, Increment, contact_solve, frozen_geometry
 from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.matrix import solver_of
-from skmpm.linear import lapack
+from skmpm.linear import band
 
 R = 1e-3
 
@@ -196,12 +196,16 @@ def test_only_the_body_whose_matrix_is_indefinite_is_modified(monkeypatch):
     step = Increment(bulk, at.displacement, still, still, dt, Scheme())
     A, split = step.matrix(at).toarray(), grid.blocks[1]
     assert np.linalg.eigvalsh(A[:split, :split])[0] > 0.0 > np.linalg.eigvalsh(A[split:, split:])[0]
-    inverse, factorised, one_body = solver_of(step, at)(np.eye(A.shape[0])), [], lapack.factorise
+    inverse, factorised, of_bodies = solver_of(step, at)(np.eye(A.shape[0])), [], band._factorised
     assert inverse[:split, :split] @ A[:split, :split] == pytest.approx(np.eye(split), abs=1e-9)
     assert np.linalg.eigvalsh(inverse[split:, split:])[0] > 0.0
-    monkeypatch.setattr(lapack, "factorise", lambda band: factorised.append(band.shape[1]) or one_body(band))
+    monkeypatch.setattr(
+        band,
+        "_factorised",
+        lambda factor, A, chosen: factorised.append(chosen.tolist()) or of_bodies(factor, A, chosen),
+    )
     solver_of(step, at)
-    assert factorised == [split, A.shape[0] - split, A.shape[0] - split]
+    assert factorised == [[True, True], [False, True]]
 
 
 def test_rotation_of_a_disc_under_pressure_is_unstable_in_long_steps_and_stabilised_by_inertia():

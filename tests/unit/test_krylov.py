@@ -30,6 +30,17 @@ def test_weakly_coupled_blocks_are_solved(seed, blocks, size):
     np.testing.assert_allclose(x, exact, atol=1e-6 * np.linalg.norm(exact))
 
 
+@given(st.integers(0, 100), st.integers(1, 15))
+def test_blocks_are_inverted_whatever_their_diagonals(seed, size):
+    """A cyclic exchange of rows leaves zeros on the diagonal; a matrix of zeros is refused."""
+    A = np.roll(np.triu(np.random.default_rng(seed).normal(size=(size, size)), 1) + 3.0 * np.eye(size), 1, axis=0)
+    inverse = A.copy()
+    krylov._invert_block(inverse)
+    np.testing.assert_allclose(inverse @ A, np.eye(size), atol=1e-15 * np.linalg.cond(A))
+    with pytest.raises(np.linalg.LinAlgError):
+        krylov._invert_block(np.zeros((size, size)))
+
+
 def test_strongly_coupled_blocks_are_given_up_after_a_few_iterations(monkeypatch):
     A, calls = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(300, 300), format="csr"), []
     apply = krylov._apply

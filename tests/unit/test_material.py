@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from skmpm import MooneyRivlin, Ogden, Yeoh, check_material
 from skmpm.material import Anchored, LinearElastic, NeoHookean, determinant, dilatation, product, projected
+from skmpm.material.response import curvature
 
 SEED = st.integers(0, 2**32 - 1)
 NU = st.floats(0.0, 0.49)
@@ -377,6 +378,8 @@ def test_slopes_and_curvatures_at_a_given_dilatation_are_derivatives(solid, regr
     grown = theta + 1j * STEP
     by_F, by_theta = dilatation.slopes(law, F, theta)
     exact = dilatation.curvatures(law, F, theta)
+    for found, expected in zip(curvature(law, F, theta) or (), exact, strict=False):
+        assert_close(found, expected, 1e-11)
     size = np.abs(C).max()
     assert_close(dilatation.volume_slope(law, F).reshape(4, -1), slope, 1e-12)
     assert_close(by_F.reshape(4, -1), P, 1e-11)

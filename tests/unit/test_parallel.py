@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import skmpm
 from skmpm import linear, parallel
-from skmpm.linear import lapack
+from skmpm.linear.band import banded
 
 
 @given(st.lists(st.integers(0, 5000), min_size=1, max_size=40), st.integers(1, 5))
@@ -87,17 +87,19 @@ def test_a_wrong_number_of_threads_is_refused(wrong):
 
 
 @given(st.integers(0, 1000), st.integers(1, 40), st.integers(1, 12))
-def test_banded_cholesky_through_pointers_finds_the_factor(seed, n, height):
+def test_banded_cholesky_finds_the_factor(seed, nodes, reach):
+    """Rows of random length, as those of a round body: the factor of numpy, and zeros left out beyond its profile."""
     rng = np.random.default_rng(seed)
-    height = min(height, n)
-    L = np.tril(rng.normal(size=(n, n)) / height) * (np.subtract.outer(np.arange(n), np.arange(n)) < height)
-    np.fill_diagonal(L, rng.uniform(1.0, 2.0, n))
-    A, band = L @ L.T, np.zeros((height, n), order="F")
-    for k in range(height):
-        band[k, : n - k] = np.diagonal(A, -k)
-    assert lapack.factorise(band) == 0
-    for k in range(height):
-        np.testing.assert_allclose(band[k, : n - k], np.diagonal(L, -k), rtol=1e-9, atol=1e-12)
+    distance = np.subtract.outer(np.arange(nodes), np.arange(nodes))
+    near = (distance >= 0) & (distance <= rng.integers(0, reach, nodes)[:, None])
+    L = np.tril(np.kron(near, np.ones((2, 2))) * rng.normal(size=(2 * nodes, 2 * nodes)) / reach)
+    np.fill_diagonal(L, rng.uniform(1.0, 2.0, 2 * nodes))
+    A = np.asarray(L @ L.T)
+    factor = banded(sp.bsr_array(A, blocksize=(2, 2)), np.array([0, 2 * nodes]), np.zeros((2 * nodes, 3)))
+    band, found = factor.bands.reshape(2 * nodes, -1), np.zeros_like(L)
+    for j in range(2 * nodes):
+        found[j : factor.ends[j // 2], j] = band[j, : factor.ends[j // 2] - j]
+    np.testing.assert_allclose(found, np.linalg.cholesky(A), rtol=1e-9, atol=1e-12)
 
 
 @given(st.integers(0, 1000), st.lists(st.integers(0, 12), min_size=1, max_size=5), st.integers(1, 6))
@@ -115,7 +117,8 @@ def test_banded_solutions_of_bodies_of_any_size_and_bandwidth(seed, nodes, reach
         np.testing.assert_allclose(A @ solve(b), b, atol=1e-13)
 
 
-def test_the_order_of_the_first_minor_that_is_not_positive_definite_is_returned():
-    band = np.ones((1, 5), order="F")
-    band[0, 3] = -1.0
-    assert lapack.factorise(band) == 4
+def test_a_band_that_is_too_wide_is_refused():
+    far = sp.csr_array(([1.0], ([2200], [0])), shape=(2201, 2201))
+    A = sp.bsr_array(sp.kron(sp.eye_array(2201) * 3.0 + far + far.T, np.eye(2), format="csr"), blocksize=(2, 2))
+    with pytest.raises(ValueError, match=r"half bandwidth 4401, at most 4160; use linear.amg"):
+        linear.banded(A, np.array([0, 4402]), np.zeros((4402, 3)))
