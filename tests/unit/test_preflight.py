@@ -252,7 +252,7 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
         walls=[Wall((0, -R), (0, 1), friction=0.5), Wall((0, 2 * R), (0, -1), friction=v)]), None, {}),
     "stiffness": (limits.STIFFNESS, r"bodies 1 and 0: ratio of E 100\.01;",
                   lambda v: pair(first=gel(E=1e6 * v), second=gel(E=1e6)), None, {}),
-    "bonded": (limits.BONDED, r"body 0: ratio of E 100010; parts of one body",
+    "bonded": (limits.BONDED, r"body 0: ratio of E 1\.0001e\+05; parts of one body",
                lambda v: Scene([Body(disc((0.0, 0.0), R, spacing=0.74 * H).with_groups(lambda x: np.where(
                    x[0] < 0, "a", "b")), {"a": gel(E=1e6), "b": gel(E=1e6 * v)})], cell=H), None, {}),
     "density": (limits.DENSITY, r"bodies 0 and 1: ratio of density 10001;",
