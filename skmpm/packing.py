@@ -75,7 +75,7 @@ def packing(
     do not overlap after that motion, because the linearised distance is a lower bound of the distance; for shapes
     that turn it is repeated until they do not (`skmpm.packing_shapes`). A jammed state is perturbed at random, and
     packings of few bodies are restarted from other centres, before it is accepted as such. Mixtures of ellipses,
-    capsules and polygons were packed up to 0.8; they take longer than discs, 60 of them ten seconds.
+    capsules and polygons jam at 0.79 to 0.81; they take longer than discs, 60 of them ten seconds.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ POISSON = Limit(0.49999, "mean dilatation was verified up to 0.49999")  # test_l
 MULTIGRID = Limit(0.499, "amg takes 130 iterations at 0.499, 430 at 0.49999")  # test_locking
 FRICTION = Limit(2.0, "the contact solver was verified up to 2")  # test_contact_solver
 STIFFNESS = Limit(100.0, "collisions and squeezed discs were verified up to 100")  # tests/extremes/test_parameters
-BONDED = Limit(1e5, "parts of one body were verified up to 1e5")  # test_composite
+BONDED = Limit(1e5, "parts of one body were verified up to 1e6 in laminates")  # test_composite
 DENSITY = Limit(1e4, "verified for a disc at rest on one 1e4 times lighter")  # test_pile
 ROTATION = Limit(
     0.05, "a rotation by 0.05 rad causes a spurious strain of 0.00125, which grows with its square"
