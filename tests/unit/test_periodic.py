@@ -127,6 +127,19 @@ def test_work_of_the_box_is_stored():
     assert energies[-1].elastic < 1e-2 * most
 
 
+def test_work_of_a_sheared_box_is_that_of_its_stress():
+    """With friction, to a strain of 0.4: the work is the sum of A sigma : L dt, by Love and Weber, to 1e-6."""
+    places = ((1.0, 1.0), (3.1, 1.0), (2.05, 2.95), (4.15, 2.95))
+    box = Periodic(4.2 * R, 3.9 * R, rate=[[0.0, 40.0], [0.0, 0.0]])
+    scene, work = skmpm.Scene([disc(x * R, y * R) for x, y in places], cell=H, friction=0.3, periodic=box), 0.0
+    for state in skmpm.simulate(scene, dt=5e-5, until=0.4 / 40.0):
+        stress = skmpm.observe(scene, state).stress
+        work += np.linalg.det(state.box) * float(np.sum(stress * state.box_rate)) * state.report.dt
+    energy = state.report.energy
+    assert work == pytest.approx(energy.external, rel=1e-6)
+    assert 0.0 < energy.dissipated < energy.external
+
+
 def test_one_disc_touches_four_images_of_itself():
     """Z = 4, two pairs with branches as long as the box, and forces that balance."""
     scene = lattice(1, rate=squeeze(1.0))
