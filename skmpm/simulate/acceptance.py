@@ -89,13 +89,16 @@ def _exchanged_at_contacts(before: State, after: State) -> float:
     moment = np.bincount(after.body, after.mass * (arm[0] * moved[1] - arm[1] * moved[0]), bodies)
     turned = moment / np.bincount(after.body, after.mass * (arm**2).sum(axis=0), bodies)
     path, displacement = np.zeros(contacts.gap.size), []
-    for side in contacts.bodies:
+    for end, side in enumerate(contacts.bodies):
         on_wall, b = side < 0, np.maximum(side, 0)
-        path += np.where(on_wall, 0.0, np.abs(turned[b]) * np.hypot(*(contacts.x - mean[2:, b])))
+        path += np.where(on_wall, 0.0, np.abs(turned[b]) * np.hypot(*(contacts.at(end) - mean[2:, b])))
         wall = np.where(on_wall, -1 - side, 0)
         of_walls = (after.walls - before.walls)[wall].T if after.walls.size else np.zeros_like(contacts.x)
         displacement.append(np.where(on_wall, of_walls, mean[:2, b]))
-    path += np.hypot(*(displacement[0] - displacement[1]))
+    between = displacement[0] - displacement[1]
+    if after.box_rate is not None:
+        between -= (after.t - before.t) * after.box_rate @ contacts.image
+    path += np.hypot(*between)
     return float(np.hypot(*contacts.force) @ path)
 
 

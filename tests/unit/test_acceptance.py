@@ -110,7 +110,7 @@ def rolled(angle, wall=(0.0, 0.0)):
     contacts = replace(
         state.contacts, bodies=np.array([[0], [-1]]), x=np.zeros((2, 1)), normal=np.array([[0.0], [1.0]]),
         force=np.array([[3.0], [0.0]]), gap=np.zeros(1), key=np.zeros(1, dtype=np.int64),
-        point=np.zeros(1, dtype=np.int64),
+        point=np.zeros(1, dtype=np.int64), image=np.zeros((2, 1)),
     )  # fmt: skip
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     centre = np.array([[0.0], [1.0]])
