@@ -26,7 +26,7 @@ from skmpm.contact.cohesion import opening, tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, no_contacts
 from skmpm.contact.motion import Motion
-from skmpm.contact.projection import Neighbours, Roles, neighbours
+from skmpm.contact.neighbours import Neighbours, Roles, neighbours
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact.constraints import lookup
 from skmpm.contact.corner_contact import dot
-from skmpm.contact.projection import Neighbours, Roles, nearest, wall_keys
+from skmpm.contact.neighbours import Neighbours, Roles
+from skmpm.contact.projection import nearest, wall_keys
 from skmpm.contact.shifts import MIN_SHIFT, NO_SHIFTS, Shifts, guard_keys
 from skmpm.contact.tables import among, joined
 from skmpm.outline import Cubics, Curve

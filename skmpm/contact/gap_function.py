@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.compiled import compiled_in_order
-from skmpm.contact.projection import Neighbours, foot_points, project, tangent_shares, wall_keys
+from skmpm.contact.neighbours import Neighbours
+from skmpm.contact.projection import foot_points, project, tangent_shares, wall_keys
 from skmpm.contact.shifts import guard_keys
 from skmpm.scene import Scene
 
