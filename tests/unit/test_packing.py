@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from skmpm.packing import Packing, PackingError, _Box, _contacts, _rows, packing
+from skmpm.packing import Packing, PackingError, packing
+from skmpm.packing.discs import Box, contacts_of, rows
 
 
 def radii(count, seed=1):
@@ -90,7 +91,7 @@ def test_a_jam_says_at_which_fraction():
 def test_two_discs_that_turn_as_one_do_not_slide():
     """A rigid rotation of a touching pair about any point has no relative velocity in its contact."""
     x, R = np.array([[5.0, 6.2], [5.0, 6.6]]), np.array([0.8, 1.2])
-    H = _rows(_contacts(x, R, _Box(np.array([20.0, 20.0]), periodic=False)), R)
+    H = rows(contacts_of(x, R, Box(np.array([20.0, 20.0]), periodic=False)), R)
     turn = np.concatenate([-(x[1] - 3.0), x[0] + 7.0, np.ones(2)])
     np.testing.assert_allclose(H @ turn, 0.0, atol=1e-12)
     own_spin = H @ np.concatenate([np.zeros(4), np.ones(2)])

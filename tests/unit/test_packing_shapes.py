@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 import skmpm
 from skmpm.outline import area, outlines, overlap
 from skmpm.packing import PackingError, packing
-from skmpm.packing_shapes import _contacts, _rows, shapes_of
+from skmpm.packing.shapes import _contacts, _rows, shapes_of
 from skmpm.points import Points, box, capsule, disc, ellipse, polygon
 
 R, SPACING = 1e-3, 0.25e-3
@@ -138,7 +138,7 @@ def test_says_what_is_wrong(shapes, message):
 
 
 def test_discs_never_enter_the_code_of_shapes(monkeypatch):
-    monkeypatch.setattr("skmpm.packing_shapes.separate", None)
+    monkeypatch.setattr("skmpm.packing.shapes.separate", None)
     assert packing(np.full(10, R), 8 * R, solid_fraction=0.5).points == ()
 
 

@@ -6,16 +6,13 @@ from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
-from skmpm import coulomb, packing_shapes
+from skmpm.packing import discs, shapes
 from skmpm.points import Points
 
 Array: TypeAlias = NDArray[np.float64]
 
-_START = 0.3  # initial over final size of the discs
 _GROWTH = 0.04  # largest and smallest growth per step; where the smallest is too large the discs are jammed
 _LEAST_GROWTH = 2e-4
 _EASE, _DENSE = 1.12, 0.78  # growth of the solid fraction beyond the requested one, up to a dense packing
@@ -25,12 +22,6 @@ _ATTEMPTED_DISCS = 250
 _ATTEMPTED_SHAPES = 20  # slower, and few shapes jam less than few discs
 _SHAKES = 4  # random displacements to leave a jammed state ...
 _SHAKE = 0.05  # ... and their size [mean radius]
-_MARGIN = 0.5  # pairs with a smaller gap are constraints [mean radius]
-_OVERLAP = 1e-6, 1e-3  # allowed at the end and during growth [smallest radius]
-_TOLERANCE = 1e-9  # of the contact solver
-_ACCEPTED = 1e-5  # if the solver stalls; the next linearisation corrects the error
-_NEWTON = 20
-_ROUNDS = 12  # linearisations per step
 _HEXAGONAL = np.pi / np.sqrt(12.0)
 
 
@@ -73,7 +64,7 @@ def packing(
     (Lubachevsky & Stillinger, J. Stat. Phys. 60 (1990) 561-583), but without inertia: in every step the bodies make
     the smallest mass-weighted motion that opens all gaps to first order, which is a Signorini-Coulomb problem. Discs
     do not overlap after that motion, because the linearised distance is a lower bound of the distance; for shapes
-    that turn it is repeated until they do not (`skmpm.packing_shapes`). A jammed state is perturbed at random, and
+    that turn it is repeated until they do not (`packing.shapes`). A jammed state is perturbed at random, and
     packings of few bodies are restarted from other centres, before it is accepted as such. Mixtures of ellipses,
     capsules and polygons jam at 0.79 to 0.81; they take longer than discs, 60 of them ten seconds.
 
@@ -99,7 +90,7 @@ def packing(
     unit = R.mean()
     scaled = np.round(R / unit, 10)  # so that rounding in other units of length cannot change the packing
     height = float(np.pi * (R**2).sum() / (width * solid_fraction))
-    box = _Box(np.round([width / unit, height / unit], 10), periodic)
+    box = discs.Box(np.round([width / unit, height / unit], 10), periodic)
     if box.size.min() <= 2.0 * scaled.max():
         raise PackingError(
             f"the box is {width:g} x {height:g} m but the largest disc has a radius of {R.max():g} m; "
@@ -107,11 +98,11 @@ def packing(
         )
     rng = np.random.default_rng(seed)
 
-    def discs(x: Array, size: float, tolerance: float) -> Array | None:
-        return _separate(x, size * scaled, box, friction, tolerance)
+    def move(x: Array, size: float, tolerance: float) -> Array | None:
+        return discs.separate(x, size * scaled, box, friction, tolerance)
 
     attempts = 1 + _ATTEMPTED_DISCS // R.size
-    x = _attempt(lambda: _scatter(scaled, box, rng), discs, attempts, solid_fraction, rng, "discs")
+    x = _attempt(lambda: discs.scatter(scaled, box, rng), move, attempts, solid_fraction, rng, "discs")
     return Packing(x * unit, R, float(width), height)
 
 
@@ -122,17 +113,17 @@ def _of_shapes(clouds: Sequence[Points], width: float, solid_fraction: float, fr
     _check(R, width, solid_fraction, friction, most=1.0)
     unit = R.mean()
     try:
-        shapes = packing_shapes.shapes_of(clouds, unit)
+        forms = shapes.shapes_of(clouds, unit)
     except ValueError as error:
         raise PackingError(f"shapes: {error}") from error
     height = float(area.sum() / (width * solid_fraction))
     box = np.round([width / unit, height / unit], 10)
-    rng, closed = np.random.default_rng(seed), _Box(box, periodic=False)
+    rng, closed = np.random.default_rng(seed), discs.Box(box, periodic=False)
 
     def start() -> Array:
-        return np.vstack([_scatter(shapes.radius, closed, rng), rng.uniform(0.0, 2.0 * np.pi, R.size)])
+        return np.vstack([discs.scatter(forms.radius, closed, rng), rng.uniform(0.0, 2.0 * np.pi, R.size)])
 
-    separate = partial(packing_shapes.separate, shapes, box=box, friction=friction)
+    separate = partial(shapes.separate, forms, box=box, friction=friction)
     attempts = 1 + _ATTEMPTED_SHAPES // R.size
     x = _attempt(start, separate, attempts, solid_fraction, rng, "shapes")
     centres = x[:2] * unit
@@ -165,49 +156,15 @@ def _attempt(
     )
 
 
-@dataclass(frozen=True)
-class _Box:
-    """The box, in mean radii."""
-
-    size: Array  # (2,)
-    periodic: bool
-
-    def pairs(self, x: Array, distance: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-        """Pairs of centres x (2, N) closer than a distance, and the vectors (2, pairs) from second to first."""
-        if not self.periodic:
-            a, b = cKDTree(x.T).query_pairs(distance, output_type="ndarray").T
-            return a, b, x[:, a] - x[:, b]
-        within = np.minimum(np.mod(x.T, self.size), np.nextafter(self.size, 0.0))  # mod may return the size itself
-        a, b = cKDTree(within, boxsize=self.size).query_pairs(distance, output_type="ndarray").T
-        apart = x[:, a] - x[:, b]
-        return a, b, apart - self.size[:, None] * np.rint(apart / self.size[:, None])
-
-    def walls(self, x: Array, R: Array) -> Array:
-        """Gaps between discs and the left, bottom, right and top wall, (4 N,), where there are walls."""
-        if self.periodic:
-            return np.zeros(0)
-        return np.concatenate([x - R, self.size[:, None] - x - R]).ravel()
-
-
-def _scatter(R: Array, box: _Box, rng: np.random.Generator) -> Array:
-    """Draw a centre in each of N cells of a grid: random, but without the voids of independent centres."""
-    columns = int(np.ceil(np.sqrt(R.size * box.size[0] / box.size[1])))
-    rows = -(-R.size // columns)
-    cell = rng.permutation(rows * columns)[: R.size]
-    place = np.array(np.divmod(cell, rows)) + rng.uniform(size=(2, R.size))
-    inner = 0.0 * R if box.periodic else _START * R
-    return np.asarray(inner + place / [[columns], [rows]] * (box.size[:, None] - 2.0 * inner), dtype=float)
-
-
 def _grow(x: Array, separate: Separate, limit: float, rng: np.random.Generator) -> tuple[Array, float]:
     """Grow the bodies to `limit` times their full size, in smaller steps near jamming.
 
     Growth beyond full size spreads them evenly; jamming there does no harm. Return the centres and the size reached.
     """
-    size, growth, shakes, best = 0.0, _START, 0, 0.0
+    size, growth, shakes, best = 0.0, discs.START, 0, 0.0
     while size < limit:
         target = min(limit, size + growth)
-        moved = separate(x, size=target, tolerance=_OVERLAP[int(target < 1.0)])
+        moved = separate(x, size=target, tolerance=discs.OVERLAP[int(target < 1.0)])
         if moved is not None:
             x, size, growth = moved, target, min(1.5 * growth, _GROWTH)
             best = max(best, size)
@@ -219,81 +176,6 @@ def _grow(x: Array, separate: Separate, limit: float, rng: np.random.Generator) 
         else:
             break
     return x, best
-
-
-def _separate(x: Array, R: Array, box: _Box, friction: float, tolerance: float) -> Array | None:
-    """Move the discs as little as possible until none overlap; None if that does not converge."""
-    for _ in range(_ROUNDS):
-        contacts = _contacts(x, R, box)
-        if contacts.gap.min(initial=0.0) >= -tolerance * R.min():
-            return x
-        motion = _motion(contacts, R, friction)
-        if motion is None or np.abs(motion).max() > _MARGIN:
-            return None
-        x = x + motion
-    return None
-
-
-@dataclass(frozen=True)
-class _Contacts:
-    """Pairs of discs, then discs at walls, closer than the margin."""
-
-    first: NDArray[np.intp]  # (k,)
-    second: NDArray[np.intp]  # (pairs,)
-    normal: Array  # (2, k) towards the first
-    gap: Array  # (k,)
-
-
-def _contacts(x: Array, R: Array, box: _Box) -> _Contacts:
-    a, b, apart = box.pairs(x, 2.0 * R.max() + _MARGIN)
-    distance = np.maximum(np.hypot(*apart), 1e-12)
-    gap = distance - R[a] - R[b]
-    near = gap < _MARGIN
-    wall_gap = box.walls(x, R)
-    wall, disc = np.divmod(np.flatnonzero(wall_gap < _MARGIN), R.size)
-    inward = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])[:, wall]
-    return _Contacts(
-        np.concatenate([a[near], disc]),
-        b[near],
-        np.hstack([(apart / distance)[:, near], inward]),
-        np.concatenate([gap[near], wall_gap[wall_gap < _MARGIN]]),
-    )
-
-
-def _motion(contacts: _Contacts, R: Array, friction: float) -> Array | None:
-    """Least mass-weighted motion (2, N) that opens all gaps, linearised; None if there is none."""
-    k, pairs = contacts.gap.size, contacts.second.size
-    mu = np.where(np.arange(k) < pairs, friction, 0.0)
-    mass, inertia = R**2, 0.5 * R**4
-    if friction > 0.0:
-        H, q = _rows(contacts, R), np.zeros(2 * k)
-    else:
-        H, q = _rows(contacts, R)[::2], np.zeros(k)
-    q[:: q.size // k] = contacts.gap - 0.5 * _OVERLAP[0] * R.min()
-    H_M = H @ sp.diags_array(1.0 / np.concatenate([mass, mass, inertia]))
-    r, info = coulomb.solve(H_M @ H.T, q, mu, tol=_TOLERANCE, iterations=_NEWTON)
-    return (H_M.T @ r)[: 2 * R.size].reshape(2, -1) if info.residual < _ACCEPTED else None
-
-
-def _rows(contacts: _Contacts, R: Array) -> sp.csr_array:
-    """Contact Jacobian (2k, 3N): normal and tangential rows in turn; columns x, then y, then angles of all discs."""
-    N, pairs = R.size, contacts.second.size
-    n = contacts.normal
-    t = np.array([-n[1], n[0]])
-    a, b = contacts.first, contacts.second
-    i = 2 * np.arange(a.size)
-    j = i[:pairs]
-    entries = [
-        (i, a, n[0]),
-        (i, N + a, n[1]),
-        (i + 1, a, t[0]),
-        (i + 1, N + a, t[1]),
-        (i + 1, 2 * N + a, -R[a]),
-    ]
-    entries += [(j, b, -n[0, :pairs]), (j, N + b, -n[1, :pairs])]
-    entries += [(j + 1, b, -t[0, :pairs]), (j + 1, N + b, -t[1, :pairs]), (j + 1, 2 * N + b, -R[b])]
-    rows, columns, values = (np.concatenate(e) for e in zip(*entries, strict=True))
-    return sp.csr_array((values, (rows, columns)), shape=(2 * a.size, 3 * N))
 
 
 def _numbers(shapes: object) -> ArrayLike:
