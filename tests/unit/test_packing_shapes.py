@@ -1,5 +1,6 @@
 """Packings of convex shapes: no overlap by another code, the fraction wanted, reproducible; errors."""
 
+import sys
 from functools import cache
 
 import numpy as np
@@ -138,7 +139,7 @@ def test_says_what_is_wrong(shapes, message):
 
 
 def test_discs_never_enter_the_code_of_shapes(monkeypatch):
-    monkeypatch.setattr("skmpm.packing.shapes.separate", None)
+    monkeypatch.setattr(sys.modules["skmpm.packing.shapes"], "separate", None)
     assert packing(np.full(10, R), 8 * R, solid_fraction=0.5).points == ()
 
 
