@@ -73,7 +73,7 @@ def packing(
     shapes : radii of discs (N,) [m], or a list of `Points` with convex outlines: ellipses, capsules, polygons, ...
     width : of the box [m]; its height is the area of the bodies over (width solid_fraction)
     friction : coefficient between bodies during packing, zero at the walls; it lowers the solid fraction at jamming
-    periodic : whether the box is periodic (`Periodic(width, height)`) instead of closed by walls; discs only
+    periodic : whether the box is periodic (`Periodic(width, height)`) instead of closed by walls
     seed : of the random numbers; the same seed gives the same packing in any unit of length
 
     Raises
@@ -82,9 +82,7 @@ def packing(
         If an argument is invalid, or if the bodies jam at a lower solid fraction, which the message contains.
     """
     if isinstance(shapes, Sequence) and len(shapes) and all(isinstance(shape, Points) for shape in shapes):
-        if periodic:
-            raise PackingError("shapes: only discs are packed in a periodic box; give radii, or periodic=False")
-        return _of_shapes(shapes, width, solid_fraction, friction, seed)  # type: ignore[arg-type]
+        return _of_shapes(shapes, width, solid_fraction, friction, periodic, seed)  # type: ignore[arg-type]
     R = np.array(_numbers(shapes), dtype=float)
     _check(R, width, solid_fraction, friction)
     unit = R.mean()
@@ -106,7 +104,9 @@ def packing(
     return Packing(x * unit, R, float(width), height)
 
 
-def _of_shapes(clouds: Sequence[Points], width: float, solid_fraction: float, friction: float, seed: int) -> Packing:
+def _of_shapes(
+    clouds: Sequence[Points], width: float, solid_fraction: float, friction: float, periodic: bool, seed: int
+) -> Packing:
     """A packing of shapes: positions and angles (3, N)."""
     area = np.array([cloud.volume.sum() for cloud in clouds])
     R = np.sqrt(area / np.pi)
@@ -117,11 +117,15 @@ def _of_shapes(clouds: Sequence[Points], width: float, solid_fraction: float, fr
     except ValueError as error:
         raise PackingError(f"shapes: {error}") from error
     height = float(area.sum() / (width * solid_fraction))
-    box = np.round([width / unit, height / unit], 10)
-    rng, closed = np.random.default_rng(seed), discs.Box(box, periodic=False)
+    rng, box = np.random.default_rng(seed), discs.Box(np.round([width / unit, height / unit], 10), periodic)
+    if periodic and box.size.min() < 4.0 * forms.reach.max():
+        raise PackingError(
+            f"the periodic box is {width:g} x {height:g} m, less than twice the largest shape, which is up to"
+            f" {2.0 * forms.reach.max() * unit:.4g} m long; change the width, lower solid_fraction or use more shapes"
+        )
 
     def start() -> Array:
-        return np.vstack([discs.scatter(forms.radius, closed, rng), rng.uniform(0.0, 2.0 * np.pi, R.size)])
+        return np.vstack([discs.scatter(forms.radius, box, rng), rng.uniform(0.0, 2.0 * np.pi, R.size)])
 
     separate = partial(shapes.separate, forms, box=box, friction=friction)
     attempts = 1 + _ATTEMPTED_SHAPES // R.size

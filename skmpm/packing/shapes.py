@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skmpm import coulomb
 from skmpm.compiled import compiled
 from skmpm.outline import chord_sagitta, outlines
+from skmpm.outline.topology import ranges
+from skmpm.packing.discs import Box
 from skmpm.points import Points
 
 Array = NDArray[np.float64]
@@ -91,7 +92,7 @@ def centroid(cloud: Points) -> Array:
     return np.asarray(np.average(cloud.x, axis=1, weights=cloud.volume))
 
 
-def separate(shapes: Shapes, x: Array, size: float, box: Array, friction: float, tolerance: float) -> Array | None:
+def separate(shapes: Shapes, x: Array, size: float, box: Box, friction: float, tolerance: float) -> Array | None:
     """Move shapes at x (3, N) as little as possible until none overlap; None if that does not converge."""
     for _ in range(ROUNDS):
         contacts = _contacts(shapes, x, size, box)
@@ -112,13 +113,14 @@ class _Contacts(NamedTuple):
     normal: Array  # (2, k) towards the first
     point: Array  # (2, k)
     gap: Array  # (k,)
+    image: Array  # (2, pairs) displacement of the second shape to its image that is near
 
 
-def _contacts(shapes: Shapes, x: Array, size: float, box: Array) -> _Contacts:
+def _contacts(shapes: Shapes, x: Array, size: float, box: Box) -> _Contacts:
     v, skin = shapes.at(x, size), size * shapes.skin
-    a, b = _near_pairs(x[:2], size * shapes.reach)
+    a, b, image = _near_pairs(x[:2], size * shapes.reach, box)
     normal, point, gap = np.zeros((a.size, 2)), np.zeros((a.size, ROWS, 2)), np.full((a.size, ROWS), np.inf)
-    _pairs(a, b, shapes.offsets, v, skin, NEARLY, normal, point, gap)
+    _pairs(a, *_with_images(shapes.offsets, v, skin, b, image), NEARLY, normal, point, gap)
     rows, which = np.nonzero(gap < MARGIN)
     on_wall = _at_walls(shapes, v, skin, box)
     return _Contacts(
@@ -127,22 +129,41 @@ def _contacts(shapes: Shapes, x: Array, size: float, box: Array) -> _Contacts:
         np.concatenate([normal[rows].T, on_wall.normal], axis=1),
         np.concatenate([point[rows, which].T, on_wall.point], axis=1),
         np.concatenate([gap[rows, which], on_wall.gap]),
+        image[:, rows],
     )
 
 
-def _near_pairs(x: Array, reach: Array) -> tuple[Ints, Ints]:
-    """Pairs of shapes whose circumscribed circles are closer than the margin; images would join them here."""
-    a, b = cKDTree(x.T).query_pairs(2.0 * float(reach.max()) + MARGIN, output_type="ndarray").T
-    near = np.hypot(*(x[:, a] - x[:, b])) < reach[a] + reach[b] + MARGIN
-    return a[near].astype(np.int64), b[near].astype(np.int64)
+def _near_pairs(x: Array, reach: Array, box: Box) -> tuple[Ints, Ints, Array]:
+    """Pairs of shapes whose circumscribed circles are closer than the margin, and displacements of the second (2, k).
+
+    These lead to the image of the second shape nearest to the first; they are zero but in a periodic box.
+    """
+    a, b, apart = box.pairs(x, 2.0 * float(reach.max()) + MARGIN)
+    near = np.hypot(*apart) < reach[a] + reach[b] + MARGIN
+    image = x[:, a] - x[:, b] - apart if box.periodic else np.zeros_like(apart)
+    return a[near].astype(np.int64), b[near].astype(np.int64), image[:, near]
 
 
-def _at_walls(shapes: Shapes, v: Array, skin: Array, box: Array) -> _Contacts:
+def _with_images(offsets: Ints, v: Array, skin: Array, second: Ints, image: Array) -> tuple[Ints, Ints, Array, Array]:
+    """The second shapes of pairs, and all shapes, with copies of those that are displaced by `image` (2, pairs)."""
+    moved = np.flatnonzero(image.any(axis=0))
+    number, copies = second.copy(), second[moved]
+    number[moved] = skin.size + np.arange(moved.size)
+    count = np.diff(offsets)[copies]
+    own = ranges(offsets[copies], count)
+    vertices = np.concatenate([v, v[:, own] + np.repeat(image[:, moved], count, axis=1)], axis=1)
+    return number, np.append(offsets, offsets[-1] + np.cumsum(count)), vertices, np.append(skin, skin[copies])
+
+
+def _at_walls(shapes: Shapes, v: Array, skin: Array, box: Box) -> _Contacts:
     """Constraints of the nearest and the outermost nearly as close vertices at the four walls."""
+    none, two = np.zeros(0, dtype=np.int64), np.zeros((2, 0))
+    if box.periodic:
+        return _Contacts(none, none, two, two, two[0], two)
     shape = np.repeat(np.arange(skin.size), np.diff(shapes.offsets))
     found = []
     for axis, sign in ((0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0)):
-        gap = (v[axis] if sign > 0.0 else box[axis] - v[axis]) - skin[shape]
+        gap = (v[axis] if sign > 0.0 else box.size[axis] - v[axis]) - skin[shape]
         least = np.minimum.reduceat(gap, shapes.offsets[:-1])
         close = np.flatnonzero((gap < MARGIN) & (gap <= least[shape] + NEARLY))
         order = close[np.lexsort((v[1 - axis, close], shape[close]))]
@@ -152,7 +173,7 @@ def _at_walls(shapes: Shapes, v: Array, skin: Array, box: Array) -> _Contacts:
         normal[axis] = sign
         found.append((shape[order[kept]], normal, v[:, order[kept]], gap[order[kept]]))
     first, normal, point, gap = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
-    return _Contacts(first, np.zeros(0, dtype=np.int64), normal, point, gap)
+    return _Contacts(first, none, normal, point, gap, two)
 
 
 @compiled
@@ -227,7 +248,8 @@ def _motion(shapes: Shapes, x: Array, size: float, contacts: _Contacts, friction
 def _rows(contacts: _Contacts, d: Array, x: Array, N: int) -> sp.csr_array:
     """Velocities of the first along d (2, k) less those of the second; columns x, then y, then angles, (k, 3 N)."""
     a, b, pairs = contacts.first, contacts.second, contacts.second.size
-    i, (r, s) = np.arange(a.size), (contacts.point[:, : o.size] - x[:, o] for o in (a, b))
+    i, r = np.arange(a.size), contacts.point - x[:, a]
+    s = contacts.point[:, :pairs] - x[:, b] - contacts.image
     entries = [(i, a, d[0]), (i, N + a, d[1]), (i, 2 * N + a, r[0] * d[1] - r[1] * d[0])]
     j, e = i[:pairs], -d[:, :pairs]
     entries += [(j, b, e[0]), (j, N + b, e[1]), (j, 2 * N + b, s[0] * e[1] - s[1] * e[0])]

@@ -10,6 +10,7 @@ from scipy.optimize import linprog
 import skmpm
 from skmpm.outline import area, outlines, overlap
 from skmpm.packing import PackingError, packing
+from skmpm.packing.discs import Box
 from skmpm.packing.shapes import _contacts, _rows, shapes_of
 from skmpm.points import Points, box, capsule, disc, ellipse, polygon
 
@@ -105,7 +106,7 @@ def test_gaps_change_as_the_rows_say():
     rng, clouds = np.random.default_rng(0), mixture(4)[1:]
     shapes = shapes_of(clouds, R)
     x = np.array([[3.0, 5.2, 4.1], [3.0, 3.2, 5.0], [0.3, 1.1, 2.0]])
-    big = np.array([50.0, 50.0])
+    big = Box(np.array([50.0, 50.0]), periodic=False)
     d = 1e-6 * rng.normal(size=x.shape)
     start, plus, minus = (_contacts(shapes, at, 1.0, big) for at in (x, x + d, x - d))
     assert start.gap.size == plus.gap.size == minus.gap.size > 2
@@ -147,3 +148,22 @@ def test_placed_moves_and_turns_a_cloud():
     cloud = box((0, 0), (2, 1), spacing=0.25)
     placed = cloud.placed((5.0, 6.0), np.pi / 2)
     np.testing.assert_allclose(placed.x, [5.5 - cloud.x[1], 5.0 + cloud.x[0]], atol=1e-12)
+
+
+def test_shapes_in_a_periodic_box():
+    """Ellipses, capsules and polygons across the edges overlap no other and no image, by the check of the scene."""
+    spacing, rng = 0.2 * R, np.random.default_rng(2)
+    kinds = [ellipse((0, 0), (1.4 * R, 0.8 * R), spacing=spacing), capsule((0, 0), 1.2 * R, 0.7 * R, spacing=spacing),
+             polygon((0, 0), 1.1 * R, 5, rounding=0.2 * R, spacing=spacing)]  # fmt: skip
+    clouds = [kinds[k] for k in rng.integers(0, 3, 24)]
+    packed = packing(clouds, 10.0 * R, solid_fraction=0.72, periodic=True, seed=1)
+    gel = skmpm.NeoHookean(1e6, 0.3, 1000.0)
+    box = skmpm.Periodic(packed.width, packed.height)
+    scene = skmpm.Scene([skmpm.Body(cloud, gel) for cloud in packed.points], cell=0.25 * R, periodic=box)
+    assert skmpm.observe(scene, skmpm.initial(scene)).overlap < 1e-9
+    x = np.concatenate([cloud.x for cloud in packed.points], axis=1)
+    assert x.min() < 0.0 or ([packed.width, packed.height] < x.T).any()
+    again = packing(clouds, 10.0 * R, solid_fraction=0.72, periodic=True, seed=1)
+    assert np.array_equal(again.centres, packed.centres)
+    with pytest.raises(PackingError, match="less than twice the largest shape"):
+        packing(clouds[:3], 3.5 * R, solid_fraction=0.7, periodic=True)
