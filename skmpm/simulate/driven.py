@@ -84,7 +84,7 @@ def _forces(scene: Scene, t: float) -> Array:
 
 def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
     """Raise SceneError if a scheme cannot drive walls, or a pressure acts on a side that is not closed."""
-    if acts_at_grid_nodes(scheme.contact) and (scene.has_scalar_unknowns or scene.periodic is not None):
+    if (scene.has_scalar_unknowns or scene.periodic is not None) and acts_at_grid_nodes(scheme.contact):
         what = "the box is periodic"
         if scene.free_rigid.size:
             what = f"body {scene.free_rigid[0]} is a free rigid body"
