@@ -402,6 +402,7 @@ def test_bodies_do_not_approach_at_shared_nodes_after_a_step():
         seen.append(law(None))
         return law
 
+    watched.at_grid_nodes = True
     speed = 2.0
     scene = Scene(
         [round_body((0, 0), velocity=(speed, 0.1)), round_body((2.1 * R, 0.2 * R), velocity=(-speed, 0))],
