@@ -31,10 +31,14 @@ class Motion:
         return Motion(dt, dt * _rigid_velocities(scene, state, motions.rigid, dt), walls, box)
 
     def largest(self, moved: Array, start: Array) -> float:
-        """The largest displacement of boundary points, from `start` by `moved` (2, m) [m]: relative to the box."""
-        if self.box is not None:
+        """The largest displacement of boundary points, from `start` by `moved` (2, m) [m].
+
+        In a periodic box it is relative to the box and to the mean, since images move with the bodies.
+        """
+        if self.box is not None and moved.size:
             before, after = self.box
             moved = moved - (after @ np.linalg.inv(before) - np.eye(2)) @ start
+            moved = moved - moved.mean(axis=1, keepdims=True)
         return float(np.abs(moved).max(initial=0.0))
 
     def lattice_vectors(self, k: Ints, end: int) -> Array:

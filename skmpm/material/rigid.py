@@ -1,15 +1,17 @@
-"""Bodies whose motion is prescribed."""
+"""Rigid bodies."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Rigid:
-    """A body whose motion is prescribed (`Body.velocity`): it has no unknowns, others bump into it.
+    """A rigid body: forces move it, or its motion is prescribed (`Body.motion`).
+
+    Contact between rigid bodies is perfectly inelastic.
 
     Parameters
     ----------
-    density : density [kg/m3]; it only weighs the contact normals of the shared-node law
+    density : density [kg/m3], by which the volumes of its points give mass and moment of inertia
     """
 
     density: float

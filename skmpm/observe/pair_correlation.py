@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm.observe.contact_network import mass_centres
-from skmpm.observe.regions import contains, region
+from skmpm.observe.regions import contains, periodic_region, region
 from skmpm.scene import Scene, SceneError, State, check_fits
 
 Array = NDArray[np.float64]
@@ -18,7 +18,7 @@ DIAMETERS = 4.0  # mean diameters up to which the function is computed by defaul
 def pair_correlation(
     scene: Scene, state: State, *, bins: int = 80, largest: float | None = None
 ) -> tuple[Array, Array]:
-    """The radial distribution function g of the centres of mass of deformable bodies.
+    """The radial distribution function g of the centres of mass of the bodies that forces move.
 
     g(r) is the mean density of centres at the distance r from a centre, over their mean density: 1 without order. The
     mean is over the centres farther than `largest` from every wall, so no ring is cut by a wall; their number over
@@ -41,21 +41,35 @@ def pair_correlation(
         scene
     """
     check_fits(scene, state, "pair_correlation")
-    own = scene.deformable
+    own = scene.movable
     if largest is None:
         area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]
         largest = DIAMETERS * float(2.0 * np.sqrt(area / np.pi).mean())
     centre, normal = mass_centres(scene, state)[:, own], scene.normals
-    inner = region(normal, state.walls.T + largest * normal)
-    chosen = contains(inner, centre)
+    if state.box is not None:
+        inner, every = periodic_region(state.box), _images(centre, state.box, largest)
+        chosen = np.ones(centre.shape[1], dtype=bool)
+    else:
+        inner, every = region(normal, state.walls.T + largest * normal), centre
+        chosen = contains(inner, centre)
     if not (np.isfinite(inner.area) and chosen.any()):
         raise SceneError(
             f"pair_correlation: no centre of a body is farther than largest = {largest:.3g} m from all walls; give a"
             " smaller one"
         )
     edges = np.linspace(0.0, largest, bins + 1)
-    pairs = cKDTree(centre[:, chosen].T).sparse_distance_matrix(cKDTree(centre.T), largest, output_type="ndarray")
+    pairs = cKDTree(centre[:, chosen].T).sparse_distance_matrix(cKDTree(every.T), largest, output_type="ndarray")
     apart = pairs["v"][pairs["v"] > 0.0]
     references, rings = np.count_nonzero(chosen), np.pi * np.diff(edges**2)
     g = np.histogram(apart, edges)[0] * inner.area / (references**2 * rings)
     return np.sqrt(0.5 * (edges[1:] ** 2 + edges[:-1] ** 2)), g
+
+
+def _images(centre: NDArray[np.float64], box: NDArray[np.float64], largest: float) -> NDArray[np.float64]:
+    """The centres (2, n) [m] with all images that may be closer than `largest` [m] to one of them, (2, k)."""
+    k = np.linalg.solve(box, centre)
+    height = abs(float(np.linalg.det(box))) / np.hypot(*box)[::-1]
+    most = np.ceil(largest / height + np.ptp(k, axis=1)).astype(np.int64)
+    i, j = np.meshgrid(*(np.arange(-n, n + 1) for n in most), indexing="ij")
+    shifts = box @ np.stack([i.ravel(), j.ravel()])
+    return np.asarray((centre[:, :, None] + shifts[:, None]).reshape(2, -1))

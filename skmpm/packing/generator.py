@@ -35,7 +35,7 @@ class Packing:
 
     Attributes
     ----------
-    centres : (2, N) of area [m]
+    centres : (2, N) of area [m]; in a periodic box they may lie outside of it
     radii : (N,) [m]; of other shapes those of discs of the same area
     width : of the box [m]
     height : of the box, by the solid fraction [m]

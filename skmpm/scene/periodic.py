@@ -2,9 +2,9 @@
 
 The edges of the box are the columns of H. With the mean velocity gradient L of a step of length dt, they become
 exp(dt L) H at its end, so that a constant gradient is followed exactly. Components of L that a stress determines
-follow from those at the end of the step: H_1 = D S exp(dt L) H, with the stretches D = diag(exp(dt L_xx),
-exp(dt L_yy)) and the shear S = I + dt L_xy e_x e_y^T. A change of one of them moves H_1 by a multiple of the same
-component of a gradient, so that the stress is exact at the end of the step, too.
+follow from those at the end of the step: H_1 = D S exp(dt L) H, with the stretches D = I + dt diag(L_xx, L_yy) and
+the shear S = I + dt L_xy e_x e_y^T, so that these rates times edges are speeds of edges. A change of one of them
+moves H_1 by a multiple of the same component of a gradient, so that the stress is exact at the end of the step, too.
 """
 
 from __future__ import annotations
@@ -57,6 +57,11 @@ class Periodic:
         """The prescribed velocity gradient at time t, (2, 2) [1/s]; zero where a stress determines it."""
         rate, found = _tensor("rate", self.rate, t), np.zeros((2, 2), dtype=bool)
         found[tuple(self.components)] = True
+        if (np.isfinite(rate[found]) & (rate[found] != 0.0)).any():
+            raise SceneError(
+                f"periodic: rate = {rate.tolist()} at t = {t:.6g} s has a component whose stress is given, too; give"
+                " one of them"
+            )
         if not np.isfinite(rate[~found]).all():
             where = ("xx", "xy", "yx", "yy")[int(np.argmax(~np.isfinite(rate) & ~found))]
             raise SceneError(
@@ -125,7 +130,7 @@ def deformed(box: Array, rate: Array, dt: float, components: Ints, found: Array)
     L = np.zeros((2, 2))
     L[tuple(components)] = found
     shear = np.array([[1.0, dt * L[0, 1]], [0.0, 1.0]])
-    return np.asarray(np.exp(dt * np.diag(L))[:, None] * (shear @ after))
+    return np.asarray((1.0 + dt * np.diag(L))[:, None] * (shear @ after))
 
 
 def into_box(centres: Array, box: Array | None) -> Array:

@@ -68,6 +68,12 @@ def _check_bodies(scene: Scene, new_scene: Scene) -> None:
     if (new_scene.periodic is None) != (scene.periodic is None):
         which = "new" if scene.periodic is None else "old"
         raise SceneError(f"continued: only the {which} scene has a periodic box; {remedy}")
+    boxes = [(box.width, box.height) for box in (scene.periodic, new_scene.periodic) if box is not None]
+    if len(set(boxes)) > 1:
+        raise SceneError(
+            f"continued: the periodic box of the new scene is {boxes[1]} m at t = 0, that of the old one"
+            f" {boxes[0]} m; keep it, or give it a rate"
+        )
     for b, (old, new) in enumerate(zip(scene.bodies, new_scene.bodies, strict=True)):
         same = old.points is new.points or (
             np.array_equal(old.points.x, new.points.x) and np.array_equal(old.points.volume, new.points.volume)

@@ -46,7 +46,7 @@ def _moving_with_box(scene: Scene, state: State) -> Moving:
     relative, (i, j) = state.v - state.box_rate @ state.x, scene.periodic.components
     if i.size == 0:
         return Moving(relative, 0.0, 0.0)
-    length, mass = np.diag(scene.periodic.box)[j], scene.periodic.mass or scene.mass
+    length, mass = np.diag(state.box)[j], scene.periodic.mass or scene.mass
     pressed = np.einsum("qk,qk->q", state.contacts.vectors[i], state.contacts.image[j])
     force = abs(float(np.linalg.det(state.box))) * scene.periodic.stress_at(state.t) - pressed
     speed = float(np.abs(state.box_rate[i, j] * length).max())
@@ -55,7 +55,11 @@ def _moving_with_box(scene: Scene, state: State) -> Moving:
 
 def moving_at_start(scene: Scene, v: Array) -> Moving:
     """What moves at t = 0, with points at velocities v (2, n) [m/s]; nothing presses on the walls."""
-    walls = scene.driven_walls
+    walls, periodic = scene.driven_walls, scene.periodic
+    if periodic is not None and periodic.components.size:
+        length = np.diag(periodic.box)[periodic.components[1]]
+        force = np.abs(periodic.stress_at(0.0)) * periodic.width * periodic.height / length
+        return Moving(v, 0.0, float(force.max()) / (periodic.mass or scene.mass))
     if walls.size == 0:
         return Moving(v, 0.0, 0.0)
     velocity, acceleration = scene.wall_velocities(0.0)[walls], _forces(scene, 0.0) / scene.wall_masses

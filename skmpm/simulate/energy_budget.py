@@ -78,7 +78,7 @@ def budget_of(
     of_box = velocity_of_box(state, mean_gradient(state, motions, increment.dt))
     ends = (increment.v0, end.velocity) if inertia else ()
     kinetic = [kinetic_energy(bulk.assembly, v - of_box) for v in ends] or [0.0, 0.0]
-    external = float(increment.load(w) @ w * increment.dt - solution.reaction @ increment.prescribed)
+    external = _work_of_loads(increment, w) - float(solution.reaction @ increment.prescribed)
     if inertia:
         external -= float((bulk.assembly.mass * (end.velocity - increment.v0)) @ of_box)
     if scene.free_rigid.size:
@@ -128,6 +128,19 @@ def budget_of(
         tolerated=tolerated,
         rounding=rounding,
     )
+
+
+def _work_of_loads(increment: Increment, w: Array) -> float:
+    """Work of gravity and loads in the step [J/m], of those at its end without inertia.
+
+    That of a pressure is p times the change of an area, which is quadratic in the displacement: so the force halfway
+    gives it exactly.
+    """
+    moved, pressure, scheme = increment.dt * w, increment.pressure, increment.scheme
+    if pressure is None or not scheme.inertia:
+        return float(increment.load(w) @ moved)
+    halfway = increment.start + (0.0 if scheme.explicit else 0.5) * moved
+    return float((increment.force + pressure.force(halfway)) @ moved)
 
 
 def _work_at_start(

@@ -72,7 +72,8 @@ class Pace:
 
 def _time(distance: float, speed: float, acceleration: float) -> float:
     """The time [s] to move a distance [m] by backward Euler, the positive root of a dt^2 + v dt = distance."""
-    return float(2.0 * distance / (speed + np.sqrt(speed**2 + 4.0 * acceleration * distance) + 1e-300))
+    rate = speed + float(np.sqrt(speed**2 + 4.0 * acceleration * distance))
+    return 2.0 * distance / rate if rate > 0.0 else np.inf
 
 
 def _within_stroke(scene: Scene, t: float, dt: float) -> float:

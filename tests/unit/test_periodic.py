@@ -6,6 +6,8 @@ from test_only_what_is_required import Calls
 
 import skmpm
 from skmpm import Periodic
+from skmpm.contact.motion import Motion
+from skmpm.scene import prescribed_velocities
 from skmpm.scene.periodic import deformed
 
 R = 1e-3
@@ -104,6 +106,36 @@ def test_the_stress_is_that_given(scheme):
     assert state.box[0, 0] > state.box[1, 1]
 
 
+def test_an_edge_with_a_mass_accelerates_as_newton_says():
+    """Nothing touches: m L'' = sigma height; the width after a time, to the first order of 200 steps."""
+    mass, sigma, until = 1.0, 1e3, 0.05
+    box = Periodic(0.08, 0.08, stress=[[sigma, NAN], [NAN, NAN]], mass=mass)
+    scene = skmpm.Scene([skmpm.Body(skmpm.disc((0.04, 0.04), 0.004, spacing=7e-4), GEL)], cell=1e-3, periodic=box)
+    *_, state = skmpm.simulate(scene, dt=until / 200, until=until)
+    assert state.box[0, 0] == pytest.approx(0.08 + 0.5 * sigma * 0.08 / mass * until**2, rel=5e-3)
+    assert state.box[1, 1] == 0.08
+
+
+def test_a_fast_fall_costs_what_a_rest_costs():
+    """Discs that move by half a box in each step find the same candidates, since their images move with them."""
+    discs = [disc(x, R, velocity=(100.0, 0.0)) for x in (R, 3.1 * R)]
+    scene, dt = skmpm.Scene(discs, cell=H, periodic=Periodic(5 * R, 5 * R)), 2.5e-5
+    state, boundary = skmpm.initial(scene), scene.outlines.point
+    motion = Motion.of(scene, state, prescribed_velocities(scene, 0.0, dt, state.box), dt)
+    assert motion.largest(dt * state.v[:, boundary], state.x[:, boundary]) < 1e-12 * R
+
+
+def test_pair_correlation_counts_images():
+    """A square lattice: the first ring holds its four neighbours, at 2 R, and g there is 4 over the mean."""
+    scene = lattice(3)
+    r, g = skmpm.pair_correlation(scene, skmpm.initial(scene), bins=21, largest=5.0 * R)
+    first = np.flatnonzero(g)[0]
+    assert abs(r[first] - 2.0 * R) < 0.3 * R
+    edges = np.linspace(0.0, 5.0 * R, 22)
+    ring = np.pi * (edges[first + 1] ** 2 - edges[first] ** 2) / (2.0 * R) ** 2
+    assert g[first] == pytest.approx(4.0 / ring, rel=1e-9)
+
+
 def test_shear_stress_moves_the_upper_edge():
     """A lattice with friction under pressure and a given shear stress, quasi-static: all components to 1 %."""
     stress = lambda t: t * np.array([[-3e5, 4e4], [4e4, -3e5]])  # noqa: E731
@@ -192,6 +224,8 @@ def test_a_box_that_stops_is_another_stage():
     assert skmpm.observe(held, end).pressure == pytest.approx(skmpm.observe(scene, state).pressure, rel=1e-2)
     with pytest.raises(skmpm.SceneError, match="only the old scene has a periodic box"):
         skmpm.continued(scene, state, skmpm.Scene(scene.bodies, cell=H))
+    with pytest.raises(skmpm.SceneError, match="the periodic box of the new scene is"):
+        skmpm.continued(scene, state, skmpm.Scene(scene.bodies, cell=H, periodic=Periodic(2.1 * R, 2 * R)))
     with pytest.raises(skmpm.SceneError, match="the state has a periodic box, the scene none"):
         skmpm.step(skmpm.Scene(scene.bodies, cell=H), state, 1e-3)
 
@@ -216,6 +250,10 @@ def test_scenes_without_a_box_do_not_know_it():
         (lambda: Periodic(R, R, stress=[[1.0, 2.0], [3.0, 1.0]]), "periodic: stress = .* is not symmetric"),
         (lambda: Periodic(R, R, stress=np.full((2, 2), NAN)), "periodic: stress has no component"),
         (lambda: Periodic(R, R, stress=[[np.inf, NAN], [NAN, NAN]]), "periodic: stress = .*finite number"),
+        (
+            lambda: Periodic(R, R, rate=[[1, 0], [0, 0]], stress=[[-1.0, NAN], [NAN, NAN]]),
+            "periodic: rate = .* has a component whose stress is given, too",
+        ),
         (lambda: Periodic(R, R, mass=1.0), "periodic: mass = 1.0 without a stress"),
         (lambda: Periodic(R, R, stress=-np.eye(2), mass=-1.0), "periodic: mass = -1.0; give a mass"),
         (lambda: (R, R), "periodic is a tuple; use skmpm.Periodic"),

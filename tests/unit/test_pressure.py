@@ -117,6 +117,14 @@ def test_a_spinning_disc_keeps_its_angular_momentum_under_pressure():
     assert np.abs(linear).max() < 1e-10 * abs(before) / R
 
 
+def test_a_spinning_disc_under_pressure_needs_no_retries():
+    """The work of a pressure in a rotation is none: the check of energies finds no gain, however long the steps."""
+    scene = pressed_disc(1e4)
+    scene = skmpm.Scene([skmpm.Body(scene.bodies[0].points, GEL, spin=200.0)], cell=scene.cell, loads=scene.loads)
+    states = list(skmpm.simulate(scene, dt=1e-4, until=2e-3))
+    assert len(states) == 20 and sum(state.report.retries for state in states) == 0
+
+
 def test_work_of_a_pressure_is_p_times_the_change_of_area():
     """A constant pressure without inertia: the budget's work is -p dA to the trapezoidal rule, exact to 0.1 %."""
     p = 1e5

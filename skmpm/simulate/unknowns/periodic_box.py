@@ -1,10 +1,10 @@
 """A periodic box under a given stress: one unknown for each component of its velocity gradient that the stress moves.
 
-An unknown is the rate of a component times the length of an edge at t = 0, so the speed of an edge. A change of the
-rate L_e moves the edges at the end of the step by multiples of E_e H, E_e the unit tensor of the component, and the
-stress sigma does the work A sigma_e on it, with A the area of the box at the end of the step. The contacts across
-edges, at images H k of the second body, do the work -f . E_e H k: so the stress of all contacts (Love and Weber) is
-the given one where the bodies are in equilibrium.
+An unknown is the rate of a component times the length of an edge, so the speed of an edge, whose mass resists changes
+of it. A change of the rate L_e moves the edges at the end of the step by multiples of E_e H, E_e the unit tensor of
+the component, and the stress sigma does the work A sigma_e on it, with A the area of the box at the end of the step.
+The contacts across edges, at images H k of the second body, do the work -f . E_e H k: so the stress of all contacts
+(Love and Weber) is the given one where the bodies are in equilibrium.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class StressedBox:
     start: Array  # (2, 2) edges at the start of the step [m]
     rate: Array  # (2, 2) the prescribed gradient [1/s]
     stress: Array  # (q,) [Pa]
-    length: Array  # (q,) of the edges at t = 0 that the unknowns move [m]
+    length: Array  # (q,) of the edges that the unknowns move, at the start of the step [m]
     mass: Array
     response: Array
     v0: Array
@@ -44,7 +44,7 @@ class StressedBox:
         if periodic is None or state.box is None or state.box_rate is None:
             return StressedBox(None, np.eye(2), np.eye(2), none, none, none, none, none, none, dt)
         i, j = periodic.components
-        length = np.diag(periodic.box)[j]
+        length = np.diag(state.box)[j]
         mass = np.full(i.size, scene.mass if periodic.mass is None else float(periodic.mass))
         return StressedBox(
             periodic,
@@ -70,7 +70,8 @@ class StressedBox:
         i, j = self.periodic.components
         L = np.zeros((2, 2))
         L[i, j] = z / self.length
-        return np.where(i == j, 1.0, np.exp(self.dt * (L[0, 0] - L[1, 1]))) / self.length
+        stretch = 1.0 + self.dt * np.diag(L)
+        return np.asarray(np.where(i == j, 1.0 / stretch[i], stretch[0] / stretch[1]) / self.length)
 
     def load(self, z: Array) -> Array:
         """Forces of the stress on the edges, (q,) [N/m]."""
