@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.errors import StepRejected, worst_body
 from skmpm.implicit.residual import Increment
@@ -61,13 +62,18 @@ def _search(
     gradient: Array,
     contact_impulse: Array,
 ) -> tuple[Array, Configuration]:
-    """Armijo backtracking on the potential minus the work of the contact impulse."""
+    """Armijo backtracking on the potential minus the work of the contact impulse.
+
+    Contact at shared grid nodes is linear in the velocity: there the search is along a straight line.
+    """
+    at_nodes = bool(contact_impulse.any()) and acts_at_grid_nodes(increment.scheme.contact)
     decrease = float(gradient @ direction)
     start = increment.energy(w, configuration) - float(contact_impulse @ w)
     round_off = _round_off(increment, w, configuration, direction, abs(start) + abs(float(contact_impulse @ w)))
     length = 1.0
     while length > MIN_STEP_LENGTH:
-        trial = retracted(increment, w, length * direction)
+        step = length * direction
+        trial = w + step if at_nodes else retracted(increment, w, step)
         trial_configuration = increment.at(trial)
         merit = increment.energy(trial, trial_configuration) - float(contact_impulse @ trial)
         if merit <= start + SUFFICIENT_DECREASE * length * decrease + round_off:

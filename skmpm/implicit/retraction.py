@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit.residual import Increment
 
 Array = NDArray[np.float64]
@@ -22,11 +21,10 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
 
     A step is the sum of its mean, a rotation about the centre of mass, and the rest, which the rotation
     carries along. The mean, and with it the momentum, stays. Linear materials resist rotations, supports prescribe
-    components of the velocity, contact at shared grid nodes is linear in it, and quasi-static iterations form affine
-    combinations of iterates (Anderson): there it is the sum w + step.
+    components of the velocity, and quasi-static iterations form affine combinations of iterates (Anderson): there it
+    is the sum w + step.
     """
-    scheme, linear = increment.scheme, increment.material_response.linear
-    if not scheme.inertia or linear or increment.supports is not None or acts_at_grid_nodes(scheme.contact):
+    if not increment.scheme.inertia or increment.material_response.linear or increment.supports is not None:
         return w + step
     grid, interval = increment.grid, increment.scheme.theta * increment.dt
     weight = increment.bulk.assembly.lumped[::2]

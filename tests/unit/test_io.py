@@ -533,7 +533,11 @@ def test_bodies_with_holes_get_lines_and_rigid_bodies_no_stress(tmp_path):
     solid = Points(square[:, :4] + np.array([[10.0], [0.0]]), np.ones(4), (np.arange(4),))
     frame = Points(square, np.ones(8), (np.arange(4), np.arange(4, 8)))
     cloud = Points(square + np.array([[5.0], [0.0]]), np.ones(8))
-    bodies = [Body(solid, Rigid(1.0)), Body(frame, Rigid(1.0)), Body(cloud, LinearElastic(1e6, 0.3, 1e3))]
+    bodies = [
+        Body(solid, Rigid(1.0), motion=(0, 0, 0)),
+        Body(frame, Rigid(1.0), motion=(0, 0, 0)),
+        Body(cloud, LinearElastic(1e6, 0.3, 1e3)),
+    ]
     scene = Scene(bodies, cell=1.0)
     write(tmp_path / "s", scene, [initial(scene, scheme=Scheme.nezamabadi2017())])
     _, blocks = as_vtk_sees(tmp_path / "s")[0]

@@ -334,7 +334,7 @@ def pushed(points, velocity, material):
     first, behind = (SOFT, LINEAR) if material is SOFT else (LINEAR, SOFT)
     bodies = [
         round_body((0, 0), first),
-        Body(points, Rigid(1.0), motion=(*velocity, 0.0)),
+        Body(points, Rigid(1.0), motion=lambda t: (*velocity(t), 0.0)),
         round_body((-2 * R, 0), behind),
     ]
     return Scene(bodies, cell=CELL, friction=0.3)
