@@ -103,6 +103,33 @@ def test_a_drum_takes_a_disc_along():
     assert observe(scene, state).overlap < 1e-3
 
 
+@pytest.mark.parametrize("mu", [0.1, 0.3, 0.6])
+def test_the_fill_of_a_drum_slides_at_the_angle_of_friction(mu):
+    """A block that touches a slow drum of radius D with two corners, 2 alpha apart, and follows it until it slides.
+
+    It can only turn about the axis of the drum, d from its centre of mass. The moment about that axis,
+    mu D (N1 + N2) = W d sin(angle), and both components of the forces give
+    tan(angle) = mu D / ((1 + mu^2) d cos(alpha) - mu^2 D), which tends to mu for a small block (d = D, alpha = 0).
+    """
+    D, half, height, omega = 5 * R, 1.5 * R, 2 * R, 0.5
+    alpha = np.arcsin(half / D)
+    bottom = -D * np.cos(alpha)
+    d = -bottom - height / 2.0
+    angle = np.arctan(mu * D / ((1.0 + mu**2) * d * np.cos(alpha) - mu**2 * D))
+    block = Body(box((-half, bottom), (2 * half, height), spacing=0.3 * R), GEL)
+    scene = Scene([drum(D, R, R / 4, motion=(0.0, 0.0, omega)), block], cell=R / 3, friction=mu, gravity=(0.0, -9.81))
+    ends, carried, slides = (2.0 * angle + 0.2) / omega, [], []
+    for state in simulate(scene, dt=0.02, until=ends, scheme=Scheme(inertia=False)):
+        x = centre_of(state, 1)
+        turned, place = omega * state.t, np.arctan2(x[0], -x[1])
+        if turned < 0.95 * angle:
+            carried.append(place - turned)
+        elif turned > 1.05 * angle + 0.1:
+            slides.append(place)
+    assert len(carried) > 5 and np.abs(carried).max() < np.deg2rad(0.02)
+    assert len(slides) > 5 and np.abs(np.array(slides) - angle).max() < np.deg2rad(0.02)
+
+
 @pytest.mark.parametrize(
     ("body", "message"),
     [
