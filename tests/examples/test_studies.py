@@ -12,6 +12,7 @@ STUDIES = {
     "packing_ensemble": ("", "figures", "main_job"),
     "work_precision": ("", "page", "promises"),
     "feature_cost": ("",),
+    "periodic_shear": ("", "figures"),
     "benchmark": ("", "crossover", "large"),
 }
 

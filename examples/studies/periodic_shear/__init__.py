@@ -1,0 +1,1 @@
+"""Simple shear of periodic packings at constant pressure."""

@@ -1,0 +1,21 @@
+"""Simple shear of periodic packings at constant pressure: friction and volume change.
+
+    python -m examples.studies.periodic_shear --out out/shear    # run all members (or what is left of them)
+    python -m examples.studies.periodic_shear figures            # draw the figure, write the page
+
+`python examples/studies/periodic_shear` does the same by path; every command knows --help.
+"""
+
+import sys
+from pathlib import Path
+
+if not __package__:  # run by path: the packages are looked for in the root of the repository
+    sys.path[0] = str(Path(__file__).resolve().parents[3])
+
+from examples.studies.periodic_shear import figures, study
+
+COMMANDS = {"figures": figures}
+
+if __name__ == "__main__":
+    chosen = COMMANDS[sys.argv.pop(1)] if sys.argv[1:2] and sys.argv[1] in COMMANDS else study
+    chosen.main(chosen.parser().parse_args())
