@@ -13,8 +13,10 @@ from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit.residual import LONG
 from skmpm.material import is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.cohesion import cohesion_warnings
+from skmpm.preflight.layers import layer_warnings
 from skmpm.preflight.limit import Limit, above, below
 from skmpm.preflight.metrics import SceneMetrics
+from skmpm.preflight.periodic import periodic_warnings
 from skmpm.preflight.rolling import rolling_warnings
 from skmpm.scene import Scene
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
@@ -242,10 +244,12 @@ CHECKS: dict[str, Callable[[Scene, SceneMetrics, Scheme], Lines]] = {
     "motion-per-step": _travel,
     "incompressibility": _incompressible,
     "unequal-bodies": _ratios,
+    "layers": layer_warnings,
     "friction": _friction,
     "cohesion": cohesion_warnings,
     "gentle-slopes": rolling_warnings,
     "small-strain": _small_strain,
+    "periodic-boxes": periodic_warnings,
     "scheme": _scheme,
     "rigid-edges": _edges,
 }

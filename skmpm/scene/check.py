@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
-from inspect import signature
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +13,7 @@ from skmpm.outline import area, lens_depth
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
+from skmpm.scene.check_functions import check_functions
 from skmpm.scene.check_groups import check_groups
 from skmpm.scene.check_loading import check_loads, check_supports
 from skmpm.scene.objects import (
@@ -49,6 +48,7 @@ def check(scene: Scene) -> None:
     positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
     not_negative("cohesion between bodies", scene.cohesion, "a stress in Pa")
     not_negative("cohesion_range", scene.cohesion_range, "a length in metres")
+    check_functions(scene)
     for i, body in enumerate(scene.bodies):
         _check_body(f"body {i}", body)
     if not scene.deformable.any():
@@ -57,11 +57,6 @@ def check(scene: Scene) -> None:
         )
     if callable(scene.gravity):
         X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
-        try:
-            with suppress(ValueError):  # callables that are not written in Python have no signature
-                signature(scene.gravity).bind(X, 0.0)
-        except TypeError as error:
-            raise SceneError(f"gravity(X, t): {error}; give a function of positions and time") from error
         field_values("gravity(X, t) at t = 0", scene.gravity(X, 0.0), X)
     else:
         vector("gravity", scene.gravity)

@@ -317,6 +317,23 @@ def stamped(velocity):
     return Scene([round_body(), tool], cell=H, friction=0.3)
 
 
+def laminate(cells):
+    """A block with a skin of so many cells below."""
+    points = box((0.0, 0.0), (40 * H, 20 * H), spacing=H / 3)
+    groups = points.with_groups(lambda x: np.where(x[1] < cells * H, "skin", "core"))
+    return Scene([Body(groups, {"skin": GEL, "core": gel(E=1e6)})], cell=H)
+
+
+def in_a_box(*others, stress=None, **options):
+    """A disc in a periodic box, and others."""
+    motion = skmpm.Periodic(5 * R, 5 * R, stress=stress)
+    return Scene([Body(disc((R, R), R, spacing=0.7 * H), GEL), *others], cell=H, periodic=motion, **options)
+
+
+def pillar(**motion):
+    return Body(disc((3.5 * R, 3.5 * R), R, spacing=0.7 * H), Rigid(1000.0), **motion)
+
+
 CHOICES = {  # what the warning says first, the scene and scheme that bring it, neighbours that do not
     "small strain with friction": (
         r"body 1: LinearElastic, and friction may rotate it",
@@ -353,6 +370,33 @@ CHOICES = {  # what the warning says first, the scene and scheme that bring it, 
         r"body 1: an edge at \(-?\d.* m sharper than 0.5 h meets body 0 without inertia;",
         (stamped((0.0, -1.0)), {"inertia": False}),
         [(stamped((0.0, -1.0)), {}), (stamped((0.0, 1.0)), {"inertia": False})],
+    ),
+    "thin layers": (
+        r"body 0: group 'skin' is about 2\.\d cells thick and shares cells with others; .* cell = 0\.000[01]\d m",
+        (laminate(2.3), {}),
+        [(laminate(4.5), {}), (laminate(2.0), {})],
+    ),
+    "gravity in a periodic box": (
+        r"periodic: gravity = \(0, -9\.81\) m/s2 accelerates the whole packing",
+        (in_a_box(gravity=(0.0, -9.81)), {}),
+        [
+            (in_a_box(), {}),
+            (in_a_box(gravity=(0.0, -9.81), supports=[Support(lambda x: x[0] < 0.5 * R)]), {}),
+            (in_a_box(pillar(motion=(0.0, 0.0, 0.0)), gravity=(0.0, -9.81)), {}),
+        ],
+    ),
+    "a rigid body that falls, too": (
+        r"periodic: gravity",
+        (in_a_box(pillar(), gravity=(0.0, -9.81)), {}),
+        [(in_a_box(pillar()), {})],
+    ),
+    "tension without cohesion": (
+        r"periodic: stress = 2000 Pa is tension",
+        (in_a_box(stress=[[2e3, np.nan], [np.nan, -2e3]]), {}),
+        [
+            (in_a_box(stress=[[-2e3, np.nan], [np.nan, -2e3]]), {}),
+            (in_a_box(stress=[[2e3, np.nan], [np.nan, -2e3]], cohesion=4e3, cohesion_range=H), {}),
+        ],
     ),
 }
 

@@ -1,5 +1,7 @@
 """Invalid scenes are refused before any step, with the object, the value and the remedy."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from skmpm.linear import Banded
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.preflight import preflight
-from skmpm.scene import Body, Scene, SceneError, Wall
+from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, Spring, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, step
 
@@ -65,10 +67,6 @@ BAD = {
     "points stretched, volumes not": (
         lambda: scene(Points([[2.0], [1.0]] * ROUND.x, ROUND.volume, ROUND.outline)),
         "body 0: its points have a volume of 3.142 m2 in all, its outline bounds 6.*give volumes in m2",
-    ),
-    "gravity of time alone": (
-        lambda: scene(gravity=lambda t: (0.0, -10.0)),
-        r"gravity\(X, t\): too many positional arguments; give a function of positions and time",
     ),
     "no points": (lambda: scene(Points(np.zeros((2, 0)), np.zeros(0))), r"body 0.*\(2, 0\).*n > 0"),
     "points nan": (lambda: scene(moved(ROUND, 7, np.nan)), "body 0.*point 7 is not finite"),
@@ -128,6 +126,40 @@ BAD = {
     "body alone": (lambda: Scene(Body(ROUND, GEL), cell=CELL), "bodies: expected a list, got a Body"),
     "all Rigid": (lambda: scene(material=Rigid(1.0)), "all 1 bodies are Rigid; give at least one of a deformable"),
 }
+
+
+FUNCTIONS = {
+    "gravity(X, t)": lambda: scene(gravity=lambda X: X),
+    "body 0: velocity(x)": lambda: scene(velocity=lambda: (0, 0)),
+    "body 1: motion(t)": lambda: scene(others=[Body(at(3), Rigid(1.0), motion=lambda: (0, 0, 0))]),
+    "wall 1: velocity(t)": lambda: wall(velocity=lambda: (0, 0)),
+    "wall 1: force(t)": lambda: wall(force=lambda t, x: 1.0),
+    "wall 1: pressure(t)": lambda: wall(pressure=lambda: 1.0),
+    "support 0: where(x)": lambda: held(Support(lambda: True)),
+    "support 0: velocity(t)": lambda: held(Support(lambda x: x[0] > 0, velocity=lambda: (0, 0))),
+    "support 0: displacement(t)": lambda: held(Support(lambda x: x[0] > 0, displacement=lambda: (0, 0))),
+    "load 0: where(x)": lambda: held(loads=[Load(lambda: True, (0, 0))]),
+    "load 0: force(t)": lambda: held(loads=[Load(lambda x: x[0] > 0, lambda: (0, 0))]),
+    "load 0: value(t)": lambda: held(loads=[Pressure(lambda x: x[0] > 0, lambda: 1.0)]),
+    "spring 0: to(x)": lambda: held(springs=[Spring(lambda x: x[0] > 0, 1.0, to=lambda: True)]),
+    "spring 0: rest(t)": lambda: held(springs=[Spring(lambda x: x[0] > 0, 1.0, rest=lambda: (0, 0))]),
+    "periodic: rate(t)": lambda: held(periodic=Periodic(9.0, 9.0, rate=lambda: np.zeros((2, 2)))),
+    "periodic: stress(t)": lambda: held(periodic=Periodic(9.0, 9.0, stress=lambda: np.zeros((2, 2)))),
+}
+
+
+def held(*supports, **options):
+    return Scene([Body(ROUND, GEL)], cell=CELL, supports=supports, **options)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_functions_of_other_arguments_are_refused(name):
+    """The message has the arguments of both, before the function is called."""
+    what, _, arguments = name.partition("(")
+    with pytest.raises(
+        SceneError, match=rf"^{what} takes the arguments \(.*\) and is called with \({re.escape(arguments)}; give a"
+    ):
+        FUNCTIONS[name]()
 
 
 @pytest.mark.parametrize(("make", "message"), BAD.values(), ids=BAD.keys())
