@@ -2,12 +2,15 @@
 
 import csv
 import json
+import re
+import shutil
 
 import numpy as np
 import pytest
 
 import skmpm
 from examples.studies.benchmark import crossover, large, scenes, study
+from examples.studies.pages import DOCS
 from skmpm.contact.shifts import NO_SHIFTS
 from skmpm.parallel import available
 
@@ -56,10 +59,12 @@ def test_sizes_are_tiles():
 @pytest.mark.slow
 def test_benchmark(tmp_path):
     """Everything at small size; a second run repeats no measurement."""
+    (tmp_path / "docs").mkdir()
+    shutil.copy(DOCS / "how_large.md", tmp_path / "docs")
     options = ["--quick", "--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
     study.main(study.parser().parse_args(options))
     results = sorted((tmp_path / "out").glob("*.json"))
-    assert len(results) == 10
+    assert len(results) == 10 + len({1, available()})
     dense = json.loads((tmp_path / "out" / "dense_20_3_0.5.json").read_text())
     assert dense["fraction"] == pytest.approx(0.90, abs=2e-3)
     assert 0.0 < dense["contact_phases"] < dense["step"]
@@ -69,6 +74,8 @@ def test_benchmark(tmp_path):
         available() > 1
     )  # but for pyamg's: no body is large enough
     assert goals.count("| shown |") == 1
+    large = (tmp_path / "docs" / "how_large.md").read_text()
+    assert re.search(r"\| 20 \| \d+ \| \d+ \|", large) and "| 1 | 2 |" in large
     with (tmp_path / "docs" / "performance" / "results.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(results)
     times = [path.stat().st_mtime_ns for path in results]

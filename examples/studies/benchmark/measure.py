@@ -11,6 +11,7 @@ import sys
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 from typing import Any
 
@@ -19,6 +20,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 import skmpm
+from examples import compaction
 from skmpm import linear
 from skmpm.parallel import available
 
@@ -27,6 +29,7 @@ from . import scenes
 WARM = 2  # steps before those that are measured
 NARROW = 150  # half bandwidth up to which the bodies' own order is tried
 LARGEST_LU = 800_000  # unknowns; beyond, one LU takes longer than all the rest
+ENSEMBLE = 0.75  # nominal solid fraction at which the members of an ensemble end
 WITHOUT = ("transfer", "factorisation", "bulk", "report", "overlap")  # phases of a step without contact
 Result = dict[str, Any]
 
@@ -188,7 +191,27 @@ def memory(setup: Result, cache: Path) -> Result:
     return {**seen, "touched": touched, "points": state.x.shape[1]}
 
 
-KINDS = {"free": free, "dense": dense, "tile": tile, "single": single, "memory": memory}
+def member(discs: int, seed: int) -> skmpm.Run:
+    """The first steps of a compaction."""
+    options = compaction.parser().parse_args([])
+    vars(options).update(discs=discs, seed=seed, until=ENSEMBLE)
+    scene, until = compaction.build(options)
+    return skmpm.Run(scene, until, dt=options.dt)
+
+
+def ensemble(setup: Result, cache: Path) -> Result:
+    """Wall time of a sweep, its processes and their imports included [s]."""
+    members = [{"discs": setup["discs"], "seed": seed} for seed in range(setup["members"])]
+    with TemporaryDirectory() as out:
+        began = perf_counter()
+        found = skmpm.sweep(member, members, out=out, processes=setup["processes"])
+        seconds = perf_counter() - began
+    if len(found.finished) != len(members):
+        raise RuntimeError(f"members failed: {found.failed}")
+    return {"step": seconds, "rows": sum(m.columns["t"].size for m in found)}
+
+
+KINDS = {"ensemble": ensemble, "free": free, "dense": dense, "tile": tile, "single": single, "memory": memory}
 
 
 def main(setup: Result, cache: Path) -> Result:

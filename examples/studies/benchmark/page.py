@@ -1,4 +1,4 @@
-"""docs/studies/performance.md, its figure and its csv, from the results of `study.py`."""
+"""docs/studies/performance.md, its figure and its csv, and how_large.md, from the results of `study.py`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import csv
 from pathlib import Path
 from typing import Any
 
+from .. import pages
+from . import how_large
 from .goals import PHASES, STEPS, Line, Result, Results, allowed, goals, ms, per_lu, per_point, phases
 from .scenes import RATE, SPACING
 
@@ -183,3 +185,5 @@ def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -
         "All figures are in `docs/studies/performance/results.csv`.",
     ]
     (docs / "performance.md").write_text("\n".join(parts) + "\n")
+    large = {part.__name__: table(*part(found)) for part in (how_large.machine, how_large.ensemble, how_large.shares)}
+    pages.put(docs / "how_large.md", large)

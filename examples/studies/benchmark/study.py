@@ -21,6 +21,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from skmpm.parallel import available
+
 from .. import pages
 from . import page
 from .scenes import layout
@@ -34,6 +36,7 @@ QUICK = {
     "single": [300, 1000],
     "steps": 2,
     "memory_steps": 320,
+    "members": 2,
 }
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 KEEP_PAGES = {"MALLOC_MMAP_THRESHOLD_": str(2**32), "MALLOC_TRIM_THRESHOLD_": str(2**34)}  # glibc [bytes]
@@ -61,7 +64,12 @@ def plan(options: argparse.Namespace) -> Setups:
     }
     single: Setups = {f"single_{points}": {"kind": "single", "about": points} for points in options.single}
     memory: Setups = {"memory": {"kind": "memory", "discs": 4, "cells": 3.0, "steps": options.memory_steps}}
-    setups = {**free, **tiles, **packings, **single, **memory}
+    ensembles: Setups = {
+        f"ensemble_{processes}": {"kind": "ensemble", "discs": options.tile, "members": options.members,
+                                  "processes": processes}
+        for processes in sorted({1, available()})
+    }  # fmt: skip
+    setups = {**free, **tiles, **packings, **single, **memory, **ensembles}
     return {name: {**setup, "keep_pages": options.keep_pages} for name, setup in setups.items()}
 
 
@@ -103,7 +111,13 @@ def parser() -> argparse.ArgumentParser:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
     )
     add = options.add_argument
-    add("--discs", type=int, nargs="+", default=[10, 30, 100, 300, 1000, 3000], help="sizes of the dense packings")
+    add(
+        "--discs",
+        type=int,
+        nargs="+",
+        default=[10, 30, 100, 300, 1000, 3000, 10_000],
+        help="sizes of the dense packings",
+    )
     add("--main", type=int, default=300, help="discs where laws, friction and cells are compared")
     add("--tile", type=int, default=100, help="discs of the tile that larger packings are made of")
     add("--cells", type=float, nargs="+", default=[5.0, 8.0], help="per mean radius; those after the first: --main")
@@ -111,9 +125,10 @@ def parser() -> argparse.ArgumentParser:
     add("--single", type=int, nargs="*", default=[1000, 10_000, 100_000, 1_000_000], help="points of single bodies")
     add("--steps", type=int, default=5, help="measured of every packing")
     add("--memory-steps", type=int, default=2000, help="of the small scene whose memory is watched")
+    add("--members", type=int, default=4, help="of the ensemble, in one process and in as many as there are cores")
     add("--cache", type=Path, default=None, help="directory of the tiles (out/tiles)")
     add("--out", type=Path, default=Path("out/benchmark"), help="directory of the results")
-    add("--docs", type=Path, default=pages.DOCS, help="directory of performance.md")
+    add("--docs", type=Path, default=pages.DOCS, help="directory of performance.md and how_large.md")
     add("--keep-pages", action="store_true", help="let glibc keep freed memory instead of asking for fresh pages")
     add("--quick", action="store_true", help="everything in small, to see that it works")
     add("--page", action="store_true", help="write the page only")
