@@ -23,7 +23,7 @@ from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import End, Increment
-from skmpm.implicit.scalar_unknowns import ScalarUnknowns
+from skmpm.implicit.scalar_unknowns import Inertia, ScalarUnknowns
 from skmpm.implicit.springs import Springs
 from skmpm.implicit.statics import advance
 from skmpm.implicit.timer import Timer
@@ -36,6 +36,7 @@ __all__ = [
     "FollowerPressure",
     "Gauge",
     "Increment",
+    "Inertia",
     "KnownForces",
     "ScalarUnknowns",
     "Solution",

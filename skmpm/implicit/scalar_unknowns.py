@@ -13,7 +13,7 @@ exact at the end of the step, whatever the stiffness of what it acts on. Without
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Protocol
 
@@ -27,24 +27,27 @@ from skmpm.scene import PrescribedVelocities
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Inertia:
+    """What resists changes of p unknowns, and where they begin."""
+
+    mass: Array  # in the balance, zero without inertia (p,) [kg/m]
+    response: Array  # in W (p,) [kg/m]
+    v0: Array  # at the start of the step (p,) [m/s]
+    farthest: Array  # largest change in an iteration (p,) [m/s]
+
+    @staticmethod
+    def joined(parts: Sequence[Inertia]) -> Inertia:
+        """That of several kinds, one after the other."""
+        return Inertia(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Inertia)))
+
+
 class Unknowns(Protocol):
     """Unknowns of one kind, p velocities [m/s]: spins are times radii of gyration, strain rates times lengths."""
 
     @property
-    def mass(self) -> Array:
-        """In the balance, zero without inertia (p,) [kg/m]."""
-
-    @property
-    def response(self) -> Array:
-        """In W (p,) [kg/m]."""
-
-    @property
-    def v0(self) -> Array:
-        """At the start of the step (p,) [m/s]."""
-
-    @property
-    def farthest(self) -> Array:
-        """Largest change in an iteration (p,) [m/s]."""
+    def inertia(self) -> Inertia:
+        """Masses, and velocities at the start of the step."""
 
     def load(self, z: Array) -> Array:
         """The forces that drive the unknowns (p,) [N/m], which move as z."""
@@ -66,27 +69,17 @@ class ScalarUnknowns:
     theta: float
 
     @cached_property
-    def mass(self) -> Array:
-        """Masses in the balance, (p,)."""
-        return np.concatenate([kind.mass for kind in self.kinds])
+    def inertia(self) -> Inertia:
+        """Masses, and velocities at the start of the step, of all."""
+        return Inertia.joined([kind.inertia for kind in self.kinds])
 
-    @cached_property
-    def response(self) -> Array:
-        """Masses in W, (p,)."""
-        return np.concatenate([kind.response for kind in self.kinds])
-
-    @cached_property
+    @property
     def v0(self) -> Array:
         """Velocities at the start of the step, (p,)."""
-        return np.concatenate([kind.v0 for kind in self.kinds])
-
-    @cached_property
-    def farthest(self) -> Array:
-        """Largest changes in an iteration, (p,)."""
-        return np.concatenate([kind.farthest for kind in self.kinds])
+        return self.inertia.v0
 
     def _each(self, z: Array) -> list[tuple[Unknowns, Array]]:
-        ends = np.cumsum([kind.v0.size for kind in self.kinds])
+        ends = np.cumsum([kind.inertia.v0.size for kind in self.kinds])
         return list(zip(self.kinds, np.split(z, ends[:-1]), strict=True))
 
     def motions(self, z: Array) -> PrescribedVelocities:
@@ -108,20 +101,21 @@ class ScalarUnknowns:
     def imbalance(self, z: Array, constraints: Constraints, r: Array) -> Array:
         """Out-of-balance impulse under contact impulses r, (p,)."""
         pushed = self.rows(z, constraints).T @ r
-        return np.asarray(self.theta * (self.dt * self.load(z) + pushed) - self.mass * (z - self.v0))
+        return np.asarray(self.theta * (self.dt * self.load(z) + pushed) - self.inertia.mass * (z - self.v0))
 
     def change(self, z: Array, constraints: Constraints, r: Array) -> Array:
         """The change of z that balances contact impulses r, (p,)."""
-        return np.asarray(self.imbalance(z, constraints, r) / self.response)
+        return np.asarray(self.imbalance(z, constraints, r) / self.inertia.response)
 
     def moved(self, z: Array, constraints: Constraints, r: Array) -> Array:
         """The velocities that balance contact impulses r, at most `farthest` from z, (p,)."""
-        return np.asarray(z + np.clip(self.change(z, constraints, r), -self.farthest, self.farthest))
+        farthest = self.inertia.farthest
+        return np.asarray(z + np.clip(self.change(z, constraints, r), -farthest, farthest))
 
     def compliance(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """What the unknowns add to W, in the rows of the contacts."""
         rows = self.rows(z, constraints)
-        return sp.csr_array(rows @ sp.diags_array(self.theta / self.response) @ rows.T)
+        return sp.csr_array(rows @ sp.diags_array(self.theta / self.inertia.response) @ rows.T)
 
     def size(self, z: Array) -> float:
         """The norm of the impulses of the driving forces [kg m/s per m]."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.implicit import Inertia
+
 Array = NDArray[np.float64]
 
 
@@ -19,10 +21,9 @@ class Interval:
     soft: float | None  # mass of an unknown in W without inertia, None with it [kg/m]
     farthest: float  # largest change of an unknown in an iteration [m/s]
 
-    def mass(self, mass: Array) -> Array:
-        """Masses in the balance (p,) [kg/m]."""
-        return mass if self.soft is None else np.zeros_like(mass)
-
-    def response(self, mass: Array) -> Array:
-        """Masses in W (p,) [kg/m]."""
-        return mass if self.soft is None else np.full_like(mass, self.soft)
+    def inertia(self, mass: Array, v0: Array) -> Inertia:
+        """Inertia of unknowns with these masses (p,) [kg/m] and velocities (p,) [m/s]."""
+        farthest = np.full_like(mass, self.farthest)
+        if self.soft is None:
+            return Inertia(mass, mass, v0, farthest)
+        return Inertia(np.zeros_like(mass), np.full_like(mass, self.soft), v0, farthest)

@@ -30,6 +30,7 @@ def scalar_unknowns(
         soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, FARTHEST * scene.cell / dt
     interval = Interval(state.t + scheme.theta * dt, dt, soft, farthest)
     box = StressedBox.of(scene, state, interval)
-    moved = box.motions(box.v0, box.v0, motions) if box.v0.size else motions
+    v0 = box.inertia.v0
+    moved = box.motions(v0, v0, motions) if v0.size else motions
     walls, bodies = DrivenWalls.of(scene, state, interval), FreeBodies.of(scene, state, moved, interval)
-    return ScalarUnknowns([kind for kind in (box, walls, bodies) if kind.v0.size], motions, dt, scheme.theta)
+    return ScalarUnknowns([kind for kind in (box, walls, bodies) if kind.inertia.v0.size], motions, dt, scheme.theta)

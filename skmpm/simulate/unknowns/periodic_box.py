@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
+from skmpm.implicit import Inertia
 from skmpm.scene import Periodic, PrescribedVelocities, Scene, State, deformed
 from skmpm.simulate.unknowns.interval import Interval
 
@@ -31,10 +32,7 @@ class StressedBox:
     rate: Array  # (2, 2) the prescribed gradient [1/s]
     stress: Array  # (q,) [Pa]
     length: Array  # (q,) of the edges that the unknowns move, at the start of the step [m]
-    mass: Array
-    response: Array
-    v0: Array
-    farthest: Array
+    inertia: Inertia
     dt: float
 
     @staticmethod
@@ -42,7 +40,7 @@ class StressedBox:
         """The box of a state in a step, without unknowns where no stress is given."""
         periodic, none, dt = scene.periodic, np.zeros(0), interval.dt
         if periodic is None or state.box is None or state.box_rate is None:
-            return StressedBox(None, np.eye(2), np.eye(2), none, none, none, none, none, none, dt)
+            return StressedBox(None, np.eye(2), np.eye(2), none, none, interval.inertia(none, none), dt)
         i, j = periodic.components
         length = np.diag(state.box)[j]
         mass = np.full(i.size, scene.mass if periodic.mass is None else float(periodic.mass))
@@ -52,10 +50,7 @@ class StressedBox:
             periodic.rate_at(state.t + 0.5 * dt),
             periodic.stress_at(interval.t),
             length,
-            interval.mass(mass),
-            interval.response(mass),
-            state.box_rate[i, j] * length,
-            np.full(i.size, interval.farthest),
+            interval.inertia(mass, state.box_rate[i, j] * length),
             dt,
         )
 

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
+from skmpm.implicit import Inertia
 from skmpm.scene import PrescribedVelocities, Scene, State
 from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.rigid_state import RigidState, rigid_state
@@ -25,10 +26,7 @@ class FreeBodies:
     bodies: Ints  # (n,)
     start: RigidState  # at the start of the step
     force: Array  # (3 n,) of gravity, moments over radii of gyration [N/m]
-    mass: Array
-    response: Array
-    v0: Array
-    farthest: Array
+    inertia: Inertia
     dt: float
 
     @staticmethod
@@ -38,15 +36,11 @@ class FreeBodies:
         velocity, gradient = start.velocity.copy(), mean_gradient(state, motions, dt)
         if gradient is not None and state.box_rate is not None:
             velocity[:2] += (gradient - state.box_rate) @ start.centre
-        mass = np.repeat(start.mass, 3)
         return FreeBodies(
             scene.free_rigid,
             start,
             start.gravity(scene, state, interval.t),
-            interval.mass(mass),
-            interval.response(mass),
-            velocity.T.ravel(),
-            np.full_like(mass, interval.farthest),
+            interval.inertia(np.repeat(start.mass, 3), velocity.T.ravel()),
             dt,
         )
 
@@ -86,6 +80,6 @@ class FreeBodies:
                 row.append(np.tile(len(directions) * k + i, 3))
                 column.append((3 * body[k] + np.arange(3)[:, None]).ravel())
                 data.append(sign * each.ravel())
-        shape = (len(directions) * constraints.size, self.v0.size)
+        shape = (len(directions) * constraints.size, self.inertia.v0.size)
         entries = (np.concatenate(data), (np.concatenate(row), np.concatenate(column)))
         return sp.csr_array(entries, shape=shape)

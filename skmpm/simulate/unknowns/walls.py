@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
+from skmpm.implicit import Inertia
 from skmpm.observe.regions import region
 from skmpm.scene import PrescribedVelocities, Scene, State
 from skmpm.simulate.unknowns.interval import Interval
@@ -24,25 +25,20 @@ class DrivenWalls:
     scene: Scene
     points: Array  # (walls, 2) of all walls at the start of the step [m]
     velocity: Array  # (walls, 2) of those that are not driven [m/s]
-    mass: Array
-    response: Array
-    v0: Array
-    farthest: Array
+    inertia: Inertia
     t: float  # at which forces are taken [s]
     dt: float
 
     @staticmethod
     def of(scene: Scene, state: State, interval: Interval) -> DrivenWalls:
         """The walls of a state in a step."""
-        walls, mass = scene.driven_walls, scene.wall_masses
+        walls = scene.driven_walls
+        v0 = np.einsum("pi,ip->p", state.wall_velocity[walls], scene.normals[:, walls])
         return DrivenWalls(
             scene,
             state.walls,
             scene.wall_velocities(state.t + 0.5 * interval.dt),
-            interval.mass(mass),
-            interval.response(mass),
-            np.einsum("pi,ip->p", state.wall_velocity[walls], scene.normals[:, walls]),
-            np.full_like(mass, interval.farthest),
+            interval.inertia(scene.wall_masses, v0),
             interval.t,
             interval.dt,
         )
