@@ -19,10 +19,11 @@ class StepRejected(RuntimeError):  # noqa: N818
         self.retryable = retryable  # whether a smaller dt may help
 
 
-def worst_body(grid: BodyGrids, imbalance: NDArray[np.float64]) -> str:
-    """The body with the largest share of an out-of-balance impulse (2 nodes,), as text."""
+def worst_body(grid: BodyGrids, imbalance: NDArray[np.float64]) -> tuple[str, float]:
+    """The body with the largest share of an out-of-balance impulse (2 nodes,), as text, and that share."""
     square = np.nan_to_num(imbalance, nan=np.inf) ** 2
-    return f"body {int(np.argmax(grid.sums(square.reshape(-1, 2).T).sum(axis=0)))}"
+    each = grid.sums(square.reshape(-1, 2).T).sum(axis=0)
+    return f"body {int(np.argmax(each))}", float(np.sqrt(each.max()))
 
 
 def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:

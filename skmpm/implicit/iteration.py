@@ -144,7 +144,7 @@ def unmet_criteria(
     scheme, unmet = increment.scheme, list[tuple[str, str]]()
     if not imbalance <= scheme.newton_tol:
         size = f"out-of-balance force {imbalance:.2g} (tolerance {scheme.newton_tol:g})"
-        unmet.append((worst_body(increment.grid, increment.on_free_dofs(out_of_balance)), size))
+        unmet.append((_largest(increment, contact, out_of_balance), size))
     if contact is not None and not residual <= scheme.gap_tol:
         unmet.append((contact.worst_pair(), f"contact residual {residual:.2g} (tolerance {scheme.gap_tol:g})"))
     if not drift.max() <= MAX_DRIFT:
@@ -152,6 +152,16 @@ def unmet_criteria(
         size = f"out-of-balance momentum that moves it by {drift[b]:.2g} cells (tolerance {MAX_DRIFT:g})"
         unmet.append((f"body {b}", size))
     return unmet
+
+
+def _largest(increment: Increment, contact: ContactIterate | None, out_of_balance: Array) -> str:
+    """The body with the largest out-of-balance impulse, or what has no grid and a larger one."""
+    body, impulse = worst_body(increment.grid, increment.on_free_dofs(out_of_balance))
+    unknowns = None if contact is None else contact.problem.unknowns
+    if contact is None or unknowns is None:
+        return body
+    size, name = unknowns.worst(contact.z, contact.constraints, contact.r)
+    return body if size < impulse else name
 
 
 def not_converged(limit: int, unmet: list[tuple[str, str]]) -> StepRejected:

@@ -80,6 +80,6 @@ def _search(
             return trial, trial_configuration
         length *= 0.5
     raise StepRejected(
-        worst_body(increment.grid, gradient),
+        worst_body(increment.grid, gradient)[0],
         "the line search found no step length that lowers the energy and keeps det F > 0 at all points",
     )

@@ -49,6 +49,10 @@ class Unknowns(Protocol):
     def inertia(self) -> Inertia:
         """Masses, and velocities at the start of the step."""
 
+    @property
+    def names(self) -> Sequence[str]:
+        """What each of them moves, for messages (p,)."""
+
     def load(self, z: Array) -> Array:
         """The forces that drive the unknowns (p,) [N/m], which move as z."""
 
@@ -102,6 +106,14 @@ class ScalarUnknowns:
         """Out-of-balance impulse under contact impulses r, (p,)."""
         pushed = self.rows(z, constraints).T @ r
         return np.asarray(self.theta * (self.dt * self.load(z) + pushed) - self.inertia.mass * (z - self.v0))
+
+    def worst(self, z: Array, constraints: Constraints, r: Array) -> tuple[float, str]:
+        """The largest out-of-balance impulse, what it moves, and whether contacts press on that."""
+        each = np.abs(self.imbalance(z, constraints, r))
+        k = int(np.argmax(np.nan_to_num(each, nan=np.inf)))
+        name = [name for kind in self.kinds for name in kind.names][k]
+        pressed = (self.rows(z, constraints).T @ r)[k] != 0.0
+        return float(each[k]), name if pressed else f"{name}, on which no contact presses"
 
     def change(self, z: Array, constraints: Constraints, r: Array) -> Array:
         """The change of z that balances contact impulses r, (p,)."""

@@ -106,6 +106,15 @@ def test_the_stress_is_that_given(scheme):
     assert state.box[0, 0] > state.box[1, 1]
 
 
+def test_a_stress_that_nothing_bears_is_named():
+    """Without inertia, two discs apart: a failed step that says which stress, and that no contact presses."""
+    loose = skmpm.Periodic(8 * R, 8 * R, stress=[[-1e4, np.nan], [np.nan, -1e4]])
+    scene = skmpm.Scene([disc(2 * R, 2 * R), disc(6 * R, 5 * R)], cell=R / 4, friction=0.5, periodic=loose)
+    named = "the stress xx of the periodic box, on which no contact presses: no convergence"
+    with pytest.raises(skmpm.StepFailed, match=named):
+        list(skmpm.simulate(scene, dt=0.01, until=0.01, scheme=STATIC))
+
+
 def test_an_edge_with_a_mass_accelerates_as_newton_says():
     """Nothing touches: m L'' = sigma height; the width after a time, to the first order of 200 steps."""
     mass, sigma, until = 1.0, 1e3, 0.05

@@ -54,6 +54,12 @@ class StressedBox:
             dt,
         )
 
+    @property
+    def names(self) -> list[str]:
+        """The components of its stress."""
+        components = [] if self.periodic is None else self.periodic.components.T.tolist()
+        return [f"the stress {'xy'[i]}{'xy'[j]} of the periodic box" for i, j in components]
+
     def _edges(self, z: Array) -> Array:
         """The edges at the end of the step, (2, 2) [m]."""
         assert self.periodic is not None

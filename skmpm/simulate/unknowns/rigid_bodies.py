@@ -44,6 +44,11 @@ class FreeBodies:
             dt,
         )
 
+    @property
+    def names(self) -> list[str]:
+        """The bodies."""
+        return [f"body {b}" for b in np.repeat(self.bodies, 3)]
+
     def load(self, z: Array) -> Array:
         """Forces of gravity, (3 n,) [N/m]."""
         return self.force

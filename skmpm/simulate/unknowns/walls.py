@@ -43,6 +43,11 @@ class DrivenWalls:
             interval.dt,
         )
 
+    @property
+    def names(self) -> list[str]:
+        """The walls."""
+        return [f"wall {i}" for i in self.scene.driven_walls]
+
     def _velocities(self, z: Array, others: Array) -> Array:
         walls, velocity = self.scene.driven_walls, others.copy()
         velocity[walls] = z[:, None] * self.scene.normals.T[walls]
