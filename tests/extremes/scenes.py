@@ -20,6 +20,7 @@ WAVE = np.sqrt(0.55 / (1.45 * 0.10))  # c over sqrt(E / density) at nu = 0.45
 RADII = (0.7, 1.2)  # of packed discs, over 0.95 of them is the mean
 OBLIQUE = np.pi / 6.0  # between the line of centres and the relative velocity of two discs
 GAP = 0.05  # [cells] between bodies at the start, if they close it within a step
+JAMMED = ((4, 0.61), (12, 0.70))  # so few discs often jam below that, which takes a minute to find out
 LOOSE = (0.76, 0.72, 0.68, 0.64, 0.60, 0.54, 0.48)  # solid fractions to try to pack discs at
 
 
@@ -186,7 +187,8 @@ def packed_discs(n: int, seed: int, loose: tuple[float, ...]) -> tuple[np.ndarra
     """Centres (2, n), radii (n,), width and height of the box, for discs as dense as so many can be packed."""
     radii = np.random.default_rng(seed).uniform(*RADII, n) / np.mean(RADII)
     width = max(float(np.sqrt(np.pi * (radii**2).sum() / 0.84)), 2.05 * radii.max())
-    for fraction in loose:  # a few discs do not pack as densely as many
+    jammed = next((fraction for few, fraction in JAMMED if n <= few), 1.0)
+    for fraction in (f for f in loose if f < jammed):
         try:
             placed = skmpm.packing(radii, width, solid_fraction=fraction, seed=seed)
         except skmpm.PackingError:
