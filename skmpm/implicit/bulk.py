@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,7 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly, Selection
-from skmpm.material import Anchored, Material, Points, Response, dilatation, is_linear, response, viscosity_of
+from skmpm.material import (
+    Anchored,
+    InStep,
+    Material,
+    Points,
+    Response,
+    determinant,
+    dilatation,
+    in_step,
+    initial_state,
+    is_linear,
+    response,
+    viscosity_of,
+)
 from skmpm.material import projected as without_negative
 
 Array = NDArray[np.float64]
@@ -49,7 +62,8 @@ class Group(NamedTuple):
 class Bulk:
     """The deformable bodies: their energy and its derivatives at any displacement from the reference configuration.
 
-    `F_anchor` and `stress_anchor` are the deformation gradients and stresses that the points had in it.
+    `F_anchor` and `stress_anchor` are the deformation gradients and stresses that the points had in it. Materials
+    with memory have the potential of a step that begins with their `internal` variables.
     """
 
     assembly: Assembly
@@ -58,6 +72,7 @@ class Bulk:
     stress_anchor: Array | None  # (2, 2, n) [Pa], None where unstressed
     mean_dilatation: tuple[bool, ...] = ()  # for which materials dilatation is the mean over a cell; () for none
     mixed_cells: bool = False  # whether cells may hold points of several materials
+    internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
     @property
     def linear(self) -> bool:
@@ -79,13 +94,45 @@ class Bulk:
         """The points by material."""
         mean_dilatation = self.mean_dilatation or (False,) * len(self.materials)
         if len(self.materials) == 1:
-            law = Anchored(self.materials[0][0], self.F_anchor, self.stress_anchor)
+            law = Anchored(self._in_step(*self.materials[0]), self.F_anchor, self.stress_anchor)
             return (Group(law, slice(None), mean_dilatation[0]),)
         out = []
         for (material, points), one in zip(self.materials, mean_dilatation, strict=True):
             reference = [None if a is None else a[..., points] for a in (self.F_anchor, self.stress_anchor)]
-            out.append(Group(Anchored(material, *reference), points, one))
+            out.append(Group(Anchored(self._in_step(material, points), *reference), points, one))
         return tuple(out)
+
+    def _in_step(self, material: Material, points: Selection) -> Material:
+        if self.internal is None:
+            return material
+        return in_step(material, self.internal[: initial_state(material).shape[0], points])
+
+    def updated(self, configuration: Configuration) -> Array | None:
+        """Internal variables at the end of a step that ends with the configuration, (k, n)."""
+        if self.internal is None:
+            return None
+        internal = self.internal.copy()
+        for law, points, F in self._with_memory(configuration):
+            internal[: law.state.shape[0], points] = law.update(F)
+        return internal
+
+    def dissipated(self, configuration: Configuration, after: Array | None) -> float:
+        """Energy that changes of internal variables to `after` (k, n) dissipate in a step that ends so [J/m]."""
+        if after is None:
+            return 0.0
+        volume, total = self.assembly.volume, 0.0
+        for law, points, F in self._with_memory(configuration):
+            density = law.dissipated(F, after[: law.state.shape[0], points])
+            at_anchor = 1.0 if self.F_anchor is None else determinant(self.F_anchor[..., points])
+            total += float(volume[points] @ (density / at_anchor))
+        return total
+
+    def _with_memory(self, configuration: Configuration) -> Iterator[tuple[InStep, Selection, Array]]:
+        """The materials with memory, their points, and the deformation gradients in which they are evaluated."""
+        for g, mean in zip(self.groups, self._dilatations_by_group(configuration), strict=True):
+            if isinstance(g.law.material, InStep):
+                F = g.of(configuration.F)
+                yield g.law.material, g.points, g.law.total(F) if mean is None else dilatation.seen(g.law, F, mean)
 
     def at(self, displacement: Array) -> Configuration:
         """The configuration at a nodal displacement from the reference configuration (2 nodes,) [m]."""
