@@ -139,4 +139,5 @@ def _with_walls(scene: Scene, contacts: Contacts, former: Ints) -> Contacts:
         gap=contacts.gap[stay],
         key=np.where(contacts.key >= 0, contacts.key + shift, contacts.key - shift)[stay],
         point=contacts.point[stay],
+        image=contacts.image[:, stay],
     )
