@@ -69,7 +69,7 @@ def test_a_bar_yields_as_one_point_does():
 
 
 def test_work_is_stored_or_dissipated():
-    """By the support's force at both ends of each step, second order in the step; plastic dissipation is Y times a."""
+    """By forces at both ends of each step, to second order in the step; plastic dissipation is Y times a."""
     errors = []
     for steps in (10, 20):
         states = bar_in_steps(steps)
