@@ -171,8 +171,8 @@ def test_a_turning_body_does_not_flow():
     C = np.einsum("ij,jkp->ikp", turning, released.F)
     start = replace(released, v=turning @ arm, C=C, t=0.0)
     end = states_of(free, dt=1e-4, until=angle / rate, start=start, scheme=Scheme(newton_tol=1e-6))[-1]
-    Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    expected = np.einsum("ij,jkp,lk->ilp", Q, released.stress, Q)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    expected = np.einsum("ij,jkp,lk->ilp", turn, released.stress, turn)
     assert np.abs(released.stress).max() > 0.2 * METAL.yield_stress
     np.testing.assert_allclose(end.internal, released.internal, rtol=0.0, atol=1e-5)
     np.testing.assert_allclose(end.stress, expected, rtol=0.0, atol=0.02 * METAL.yield_stress)
@@ -248,6 +248,14 @@ def test_stages_keep_internal_variables_and_their_material():
 def test_a_state_without_them_does_not_fit():
     with pytest.raises(SceneError, match="the state has 0 internal variables, the scene 4"):
         step(pressed(), initial(pressed(GEL)), DT)
+
+
+def test_a_scheme_in_which_flow_locks_is_warned_of():
+    (line,) = [
+        s for s in preflight(pressed(), 1e-6, scheme=Scheme(mean_dilatation=False)).splitlines() if s[0] == "!"
+    ]
+    assert line.startswith("! body 0: ElastoPlastic without mean dilatation; plastic flow locks")
+    assert "no warnings" in preflight(pressed(), 1e-6)
 
 
 # What is refused.
