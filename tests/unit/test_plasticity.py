@@ -33,6 +33,7 @@ from skmpm import (
 from skmpm.material import has_memory, in_step, virgin
 from skmpm.plot.snapshot import OfFrame
 from skmpm.scene import mises, plastic_strain, stress_zz
+from skmpm.simulate.regrid import bulk_of
 
 R, CELL, DT = 1e-3, 0.25e-3, 2e-5
 METAL = ElastoPlastic(1e6, 0.3, 1000.0, yield_stress=1e4, hardening=5e4)
@@ -109,6 +110,32 @@ def test_a_pressed_disc_keeps_its_shape_and_accounts_for_its_energy():
     elastic = states_of(pressed(GEL), scheme=STATIC)[-1]
     assert elastic.report.energy.plastic == 0.0
     assert elastic.internal.shape[0] == 0
+
+
+@pytest.mark.parametrize("anchor", [np.inf, 0.02])
+def test_the_update_sees_the_deformation_that_the_stress_sees(anchor):
+    """With the internal variables of the end of a step, stresses there are the same and nothing flows any more."""
+    scene, scheme = pressed(), replace(STATIC, anchor=anchor)
+    end = states_of(scene, scheme=scheme)[-1]
+    bulk = bulk_of(scene, end, scheme)
+    assert all(bulk.mean_dilatation)
+    configuration = bulk.at(end.displacement)
+    np.testing.assert_allclose(bulk.cauchy(configuration), end.stress, rtol=0.0, atol=1e-9 * METAL.yield_stress)
+    np.testing.assert_allclose(bulk.updated(configuration), end.internal, rtol=0.0, atol=1e-12)
+    assert abs(bulk.dissipated(configuration, end.internal)) < 1e-12 * end.report.energy.plastic
+
+
+def test_viscosity_adds_to_plasticity():
+    """Both dissipate, apart from each other."""
+    energy = states_of(pressed(replace(METAL, viscosity=10.0)), scheme=STATIC)[-1].report.energy
+    assert energy.viscous > 0.05 * energy.external
+    assert energy.plastic > 0.05 * energy.external
+
+
+def test_a_round_body_that_may_flow_is_not_indifferent_to_rotation():
+    """Residual strains turn with it, so that its rotation is an unknown without friction, too."""
+    for law, indifferent in ((GEL, True), (METAL, False)):
+        assert replace(pressed(law), friction=0.0).indifferent_to_rotation.tolist() == [indifferent]
 
 
 def test_with_inertia_the_budget_of_each_step_closes():
