@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from skmpm.assembly import Assembly, Selection
 from skmpm.material import (
     Anchored,
-    InStep,
     Material,
     Points,
     Response,
-    determinant,
     dilatation,
     in_step,
-    initial_state,
     is_linear,
     response,
     viscosity_of,
@@ -94,45 +91,14 @@ class Bulk:
         """The points by material."""
         mean_dilatation = self.mean_dilatation or (False,) * len(self.materials)
         if len(self.materials) == 1:
-            law = Anchored(self._in_step(*self.materials[0]), self.F_anchor, self.stress_anchor)
+            law = Anchored(in_step(self.materials[0][0], self.internal), self.F_anchor, self.stress_anchor)
             return (Group(law, slice(None), mean_dilatation[0]),)
         out = []
         for (material, points), one in zip(self.materials, mean_dilatation, strict=True):
-            reference = [None if a is None else a[..., points] for a in (self.F_anchor, self.stress_anchor)]
-            out.append(Group(Anchored(self._in_step(material, points), *reference), points, one))
+            fields = (self.F_anchor, self.stress_anchor, self.internal)
+            F, stress, internal = (None if a is None else a[..., points] for a in fields)
+            out.append(Group(Anchored(in_step(material, internal), F, stress), points, one))
         return tuple(out)
-
-    def _in_step(self, material: Material, points: Selection) -> Material:
-        if self.internal is None:
-            return material
-        return in_step(material, self.internal[: initial_state(material).shape[0], points])
-
-    def updated(self, configuration: Configuration) -> Array | None:
-        """Internal variables at the end of a step that ends with the configuration, (k, n)."""
-        if self.internal is None:
-            return None
-        internal = self.internal.copy()
-        for law, points, F in self._with_memory(configuration):
-            internal[: law.state.shape[0], points] = law.update(F)
-        return internal
-
-    def dissipated(self, configuration: Configuration, after: Array | None) -> float:
-        """Energy that changes of internal variables to `after` (k, n) dissipate in a step that ends so [J/m]."""
-        if after is None:
-            return 0.0
-        volume, total = self.assembly.volume, 0.0
-        for law, points, F in self._with_memory(configuration):
-            density = law.dissipated(F, after[: law.state.shape[0], points])
-            at_anchor = 1.0 if self.F_anchor is None else determinant(self.F_anchor[..., points])
-            total += float(volume[points] @ (density / at_anchor))
-        return total
-
-    def _with_memory(self, configuration: Configuration) -> Iterator[tuple[InStep, Selection, Array]]:
-        """The materials with memory, their points, and the deformation gradients in which they are evaluated."""
-        for g, mean in zip(self.groups, self._dilatations_by_group(configuration), strict=True):
-            if isinstance(g.law.material, InStep):
-                F = g.of(configuration.F)
-                yield g.law.material, g.points, g.law.total(F) if mean is None else dilatation.seen(g.law, F, mean)
 
     def at(self, displacement: Array) -> Configuration:
         """The configuration at a nodal displacement from the reference configuration (2 nodes,) [m]."""
@@ -146,7 +112,7 @@ class Bulk:
 
     def responses(self, configuration: Configuration) -> tuple[Response | None, ...]:
         """Energy and its derivatives at the points of each material, None for materials without a compiled pass."""
-        means = self._dilatations_by_group(configuration)
+        means = self.dilatations_by_group(configuration)
         return tuple(response(g.law, g.of(configuration.F), m) for g, m in zip(self.groups, means, strict=True))
 
     def energy(self, configuration: Configuration) -> float:
@@ -194,7 +160,7 @@ class Bulk:
             return self._of_all_points([_tangent(g, F, projected) for g in self.groups]), None
         _, mean_stress = self._derivatives(configuration)
         parts, added = [], []
-        for g, mean in zip(self.groups, self._dilatations_by_group(configuration), strict=True):
+        for g, mean in zip(self.groups, self.dilatations_by_group(configuration), strict=True):
             if mean is None or mean_stress is None:
                 parts.append(_tangent(g, F, projected))
                 continue
@@ -258,7 +224,7 @@ class Bulk:
         within[self.assembly.grid.cell_of_point[points]] = True
         return points, np.flatnonzero(within), None
 
-    def _dilatations_by_group(self, configuration: Configuration) -> list[Array | None]:
+    def dilatations_by_group(self, configuration: Configuration) -> list[Array | None]:
         """Mean dilatations at the points of each group; None for groups with pointwise dilatation."""
         return [
             g.of(configuration.dilatation) if g.mean_dilatation and configuration.dilatation is not None else None
@@ -267,7 +233,7 @@ class Bulk:
 
     def _by_group(self, configuration: Configuration) -> list[tuple[Group, Array | None, Response | None]]:
         """The points by material with their mean dilatations, None where pointwise, and compiled responses."""
-        means, found = self._dilatations_by_group(configuration), configuration.responses
+        means, found = self.dilatations_by_group(configuration), configuration.responses
         return list(zip(self.groups, means, found or (None,) * len(means), strict=True))
 
     def _cell_means(self, values: Array) -> Array:

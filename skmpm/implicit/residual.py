@@ -15,6 +15,7 @@ from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import ExplicitBulk
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
+from skmpm.implicit.internal_variables import updated
 from skmpm.implicit.springs import Springs
 from skmpm.implicit.viscous import ViscousBulk
 from skmpm.material import Points, wave_speed
@@ -181,7 +182,7 @@ class Increment:
     def end(self, w: Array) -> End:
         """The nodes, and the internal variables of the points, at the end of the step."""
         configuration = self.bulk.at(self.start + self.dt * w)
-        return End(configuration, self.end_velocity(w), self.bulk.updated(configuration))
+        return End(configuration, self.end_velocity(w), updated(self.bulk, configuration))
 
     def energy(self, w: Array, configuration: Configuration) -> float:
         """The incremental potential E(w) without pressures, which have none, [J/m]."""

@@ -118,9 +118,14 @@ class InStep:
         return np.broadcast_to(self.state, (self.state.shape[0], F.shape[-1]))
 
 
-def in_step(material: Any, state: Array) -> Material:
-    """The material as a function of F alone in a step that begins with `state` (k, n), which others do not have."""
-    return InStep(material, state) if has_memory(material) else material
+def in_step(material: Any, internal: Array | None) -> Material:
+    """The material as a function of F alone in a step; itself if it has no memory.
+
+    `internal` (k or more, n) are the internal variables of its points at the start of the step, as in `State`.
+    """
+    if internal is None or not has_memory(material):
+        return material  # type: ignore[no-any-return]
+    return InStep(material, internal[: len(material.state0)])
 
 
 def virgin(material: Any) -> Material:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
 from skmpm.implicit import Bulk, End, Increment, Solution
+from skmpm.implicit.internal_variables import dissipated
 from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, centres, velocity_at
 from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
 from skmpm.simulate.forces import external_force, follower_pressure
@@ -84,7 +85,7 @@ def budget_of(
     bulk, w, reference_energy = increment.bulk, solution.w, _energy_of_reference_stress(increment.bulk)
     inertia = increment.scheme.inertia
     elastic = [bulk.energy(at) + reference_energy for at in (increment.at_start, end.configuration)]
-    plastic = bulk.dissipated(end.configuration, end.internal)
+    plastic = dissipated(bulk, end.configuration, end.internal)
     of_box = velocity_of_box(state, mean_gradient(state, motions, increment.dt))
     ends = (increment.v0, end.velocity) if inertia else ()
     kinetic = [kinetic_energy(bulk.assembly, v - of_box) for v in ends] or [0.0, 0.0]
