@@ -155,14 +155,18 @@ def quarter(spacing):
 
 
 @cache
-def disc(h, **options):
-    """Forces of the plate (steps,), height of the top of the disc after unloading, scene, last state."""
-    cloud = quarter(h / 2)
+def disc(h, across=3, offset=(0.13, 0.29), **options):
+    """Forces of the plate (steps,), height of the top of the disc after unloading, last state, centre (2, 1).
+
+    There are `across` points along the side of a cell; the centre lies `offset` cells from a grid line.
+    """
+    cloud, centre = quarter(h / across), h * np.array(offset)[:, None]
+    moved, (x, y) = points.Points(cloud.x + centre, cloud.volume, cloud.outline), centre[:, 0]
     change = np.diff(STROKES, prepend=0.0)
-    plate = Wall((0.0, 1.0), (0.0, -1.0), velocity=lambda t: (0.0, -change[int(t)]))
-    supports = [Support(on(0), velocity=(0.0, None)), Support(on(1), velocity=(None, 0.0))]
-    scene = Scene([Body(cloud, LAW)], cell=h, walls=[plate], supports=supports)
+    plate = Wall((0.0, y + 1.0), (0.0, -1.0), velocity=lambda t: (0.0, -change[int(t)]))
+    supports = [Support(on(0, x), velocity=(0.0, None)), Support(on(1, y), velocity=(None, 0.0))]
+    scene = Scene([Body(moved, LAW)], cell=h, walls=[plate], supports=supports)
     scheme = Scheme(inertia=False, newton_tol=1e-5, **options)
     states = list(simulate(scene, dt=1.0, until=float(STROKES.size), scheme=scheme))
     force = np.array([state.wall_force[0, 1] for state in states])
-    return force, states[-1].x[1, np.argmax(cloud.x[1])], scene, states[-1]
+    return force, states[-1].x[1, np.argmax(cloud.x[1])] - y, states[-1], centre

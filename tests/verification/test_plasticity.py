@@ -7,7 +7,8 @@ the plastic zone (The Mathematical Theory of Plasticity, 1950, chapter V), as th
 load of a bar with deep notches is Ewing and Hill's (J. Mech. Phys. Solids 15, 1967); cells that lock have none
 (Nagtegaal, Parks & Rice, CMAME 4, 1974). A disc between frictionless plates, pressed by a tenth of its radius on each
 side and released, is compared with eight-node elements of reduced integration and a return mapping by spectral
-decomposition (`fem_plastic`). Its forces depend on which points touch; so the work is compared, too.
+decomposition (`fem_plastic`). Single forces depend on which nodes and points touch, by 1 %; so the work and a mean
+are compared. With two points along the side of a cell in place of three the disc is up to 1 % softer on any grid.
 """
 
 import numpy as np
@@ -106,19 +107,21 @@ def test_a_notched_bar_has_the_limit_load_of_ewing_and_hill():
 
 
 def test_a_disc_is_pressed_and_released_as_by_finite_elements():
-    """Work of loading, the last force of it, and the flattening that remains."""
+    """Work of loading, mean force in its second half, and the flattening that remains."""
     errors = np.abs([disc_errors(h) for h in SIZES])
-    assert (errors[1] < (0.025, 0.07, 0.01)).all()
-    assert (errors[2] < (0.005, 0.025, 0.005)).all()
-    assert (errors[2, :2] < errors[1, :2]).all() and (errors[1, :2] < errors[0, :2]).all()
+    assert (np.diff(errors.max(axis=1)) < 0.0).all()
+    assert errors[1].max() < 0.012
+    assert errors[2].max() < 0.006
+    assert (np.abs(disc_errors(1 / 16, across=2)) < 0.015).all()
 
 
 def disc_errors(h, **options):
-    """Of the work of loading, the last force of it and the remaining flattening, relative."""
-    exact, (force, top, _, _) = reference(), disc(h, **options)
+    """Of the work of loading, the mean force in its second half and the remaining flattening, relative."""
+    exact, (force, top, *_) = reference(), disc(h, **options)
     works = [np.trapezoid(np.array([0.0, *f[:LOADING]]), [0.0, *STROKES[:LOADING]]) for f in (force, exact.force)]
-    last = force[LOADING - 1] / exact.force[LOADING - 1]
-    return works[0] / works[1] - 1, last - 1, (1 - top) / (1 - exact.height[-1]) - 1
+    late = slice(LOADING // 2, LOADING)
+    mean = np.mean(force[late] / exact.force[late])
+    return works[0] / works[1] - 1, mean - 1, (1 - top) / (1 - exact.height[-1]) - 1
 
 
 # The table and the pictures.
@@ -126,7 +129,7 @@ def disc_errors(h, **options):
 
 def rows():
     """What docs/verification shows."""
-    return [_bar(), _tube(), *_notched(), _disc()]
+    return [_bar(), _tube(), *_notched(), *_disc()]
 
 
 def _bar():
@@ -172,16 +175,17 @@ def _notched():
 
 
 def _disc():
-    work, last, flat = 100 * np.array([disc_errors(h) for h in SIZES]).T
-    return Row(
-        problem="disc pressed between plates by 0.1 R on each side and released, % off",
-        reference="scikit-fem, eight-node elements of R / 16",
-        h="R/h = 4, 8, 16",
-        error=f"work {numbers(work)}; largest force {numbers(last)}; remaining flattening {numbers(flat)}",
-        rate="-",
-        goal="work 2.5 %, force 7 %, flattening 1 % at R/h = 8; 0.5, 2.5, 0.5 % at 16: met",
-        test="test_a_disc_is_pressed_and_released_as_by_finite_elements",
-    )
+    for across in (3, 2):
+        work, mean, flat = 100 * np.array([disc_errors(h, across=across) for h in SIZES]).T
+        yield Row(
+            problem=f"disc pressed by 0.1 R on each side and released, {across} points along a cell: % off",
+            reference="scikit-fem, eight-node elements of R / 16",
+            h="R/h = 4, 8, 16",
+            error=f"work {numbers(work)}; mean force {numbers(mean)}; remaining flattening {numbers(flat)}",
+            rate="-",
+            goal="at most 1.2 % at R/h = 8, 0.6 % at 16: met" if across == 3 else "at most 1.5 % at 16: met",
+            test="test_a_disc_is_pressed_and_released_as_by_finite_elements",
+        )
 
 
 def figures(folder):
@@ -192,9 +196,9 @@ def figures(folder):
     for h, mark in zip(SIZES, "v^o", strict=True):
         panels[0].plot(STROKES, disc(h)[0] / YIELD, mark, mfc="none", label=f"R/h = {round(1 / h)}")
     panels[0].set(xlabel="stroke of a plate / R", ylabel="force on a quarter / (yield stress R)")
-    panels[0].legend(loc="lower center")
-    *_, state = disc(SIZES[-1])
-    x, top = state.x, 0.16
+    panels[0].legend(loc="lower center", bbox_to_anchor=(0.47, 0.06))
+    *_, state, centre = disc(SIZES[-1])
+    x, top = state.x - centre, 0.16
     for sign, place, values in ((1, x, state.internal[0]), (-1, exact.points + exact.displacement, exact.plastic)):
         shown = panels[1].tricontourf(sign * place[0], place[1], values, np.linspace(0.0, top, 9), extend="max")
     panels[1].set(aspect="equal", title="finite elements | R/h = 16", xlabel="x / R", ylabel="y / R")
