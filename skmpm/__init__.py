@@ -7,7 +7,18 @@ ParaView. `sweep` runs the members of an ensemble.
 
 from skmpm import contact, coulomb, linear, outline, transfer
 from skmpm.io import CheckpointError, load, read, record, save
-from skmpm.material import LinearElastic, Material, MooneyRivlin, NeoHookean, Ogden, Rigid, Yeoh, check_material
+from skmpm.material import (
+    ElastoPlastic,
+    LinearElastic,
+    Material,
+    MaterialWithMemory,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Rigid,
+    Yeoh,
+    check_material,
+)
 from skmpm.observe import Network, Observables, Traction, contact_pressure, network, observe, pair_correlation
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
@@ -37,9 +48,11 @@ __version__ = "0.2.0.dev0"
 __all__ = [
     "Body",
     "CheckpointError",
+    "ElastoPlastic",
     "LinearElastic",
     "Load",
     "Material",
+    "MaterialWithMemory",
     "MooneyRivlin",
     "NeoHookean",
     "Network",

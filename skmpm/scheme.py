@@ -10,7 +10,7 @@ from skmpm import linear as _linear
 from skmpm import transfer as _transfer
 from skmpm.contact import ContactFormulation, acts_at_grid_nodes, point_to_curve, shared_grid
 from skmpm.linear import Linear
-from skmpm.material import Material, poisson_ratio
+from skmpm.material import Material, has_memory, poisson_ratio
 from skmpm.transfer import Transfer
 
 # Poisson's ratio from which Q1 cells lock: without mean dilatation a disc of R/h = 5 between plates is 7.7 % too
@@ -37,6 +37,7 @@ class Scheme:
         without it the weights are the volumes of the points
     mean_dilatation : average the change of volume over cells, so that nearly incompressible bodies do not lock:
         True for all, False for none, None for those with a Poisson's ratio of 0.4 or more (`NEARLY_INCOMPRESSIBLE`)
+        and those with memory, since plastic flow conserves volume
     newton_tol : largest imbalance of momentum, relative to the largest term of the balance
     contact_tol : largest natural-map residual of a contact solve
     gap_tol : largest natural-map residual of the contact law at the end of the step, with the final gaps
@@ -150,7 +151,7 @@ class Scheme:
 
 
 def averages_dilatation(scheme: Scheme, material: Material) -> bool:
-    """Whether the dilatation of a material is averaged over cells: by the scheme, or by Poisson's ratio."""
+    """Whether the dilatation of a material is averaged over cells: by the scheme, by memory or by Poisson's ratio."""
     if scheme.mean_dilatation is not None:
         return scheme.mean_dilatation
-    return poisson_ratio(material) > NEARLY_INCOMPRESSIBLE - NU_TOLERANCE
+    return has_memory(material) or poisson_ratio(material) > NEARLY_INCOMPRESSIBLE - NU_TOLERANCE

@@ -11,7 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly, Selection
-from skmpm.material import Anchored, Material, Points, Response, dilatation, is_linear, response, viscosity_of
+from skmpm.material import (
+    Anchored,
+    Material,
+    Points,
+    Response,
+    dilatation,
+    in_step,
+    is_linear,
+    response,
+    viscosity_of,
+)
 from skmpm.material import projected as without_negative
 
 Array = NDArray[np.float64]
@@ -49,7 +59,8 @@ class Group(NamedTuple):
 class Bulk:
     """The deformable bodies: their energy and its derivatives at any displacement from the reference configuration.
 
-    `F_anchor` and `stress_anchor` are the deformation gradients and stresses that the points had in it.
+    `F_anchor` and `stress_anchor` are the deformation gradients and stresses that the points had in it. Materials
+    with memory have the potential of a step that begins with their `internal` variables.
     """
 
     assembly: Assembly
@@ -58,6 +69,7 @@ class Bulk:
     stress_anchor: Array | None  # (2, 2, n) [Pa], None where unstressed
     mean_dilatation: tuple[bool, ...] = ()  # for which materials dilatation is the mean over a cell; () for none
     mixed_cells: bool = False  # whether cells may hold points of several materials
+    internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
     @property
     def linear(self) -> bool:
@@ -79,12 +91,13 @@ class Bulk:
         """The points by material."""
         mean_dilatation = self.mean_dilatation or (False,) * len(self.materials)
         if len(self.materials) == 1:
-            law = Anchored(self.materials[0][0], self.F_anchor, self.stress_anchor)
+            law = Anchored(in_step(self.materials[0][0], self.internal), self.F_anchor, self.stress_anchor)
             return (Group(law, slice(None), mean_dilatation[0]),)
         out = []
         for (material, points), one in zip(self.materials, mean_dilatation, strict=True):
-            reference = [None if a is None else a[..., points] for a in (self.F_anchor, self.stress_anchor)]
-            out.append(Group(Anchored(material, *reference), points, one))
+            fields = (self.F_anchor, self.stress_anchor, self.internal)
+            F, stress, internal = (None if a is None else a[..., points] for a in fields)
+            out.append(Group(Anchored(in_step(material, internal), F, stress), points, one))
         return tuple(out)
 
     def at(self, displacement: Array) -> Configuration:
@@ -99,7 +112,7 @@ class Bulk:
 
     def responses(self, configuration: Configuration) -> tuple[Response | None, ...]:
         """Energy and its derivatives at the points of each material, None for materials without a compiled pass."""
-        means = self._dilatations_by_group(configuration)
+        means = self.dilatations_by_group(configuration)
         return tuple(response(g.law, g.of(configuration.F), m) for g, m in zip(self.groups, means, strict=True))
 
     def energy(self, configuration: Configuration) -> float:
@@ -147,7 +160,7 @@ class Bulk:
             return self._of_all_points([_tangent(g, F, projected) for g in self.groups]), None
         _, mean_stress = self._derivatives(configuration)
         parts, added = [], []
-        for g, mean in zip(self.groups, self._dilatations_by_group(configuration), strict=True):
+        for g, mean in zip(self.groups, self.dilatations_by_group(configuration), strict=True):
             if mean is None or mean_stress is None:
                 parts.append(_tangent(g, F, projected))
                 continue
@@ -211,7 +224,7 @@ class Bulk:
         within[self.assembly.grid.cell_of_point[points]] = True
         return points, np.flatnonzero(within), None
 
-    def _dilatations_by_group(self, configuration: Configuration) -> list[Array | None]:
+    def dilatations_by_group(self, configuration: Configuration) -> list[Array | None]:
         """Mean dilatations at the points of each group; None for groups with pointwise dilatation."""
         return [
             g.of(configuration.dilatation) if g.mean_dilatation and configuration.dilatation is not None else None
@@ -220,7 +233,7 @@ class Bulk:
 
     def _by_group(self, configuration: Configuration) -> list[tuple[Group, Array | None, Response | None]]:
         """The points by material with their mean dilatations, None where pointwise, and compiled responses."""
-        means, found = self._dilatations_by_group(configuration), configuration.responses
+        means, found = self.dilatations_by_group(configuration), configuration.responses
         return list(zip(self.groups, means, found or (None,) * len(means), strict=True))
 
     def _cell_means(self, values: Array) -> Array:

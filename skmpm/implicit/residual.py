@@ -15,6 +15,7 @@ from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.explicit import ExplicitBulk
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
+from skmpm.implicit.internal_variables import updated
 from skmpm.implicit.springs import Springs
 from skmpm.implicit.viscous import ViscousBulk
 from skmpm.material import Points, wave_speed
@@ -46,10 +47,11 @@ class Proximal:
 
 @dataclass(frozen=True)
 class End:
-    """The nodes at the end of a step."""
+    """The nodes and the material at the end of a step."""
 
     configuration: Configuration
     velocity: Array  # (2 nodes,) [m/s]
+    internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
 
 @dataclass(frozen=True)
@@ -178,8 +180,9 @@ class Increment:
         return self.v0 + (w - self.v0) / self.scheme.theta
 
     def end(self, w: Array) -> End:
-        """The nodes at the end of the step."""
-        return End(self.bulk.at(self.start + self.dt * w), self.end_velocity(w))
+        """The nodes, and the internal variables of the points, at the end of the step."""
+        configuration = self.bulk.at(self.start + self.dt * w)
+        return End(configuration, self.end_velocity(w), updated(self.bulk, configuration))
 
     def energy(self, w: Array, configuration: Configuration) -> float:
         """The incremental potential E(w) without pressures, which have none, [J/m]."""

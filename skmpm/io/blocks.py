@@ -11,7 +11,7 @@ from skmpm import outline
 from skmpm.io.vtkhdf import PolyData
 from skmpm.material import determinant
 from skmpm.observe import force_lines, network, observe
-from skmpm.scene import Scene, State, centres, into_box, stress_zz, view_of, wall_lines
+from skmpm.scene import Scene, State, centres, into_box, plastic_strain, stress_zz, view_of, wall_lines
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -46,6 +46,8 @@ def _points(scene: Scene, state: State, shift: Array) -> PolyData:
         "volume": state.volume,
         "det_F": determinant(state.F),
     }
+    if state.internal.size:
+        data["plastic_strain"] = plastic_strain(scene, state.internal)
     return PolyData(
         _in_space(state.x + shift[:, state.body]), {"Vertices": np.arange(state.x.shape[1])[:, None]}, data
     )

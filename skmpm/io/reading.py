@@ -26,7 +26,7 @@ class Frame:
     t : time [s]
     x : (2, n) positions of the material points [m]
     points : fields by point: body (n,), velocity [m/s] and displacement [m] (2, n), stress (3, 3, n) and pressure
-        (n,) [Pa], volume (n,) [m2], det_F (n,)
+        (n,) [Pa], volume (n,) [m2], det_F (n,), with materials with memory plastic_strain (n,)
     outlines : the smooth boundaries, loops of points (2, k) [m]; holes are loops of their own
     bodies : fields by loop: body, velocity (2, loops), and observables of the body, as `record` lists them
     contacts : fields by pair of bodies that touch, as `record` lists them, and lines (k, 2, 2) [m] between them

@@ -1,13 +1,15 @@
 """Materials are functions of the deformation gradient alone; the rest is built on them once, for any material.
 
-`law` is the interface. `anchored` refers a material to a deformed, stressed anchor configuration, `dilatation` adds
-the mean dilatation of cells, `response` is both in one pass, `viscous` adds Kelvin-Voigt viscosity; `check` compares
-the functions of a material with each other.
+`law` is the interface, `memory` that of materials with internal variables, which are such functions in one step.
+`anchored` refers a material to a deformed, stressed anchor configuration, `dilatation` adds the mean dilatation of
+cells, `response` is both in one pass, `viscous` adds Kelvin-Voigt viscosity; `check` compares the functions of a
+material with each other.
 """
 
 from skmpm.material import dilatation
 from skmpm.material.anchored import Anchored, Points, projected
 from skmpm.material.check import check_material
+from skmpm.material.elastoplastic import ElastoPlastic
 from skmpm.material.invariants import Hyperelastic
 from skmpm.material.law import (
     Isotropic,
@@ -23,6 +25,7 @@ from skmpm.material.law import (
     youngs_modulus,
 )
 from skmpm.material.linear import LinearElastic
+from skmpm.material.memory import InStep, MaterialWithMemory, has_memory, in_step, initial_state, virgin
 from skmpm.material.neohookean import NeoHookean
 from skmpm.material.requirements import lacking
 from skmpm.material.response import Response, response
@@ -32,10 +35,13 @@ from skmpm.material.viscous import Viscous
 
 __all__ = [
     "Anchored",
+    "ElastoPlastic",
     "Hyperelastic",
+    "InStep",
     "Isotropic",
     "LinearElastic",
     "Material",
+    "MaterialWithMemory",
     "MooneyRivlin",
     "NeoHookean",
     "Ogden",
@@ -48,6 +54,9 @@ __all__ = [
     "check_material",
     "determinant",
     "dilatation",
+    "has_memory",
+    "in_step",
+    "initial_state",
     "inverse",
     "is_linear",
     "lacking",
@@ -55,6 +64,7 @@ __all__ = [
     "product",
     "projected",
     "response",
+    "virgin",
     "viscosity_of",
     "wave_speed",
     "youngs_modulus",

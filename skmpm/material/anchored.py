@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material.law import Material, determinant, is_linear, product
+from skmpm.material.law import Material, determinant, is_linear, product, referred_stress, referred_tangent
 
 Array = NDArray[np.float64]
 Points = NDArray[np.bool_] | bool  # a mask (n,), all points or none
@@ -37,6 +37,10 @@ class Anchored:
         """The same without the stress at the anchor."""
         return replace(self, stress_anchor=None)
 
+    def total(self, F: Array) -> Array:
+        """The total deformation gradient, (2, 2, n)."""
+        return F if self.F_anchor is None else product(F, self.F_anchor)
+
     def rest(self, n: int) -> Array:
         """Undeformed volume of n points per anchor volume, (n,)."""
         if self.linear or self.F_anchor is None:
@@ -50,7 +54,7 @@ class Anchored:
             return W if self.stress_anchor is None else W + self.work(F)
         if self.F_anchor is None:
             return self.material.energy(F)
-        return np.asarray(self.material.energy(product(F, self.F_anchor)) / determinant(self.F_anchor))
+        return np.asarray(self.material.energy(self.total(F)) / determinant(self.F_anchor))
 
     def work(self, F: Array) -> Array | float:
         """Work of the stress at the anchor on a linear material, (n,) [Pa]."""
@@ -65,16 +69,15 @@ class Anchored:
             return P if self.stress_anchor is None else P + self.stress_anchor
         if self.F_anchor is None:
             return self.material.stress(F)
-        P = self.material.stress(product(F, self.F_anchor))
-        return np.asarray(np.einsum("ijp,kjp->ikp", P, self.F_anchor) / determinant(self.F_anchor))
+        P = self.material.stress(self.total(F))
+        return referred_stress(P, self.F_anchor) / determinant(self.F_anchor)
 
     def tangent(self, F: Array) -> Array:
         """Derivative of `stress` by F, (2, 2, 2, 2, n) [Pa]."""
         if self.linear or self.F_anchor is None:
             return self.material.tangent(F)
         G = self.F_anchor
-        C = self.material.tangent(product(F, G)) / determinant(G)
-        return np.asarray(np.einsum("iKjLp,IKp,JLp->iIjJp", C, G, G, optimize=True))
+        return referred_tangent(self.material.tangent(self.total(F)) / determinant(G), G)
 
     def cauchy(self, F: Array, P: Array) -> Array:
         """Cauchy stress (2, 2, n) [Pa] of a first Piola-Kirchhoff stress; the same where strains are small."""

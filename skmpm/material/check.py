@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.material.check_memory import check_update, histories
 from skmpm.material.law import Material, is_linear, poisson_ratio, product, youngs_modulus
+from skmpm.material.memory import MaterialWithMemory, has_memory, in_step, virgin
 from skmpm.material.requirements import lacking
 
 Array = NDArray[np.float64]
@@ -22,7 +24,7 @@ LARGEST = 0.35  # logarithm of the stretches
 SMALLEST = 0.01  # range of logarithmic stretches within which every law must be defined
 
 
-def check_material(material: Material) -> str:
+def check_material(material: Material | MaterialWithMemory) -> str:
     """A short report on whether a material's functions fit each other, at random deformations.
 
     The stress is compared with the derivative of the energy and the tangent with that of the stress (by complex steps
@@ -30,36 +32,45 @@ def check_material(material: Material) -> str:
     stress with those of the turned body (small-strain laws, `linear`, are exempt and do turn wrong; their tangent is
     to be constant), stress and energy with zero at F = I, `lame` with the tangent there, which must be isotropic. The
     energy of others must be inf where J <= 0. A `stress_zz` must turn with the body and begin as lambda tr(F - I).
-    Where the energy of a law is inf at the deformations of the check, these are made smaller.
+    Where the energy of a law is inf at the deformations of the check, these are made smaller. Materials with memory
+    are checked for steps from states that `update` gave. It must keep them, and with them the stress; a step must not
+    gain energy.
 
     Raises
     ------
     ValueError
         naming what is off, by how much and at which F
     """
-    name = type(material).__name__
+    name, remembering = type(material).__name__, has_memory(material)
     if problem := lacking(material):
         raise ValueError(f"{name}: {problem}")
+    given, material = material, virgin(material)
     F, linear = _states(name, material), is_linear(material)
     lines = [f"{name}: E = {youngs_modulus(material):.4g} Pa, nu = {poisson_ratio(material):.4g} at small strain"]
     if not linear and (largest := float(np.linalg.norm(F, 2, axis=(0, 1)).max())) < np.exp(0.5 * LARGEST):
         lines.append(f"checked for stretches up to {largest:.4g}; the energy is infinite at larger ones")
+    subject, deformed = material, F
+    if remembering:
+        state, deformed = histories(given, F, np.random.default_rng(3))
+        subject = in_step(given, state)
     for what, of, by in (
-        ("stress", "energy", material.energy),
-        ("tangent", "stress", material.stress),
+        ("stress", "energy", subject.energy),
+        ("tangent", "stress", subject.stress),
     ):
-        found = getattr(material, what)(F)
-        slope, how, tolerance = _derivative(by, F, found)
-        off = _compared(name, f"{what} and the derivative of the {of}", found, slope, F, tolerance)
+        found = getattr(subject, what)(deformed)
+        slope, how, tolerance = _derivative(by, deformed, found)
+        off = _compared(name, f"{what} and the derivative of the {of}", found, slope, deformed, tolerance)
         lines.append(f"{what} is the derivative of the {of}: to {off:.1e} ({how})")
-    C = material.tangent(F)
-    off = _compared(name, "tangent and its transpose", C, C.transpose(2, 3, 0, 1, 4), F, EXACT)
+    C = subject.tangent(deformed)
+    off = _compared(name, "tangent and its transpose", C, C.transpose(2, 3, 0, 1, 4), deformed, EXACT)
     lines.append(f"tangent is symmetric: to {off:.1e}")
-    lines.append(_constant(name, material, F) if linear else _turned(name, material, F))
+    lines.append(_constant(name, material, F) if linear else _turned(name, subject, deformed))
+    if remembering:
+        lines.append(check_update(name, given, deformed, state, _rotations(np.random.default_rng(2))))
     if not linear:
         lines.append(_inverted(name, material, F))
     lines.append(_at_rest(name, material))
-    if hasattr(material, "stress_zz"):
+    if hasattr(given, "stress_zz"):
         lines.append(_across(name, material, F))
     return "\n  ".join(lines)
 

@@ -9,8 +9,10 @@ makes a neo-Hookean solid resist dilatation with stays that of the point,
     W(F, theta) = W(F-bar) + mu (g(J) - g(theta)), g(J) = J - 1 - ln J,
 
 so that lambda alone multiplies theta at small strain (Nagtegaal, Parks & Rice, CMAME 4, 1974); without it, peaks of
-pressure are averaged away. A linear material takes F + 1/2 (theta - tr(F - I)) I for F-bar, theta the mean of
-tr(F - I), and g = 1/2 tr(F - I)^2: it stays linear. docs/theory/method.md derives what is computed here.
+pressure are averaged away. In a material with memory nothing of the point resists: where it flows, its shear
+stiffness is a small part of mu, and points that mu holds to the dilatation of their cell lock. A linear material
+takes F + 1/2 (theta - tr(F - I)) I for F-bar, theta the mean of tr(F - I), and g = 1/2 tr(F - I)^2: it stays
+linear. docs/theory/method.md derives what is computed here.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from skmpm.material.anchored import Anchored, Points
 from skmpm.material.anchored import projected as without_negative
 from skmpm.material.invariants import TURN, cofactor
 from skmpm.material.law import determinant
+from skmpm.material.memory import InStep
 from skmpm.material.response import curvature
 
 Array = NDArray[np.float64]
@@ -63,7 +66,7 @@ def _with_tension(linear: bool, F: Array, P: Array, tension: Array, total: Array
 
 def energy(law: Anchored, F: Array, theta: Array) -> Array:
     """W(F, theta), (n,) [Pa]; inf where a point or the cell is turned inside out."""
-    mu = law.material.lame[1]
+    mu = _resistance(law)
     if law.linear:
         own = 0.5 * mu * ((F[0, 0] + F[1, 1] - 2.0) ** 2 - theta**2)
         return np.asarray(law.unstressed.energy(_bar(law, F, theta)[0]) + law.work(F) + own)
@@ -86,7 +89,7 @@ def _resisted(mu: float, F: Array, theta: Array, rest: Array, out: Array) -> Non
 
 def slopes(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
     """W_F (2, 2, n) and W_theta (n,) [Pa]."""
-    mu, (F_bar, s) = law.material.lame[1], _bar(law, F, theta)
+    mu, (F_bar, s) = _resistance(law), _bar(law, F, theta)
     P = law.unstressed.stress(F_bar)
     if law.linear:
         half = 0.5 * (P[0, 0] + P[1, 1])
@@ -113,7 +116,7 @@ def _slopes(mu: float, F: Array, theta: Array, rest: Array, s: Array, P: Array, 
 
 def curvatures(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array, Array]:
     """W_FF (4, 4, n), W_Ftheta (4, n) and W_thetatheta (n,) [Pa]."""
-    mu, (F_bar, s) = law.material.lame[1], _bar(law, F, theta)
+    mu, (F_bar, s) = _resistance(law), _bar(law, F, theta)
     C = law.tangent(F_bar).reshape(4, 4, -1)
     if law.linear:
         of_one = np.einsum("abp,bc->ap", C, ONE)
@@ -196,6 +199,16 @@ def _add_turn(tension: Array, by_F: Array) -> None:
     for p in range(tension.size):
         for i in range(4):
             by_F[i, 3 - i, p] += TURN[i, 3 - i] * tension[p]
+
+
+def seen(law: Anchored, F: Array, theta: Array) -> Array:
+    """The total deformation gradient in which a material is evaluated, (2, 2, n)."""
+    return law.total(_bar(law, F, theta)[0])
+
+
+def _resistance(law: Anchored) -> float:
+    """The modulus with which points resist a dilatation of their own [Pa]."""
+    return 0.0 if isinstance(law.material, InStep) else law.material.lame[1]
 
 
 def _bar(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:

@@ -106,3 +106,13 @@ def inverse(F: Array) -> Array:
 def product(A: Array, B: Array) -> Array:
     """Matrix products at the points, (2, 2, n)."""
     return np.asarray(np.einsum("ijp,jkp->ikp", A, B))
+
+
+def referred_stress(P: Array, G: Array) -> Array:
+    """The derivative by F of an energy of F G, (2, 2, n), from its derivative by F G."""
+    return np.asarray(np.einsum("ijp,kjp->ikp", P, G))
+
+
+def referred_tangent(C: Array, G: Array) -> Array:
+    """The second derivative by F of an energy of F G, (2, 2, 2, 2, n), from that by F G."""
+    return np.asarray(np.einsum("iKjLp,IKp,JLp->iIjJp", C, G, G, optimize=True))

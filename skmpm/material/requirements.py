@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material.law import FUNCTIONS, NEEDED, Material
+from skmpm.material.memory import has_memory, initial_state, virgin
 
 Array = NDArray[np.float64]
 
+TOLERANCE = 1e-12  # of internal variables that are to stay as they are, over the largest
 SHAPES: dict[str, tuple[int, ...]] = {"energy": (), "stress": (2, 2), "tangent": (2, 2, 2, 2)}
 
 
@@ -40,7 +43,34 @@ def _misshapen(material: Material) -> str:
     lam, mu = lame if np.shape(lame) == (2,) and all(map(_is_number, lame)) else (np.nan, np.nan)
     if not (mu > 0.0 and 3.0 * lam + 2.0 * mu > 0.0):
         return f"lame = {lame!r}; give (lambda, mu) in Pa with mu > 0 and 3 lambda + 2 mu > 0"
-    return _wrong_values(material, np.repeat(np.eye(2)[:, :, None], 3, axis=2))
+    rest = np.repeat(np.eye(2)[:, :, None], 3, axis=2)
+    if has_memory(material) and (problem := _wrong_memory(material, rest)):
+        return problem
+    return _wrong_values(material, rest)
+
+
+def _wrong_memory(material: Any, F: Array) -> str:
+    """What is wrong with the internal variables of a material, and with their update at F = I, (2, 2, 3)."""
+    state0 = material.state0
+    if not (np.ndim(state0) == 1 and np.size(state0) and all(map(_is_number, state0))):
+        return f"state0 = {state0!r}; give its internal variables, a tuple of finite numbers"
+    if not callable(getattr(material, "update", None)):
+        return "it lacks update(F, state)"
+    if getattr(material, "linear", False):
+        return "linear = True with memory; leave `linear` out"
+    state = initial_state(material, 3)
+    functions: list[tuple[str, tuple[Array, ...], tuple[int, ...]]] = [("update", (F, state), state.shape)]
+    functions += [("plastic_strain", (state,), (3,))] if hasattr(material, "plastic_strain") else []
+    for name, arguments, shape in functions:
+        try:
+            value = np.asarray(getattr(material, name)(*arguments))
+        except Exception as error:  # whatever a function of the user raises
+            return f"{name} raises {type(error).__name__}: {error}, at F = I and state0, 3 points"
+        if value.shape != shape or not np.isfinite(value).all():
+            return f"{name} gives {value.tolist()} at F = I and state0, 3 points; give finite numbers, {shape}"
+        if name == "update" and np.abs(value - state).max() > TOLERANCE * max(1.0, np.abs(state).max()):
+            return f"update gives {value[:, 0].tolist()} at F = I and state0 = {state0!r}; give state0 there"
+    return ""
 
 
 def _is_number(value: object) -> bool:
@@ -49,9 +79,10 @@ def _is_number(value: object) -> bool:
 
 def _wrong_values(material: Material, F: Array) -> str:
     """What is wrong with the shapes and values of a material's functions at F = I, (2, 2, 3)."""
+    at_rest = virgin(material)
     for name, shape in {**SHAPES, **({"stress_zz": ()} if hasattr(material, "stress_zz") else {})}.items():
         try:
-            value = np.asarray(getattr(material, name)(F))
+            value = np.asarray(getattr(at_rest, name)(F))
         except Exception as error:  # whatever a function of the user raises
             return f"{name}(F) raises {type(error).__name__}: {error}, at F = I of shape {F.shape}"
         if value.shape != (*shape, 3):

@@ -18,7 +18,11 @@ SEQUENTIAL, DIVERGING = "viridis", "RdBu_r"
 OUTLIERS = 1.0  # [%] of points beyond each end of the colour scale: those beside corners would set it alone
 # Of compression: where tension is less, pressures have a sequential map, since a little tension is mostly noise.
 SIGNED = 0.25
-UNITS = {"pressure": "Pa", "mises": "Pa", "displacement": "m", "speed": "m/s"}
+UNITS = {"pressure": "Pa", "mises": "Pa", "displacement": "m", "speed": "m/s", "plastic strain": ""}
+NEEDS = {
+    "von Mises stress": "; the equivalent stress needs `stress_zz` of the materials",
+    "plastic strain": "; it needs a material that yields, as ElastoPlastic",
+}
 NAMES = ", ".join([*UNITS, "body"])
 
 
@@ -54,7 +58,7 @@ def _known(seen: Snapshot, field: Field) -> Field:
     """The field; ValueError if it has no value at any point of a deformable body."""
     own = np.zeros(0) if field.values is None else field.values[seen.inside_deformable]
     if own.size and not np.isfinite(own).any():
-        where = "; the equivalent stress needs `stress_zz` of the materials" if "Mises" in field.name else ""
+        where = NEEDS.get(field.name, "")
         name = field.name or "colour"
         raise ValueError(f"plot: {name} is nan or inf at every point{where}; colour by another field")
     return field
@@ -76,7 +80,11 @@ def limits_of(seen: Snapshot, fields: Sequence[Field]) -> Limits:
     if values.size == 0:
         return 0.0, 1.0
     low, high = np.percentile(values, (OUTLIERS, 100.0 - OUTLIERS)).tolist()
-    if (fields[0].unit and -SIGNED * high <= low <= 0.0 <= high) or fields[0].name in ("displacement", "speed"):
+    if (fields[0].unit and -SIGNED * high <= low <= 0.0 <= high) or fields[0].name in (
+        "displacement",
+        "speed",
+        "plastic strain",
+    ):
         low = 0.0
     elif low < 0.0 < high:
         low, high = -max(-low, high), max(-low, high)

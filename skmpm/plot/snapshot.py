@@ -12,7 +12,7 @@ from skmpm import outline
 from skmpm.io import Frame
 from skmpm.observe import force_lines, network
 from skmpm.outline import Polylines
-from skmpm.scene import Scene, State, centres, into_box, mises, stress_zz
+from skmpm.scene import Scene, State, centres, into_box, mises, plastic_strain, stress_zz
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,13 +45,18 @@ class Snapshot(ABC):
         """Whether material points belong to deformable bodies, (n,)."""
         return self.deformable[self.owner]
 
+    @property
+    def unknown(self) -> Array:
+        """No value at the material points, (n,)."""
+        return np.full(self.owner.size, np.nan)
+
     @abstractmethod
     def boundary(self) -> Polylines:
         """The smooth boundaries, through the boundary points."""
 
     @abstractmethod
     def values(self, name: str) -> Array:
-        """The field "pressure", "mises", "displacement" or "speed" at the material points, (n,) in SI units."""
+        """The field "pressure", "mises", "displacement", "speed" or "plastic strain", (n,); nan if unknown."""
 
     @abstractmethod
     def forces(self) -> tuple[Array, Array]:
@@ -90,6 +95,8 @@ class OfState(Snapshot):
             return np.asarray(np.hypot(*state.v))
         if name == "mises":
             return mises(state.stress, stress_zz(self.scene, state))
+        if name == "plastic strain":
+            return plastic_strain(self.scene, state.internal) if state.internal.size else self.unknown
         return np.asarray(-0.5 * (state.stress[0, 0] + state.stress[1, 1]))
 
     def forces(self) -> tuple[Array, Array]:
@@ -125,6 +132,8 @@ class OfFrame(Snapshot):
         if name == "mises":
             stress = fields["stress"].astype(np.float64)
             return mises(stress, stress[2, 2])
+        if name == "plastic strain":
+            return np.asarray(fields.get("plastic_strain", self.unknown), dtype=np.float64)
         return fields[name].astype(np.float64)
 
     def forces(self) -> tuple[Array, Array]:

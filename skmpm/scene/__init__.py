@@ -2,7 +2,7 @@
 
 from skmpm.scene.check import check_walls_at_start
 from skmpm.scene.fits import check_fits, check_initial_positions
-from skmpm.scene.materials import material_at
+from skmpm.scene.materials import initial_internal, material_at, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, deformed, into_box, recut
@@ -39,11 +39,13 @@ __all__ = [
     "continued",
     "deformed",
     "field_values",
+    "initial_internal",
     "into_box",
     "material_at",
     "mean_velocity",
     "mises",
     "motion",
+    "plastic_strain",
     "prescribed_motions",
     "prescribed_velocities",
     "recut",

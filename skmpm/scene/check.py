@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Isotropic, Rigid, lacking
+from skmpm.material import ElastoPlastic, Isotropic, Rigid, lacking
 from skmpm.outline import area, lens_depth
 from skmpm.points import Points
 from skmpm.points import check as check_points
@@ -111,9 +111,12 @@ def _check_material(name: str, material: object) -> None:
         nu = number(f"{name}: Poisson's ratio nu", material.nu, "give one between -1 and 0.5")
         if not -1.0 < nu < 0.5:
             raise SceneError(f"{name}: Poisson's ratio nu = {nu}; it lies between -1 and 0.5, both excluded")
+    if isinstance(material, ElastoPlastic):
+        positive(f"{name}: yield_stress", material.yield_stress, "a stress in Pa")
+        not_negative(f"{name}: hardening", material.hardening, "a modulus in Pa")
     if not isinstance(material, Rigid) and (problem := lacking(material)):
         raise SceneError(
-            f"{name}: material is {material!r}, {problem}; use NeoHookean, LinearElastic, Rigid, ... or a material of"
+            f"{name}: material is {material!r}, {problem}; use NeoHookean, ElastoPlastic, Rigid, ... or a material of"
             " your own that passes skmpm.check_material"
         )
     positive(f"{name}: density", material.density, "a density in kg/m3")  # type: ignore[attr-defined]

@@ -26,6 +26,7 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
         ("points", state.x.shape[1], scene.initial_positions.shape[1]),
         ("walls", len(state.walls), len(scene.walls)),
         ("supports", len(state.support_force), len(scene.supports)),
+        ("internal variables", state.internal.shape[0], scene.internal_variables),
     ):
         if found != wanted:
             raise SceneError(f"{name}: the state has {found} {what}, the scene {wanted}; {_ITS_OWN}")

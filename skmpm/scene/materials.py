@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Material, Rigid
+from skmpm.material import Material, Rigid, has_memory, initial_state
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -49,6 +49,30 @@ def densities(scene: Scene) -> Array:
         for material, points in body.parts:
             own[points] = material.density
     return density
+
+
+def initial_internal(scene: Scene) -> Array:
+    """Internal variables of all points at t = 0, (k, n), k as of the material that has most; zero elsewhere."""
+    deformable = np.flatnonzero(scene.deformable[scene.owner])
+    internal = np.zeros((scene.internal_variables, scene.owner.size))
+    for material, points in scene.points_by_material:
+        state = initial_state(material)
+        internal[: state.shape[0], deformable[points]] = state
+    return internal
+
+
+def plastic_strain(scene: Scene, internal: Array) -> Array:
+    """Equivalent plastic strain of the points, (n,), of their `internal` variables (k, n).
+
+    Zero in materials without memory, nan where one with memory does not tell.
+    """
+    out, deformable = np.zeros(scene.owner.size), np.flatnonzero(scene.deformable[scene.owner])
+    for material, points in scene.points_by_material:
+        if has_memory(material):
+            own, known = deformable[points], getattr(material, "plastic_strain", None)
+            state = internal[: initial_state(material).shape[0], own]
+            out[own] = np.nan if known is None else known(state)
+    return out
 
 
 def crossing_times(scene: Scene) -> Array:

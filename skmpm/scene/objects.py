@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Material, Rigid
+from skmpm.material import Material, MaterialWithMemory, Rigid
 from skmpm.points import Points
 
 Array = NDArray[np.float64]
@@ -29,9 +30,10 @@ class Body:
     Parameters
     ----------
     points : its points and outline
-    material : LinearElastic, NeoHookean, MooneyRivlin, Yeoh, Ogden, one of your own (`skmpm.Material`), or Rigid.
-        A dict from the names of the groups of the points (`Points.group`) to materials makes a body of several, as in
-        ``Body(points, {"core": steel, "skin": rubber})``; they are bonded where they meet
+    material : LinearElastic, NeoHookean, MooneyRivlin, Yeoh, Ogden, ElastoPlastic, one of your own (`skmpm.Material`,
+        `skmpm.MaterialWithMemory`), or Rigid. A dict from the names of the groups of the points (`Points.group`) to
+        materials makes a body of several, as in ``Body(points, {"core": steel, "skin": rubber})``; they are bonded
+        where they meet
     velocity : (2,) [m/s] at t = 0, or a function of positions (2, n) -> (2, n), not for `Rigid`; in a periodic box in
         addition to the motion of the box at the centre of mass
     spin : angular velocity about the centre of mass at t = 0 [rad/s], counter-clockwise
@@ -44,7 +46,7 @@ class Body:
     """
 
     points: Points
-    material: Material | Rigid | Mapping[str, Material]
+    material: Material | MaterialWithMemory | Rigid | Mapping[str, Material | MaterialWithMemory]
     velocity: ArrayLike | Callable[..., ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
     spin: float = field(default=0.0, kw_only=True)
     motion: ArrayLike | Motion | None = field(default=None, kw_only=True)
@@ -60,15 +62,17 @@ class Body:
         """The deformable materials of the body, each with its points; none of a rigid body."""
         if isinstance(self.material, Mapping):
             group = self.points.group
-            return tuple((material, np.flatnonzero(group == name)) for name, material in self.material.items())
-        return () if isinstance(self.material, Rigid) else ((self.material, slice(None)),)
+            points = [np.flatnonzero(group == name) for name in self.material]
+            return tuple(zip(self.materials, points, strict=True))
+        return tuple((material, slice(None)) for material in self.materials)
 
     @property
     def materials(self) -> tuple[Material, ...]:
         """The deformable materials of the body; none of a rigid body."""
-        if isinstance(self.material, Mapping):
-            return tuple(self.material.values())
-        return () if isinstance(self.material, Rigid) else (self.material,)
+        if isinstance(self.material, Rigid):
+            return ()
+        given = self.material.values() if isinstance(self.material, Mapping) else (self.material,)
+        return cast(tuple[Material, ...], tuple(given))  # those with memory are Materials once bound to a step
 
 
 @dataclass(frozen=True)

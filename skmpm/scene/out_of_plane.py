@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import is_linear, poisson_ratio
+from skmpm.material import Material, has_memory, initial_state, is_linear, poisson_ratio
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
 
@@ -25,8 +25,15 @@ def stress_zz(scene: Scene, state: State) -> Array:
             out[own] = poisson_ratio(material) * (state.stress[0, 0, own] + state.stress[1, 1, own])
         else:
             known = getattr(material, "stress_zz", None)
-            out[own] = np.nan if known is None else known(state.F[:, :, own])
+            out[own] = np.nan if known is None else known(*_arguments(material, state, own))
     return out
+
+
+def _arguments(material: Material, state: State, own: NDArray[np.int64]) -> tuple[Array, ...]:
+    """What `stress_zz` of a material is a function of, at some points."""
+    if has_memory(material):
+        return state.stress[:, :, own], state.internal[: initial_state(material).shape[0], own]
+    return (state.F[:, :, own],)
 
 
 def mises(stress: Array, zz: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Material, Rigid, wave_speed
+from skmpm.material import Material, Rigid, initial_state, wave_speed
 from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
@@ -162,6 +162,11 @@ class Scene:
     def points_by_material(self) -> tuple[tuple[Material, Ints], ...]:
         """The deformable materials, each with its points among those of deformable bodies."""
         return points_by_material(self)
+
+    @cached_property
+    def internal_variables(self) -> int:
+        """Number of internal variables of the material that has most."""
+        return max(len(initial_state(material)) for material in self.materials)
 
     @cached_property
     def composite(self) -> NDArray[np.bool_]:

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.fits import check_fits
-from skmpm.scene.objects import SceneError, Wall
+from skmpm.scene.objects import Body, SceneError, Wall
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, State, StepControl
 
@@ -29,8 +30,9 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     Raises
     ------
     SceneError
-        if the state does not belong to the old scene, the new scene has other bodies or another cell, a new wall
-        stands where a body is, or two walls of the new scene are the same one
+        if the state does not belong to the old scene, the new scene has other bodies or another cell, points have
+        internal variables of another class of material, a new wall stands where a body is, or two walls of the new
+        scene are the same one
     """
     check_fits(scene, state, "continued")
     _check_bodies(scene, new_scene)
@@ -82,6 +84,19 @@ def _check_bodies(scene: Scene, new_scene: Scene) -> None:
         if not same or not np.array_equal(scene.densities[own], new_scene.densities[own]):
             what = "another density" if same else "other points"
             raise SceneError(f"continued: body {b} of the new scene has {what}; {remedy}")
+        if (_memories(old) != _memories(new)).any():
+            raise SceneError(
+                f"continued: points of body {b} have internal variables of another material in the new scene;"
+                " materials with memory keep their class and their points"
+            )
+
+
+def _memories(body: Body) -> NDArray[np.object_]:
+    """The class of the material of each point, None where it has no memory, (n,)."""
+    kinds = np.full(body.points.size, None, dtype=object)
+    for material, points in body.parts:
+        kinds[points] = type(material) if has_memory(material) else None
+    return kinds
 
 
 def _former_walls(scene: Scene, new_scene: Scene) -> Ints:
@@ -124,4 +139,5 @@ def _with_walls(scene: Scene, contacts: Contacts, former: Ints) -> Contacts:
         gap=contacts.gap[stay],
         key=np.where(contacts.key >= 0, contacts.key + shift, contacts.key - shift)[stay],
         point=contacts.point[stay],
+        image=contacts.image[:, stay],
     )

@@ -80,12 +80,13 @@ class Energy:
     Attributes
     ----------
     kinetic : of the nodal velocities
-    elastic : including the ghost penalty
+    elastic : including the ghost penalty, and what hardening of materials stores
     external : work of gravity, loads, walls, supports and moving ends of springs
     push_out : work of contacts that remove an overlap of an earlier step
     cohesion : work of cohesive contacts on gaps that close, negative where they open
     regridding : change of the points' energy by regridding
     viscous : dissipated by the viscosity of materials
+    plastic : dissipated by changes of internal variables of materials, as by plastic flow
     springs : stored in springs
     dissipated : the remainder: friction, impacts, the time scheme, the transfer
     """
@@ -97,6 +98,7 @@ class Energy:
     cohesion: float = 0.0
     regridding: float = 0.0
     viscous: float = 0.0
+    plastic: float = 0.0
     springs: float = 0.0
     dissipated: float = 0.0
 
@@ -184,6 +186,8 @@ class State:
     mass : (n,) [kg/m]
     volume : (n,) current [m2]
     weight : (n,) current quadrature weights of the points [m2]
+    internal : (k, n) internal variables of materials with memory, in the order of their `state0`; zero where a
+        material has fewer, (0, n) if none has any
     body : (n,)
     x_anchor : (2, n) positions when the body grids were built [m]
     F_anchor : (2, 2, n)
@@ -212,6 +216,7 @@ class State:
     mass: Array
     volume: Array
     weight: Array
+    internal: Array
     body: Ints
     x_anchor: Array
     F_anchor: Array

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Material, viscosity_of
+from skmpm.material import Material, has_memory, viscosity_of
 from skmpm.scene.objects import Body
 
 if TYPE_CHECKING:
@@ -67,8 +67,11 @@ def _rings(body: Body) -> bool:
 
 
 def _isotropic(material: Material) -> bool:
-    """Whether the energy is a function of F F^T, by its values for one deformation of the material, rotated."""
-    if viscosity_of(material) > 0.0:
+    """Whether the energy is a function of F F^T, by its values for one deformation of the material, rotated.
+
+    Flow leaves strains in a body that turn with it.
+    """
+    if viscosity_of(material) > 0.0 or has_memory(material):
         return False
     F, angle = np.array([[1.2, 0.3], [0.05, 0.9]]), np.linspace(0.0, np.pi, 7)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
 from skmpm.implicit import Bulk, End, Increment, Solution
+from skmpm.implicit.internal_variables import dissipated
 from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, centres, velocity_at
 from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
 from skmpm.simulate.forces import external_force, follower_pressure
@@ -41,6 +42,7 @@ class Budget:
     tolerated: float  # work of contact forces on open gaps, within `gap_tol`
     rounding: float  # round-off of strain energies, kinetic energy of gap velocities that are round-off
     springs: tuple[float, float] = (0.0, 0.0)  # stored in springs, at the start and at the end of the step
+    plastic: float = 0.0  # dissipated by changes of the internal variables of materials
     cohesion: float = 0.0  # work of cohesive contacts on open gaps, positive where these close
 
     @property
@@ -48,14 +50,22 @@ class Budget:
         """The largest of the energies."""
         after = self.kinetic + self.elastic
         return max(
-            *self.springs, abs(self.before), abs(after), abs(self.external), self.push_out, self.viscous, self.noise
+            *self.springs,
+            abs(self.before),
+            abs(after),
+            abs(self.external),
+            self.push_out,
+            self.viscous,
+            self.plastic,
+            self.noise,
         )
 
     @property
     def surplus(self) -> float:
         """Energy gained beyond the work and the tolerances."""
         supplied = self.external + self.push_out + self.tolerated + self.rounding + self.cohesion
-        return self.kinetic + self.elastic + self.viscous - self.before + self.into_springs - supplied
+        spent = self.viscous + self.plastic
+        return self.kinetic + self.elastic + spent - self.before + self.into_springs - supplied
 
     @property
     def into_springs(self) -> float:
@@ -75,6 +85,7 @@ def budget_of(
     bulk, w, reference_energy = increment.bulk, solution.w, _energy_of_reference_stress(increment.bulk)
     inertia = increment.scheme.inertia
     elastic = [bulk.energy(at) + reference_energy for at in (increment.at_start, end.configuration)]
+    plastic = dissipated(bulk, end.configuration, end.internal)
     of_box = velocity_of_box(state, mean_gradient(state, motions, increment.dt))
     ends = (increment.v0, end.velocity) if inertia else ()
     kinetic = [kinetic_energy(bulk.assembly, v - of_box) for v in ends] or [0.0, 0.0]
@@ -113,18 +124,20 @@ def budget_of(
     return Budget(
         before=elastic[0] + kinetic[0],
         kinetic=kinetic[1],
-        elastic=elastic[1],
+        elastic=elastic[1] - plastic,
         external=external,
         push_out=push_out,
         cohesion=cohesion,
         viscous=viscous,
+        plastic=plastic,
         noise=max(STRAIN_ROUND_OFF**2 * modulus, 1e-300),
         springs=springs,
         exchanged=abs(springs[1] - springs[0])
         + abs(kinetic[1] - kinetic[0])
         + abs(elastic[1] - elastic[0])
         + abs(external)
-        + viscous,
+        + viscous
+        + plastic,
         tolerated=tolerated,
         rounding=rounding,
     )
@@ -202,6 +215,7 @@ def report_of(
             cohesion=old.cohesion + budget.cohesion,
             regridding=old.regridding + by_regrid,
             viscous=old.viscous + budget.viscous,
+            plastic=old.plastic + budget.plastic,
             springs=budget.springs[1],
             dissipated=old.dissipated
             + budget.external
@@ -210,6 +224,7 @@ def report_of(
             - gained
             - budget.into_springs
             - budget.viscous
+            - budget.plastic
             + budget.cohesion,
         ),
     )

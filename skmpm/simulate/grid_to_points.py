@@ -63,6 +63,7 @@ def end_state(
         stress=stress,
         volume=scene.initial_volumes * determinant(F),
         weight=weight,
+        internal=state.internal if end.internal is None else _with_points(state.internal, own, end.internal),
         displacement=configuration.displacement,
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,

@@ -196,4 +196,6 @@ def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
     undeformed = bool((np.eye(2)[:, :, None] == F).all())
     reference = (None if undeformed else F, stress if stress.any() else None)
     averaged = tuple(averages_dilatation(scheme, material) for material, _ in parts)
-    return Bulk(assembly_of(state), parts, *reference, averaged, mixed_cells=bool(scene.composite.any()))
+    internal = state.internal[:, own] if state.internal.size else None
+    mixed = bool(scene.composite.any())
+    return Bulk(assembly_of(state), parts, *reference, averaged, mixed_cells=mixed, internal=internal)

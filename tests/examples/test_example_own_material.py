@@ -20,6 +20,21 @@ def test_own_material(tmp_path, capsys):
     assert (tmp_path / "own_material.png").stat().st_size > 1000
 
 
+def test_the_material_with_memory_of_the_page_passes_its_check_and_softens(capsys):
+    """Its code runs as it stands; a pressed disc of it loses stiffness and dissipates."""
+    names: dict = {}
+    exec(PAGE.read_text().split("```python")[2].split("```")[0], names)
+    assert "update keeps what it gave" in capsys.readouterr().out
+    damage = names["Damage"](E=1e6, strength=2e4, density=1000.0)
+    plate = skmpm.Wall((0.0, 1e-2), (0.0, -1.0), velocity=(0.0, -0.5))
+    body = skmpm.Body(skmpm.disc((0.0, 0.0), 1e-2, spacing=2e-3), damage)
+    scene = skmpm.Scene([body], cell=4e-3, walls=[plate, skmpm.Wall((0.0, -1e-2), (0.0, 1.0))])
+    *_, state = skmpm.simulate(scene, dt=5e-5, until=2e-3)
+    assert state.internal.shape[0] == 1
+    assert state.internal.min() < 0.9
+    assert state.report.energy.plastic > 0.0
+
+
 def test_the_material_of_the_page_passes_its_check_and_moves(capsys):
     """Its code runs as it stands; its solid is pressed by a plate and pushes back."""
     names: dict = {}

@@ -15,7 +15,7 @@ import pytest
 
 from skmpm import assembly_loops, linear, transfer
 from skmpm.contact import shared_grid
-from skmpm.material import LinearElastic, NeoHookean, Rigid
+from skmpm.material import ElastoPlastic, LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
@@ -25,6 +25,7 @@ sys.path.append(str(Path(__file__).parents[1] / "verification"))
 from self_contact import rectilinear
 
 SOFT, LINEAR = NeoHookean(1e6, 0.3, 1000.0), LinearElastic(1e6, 0.3, 1000.0)
+METAL = ElastoPlastic(1e6, 0.3, 1000.0, yield_stress=1e2)
 R, CELL, DT, STEPS = 1e-3, 0.25e-3, 5e-6, 4
 
 
@@ -228,6 +229,27 @@ def test_without_viscosity_no_function_of_it_runs(build, material):
     calls, states = run(build(replace(material, viscosity=1.0)))
     assert calls.below(*viscous) > STEPS
     assert states[-1].report.energy.viscous > 0.0
+
+
+@pytest.mark.parametrize("material", [SOFT, LINEAR], ids=["soft", "linear"])
+@pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
+def test_without_memory_no_function_of_it_runs_and_no_variable_is_kept(build, material):
+    """No function of a material in a step runs, no point has internal variables; with memory they are updated."""
+    bound = (
+        "InStep.update",
+        "InStep.dissipated",
+        "InStep.energy",
+        "internal_variables._with_memory",
+        "_arguments",
+    )
+    calls, states = run(build(material))
+    assert sum(map(calls.named, bound)) == 0
+    assert states[-1].internal.size == 0
+    assert states[-1].report.energy.plastic == 0.0
+    calls, states = run(build(METAL))
+    assert calls.named("InStep.update") == STEPS
+    assert states[-1].internal[0].max() > 0.0
+    assert states[-1].report.energy.plastic > 0.0
 
 
 # --- body grids

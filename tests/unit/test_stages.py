@@ -91,6 +91,7 @@ def test_without_a_wall_its_contacts_are_gone(run):
     lifted = pressed((FLOOR, LEFT, RIGHT))
     begun = continued(scene, state, lifted)
     assert begun.contacts.bodies[1].min() == -3 and begun.contacts.gap.size < state.contacts.gap.size
+    assert {getattr(begun.contacts, f.name).shape[-1] for f in fields(begun.contacts)} == {begun.contacts.gap.size}
     *_, after = simulate(lifted, dt=DT, until=state.t + 20 * DT, start=begun)
     assert after.x[1].max() > 2 * R - 0.5 * 2.0 * 8 * DT  # the discs are round again
 
