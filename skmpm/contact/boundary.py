@@ -194,8 +194,8 @@ def _constraints(
         motion.lattice_vectors(k, end) for k, end in ((second - first, 0), (second - first, 1), (first, 1))
     )
     found = _of_bodies(found, surfaces)
-    columns, weights = (np.concatenate(a) for a in ((found.own, found.stencil), (found.own_weights, -found.weights)))
-    relative = combinations(columns, weights, moved.shape[1])
+    columns = np.concatenate([found.own, found.stencil])
+    relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), moved.shape[1])
     prescribed = (relative @ motion.points.T).T / dt if motion.points.any() else np.zeros((2, found.gap.size))
     on_wall = found.bodies[1] < 0
     prescribed[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt

@@ -71,7 +71,9 @@ def _on_wall(scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics
     curve, boundary, normal = near.curve, near.curve.outlines, np.asarray(scene.walls[i].normal, dtype=float)
     found, values = np.empty(boundary.size, dtype=np.int64), np.empty((4, boundary.size))
     movable = scene.movable[boundary.body]
-    size = _minima_on_wall(normal, point, near.reach, movable, ahead.x, ahead.c, curve.loops, reference, found, values)
+    size = _minima_on_wall(
+        normal, point, near.reach, movable, ahead.x, ahead.c, curve.loops, reference, found, values
+    )
     c, (*slope, turn, length) = found[:size], values[:, :size]
     key = wall_keys(curve, i, np.stack([c, boundary.next[c]]))
     return _Minima(key, np.stack(slope), turn, length, scene.compliance[boundary.body[c]])

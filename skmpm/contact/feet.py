@@ -107,7 +107,7 @@ def _faces(c: int, normal: tuple[float, float], x: Array, loops: Loops, edge_dep
         return False
     ahead, back = x_ahead * normal[0] + y_ahead * normal[1], x_back * normal[0] + y_back * normal[1]
     keeps_off = ahead > -max(MAX_EDGE_SINE * np.sqrt(x_ahead**2 + y_ahead**2), edge_depth)
-    return keeps_off and back > -max(MAX_EDGE_SINE * np.sqrt(x_back**2 + y_back**2), edge_depth)
+    return bool(keeps_off and back > -max(MAX_EDGE_SINE * np.sqrt(x_back**2 + y_back**2), edge_depth))
 
 
 @compiled

@@ -58,10 +58,9 @@ def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, Array]:
         found, before = among(found, chosen), among(before, chosen)
     if near.curve.convex.any():
         corner_pairs = _corner_pairs(near, now)
-        chosen = _outermost(near.curve, found)
-        chosen &= ~_superseded(near.curve, found, corner_pairs)
-        found = joined([among(found, chosen), corner_pairs])
-        before = joined([among(before, chosen), _Before.of(project(near, near.start, corner_pairs))])
+        kept = _outermost(near.curve, found) & ~_superseded(near.curve, found, corner_pairs)
+        found = joined([among(found, kept), corner_pairs])
+        before = joined([among(before, kept), _Before.of(project(near, near.start, corner_pairs))])
     guards = among(found, found.shift != 0.0)
     if guards.gap.size:
         guards = replace(guards, shift=np.zeros(guards.gap.size), key=guard_keys(guards.key))
@@ -91,7 +90,9 @@ def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]
     beside = np.empty(groups, dtype=bool)
     candidates = (near.ends, near.point, near.segment, near.shift)
     limits = (MAX_DEPTH * near.cell, near.reach, feet.MAX_EDGE_DEPTH * near.cell)
-    size = feet.contacts(*candidates, now.x, now.c, start.x, start.c, near.curve.loops, limits, chosen, s, place, beside)
+    size = feet.contacts(
+        *candidates, now.x, now.c, start.x, start.c, near.curve.loops, limits, chosen, s, place, beside
+    )
     group, segment, segment_before = chosen[:, :size]
     found = FootPoints(
         point=near.point[near.begins[group]],
@@ -112,7 +113,9 @@ def project(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:
     k = found.gap.size
     segment, s, normal, gap = found.segment.copy(), found.s.copy(), np.empty((2, k)), np.empty(k)
     beside, key = np.empty(k, dtype=bool), found.key
-    feet.project(found.point, found.shift, found.corner_pair, shape.c, near.curve.loops, segment, s, normal, gap, beside)
+    feet.project(
+        found.point, found.shift, found.corner_pair, shape.c, near.curve.loops, segment, s, normal, gap, beside
+    )
     pairs = np.flatnonzero(found.corner_pair)
     if pairs.size:
         depth, key = CORNER_DISC_DEPTH * near.cell, key.copy()
@@ -161,7 +164,9 @@ def _corner_pairs(near: Neighbours, now: Cubics) -> FootPoints:
     """Contacts of two convex corners within reach."""
     c, j = near.corner_pairs
     none, both, neither = np.zeros(c.size), np.ones(c.size, dtype=bool), np.zeros(c.size, dtype=bool)
-    found = project(near, now, FootPoints(c, none, j, none, both, np.zeros((2, c.size)), none, neither, near.keys(c, j)))
+    found = project(
+        near, now, FootPoints(c, none, j, none, both, np.zeros((2, c.size)), none, neither, near.keys(c, j))
+    )
     return among(found, ~found.beside & (np.abs(found.gap) < near.reach))
 
 

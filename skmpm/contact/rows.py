@@ -27,7 +27,13 @@ def components(matrix: sp.csr_array, *directions: Array) -> sp.csr_array:
 
 @compiled
 def _components(
-    given: Indices, columns: Indices, weights: Array, directions: Array, indptr: Indices, indices: Indices, data: Array
+    given: Indices,
+    columns: Indices,
+    weights: Array,
+    directions: Array,
+    indptr: Indices,
+    indices: Indices,
+    data: Array,
 ) -> None:
     """Write the same; directions (d, 2, k)."""
     end, row = 0, 0
@@ -44,7 +50,7 @@ def _components(
 
 
 def combinations(columns: Ints, weights: Array, size: int) -> sp.csr_array:
-    """Matrix (k, size) with rows of weights (j, k) in columns (j, k), those in the same column added; zeros left out."""
+    """Matrix (k, size) with sums of the weights (j, k) in columns (j, k) for rows; zeros are left out."""
     k = columns.shape[1]
     indptr, indices, data = np.zeros(k + 1, dtype=np.int32), np.empty(columns.size, np.int32), np.empty(columns.size)
     filled = _combinations(columns, weights, indptr, indices, data)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm.compiled import compiled
 from skmpm.outline.topology import Floats, Integers
