@@ -11,9 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
 from skmpm.implicit.residual import Increment
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 def retracted(increment: Increment, w: Array, step: Array) -> Array:
@@ -26,15 +28,34 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
     """
     if not increment.scheme.inertia or increment.material_response.linear or increment.supports is not None:
         return w + step
-    grid, interval = increment.grid, increment.scheme.theta * increment.dt
-    weight = increment.bulk.assembly.lumped[::2]
-    arm = grid.arms(grid.position + (increment.start + interval * w).reshape(-1, 2).T, weight)
-    relative = grid.arms(step.reshape(-1, 2).T, weight)
-    moments = np.stack([weight * (arm[0] * relative[1] - arm[1] * relative[0]), weight * (arm**2).sum(axis=0)])
-    momentum, inertia = grid.sums(moments)
-    spin = (momentum / np.maximum(inertia, 1e-300))[grid.node_body]
-    rest = relative - spin * np.stack([-arm[1], arm[0]])
-    sine, versine = np.sin(interval * spin), 2.0 * np.sin(0.5 * interval * spin) ** 2
-    turned = arm / interval + rest
-    change = sine * np.stack([-turned[1], turned[0]]) - versine * turned + rest - relative
-    return np.asarray(w + step + change.T.ravel())
+    grid, mass = increment.grid, increment.bulk.assembly.lumped
+    x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), np.empty_like(w)
+    _retract(grid.blocks, x, mass, increment.scheme.theta * increment.dt, w, step, out)
+    return out
+
+
+@compiled
+def _retract(blocks: Ints, x: Array, mass: Array, interval: float, w: Array, step: Array, out: Array) -> None:
+    """The same for nodes that are at x (2 nodes,) [m] at the start of the interval."""
+    for b in range(blocks.size - 1):
+        total, x_mean, y_mean, u_mean, v_mean = 1e-300, 0.0, 0.0, 0.0, 0.0
+        for i in range(blocks[b], blocks[b + 1], 2):
+            total += mass[i]
+            x_mean += mass[i] * (x[i] + interval * w[i])
+            y_mean += mass[i] * (x[i + 1] + interval * w[i + 1])
+            u_mean += mass[i] * step[i]
+            v_mean += mass[i] * step[i + 1]
+        x_mean, y_mean, u_mean, v_mean = x_mean / total, y_mean / total, u_mean / total, v_mean / total
+        momentum, inertia = 0.0, 1e-300
+        for i in range(blocks[b], blocks[b + 1], 2):
+            x_arm, y_arm = x[i] + interval * w[i] - x_mean, x[i + 1] + interval * w[i + 1] - y_mean
+            momentum += mass[i] * (x_arm * (step[i + 1] - v_mean) - y_arm * (step[i] - u_mean))
+            inertia += mass[i] * (x_arm**2 + y_arm**2)
+        spin = momentum / inertia
+        sine, versine = np.sin(interval * spin), 2.0 * np.sin(0.5 * interval * spin) ** 2
+        for i in range(blocks[b], blocks[b + 1], 2):
+            x_arm, y_arm = x[i] + interval * w[i] - x_mean, x[i + 1] + interval * w[i + 1] - y_mean
+            u, v = step[i] - u_mean + spin * y_arm, step[i + 1] - v_mean - spin * x_arm  # the rest
+            x_turned, y_turned = x_arm / interval + u, y_arm / interval + v
+            out[i] = w[i] + u_mean + u - sine * y_turned - versine * x_turned
+            out[i + 1] = w[i + 1] + v_mean + v + sine * x_turned - versine * y_turned

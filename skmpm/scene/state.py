@@ -14,6 +14,7 @@ from skmpm.units import quantity
 if TYPE_CHECKING:
     from skmpm.assembly import Assembly
     from skmpm.constraint_elimination import Elimination
+    from skmpm.implicit import Configuration
     from skmpm.linear import Delassus, Solver
 
 Array = NDArray[np.float64]
@@ -276,3 +277,5 @@ class Derived:
     key: tuple[object, ...] = ()  # of the matrix that `solver` was made for
     solver: Solver | None = None
     delassus: Delassus | None = None  # of the contact points, by this solver
+    configuration: Configuration | None = None  # of the bodies, at the displacement of the state
+    of_materials: tuple[object, ...] = ()  # what the configuration depends on besides

@@ -23,7 +23,7 @@ from skmpm.simulate.forces import (
     follower_pressure,
     interacting_bodies,
 )
-from skmpm.simulate.grid_to_points import end_state, kept_solver
+from skmpm.simulate.grid_to_points import end_state, kept_configuration, kept_solver
 from skmpm.simulate.initial_state import check_cohesion, check_explicit, check_scheme, touches
 from skmpm.simulate.regrid import (
     assembly_of,
@@ -91,6 +91,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         pressure=follower_pressure(scene, state, state.t + scheme.theta * dt),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
         springs=springs_of(scene, state, state.t + scheme.theta * dt),
+        known_start=kept_configuration(scene, state, scheme),
     )
     timer.lap("transfer")
     try:
