@@ -40,12 +40,17 @@ def lens_depth(shared: Floats, size: Floats) -> Floats:
 def boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
     """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline."""
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
-    if outlines.size:
-        start = np.flatnonzero(np.diff(outlines.body, prepend=-1))
-        body = outlines.body[start]
-        low[:, body] = np.minimum.reduceat(x, start, axis=1)
-        high[:, body] = np.maximum.reduceat(x, start, axis=1)
+    _bound(x, outlines.body, low, high)
     return low, high
+
+
+@compiled_in_order
+def _bound(x: Floats, body: Integers, low: Floats, high: Floats) -> None:
+    """Widen boxes until they hold the points x (2, m) of their bodies (m,)."""
+    for i in range(body.size):
+        for axis in range(2):
+            low[axis, body[i]] = min(low[axis, body[i]], x[axis, i])
+            high[axis, body[i]] = max(high[axis, body[i]], x[axis, i])
 
 
 def box_pairs(low: Floats, high: Floats) -> Integers:

@@ -20,8 +20,8 @@ from skmpm.scene import (
     mean_velocity,
     velocity_at,
 )
-from skmpm.simulate.box_motion import gradient_at_end, recut_box
 from skmpm.scheme import Scheme
+from skmpm.simulate.box_motion import gradient_at_end, recut_box
 from skmpm.simulate.regrid import derived_of
 from skmpm.transfer import apic
 
@@ -121,7 +121,7 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
 
 
 def kept_configuration(scene: Scene, state: State, scheme: Scheme) -> Configuration | None:
-    """The configuration of the bodies at the end of the step that led to the state, if it is still that, else None."""
+    """The configuration at the end of the step that led to the state, if it is still that, else None."""
     derived = derived_of(state)
     known = derived.configuration
     if known is None or known.displacement is not state.displacement:
