@@ -36,11 +36,10 @@ def by_blocks(
 ) -> Array:
     """Solve (A - shift I) x = b by BiCGStab with the inverses of the blocks of rows with the same label (m,).
 
-    The residual is at most `tolerance` |b|, or `accuracy` if that is more.
+    Labels are small integers. The residual is at most `tolerance` |b|, or `accuracy` if that is more.
     """
-    _, label = np.unique(label, return_inverse=True)
+    starts = np.append(0, np.cumsum(np.bincount(label)))
     order = np.argsort(label, kind="stable")
-    starts = np.searchsorted(label[order], np.arange(int(label.max()) + 2))
     offsets = np.append(0, np.cumsum(np.diff(starts) ** 2))
     inverses, x, size = np.empty(offsets[-1]), np.zeros(b.size), float(np.linalg.norm(b))
     _invert(A.indptr, A.indices, A.data, label, order, starts, offsets, inverses)

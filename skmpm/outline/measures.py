@@ -21,7 +21,7 @@ def area(outlines: Outlines, x: Floats, bodies: int) -> Floats:
 
 @compiled
 def _areas(x: Floats, following: Integers, body: Integers, first: Integers, areas: Floats) -> None:
-    """Add the areas (bodies,) by Green's theorem; the origin is the first point of a body, which avoids cancellation."""
+    """Add the areas (bodies,) by Green's theorem about a point of each body, which avoids cancellation."""
     for i in range(body.size):
         j, k = following[i], first[body[i]]
         cross = (x[0, i] - x[0, k]) * (x[1, j] - x[1, k]) - (x[1, i] - x[1, k]) * (x[0, j] - x[0, k])
