@@ -39,7 +39,7 @@ class Banded:
         """A^-1 b; bodies where b is zero cost nothing."""
         columns = 1 if b.ndim == 1 else b.shape[1]
         x = np.array(b.T, dtype=np.float64, order="C").reshape(columns, b.shape[0])
-        self.over_parts(lambda *part: cholesky.solve(*part, self.blocks, self.ends, x))
+        self.over_parts(lambda i, j, bands, offsets: cholesky.solve(i, j, bands, offsets, self.blocks, self.ends, x))
         return x.reshape(b.T.shape).T
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
@@ -49,7 +49,7 @@ class Banded:
     def _squares(self, rows: Rows, out: Array, begins: Ints) -> None:
         entries = np.searchsorted(rows.entry, np.arange(rows.row.size + 1))
         arguments = (self.blocks, self.ends, rows.ends, rows.first, entries, rows.dof, rows.value, out, begins)
-        self.over_parts(lambda *part: squares(*part, *arguments))
+        self.over_parts(lambda i, j, bands, offsets: squares(i, j, bands, offsets, *arguments))
 
     def over_parts(self, work: Callable[[int, int, Array, Ints], None]) -> None:
         """Call work(first, last, bands, offsets) for ranges of bodies and the bands they lie in."""
@@ -82,7 +82,7 @@ def _factorised(factor: Banded, A: sp.bsr_array, chosen: NDArray[np.bool_]) -> B
     """The factor with the blocks of A of the chosen bodies; its bands are overwritten."""
     failed = np.zeros(chosen.size, dtype=bool)
     arguments = (chosen, A.indptr, A.indices, A.data, factor.blocks, factor.ends, failed)
-    factor.over_parts(lambda *part: cholesky.factorise(*part, *arguments))
+    factor.over_parts(lambda i, j, bands, offsets: cholesky.factorise(i, j, bands, offsets, *arguments))
     if failed.any():
         raise NotPositiveDefinite(np.flatnonzero(failed), lambda B: _factorised(factor, B, failed))
     return factor

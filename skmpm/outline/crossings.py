@@ -78,7 +78,7 @@ def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
 def _turns(x: Floats, previous: Integers, following: Integers, body: Integers, left: Floats, right: Floats) -> None:
     """Add the left and right turns (bodies,) at boundary points; their difference is 2 pi for each turn of a tangent.
 
-    The tangent has turned once more when it passes the direction of x, so that angles are those of right turns only.
+    The tangent has turned once more when it passes the direction of x, so that only right turns need their angles.
     """
     for i in range(body.size):
         h, j = previous[i], following[i]
@@ -88,10 +88,16 @@ def _turns(x: Floats, previous: Integers, following: Integers, body: Integers, l
             turn = np.arctan2(-cross, along)
             right[body[i]] += turn
             left[body[i]] += turn
-            if back_y >= 0.0 > y_ahead:
+            if _upward(back_x, back_y) and not _upward(x_ahead, y_ahead):
                 left[body[i]] -= 2.0 * np.pi
-        elif back_y < 0.0 <= y_ahead and (cross > 0.0 or along < 0.0):
+        elif _upward(x_ahead, y_ahead) and not _upward(back_x, back_y) and (cross > 0.0 or along < 0.0):
             left[body[i]] += 2.0 * np.pi
+
+
+@compiled_in_order
+def _upward(x: float, y: float) -> bool:
+    """Whether a direction has an angle in [0, pi)."""
+    return y > 0.0 or (y == 0.0 and x > 0.0)
 
 
 def apart(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> Floats:
