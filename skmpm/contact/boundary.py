@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact.closest_points import closest_points
 from skmpm.contact.cohesion import opening, tensile_strength
-from skmpm.contact.constraints import Constraints, Linearise
+from skmpm.contact.constraints import Constraints, Linearise, no_constraints
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, no_contacts
 from skmpm.contact.motion import Motion
-from skmpm.contact.neighbours import Neighbours, Roles, neighbours
+from skmpm.contact.neighbours import Neighbours, Roles, neighbours, pairs_of_bodies
 from skmpm.contact.rows import combinations
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
@@ -78,30 +78,36 @@ def point_to_curve(
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
     reach, start = _reach(scene, grid.cell), state.x[:, boundary.point]
 
-    def search(margin: float) -> tuple[Neighbours, Roles]:
+    def search(margin: float) -> tuple[Neighbours, Roles] | None:
+        """The candidates, complete for motions up to half the margin; None if nothing is near anything."""
         surfaces = scene.images(start, state.box, reach + margin)
+        at, own = surfaces.at(start, state.box), SelfContact.of(scene, state, surfaces.outlines)
+        pairs = pairs_of_bodies(scene, surfaces, at, reach + margin)
+        if pairs.size + own.bodies.size + len(scene.walls) == 0:
+            return None
         initial = scene.initial_positions[:, surfaces.outlines.point]
-        at, roles = surfaces.at(start, state.box), _roles(scene, surfaces, initial)
-        curve, own = outline.curve(surfaces.outlines, initial, at), SelfContact.of(scene, state, surfaces.outlines)
-        return neighbours(scene, surfaces, curve, roles, own, at, reach, margin), roles
+        curve, roles = outline.curve(surfaces.outlines, initial, at), _roles(scene, surfaces, initial)
+        return neighbours(scene, surfaces, curve, roles, own, at, reach, margin, pairs), roles
 
     motion = Motion.of(scene, state, motions, dt)
-    close, roles = search(0.5 * reach + 2.0 * motion.largest(dt * state.v[:, boundary.point], start))
-    if inertia:
-        close = _with_closest_points(scene, state, close, roles, motion)
+    margin = 0.5 * reach + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
+    close = search(margin)
+    if inertia and close is not None:
+        close = (_with_closest_points(scene, state, *close, motion), close[1])
 
     def linearise(w: Array, motions: PrescribedVelocities = motions) -> Constraints:
         motion = Motion.of(scene, state, motions, dt)
         velocity = (interpolation @ w.reshape(-1, 2)).T
         moved = dt * velocity + motion.points
-        needed = 2.0 * motion.largest(moved, start)
-        near, ranks = close, roles
-        if needed > near.margin:
-            near, ranks = search(needed)
-            near = replace(near, shifts=close.shifts)
-        return _constraints(
-            scene, _contacts(scene, near, motion, moved, theta), near, ranks, motion, moved, interpolation, velocity
-        )
+        needed, found = 2.0 * motion.largest(moved, start), close
+        if needed > margin:
+            found = search(needed)
+            if found is not None and close is not None:
+                found = (replace(found[0], shifts=close[0].shifts), found[1])
+        pairs = no_contacts() if found is None else _contacts(scene, found[0], motion, moved, theta)
+        if found is None or pairs.gap.size == 0:
+            return no_constraints(interpolation)
+        return _constraints(scene, pairs, *found, motion, moved, interpolation, velocity)
 
     return linearise
 

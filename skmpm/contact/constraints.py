@@ -204,6 +204,15 @@ def _some(values: Any, chosen: Ints) -> Any:
     return values[chosen] if isinstance(values, sp.csr_array) else values[..., chosen]
 
 
+def no_constraints(base: sp.csr_array) -> Constraints:
+    """Those of no contact of these contact points."""
+    none, two, rows = np.zeros(0), np.zeros((2, 0)), sp.csr_array((0, base.shape[0]))
+    no_index, no_pair = np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
+    return Constraints(
+        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none, two, none, none, none, none, two)
+    )
+
+
 Linearise = Callable[..., Constraints]  # nodal velocity and, if forces drive anything, all prescribed velocities
 ContactFormulation = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities, bool], Linearise]
 

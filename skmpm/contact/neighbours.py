@@ -98,14 +98,15 @@ def neighbours(
     x: Array,
     reach: float,
     margin: float,
+    pairs: Ints,
 ) -> Neighbours:
-    """Candidates for contact: all points of the body that contributes them, the corners of the other body.
+    """Candidates for contact of `pairs_of_bodies`: all points of that which gives them, corners of the other.
 
     Of two parts of one body that which comes first along the outline contributes the points. Pairs of images are not
     candidates, since each is a pair of a body and an image, too.
     """
     boundary = curve.outlines
-    first, second = pairs = _pairs_of_bodies(scene, surfaces, x, reach + margin)
+    first, second = pairs
     contributes = roles.rank[first] < roles.rank[second]
     least = np.where(contributes, -1.0, SHARP_TURN / np.maximum(roles.spacing[second], 1e-300))
     bend = np.where(curve.sharp, 1e300, roles.bend)
@@ -133,7 +134,7 @@ def neighbours(
     )
 
 
-def _pairs_of_bodies(scene: Scene, surfaces: Images, x: Array, reach: float) -> Ints:
+def pairs_of_bodies(scene: Scene, surfaces: Images, x: Array, reach: float) -> Ints:
     """Pairs (2, p) of bodies near each other, in both orders and sorted, one of which moves and one is no image."""
     low, high = outline.boxes(surfaces.outlines, x, surfaces.body.size)
     pairs = outline.both_ways(outline.box_pairs(low - 0.5 * reach, high + 0.5 * reach))
