@@ -51,13 +51,16 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     a = r if r.any() else -x.u
     state, fewest, left = contact_states((a + p.slide)[:k], p.mu * INSIDE), p.mu.size + 1, PATIENCE
     seen, count, changes, rough = {state.tobytes()}, 0, p.mu.size, False
-    while (rough or best.error > (POLISH * tol if count and not polished else tol)) and count < limit and left:
+    # Small dynamic problems, whose steps take no time, are polished even where the start is within the tolerance.
+    wanted = tol if p.blocks is None or is_sparse(p.W) else POLISH * tol
+    while (rough or best.error > wanted) and count < limit and left:
         polished, rough = best.error <= tol, p.blocks is not None and changes > MANY_CHANGES * p.mu.size
         accuracy, tolerance = ACCURACY * tol * p.reference, ROUGH_TOLERANCE if rough else TOLERANCE
         d, factor = _step(p, r, state, accuracy, factor, tolerance)
         r, count = r + d, count + 1
         new = p.at(p.clip_to_cone(r))
         best = new if new.error < best.error else best
+        wanted = tol if polished else POLISH * tol
         previous, state = state, contact_states((r - FULL_STEP_GAIN * (p.W @ r + p.q) + p.slide)[:k], p.mu)
         changes = int(np.count_nonzero(state != previous))
         fewest, left = (changes, PATIENCE) if changes < fewest else (fewest, left - 1)

@@ -28,6 +28,20 @@ class Cubics:
         """Points of the curve (2, k) [m] or their derivatives with respect to s."""
         return _values(self.c, segment, s, derivative)
 
+    def normals(self, segment: Integers, s: Floats) -> Floats:
+        """Unit outward normals (2, k)."""
+        slope = self.at(segment, s, 1)
+        return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
+
+    def seen_from(self, y: Floats, segment: Integers, s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Unit outward normals (2, k) at points of the curve, and where y (2, k) lies relative to these points.
+
+        In front by a distance (k,) [m], negative behind, and along the tangent by (k,) [segments].
+        """
+        normal, gap, along = np.empty_like(y), np.empty_like(s), np.empty_like(s)
+        _see(y, self.c, segment, s, normal, gap, along)
+        return normal, gap, along
+
     def area(self, bodies: int) -> Floats:
         """Area enclosed by the curves of each body, without its holes, (bodies,) [m2]; 0 without outline.
 
@@ -51,6 +65,12 @@ class Cubics:
         segment = np.arange(self.curve.outlines.size)
         speed = np.stack([np.hypot(*self.at(segment, np.full(segment.size, 0.5 + 0.5 * s), 1)) for s in places])
         return np.asarray(np.bincount(self.curve.outlines.body, 0.5 * weights @ speed, bodies), dtype=np.float64)
+
+    def project(self, y: Floats, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
+        """Closest-point projection of y (2, k): segments (k,) and parameters (k,), from initial guesses."""
+        segment, s = segment.astype(np.int64), s.astype(np.float64)
+        _project(y, segment, s, self.c, self.curve.loops)
+        return segment, s
 
 
 @compiled
@@ -110,6 +130,13 @@ def seen(y: tuple[float, float], c: Floats, i: int, t: float) -> tuple[float, fl
 
 
 @compiled
+def _project(y: Floats, segment: Integers, s: Floats, c: Floats, loops: Loops) -> None:
+    """Overwrite the initial guesses `segment` and `s` (k,) by the projections of y (2, k)."""
+    for k in range(s.size):
+        segment[k], s[k] = foot((y[0, k], y[1, k]), segment[k], s[k], c, loops)
+
+
+@compiled
 def _values(c: Floats, segment: Integers, s: Floats, derivative: int) -> Floats:
     """Values (2, k) of the cubics c (m, 4, 2) of segments (k,), or their derivatives."""
     out = np.empty((2, segment.size))
@@ -123,3 +150,10 @@ def _values(c: Floats, segment: Integers, s: Floats, derivative: int) -> Floats:
             else:
                 out[a, k] = 2.0 * c[i, 2, a] + 6.0 * t * c[i, 3, a]
     return out
+
+
+@compiled
+def _see(y: Floats, c: Floats, segment: Integers, s: Floats, normal: Floats, gap: Floats, along: Floats) -> None:
+    """Write what `Cubics.seen_from` returns."""
+    for k in range(s.size):
+        normal[0, k], normal[1, k], gap[k], along[k] = seen((y[0, k], y[1, k]), c, segment[k], s[k])
