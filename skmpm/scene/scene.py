@@ -152,7 +152,12 @@ class Scene:
     @cached_property
     def mass(self) -> float:
         """Mass of all bodies that forces move [kg/m]."""
-        return float((self.densities * self.initial_volumes)[self.movable[self.owner]].sum())
+        return float(self.masses[self.movable[self.owner]].sum())
+
+    @cached_property
+    def masses(self) -> Array:
+        """Masses of all points, (n,) [kg/m]."""
+        return self.densities * self.initial_volumes
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:
