@@ -79,8 +79,9 @@ class Assembly:
         `added` are k cells and the vectors of `mean_dilatation_stiffness` (k, 2, 4, 2), whose matrices are added.
         """
         K, grid = self.ghost_data.copy(), self.grid
-        arguments = (self.block_of_cell, grid.cell_of_point, *self._gradients, self.volume, C.reshape(4, 4, -1), K)
-        points = grid.point_offsets
+        points, cells = grid.point_offsets, np.searchsorted(grid.cell_body, np.arange(grid.bodies + 1))
+        of_cells = (cells, grid.cell_body, self.block_of_cell, grid.cell_of_point)
+        arguments = (*of_cells, *self._gradients, self.volume, C.reshape(4, 4, -1), K)
         over_bodies(lambda first, last: loops.add_stiffness(points[first], points[last], *arguments), points)
         if added is not None:
             loops.add_rank_two(self.block_of_cell[added[0]], added[1], K)

@@ -53,6 +53,8 @@ def cell_ratios(cell: Ints, volume: Array, values: Array, sums: Array, ratios: A
 def add_stiffness(
     first: int,
     last: int,
+    cells: Ints,
+    cell_body: Ints,
     block_of_cell: Ints,
     cell_of_point: Ints,
     gx: Array,
@@ -61,10 +63,17 @@ def add_stiffness(
     C: Array,
     K: Array,
 ) -> None:
-    """Add V grad N_I : C : grad N_J of points first:last to the blocks K (blocks, 2, 2); symmetric C (4, 4, n)."""
-    flat = K.reshape(-1)
+    """Add V grad N_I : C : grad N_J of points first:last to the blocks K (blocks, 2, 2); symmetric C (4, 4, n).
+
+    Sums over the points of each cell of a body, cells[b]:cells[b + 1], come first, of pairs of nodes I <= J.
+    """
+    body, begin, sums = -1, 0, np.zeros((0, 10, 4))
     for p in range(first, last):
-        V, x, y, block = volume[p], gx[p], gy[p], block_of_cell[cell_of_point[p]]
+        if cell_body[cell_of_point[p]] != body:
+            _add_to_blocks(begin, sums, block_of_cell, K)
+            body = cell_body[cell_of_point[p]]
+            begin, sums = cells[body], np.zeros((cells[body + 1] - cells[body], 10, 4))
+        V, x, y, own, n = volume[p], gx[p], gy[p], sums[cell_of_point[p] - begin], 0
         c00, c01, c02, c03 = V * C[0, 0, p], V * C[0, 1, p], V * C[0, 2, p], V * C[0, 3, p]
         c11, c12, c13 = V * C[1, 1, p], V * C[1, 2, p], V * C[1, 3, p]
         c22, c23, c33 = V * C[2, 2, p], V * C[2, 3, p], V * C[3, 3, p]
@@ -73,12 +82,33 @@ def add_stiffness(
             xy_x, xy_y = x[I] * c02 + y[I] * c12, x[I] * c03 + y[I] * c13
             yx_x, yx_y = x[I] * c02 + y[I] * c03, x[I] * c12 + y[I] * c13
             yy_x, yy_y = x[I] * c22 + y[I] * c23, x[I] * c23 + y[I] * c33
-            for J in range(4):
+            for J in range(I, 4):
+                own[n, 0] += xx_x * x[J] + xx_y * y[J]
+                own[n, 1] += xy_x * x[J] + xy_y * y[J]
+                own[n, 2] += yx_x * x[J] + yx_y * y[J]
+                own[n, 3] += yy_x * x[J] + yy_y * y[J]
+                n += 1
+    _add_to_blocks(begin, sums, block_of_cell, K)
+
+
+@compiled
+def _add_to_blocks(begin: int, sums: Array, block_of_cell: Ints, K: Array) -> None:
+    """Add the symmetric matrices of cells from `begin` on, of pairs of nodes I <= J in `sums` (cells, 10, 4)."""
+    flat = K.reshape(-1)
+    for c in range(sums.shape[0]):
+        block, own, n = block_of_cell[begin + c], sums[c], 0
+        for I in range(4):  # noqa: E741
+            for J in range(I, 4):
                 entry = flat[4 * block[I, J] : 4 * block[I, J] + 4]
-                entry[0] += xx_x * x[J] + xx_y * y[J]
-                entry[1] += xy_x * x[J] + xy_y * y[J]
-                entry[2] += yx_x * x[J] + yx_y * y[J]
-                entry[3] += yy_x * x[J] + yy_y * y[J]
+                for k in range(4):
+                    entry[k] += own[n, k]
+                if J > I:
+                    entry = flat[4 * block[J, I] : 4 * block[J, I] + 4]
+                    entry[0] += own[n, 0]
+                    entry[1] += own[n, 2]
+                    entry[2] += own[n, 1]
+                    entry[3] += own[n, 3]
+                n += 1
 
 
 @compiled

@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact.closest_points import closest_points
 from skmpm.contact.cohesion import opening, tensile_strength
-from skmpm.contact.constraints import Constraints, Linearise
+from skmpm.contact.constraints import Constraints, Linearise, no_constraints
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, no_contacts
 from skmpm.contact.motion import Motion
-from skmpm.contact.neighbours import Neighbours, Roles, neighbours
+from skmpm.contact.neighbours import Neighbours, Roles, neighbours, pairs_of_bodies
+from skmpm.contact.rows import combinations
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids
@@ -77,29 +78,36 @@ def point_to_curve(
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
     reach, start = _reach(scene, grid.cell), state.x[:, boundary.point]
 
-    def search(margin: float) -> tuple[Neighbours, Roles]:
+    def search(margin: float) -> tuple[Neighbours, Roles] | None:
+        """The candidates, complete for motions up to half the margin; None if nothing is near anything."""
         surfaces = scene.images(start, state.box, reach + margin)
+        at, own = surfaces.at(start, state.box), SelfContact.of(scene, state, surfaces.outlines)
+        pairs = pairs_of_bodies(scene, surfaces, at, reach + margin)
+        if pairs.size + own.bodies.size + len(scene.walls) == 0:
+            return None
         initial = scene.initial_positions[:, surfaces.outlines.point]
-        at, roles = surfaces.at(start, state.box), _roles(scene, surfaces, initial)
-        curve, own = outline.curve(surfaces.outlines, initial, at), SelfContact.of(scene, state, surfaces.outlines)
-        return neighbours(scene, surfaces, curve, roles, own, at, reach, margin), roles
+        curve, roles = outline.curve(surfaces.outlines, initial, at), _roles(scene, surfaces, initial)
+        return neighbours(scene, surfaces, curve, roles, own, at, reach, margin, pairs), roles
 
     motion = Motion.of(scene, state, motions, dt)
-    close, roles = search(0.5 * reach + 2.0 * motion.largest(dt * state.v[:, boundary.point], start))
-    if inertia:
-        close = _with_closest_points(scene, state, close, roles, motion)
+    margin = 0.5 * reach + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
+    close = search(margin)
+    if inertia and close is not None:
+        close = (_with_closest_points(scene, state, *close, motion), close[1])
 
     def linearise(w: Array, motions: PrescribedVelocities = motions) -> Constraints:
         motion = Motion.of(scene, state, motions, dt)
-        moved = dt * (interpolation @ w.reshape(-1, 2)).T + motion.points
-        needed = 2.0 * motion.largest(moved, start)
-        near, ranks = close, roles
-        if needed > near.margin:
-            near, ranks = search(needed)
-            near = replace(near, shifts=close.shifts)
-        return _constraints(
-            scene, _contacts(scene, near, motion, moved, theta), near, ranks, motion, moved, interpolation, w
-        )
+        velocity = (interpolation @ w.reshape(-1, 2)).T
+        moved = dt * velocity + motion.points
+        needed, found = 2.0 * motion.largest(moved, start), close
+        if needed > margin:
+            found = search(needed)
+            if found is not None and close is not None:
+                found = (replace(found[0], shifts=close[0].shifts), found[1])
+        pairs = no_contacts() if found is None else _contacts(scene, found[0], motion, moved, theta)
+        if found is None or pairs.gap.size == 0:
+            return no_constraints(interpolation)
+        return _constraints(scene, pairs, *found, motion, moved, interpolation, velocity)
 
     return linearise
 
@@ -139,13 +147,13 @@ def _check_outlines(scene: Scene) -> None:
 
 def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundary: Outlines) -> sp.csr_array:
     """Interpolation from nodes to boundary points, (m, nodes); the rows of rigid bodies are zero."""
-    deformable = scene.deformable[state.body]
-    number = np.cumsum(deformable) - 1  # of a material point among those of deformable bodies
-    own = deformable[boundary.point]
-    count = 4 * own  # entries of each row
-    entries = (4 * number[boundary.point[own], None] + np.arange(4)).ravel()
-    matrix, offsets = grid.interpolation, np.append(0, np.cumsum(count)).astype(np.int32)
-    return sp.csr_array((matrix.data[entries], matrix.indices[entries], offsets), shape=(own.size, grid.nodes))
+    own, point = scene.deformable[boundary.body], boundary.point
+    if not own.all():
+        number = np.cumsum(scene.deformable[state.body]) - 1  # among the points of deformable bodies
+        point = number[point[own]]
+    offsets = np.append(0, np.cumsum(4 * own)).astype(np.int32)
+    data, indices = (a.reshape(-1, 4)[point].ravel() for a in (grid.interpolation.data, grid.interpolation.indices))
+    return sp.csr_array((data, indices, offsets), shape=(own.size, grid.nodes))
 
 
 def _roles(scene: Scene, surfaces: outline.Images, x: Array) -> Roles:
@@ -177,9 +185,12 @@ def _constraints(
     motion: Motion,
     moved: Array,
     interpolation: sp.csr_array,
-    w: Array,
+    velocity: Array,
 ) -> Constraints:
-    """Constraints of the contact pairs, linearised about w, which moves the boundary points by `moved` (2, m) [m]."""
+    """Constraints of the contact pairs, linearised about a motion of the boundary points by `moved` (2, m) [m].
+
+    `velocity` (2, m) [m/s] is the part of it that the nodes cause.
+    """
     surfaces, start, dt = near.surfaces, near.start.x, motion.dt
     strength = tensile_strength(scene, surfaces, start, found, roles.rank) if scene.cohesive else 0.0 * found.gap
     x = start + motion.of_surfaces(surfaces, moved)
@@ -189,19 +200,13 @@ def _constraints(
         motion.lattice_vectors(k, end) for k, end in ((second - first, 0), (second - first, 1), (first, 1))
     )
     found = _of_bodies(found, surfaces)
-    k, kept = np.arange(found.gap.size), found.own_weights.ravel() != 0.0
-    own = np.tile(k, 4)
-    data = np.concatenate([found.own_weights.ravel()[kept], -found.weights.ravel()])
-    row = np.concatenate([own[kept], own])
-    column = np.concatenate([found.own.ravel()[kept], found.stencil.ravel()])
-    relative = sp.csr_array((data, (row, column)), shape=(k.size, moved.shape[1]))
-    prescribed = (relative @ motion.points.T).T / dt
+    columns = np.concatenate([found.own, found.stencil])
+    relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), moved.shape[1])
+    prescribed = (relative @ motion.points.T).T / dt if motion.points.any() else np.zeros((2, found.gap.size))
     on_wall = found.bodies[1] < 0
     prescribed[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
     prescribed -= (image - before) / dt
-    tangent_shares = sp.csr_array((found.tangent_shares.ravel(), (own, found.stencil.ravel())), shape=relative.shape)
-    tangent_shares.eliminate_zeros()
-    now = np.einsum("ik,ki->k", found.normal, relative @ (interpolation @ w.reshape(-1, 2)))
+    now = np.einsum("ik,ki->k", found.normal, relative @ velocity.T)
     allowed = np.maximum(np.minimum((1.0 - PUSH_OUT) * found.before, -found.kept), np.minimum(found.before, 0.0))
     return Constraints(
         bodies=found.bodies,
@@ -213,7 +218,7 @@ def _constraints(
         point=scene.outlines.point[found.point],
         base=interpolation,
         difference=relative,
-        tangent_shares=tangent_shares,
+        tangent_shares=combinations(found.stencil, found.tangent_shares, moved.shape[1]),
         curvature=found.curvature,
         prescribed=prescribed,
         offset_normal=(found.gap - allowed) / dt - now,

@@ -19,18 +19,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm import outline
+from skmpm.compiled import compiled
 from skmpm.contact.constraints import lookup
-from skmpm.contact.corner_contact import dot
+from skmpm.contact.feet import foot_of, nearest_of_group
 from skmpm.contact.neighbours import Neighbours, Roles
-from skmpm.contact.projection import nearest, wall_keys
+from skmpm.contact.projection import MAX_DEPTH, wall_keys
 from skmpm.contact.shifts import MIN_SHIFT, NO_SHIFTS, Shifts, guard_keys
 from skmpm.contact.tables import among, joined
-from skmpm.outline import Cubics, Curve
+from skmpm.outline import Cubics, Loops, tangent
 from skmpm.scene import Contacts, Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 # Turn of a segment against the other surface [rad] that is neglected: its chord has half of it as rolling friction.
 MIN_TURN = 1e-3
@@ -47,16 +48,16 @@ def closest_points(
     """
     if near.point.size == 0 and walls.size == 0:
         return NO_SHIFTS
-    length, turn = _turns(ahead.curve, scene.initial_positions[:, ahead.curve.outlines.point])
-    found = [_on_wall(scene, near, i, point, ahead, length, turn) for i, point in enumerate(walls)]
+    reference = scene.initial_positions[:, ahead.curve.outlines.point]
+    found = [_on_wall(scene, near, i, point, ahead, reference) for i, point in enumerate(walls)]
     if near.point.size:
-        found.append(_on_bodies(scene, near, roles, ahead, length, turn))
+        found.append(_on_bodies(scene, near, roles, ahead, reference))
     return _shifts(joined(found), contacts)
 
 
 @dataclass(frozen=True)
-class _Segments:
-    """Segments on which the gap may have a minimum."""
+class _Minima:
+    """Segments on which the gap has a minimum."""
 
     key: Ints  # (2, k) contacts of their ends
     slope: Array  # (2, k) of the gap at their ends
@@ -65,51 +66,128 @@ class _Segments:
     compliance: Array  # (k,) (1 - nu^2) / E of both bodies together [1/Pa]
 
 
-def _turns(curve: Curve, x: Array) -> tuple[Array, Array]:
-    """Lengths (m,) [m] of the segments and their turns (m,) [rad], left turns positive; nan beside corners."""
-    boundary, corner = curve.outlines, curve.corner | curve.sharp
-    half = np.where(corner, np.nan, 0.5 * outline.turning_angles(boundary, x))
-    return np.hypot(*(x[:, boundary.next] - x)), half + half[boundary.next]
+def _on_wall(scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics, reference: Array) -> _Minima:
+    """Minima of the gap to wall i at `point` (2,) [m]."""
+    curve, boundary, normal = near.curve, near.curve.outlines, np.asarray(scene.walls[i].normal, dtype=float)
+    found, values = np.empty(boundary.size, dtype=np.int64), np.empty((4, boundary.size))
+    movable = scene.movable[boundary.body]
+    size = _minima_on_wall(
+        normal, point, near.reach, movable, ahead.x, ahead.c, curve.loops, reference, found, values
+    )
+    c, (*slope, turn, length) = found[:size], values[:, :size]
+    key = wall_keys(curve, i, np.stack([c, boundary.next[c]]))
+    return _Minima(key, np.stack(slope), turn, length, scene.compliance[boundary.body[c]])
 
 
-def _on_wall(
-    scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics, length: Array, turn: Array
-) -> _Segments:
-    """Segments near wall i at `point` (2,) [m]."""
-    curve, boundary = near.curve, near.curve.outlines
-    normal = np.asarray(scene.walls[i].normal, dtype=float)
-    close = (normal @ (ahead.x - point[:, None]) < near.reach) & scene.movable[boundary.body]
-    c = np.flatnonzero(close | close[boundary.next])
-    ends = np.stack([c, boundary.next[c]])
-    slope = np.stack([normal @ _tangents(ahead, end) for end in ends])
-    return _Segments(wall_keys(curve, i, ends), slope, turn[c], length[c], scene.compliance[boundary.body[c]])
-
-
-def _on_bodies(scene: Scene, near: Neighbours, roles: Roles, ahead: Cubics, length: Array, turn: Array) -> _Segments:
-    """Segments near other bodies."""
+def _on_bodies(scene: Scene, near: Neighbours, roles: Roles, ahead: Cubics, reference: Array) -> _Minima:
+    """Minima of the gaps to other bodies."""
     curve, boundary, owner = near.curve, near.curve.outlines, near.surfaces.owner
-    c, segment, s = nearest(near, ahead.x)
+    c, segment = near.point[near.begins], near.segment[near.begins]
     ranks = roles.rank[boundary.body[np.stack([c, segment])]]
     chosen = (ranks[0] < ranks[1]) & scene.movable[owner[c]]  # not the corners of the other body
-    c, segment, s = c[chosen], segment[chosen], s[chosen]
-    foot, t = ahead.project(ahead.x[:, c], segment, s)
-    slope = dot(ahead.normals(foot, t), _tangents(ahead, c))
-    key, key_of_end = (end * curve.sides + curve.side[foot] for end in (c, boundary.next[c]))
-    i = np.flatnonzero(np.isin(key_of_end, key))
-    j = np.searchsorted(key, key_of_end[i])  # sorted, as points and sides are
-    c, end_foot, foot = c[i], foot[j], foot[i]
-    return _Segments(
-        key=np.stack([near.keys(c, foot), near.keys(boundary.next[c], end_foot)]),
-        slope=np.stack([slope[i], slope[j]]),
-        turn=turn[c] + length[c] * turn[foot] / length[foot],
-        length=length[c],
-        compliance=scene.compliance[owner[c]] + scene.compliance[owner[foot]],
-    )
+    found, values = np.empty((3, c.size), dtype=np.int64), np.empty((4, c.size))
+    groups = (near.ends, near.point, near.segment, curve.side, chosen, MAX_DEPTH * near.cell)
+    size = _minima_on_bodies(*groups, ahead.x, ahead.c, curve.loops, reference, found, values)
+    (one, other, foot), (*slope, turn, length) = found[:, :size], values[:, :size]
+    compliance = scene.compliance[owner[c[one]]] + scene.compliance[owner[foot]]
+    return _Minima(near.key[np.stack([one, other])], np.stack(slope), turn, length, compliance)
 
 
-def _shifts(segments: _Segments, contacts: Contacts) -> Shifts:
+@compiled
+def _minima_on_wall(
+    normal: Array,
+    point: Array,
+    reach: float,
+    movable: Bools,
+    x: Array,
+    c: Array,
+    loops: Loops,
+    reference: Array,
+    found: Ints,
+    values: Array,
+) -> int:
+    """Write the segments, and the slopes at their ends, their turns and lengths; return their number."""
+    size = 0
+    for i in range(movable.size):
+        j = loops.following[i]
+        gap = normal[0] * (x[0, i] - point[0]) + normal[1] * (x[1, i] - point[1])
+        gap_ahead = normal[0] * (x[0, j] - point[0]) + normal[1] * (x[1, j] - point[1])
+        if not movable[i] or min(gap, gap_ahead) >= reach:
+            continue
+        x_here, y_here, _ = tangent(c, i, 0.0)
+        x_ahead, y_ahead, _ = tangent(c, j, 0.0)
+        slope, slope_ahead = normal[0] * x_here + normal[1] * y_here, normal[0] * x_ahead + normal[1] * y_ahead
+        turn, length = _turn(i, reference, loops)
+        if slope < 0.0 <= slope_ahead and turn > MIN_TURN:
+            found[size], values[0, size], values[1, size] = i, slope, slope_ahead
+            values[2, size], values[3, size] = turn, length
+            size += 1
+    return size
+
+
+@compiled
+def _minima_on_bodies(
+    ends: Ints,
+    point: Ints,
+    segment: Ints,
+    side: Ints,
+    chosen: Bools,
+    most: float,
+    x: Array,
+    c: Array,
+    loops: Loops,
+    reference: Array,
+    found: Ints,
+    values: Array,
+) -> int:
+    """The same of the chosen groups of candidates: those of both ends, and the segment of the foot of the first."""
+    slope, feet, key = np.empty(chosen.size), np.full(chosen.size, -1), np.empty(chosen.size, dtype=np.int64)
+    sides = side.max() + 1
+    for g in range(chosen.size):
+        at = point[ends[g]]
+        key[g] = at * sides + side[segment[ends[g]]]  # ascends, as points and sides do
+        if chosen[g]:
+            i, t = nearest_of_group(ends[g], ends[g + 1], point, segment, x, loops.following, most)
+            if i >= 0:
+                feet[g], t, x_normal, y_normal, _, _ = foot_of(at, 0.0, i, t, c, loops)
+                x_tangent, y_tangent, _ = tangent(c, at, 0.0)
+                slope[g] = x_normal * x_tangent + y_normal * y_tangent
+    size = 0
+    for g in range(chosen.size):
+        if feet[g] < 0 or slope[g] >= 0.0:
+            continue
+        at = point[ends[g]]
+        wanted = loops.following[at] * sides + side[segment[ends[g]]]
+        other = np.searchsorted(key, wanted)
+        if other == key.size or key[other] != wanted or feet[other] < 0 or slope[other] < 0.0:
+            continue
+        (turn, length), (turn_of_foot, length_of_foot) = (
+            _turn(at, reference, loops),
+            _turn(feet[g], reference, loops),
+        )
+        if length > 0.0 and length_of_foot > 0.0 and turn + length * turn_of_foot / length_of_foot > MIN_TURN:
+            found[0, size], found[1, size], found[2, size] = g, other, feet[g]
+            values[0, size], values[1, size] = slope[g], slope[other]
+            values[2, size], values[3, size] = turn + length * turn_of_foot / length_of_foot, length
+            size += 1
+    return size
+
+
+@compiled
+def _turn(i: int, x: Array, loops: Loops) -> tuple[float, float]:
+    """Turn [rad] of a segment, left turns positive, and its length [m]; both zero beside corners."""
+    j = loops.following[i]
+    if loops.corner[i] or loops.sharp[i] or loops.corner[j] or loops.sharp[j]:
+        return 0.0, 0.0
+    h, k, turn = loops.previous[i], loops.following[j], 0.0
+    for a, b, c in ((h, i, j), (i, j, k)):
+        back_x, back_y, x_ahead, y_ahead = x[0, b] - x[0, a], x[1, b] - x[1, a], x[0, c] - x[0, b], x[1, c] - x[1, b]
+        turn += 0.5 * np.arctan2(back_x * y_ahead - back_y * x_ahead, back_x * x_ahead + back_y * y_ahead)
+    return turn, np.sqrt((x[0, j] - x[0, i]) ** 2 + (x[1, j] - x[1, i]) ** 2)
+
+
+def _shifts(at: _Minima, contacts: Contacts) -> Shifts:
     """The shifts of contacts at the ends of segments on which the slope of the gap changes its sign."""
-    at = among(segments, (segments.slope[0] < 0.0) & (segments.slope[1] >= 0.0) & (segments.turn > MIN_TURN))
     keys = np.concatenate([at.key, guard_keys(at.key)])
     force = lookup(contacts.key, contacts.force[0], keys.ravel(), 0.0).reshape(4, -1).sum(axis=0)
     width = np.sqrt(4.0 / np.pi * np.maximum(force, 0.0) * at.compliance * at.length / at.turn) / at.length
@@ -118,9 +196,3 @@ def _shifts(segments: _Segments, contacts: Contacts) -> Shifts:
     contact = np.where(s > 0.5, at.key[1], at.key[0])
     shift = share * np.where(s > 0.5, s - 1.0, s)
     return among(Shifts(contact, shift, 0.125 * at.length * at.turn), np.abs(shift) >= MIN_SHIFT)
-
-
-def _tangents(shape: Cubics, c: Ints) -> Array:
-    """Unit tangents (2, k) of the outlines at boundary points c (k,)."""
-    slope = shape.at(c, np.zeros(c.size), 1)
-    return np.asarray(slope / np.maximum(np.hypot(*slope), 1e-300))

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.contact.rows import components
 from skmpm.grid import BodyGrids
 from skmpm.scene import PrescribedVelocities, Scene, State
 
@@ -78,11 +79,7 @@ class Constraints:
     @cached_property
     def D(self) -> sp.csr_array:
         """From contact point (2 m,) to relative velocities: rows n (k,) or, with friction, n, t, n, t, ... (2 k,)."""
-        directions = (self.normal, self.tangent) if self.tangential else (self.normal,)
-        rows = [component_along(self.difference, direction) for direction in directions]
-        if not self.tangential:
-            return rows[0]
-        return sp.csr_array(sp.vstack(rows, format="csr")[self._interleaved])
+        return components(self.difference, *((self.normal, self.tangent) if self.tangential else (self.normal,)))
 
     @property
     def H(self) -> sp.csr_array:
@@ -103,13 +100,13 @@ class Constraints:
         They give the sliding velocity [m/s] and the rates of rotation and stretch of the second surface [1/s].
         """
         slide, surface = (
-            component_along(self.difference[chosen], self.tangent[:, chosen]),
+            components(self.difference[chosen], self.tangent[:, chosen]),
             self.tangent_shares[chosen],
         )
         return (
             slide,
-            component_along(surface, self.normal[:, chosen]),
-            component_along(surface, self.tangent[:, chosen]),
+            components(surface, self.normal[:, chosen]),
+            components(surface, self.tangent[:, chosen]),
         )
 
     @cached_property
@@ -118,10 +115,6 @@ class Constraints:
         unknown = np.diff(self.base.indptr) > 0
         row = np.repeat(np.arange(self.size), np.diff(self.tangent_shares.indptr))
         return np.asarray(np.bincount(row, unknown[self.tangent_shares.indices], self.size) > 0)
-
-    @property
-    def _interleaved(self) -> Ints:
-        return np.arange(2 * self.size).reshape(2, -1).T.ravel()
 
     @property
     def offset(self) -> Array:
@@ -211,12 +204,13 @@ def _some(values: Any, chosen: Ints) -> Any:
     return values[chosen] if isinstance(values, sp.csr_array) else values[..., chosen]
 
 
-def component_along(matrix: sp.csr_array, direction: Array) -> sp.csr_array:
-    """Matrix (k, 2 m) of the components along `direction` (2, k) of the vectors that `matrix` (k, m) combines."""
-    count = np.diff(matrix.indptr)
-    columns = np.stack([2 * matrix.indices, 2 * matrix.indices + 1], axis=1).ravel()
-    data = (matrix.data * np.repeat(direction, count, axis=1)).T.ravel()
-    return sp.csr_array((data, columns, 2 * matrix.indptr), shape=(matrix.shape[0], 2 * matrix.shape[1]))
+def no_constraints(base: sp.csr_array) -> Constraints:
+    """Those of no contact of these contact points."""
+    none, two, rows = np.zeros(0), np.zeros((2, 0)), sp.csr_array((0, base.shape[0]))
+    no_index, no_pair = np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
+    return Constraints(
+        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none, two, none, none, none, none, two)
+    )
 
 
 Linearise = Callable[..., Constraints]  # nodal velocity and, if forces drive anything, all prescribed velocities
@@ -234,7 +228,7 @@ def acts_at_grid_nodes(law: ContactFormulation) -> bool:
 
 def _match(known: Ints, wanted: Ints) -> tuple[NDArray[np.bool_], Ints]:
     """For each wanted key, whether it is one of the known keys (unique) and at which index."""
-    order = np.argsort(known)
+    order = np.argsort(known, kind="stable")  # fast where runs ascend, as keys do
     index = np.minimum(np.searchsorted(known[order], wanted), max(known.size - 1, 0))
     where = order[index] if known.size else index
     return (known[where] == wanted) if known.size else np.zeros(wanted.size, dtype=bool), where

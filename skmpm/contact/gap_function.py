@@ -15,6 +15,7 @@ from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     """Contact pairs of bodies whose boundary points move from `start` by `moved`, both (2, m) [m]."""
     curve, boundary = near.curve, near.curve.outlines
     now = curve.through(start + moved)
-    end, begin = foot_points(near, now)
+    end, before = foot_points(near, now)
     at = now if theta == 1.0 else curve.through(start + theta * moved)
-    driving = end if theta == 1.0 else project(near, at, end.point, end.segment, end.s, end.corner_pair, end.guard)
+    driving = end if theta == 1.0 else project(near, at, end)
     shares, curvature = tangent_shares(at, driving)
     own, own_s = curve.shifted(end.point, end.shift)
     bodies = boundary.body[np.stack([end.point, end.segment])]
@@ -59,8 +60,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         curvature=curvature,
         normal=driving.normal,
         gap=end.gap,
-        # A point that was beyond the end of a side did not overlap with it.
-        before=np.where(begin.beside, np.maximum(begin.gap, 0.0), begin.gap),
+        before=before,
         friction=scene.frictions.between(near.surfaces.body[bodies]),
         kept=near.shifts.kept_overlap(end.key),
     )
@@ -94,9 +94,11 @@ def contacts_with_wall(
     """Contact pairs of boundary points with wall i, which moves from `point` by `step`, both (2,) [m]."""
     curve, boundary = near.curve, near.curve.outlines
     normal = np.asarray(scene.walls[i].normal, dtype=float)
-    before, gap = np.empty(start.shape[1]), np.empty(start.shape[1])
-    _wall_gaps(normal, start, point, moved, step, before, gap)
-    c = np.flatnonzero((gap < near.reach) & scene.movable[boundary.body])
+    before, gap, c = np.empty(boundary.size), np.empty(boundary.size), np.empty(boundary.size, dtype=np.int64)
+    movable = scene.movable[boundary.body]
+    c = c[: _wall_gaps(normal, start, point, moved, step, movable, near.reach, before, gap, c)]
+    if c.size == 0:
+        return no_contacts()
     key = wall_keys(curve, i, c)
     shift = near.shifts.of(key)
     guarded = shift != 0.0
@@ -125,9 +127,23 @@ def contacts_with_wall(
 
 @compiled_in_order
 def _wall_gaps(
-    normal: Array, start: Array, point: Array, moved: Array, step: Array, before: Array, gap: Array
-) -> None:
-    """Write the gaps (m,) between points and a wall before and after both have moved."""
+    normal: Array,
+    start: Array,
+    point: Array,
+    moved: Array,
+    step: Array,
+    movable: Bools,
+    reach: float,
+    before: Array,
+    gap: Array,
+    near: Ints,
+) -> int:
+    """Write the gaps (m,) between points and a wall before and after both have moved, and which are within reach."""
+    size = 0
     for c in range(gap.size):
         before[c] = normal[0] * (start[0, c] - point[0]) + normal[1] * (start[1, c] - point[1])
         gap[c] = before[c] + normal[0] * (moved[0, c] - step[0]) + normal[1] * (moved[1, c] - step[1])
+        if gap[c] < reach and movable[c]:
+            near[size] = c
+            size += 1
+    return size

@@ -53,6 +53,8 @@ class Motion:
 def _rigid_velocities(scene: Scene, state: State, rigid: Array, dt: float) -> Array:
     """Mean velocities of the boundary points of rigid bodies in the step, zero for others, (2, m) [m/s]."""
     boundary = scene.outlines
+    if scene.deformable.all():
+        return np.zeros((2, boundary.size))
     velocity = rigid[:2, boundary.body]
     if rigid[2].any():
         arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, boundary.body]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,10 @@ from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # A rigid boundary that turns by more than this within a spacing s of the other boundary is treated as an edge: beside
 # edges boundaries stretch to twice their length, and a chord of 2 s would lie deeper in it than s SHARP_TURN / 2,
-# which is 0.13 cells for points 0.74 cells apart.
+# which is 0.13 cells for points 0.74 cells apart. Edges are projected as corners are.
 SHARP_TURN = np.deg2rad(20.0)
 
 
@@ -31,10 +31,6 @@ class Roles:
     rank: Ints  # (bodies,) the body of lower rank contributes the points
     spacing: Array  # (bodies,) mean distance of boundary points [m]
     bend: Array  # (m,) curvature of the boundaries of rigid bodies [1/m], zero elsewhere
-
-    def edges(self, point: Ints, second: Ints) -> Bools:
-        """Whether points (k,) of rigid bodies are edges, which are projected on the second bodies (k,) as corners."""
-        return np.asarray(self.bend[point] * self.spacing[second] > SHARP_TURN)
 
 
 @dataclass(frozen=True)
@@ -48,10 +44,25 @@ class Neighbours:
     margin: float  # [m]
     point: Ints  # (n,) sorted by point, then by side
     segment: Ints  # (n,)
-    begins: Ints  # (groups,) first candidate of each combination of point and side
+    begins: Ints  # (groups,) first candidate of each group, those of a point on one side
     corner_pairs: Ints  # (2, k) pairs of convex corners of two bodies, or of parts of one
     own: SelfContact
     shifts: Shifts = NO_SHIFTS  # to the closest points of the curves
+
+    @cached_property
+    def key(self) -> Ints:
+        """Identities of the contacts of the groups, (groups,)."""
+        return self.keys(self.point[self.begins], self.segment[self.begins])
+
+    @cached_property
+    def shift(self) -> Array:
+        """Shifts of the contact points of the groups, (groups,) [segments]."""
+        return self.shifts.of(self.key)
+
+    @cached_property
+    def ends(self) -> Ints:
+        """First candidate of each group, and the number of candidates, (groups + 1,)."""
+        return np.append(self.begins, self.point.size)
 
     @property
     def none(self) -> bool:
@@ -87,27 +98,56 @@ def neighbours(
     x: Array,
     reach: float,
     margin: float,
+    pairs: Ints,
 ) -> Neighbours:
-    """Candidates for contact: all points of the body that contributes them, the corners of the other body.
+    """Candidates for contact of `pairs_of_bodies`: all points of that which gives them, corners of the other.
 
     Of two parts of one body that which comes first along the outline contributes the points. Pairs of images are not
     candidates, since each is a pair of a body and an image, too.
     """
     boundary = curve.outlines
-    others, itself = outline.candidates(boundary, x, reach + margin), own.facing(x, reach + margin)
-    point, segment = (np.concatenate(parts) for parts in zip(others, itself, strict=True))
-    first, second = boundary.body[point], boundary.body[segment]
-    contributes = np.where(first == second, point < segment, roles.rank[first] < roles.rank[second])
-    free = scene.movable[surfaces.body[first]] | scene.movable[surfaces.body[second]]
-    if not surfaces.none:
-        free &= (first < surfaces.bodies) | (second < surfaces.bodies)
-    ends = np.concatenate([np.stack([point, end]) for end in (segment, boundary.next[segment])], axis=1)
-    corner_pairs = np.unique(ends[:, np.tile(contributes & free, 2) & curve.convex[ends].all(axis=0)], axis=1)
-    kept = (contributes | roles.edges(point, second) | curve.sharp[point]) & free
-    point, segment = point[kept], segment[kept]
-    order = np.lexsort((curve.side[segment], point))
-    point, segment = point[order], segment[order]
+    first, second = pairs
+    contributes = roles.rank[first] < roles.rank[second]
+    least = np.where(contributes, -1.0, SHARP_TURN / np.maximum(roles.spacing[second], 1e-300))
+    bend = np.where(curve.sharp, 1e300, roles.bend)
+    point, segment = outline.candidates(boundary, x, reach + margin, pairs, bend, least)
+    itself = own.facing(x, reach + margin)
+    if itself[0].size:
+        kept = (itself[0] < itself[1]) | curve.sharp[itself[0]]
+        point, segment = (np.append(a, b[kept]) for a, b in zip((point, segment), itself, strict=True))
+    if itself[0].size or curve.corner.any():  # else they are sorted already
+        order = np.lexsort((segment, curve.side[segment], point))
+        point, segment = point[order], segment[order]
     begins = np.ones(point.size, dtype=bool)
     begins[1:] = (point[1:] != point[:-1]) | (np.diff(curve.side[segment]) != 0)
-    start, groups = curve.through(x), np.flatnonzero(begins)
-    return Neighbours(surfaces, start, scene.cell, reach, margin, point, segment, groups, corner_pairs, own)
+    return Neighbours(
+        surfaces=surfaces,
+        start=curve.through(x),
+        cell=scene.cell,
+        reach=reach,
+        margin=margin,
+        point=point,
+        segment=segment,
+        begins=np.flatnonzero(begins),
+        corner_pairs=_corner_pairs(curve, roles, point, segment),
+        own=own,
+    )
+
+
+def pairs_of_bodies(scene: Scene, surfaces: Images, x: Array, reach: float) -> Ints:
+    """Pairs (2, p) of bodies near each other, in both orders and sorted, one of which moves and one is no image."""
+    low, high = outline.boxes(surfaces.outlines, x, surfaces.body.size)
+    pairs = outline.both_ways(outline.box_pairs(low - 0.5 * reach, high + 0.5 * reach))
+    kept = scene.movable[surfaces.body[pairs]].any(axis=0) & (pairs < surfaces.bodies).any(axis=0)
+    return pairs[:, kept]
+
+
+def _corner_pairs(curve: Curve, roles: Roles, point: Ints, segment: Ints) -> Ints:
+    """Pairs (2, k) of convex corners of these candidates, the first of the body or part that contributes points."""
+    if not curve.convex.any():
+        return np.zeros((2, 0), dtype=np.int64)
+    boundary = curve.outlines
+    first, second = boundary.body[point], boundary.body[segment]
+    contributes = np.where(first == second, point < segment, roles.rank[first] < roles.rank[second])
+    ends = np.concatenate([np.stack([point, end]) for end in (segment, boundary.next[segment])], axis=1)
+    return np.unique(ends[:, np.tile(contributes, 2) & curve.convex[ends].all(axis=0)], axis=1)

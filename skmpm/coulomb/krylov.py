@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator, bicgstab, gmres
+from scipy.sparse.linalg import LinearOperator, gmres
 
 from skmpm.compiled import compiled
 
@@ -31,34 +31,95 @@ class NotConvergedError(RuntimeError):
     """The iteration converges too slowly."""
 
 
-def by_blocks(A: sp.csr_array, b: Array, shift: float, label: Ints, accuracy: float = 0.0) -> Array:
+def by_blocks(
+    A: sp.csr_array, b: Array, shift: float, label: Ints, accuracy: float = 0.0, tolerance: float = TOLERANCE
+) -> Array:
     """Solve (A - shift I) x = b by BiCGStab with the inverses of the blocks of rows with the same label (m,).
 
-    The residual is at most `TOLERANCE` |b|, or `accuracy` if that is more.
+    Labels are small integers. The residual is at most `tolerance` |b|, or `accuracy` if that is more.
     """
-    _, label = np.unique(label, return_inverse=True)
+    starts = np.append(0, np.cumsum(np.bincount(label)))
     order = np.argsort(label, kind="stable")
-    starts = np.searchsorted(label[order], np.arange(int(label.max()) + 2))
     offsets = np.append(0, np.cumsum(np.diff(starts) ** 2))
-    inverses, count, size = np.empty(offsets[-1]), 0, float(np.linalg.norm(b))
+    inverses, x, size = np.empty(offsets[-1]), np.zeros(b.size), float(np.linalg.norm(b))
     _invert(A.indptr, A.indices, A.data, label, order, starts, offsets, inverses)
-
-    def apply(x: Array) -> Array:
-        y = np.empty(x.size)
-        _apply(order, starts, offsets, inverses, x.ravel(), y)
-        return y
-
-    def probe(x: Array) -> None:
-        nonlocal count
-        count += 1
-        if count == PROBED and not float(np.linalg.norm(b - A @ x)) <= max(PROBED_RESIDUAL * size, accuracy):
-            raise NotConvergedError
-
-    inverse, matrix = LinearOperator(A.shape, matvec=apply), _shifted(A, shift)
-    x, failed = bicgstab(matrix, b, rtol=TOLERANCE, atol=accuracy, maxiter=LIMIT, M=inverse, callback=probe)
-    if failed:
+    enough, probed = max(tolerance * size, accuracy), max(PROBED_RESIDUAL * size, accuracy)
+    matrix, blocks = (A.indptr, A.indices, A.data), (order, starts, offsets, inverses)
+    if not _bicgstab(matrix, shift, blocks, b, enough, probed, x):
         raise NotConvergedError
-    return np.asarray(x)
+    return x
+
+
+@compiled
+def _bicgstab(
+    matrix: tuple[Ints, Ints, Array],
+    shift: float,
+    blocks: tuple[Ints, Ints, Ints, Array],
+    b: Array,
+    enough: float,
+    probed: float,
+    x: Array,
+) -> bool:
+    """Add the solution to x, zero before; false where the iteration breaks down or converges too slowly."""
+    n, r, p, v = b.size, b.copy(), b.copy(), np.zeros(b.size)
+    y, t, z = np.empty(n), np.empty(n), np.empty(n)
+    rho = alpha = omega = 1.0
+    for count in range(1, LIMIT + 1):
+        if _norm(r) < enough:
+            return True
+        before, rho = rho, _dot(b, r)
+        if abs(rho) < 1e-300 or abs(omega) < 1e-300:
+            return False
+        if count > 1:
+            beta = rho / before * (alpha / omega)
+            for i in range(n):
+                p[i] = r[i] + beta * (p[i] - omega * v[i])
+        _apply(*blocks, p, y)
+        times(*matrix, shift, y, v)
+        along = _dot(b, v)
+        if abs(along) < 1e-300:
+            return False
+        alpha = rho / along
+        for i in range(n):
+            r[i] -= alpha * v[i]
+            x[i] += alpha * y[i]
+        if _norm(r) < enough:
+            return True
+        _apply(*blocks, r, z)
+        times(*matrix, shift, z, t)
+        omega = _dot(t, r) / max(_dot(t, t), 1e-300)
+        for i in range(n):
+            x[i] += omega * z[i]
+            r[i] -= omega * t[i]
+        if count == PROBED and not _norm(r) <= probed:
+            return False
+    return _norm(r) < enough
+
+
+@compiled
+def times(indptr: Ints, indices: Ints, data: Array, shift: float, x: Array, y: Array) -> None:
+    """Write (A - shift I) x to y."""
+    for i in range(y.size):
+        own, values = indices[indptr[i] : indptr[i + 1]], data[indptr[i] : indptr[i + 1]]
+        total = 0.0
+        for e in range(own.size):
+            total += values[e] * x[own[e]]
+        y[i] = total - shift * x[i]
+
+
+@compiled
+def _dot(x: Array, y: Array) -> float:
+    """Scalar product."""
+    total = 0.0
+    for i in range(x.size):
+        total += x[i] * y[i]
+    return total
+
+
+@compiled
+def _norm(x: Array) -> float:
+    """Euclidean norm."""
+    return float(np.sqrt(_dot(x, x)))
 
 
 def by_known_factor(
@@ -85,15 +146,11 @@ def by_known_factor(
         return every[rows]
 
     inverse, restart = LinearOperator(A.shape, matvec=apply), 2 * changes + 3
-    x, failed = gmres(_shifted(A, shift), b, rtol=TOLERANCE, atol=accuracy, restart=restart, maxiter=2, M=inverse)
+    shifted = LinearOperator(A.shape, matvec=lambda x: A @ x - shift * x)
+    x, failed = gmres(shifted, b, rtol=TOLERANCE, atol=accuracy, restart=restart, maxiter=2, M=inverse)
     if failed:
         raise NotConvergedError
     return np.asarray(x)
-
-
-def _shifted(A: sp.csr_array, shift: float) -> LinearOperator:
-    """A - shift I."""
-    return LinearOperator(A.shape, matvec=lambda x: A @ x - shift * x)
 
 
 @compiled

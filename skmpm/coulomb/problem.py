@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
 from skmpm.coulomb.law import (
     MIN_TANGENTIAL_RESPONSE,
     Array,
@@ -76,9 +77,9 @@ class Problem:
     @property
     def uncoupled(self) -> bool:
         """Whether W is diagonal; the solution is then `independent`."""
-        entries = self.W.data if is_sparse(self.W) else self.W
-        responding = np.count_nonzero(np.abs(self.W.diagonal()) > ZERO_ENTRY)
-        return bool(np.count_nonzero(np.abs(entries) > ZERO_ENTRY) == responding)
+        if is_sparse(self.W):
+            return not _coupled(self.W.indptr, self.W.indices, self.W.data)
+        return bool((np.abs(self.W - np.diag(self.W.diagonal())) <= ZERO_ENTRY).all())
 
     @property
     def independent(self) -> Array:
@@ -123,30 +124,77 @@ def is_sparse(W: Matrix) -> bool:
 def scaled(W: Matrix, q: Array, mu: Array, contacts: int, reference: float | None = None) -> tuple[Problem, Array]:
     """Return the problem with unit diag(W), and s = sqrt(diag W); residuals are relative to `reference` or |q~|."""
     if is_sparse(W) and q.size > MAX_DENSE_ROWS:
-        W = sp.csr_array(W, dtype=float).sorted_indices()  # a copy: scaled in place
-        s = _roots(W, mu, contacts)
-        W.data /= np.repeat(s, np.diff(W.indptr)) * s[W.indices]
+        W = sp.csr_array(W, dtype=float)
+        W = W if W.has_sorted_indices else W.sorted_indices()
+        response = diagonal(W)
+        s, data = _roots(response, mu, contacts), np.empty_like(W.data)
+        _divide(W.indptr, W.indices, W.data, s, data)
+        W = sp.csr_array((data, W.indices, W.indptr), shape=W.shape)
+        W.has_sorted_indices = True
     else:
         W = np.asarray(sp.coo_array(W).toarray() if is_sparse(W) else W, dtype=float)
-        s = _roots(W, mu, contacts)
+        response = W.diagonal()
+        s = _roots(response, mu, contacts)
         W = W / (s[:, None] * s)
     q = q / s
     if contacts > mu.size:
         q[1:contacts:2][mu == 0.0] = 0.0  # frictionless contacts have no tangential unknown
     slope = scaled_friction(mu, s[:contacts])
     reference = max(float(np.linalg.norm(q)) if reference is None else reference, TINY)
-    return Problem(W, q, slope, reference, contacts, _slide(W, q, contacts, mu.size)), s
+    return Problem(W, q, slope, reference, contacts, _slide(W, response / s**2, q, contacts, mu.size)), s
 
 
-def _roots(W: Matrix, mu: Array, contacts: int) -> Array:
+def diagonal(W: sp.csr_array) -> Array:
+    """The diagonal of a sparse matrix whose columns ascend, (m,)."""
+    entries = np.zeros(W.shape[0])
+    _diagonal(W.indptr, W.indices, W.data, entries)
+    return entries
+
+
+@compiled
+def _diagonal(indptr: Ints, indices: Ints, data: Array, out: Array) -> None:
+    """Write the diagonal of a CSR matrix, zero before."""
+    for i in range(out.size):
+        first, last = indptr[i], indptr[i + 1]
+        while first < last:
+            middle = (first + last) // 2
+            if indices[middle] < i:
+                first = middle + 1
+            else:
+                last = middle
+        if first < indptr[i + 1] and indices[first] == i:
+            out[i] = data[first]
+
+
+@compiled
+def _divide(indptr: Ints, indices: Ints, given: Array, s: Array, out: Array) -> None:
+    """Write the entries of a CSR matrix over s_i s_j."""
+    for i in range(s.size):
+        for e in range(indptr[i], indptr[i + 1]):
+            out[e] = given[e] / (s[i] * s[indices[e]])
+
+
+@compiled
+def _coupled(indptr: Ints, indices: Ints, data: Array) -> bool:
+    """Whether a CSR matrix has an entry beside the diagonal that is more than round-off."""
+    for i in range(indptr.size - 1):
+        for e in range(indptr[i], indptr[i + 1]):
+            if indices[e] != i and abs(data[e]) > ZERO_ENTRY:
+                return True
+    return False
+
+
+def _roots(diagonal: Array, mu: Array, contacts: int) -> Array:
     """Square roots of the scales of all rows."""
-    diagonal = W.diagonal()
     return root(np.abs(np.concatenate([row_scales(diagonal[:contacts], mu.size), diagonal[contacts:]])))
 
 
-def _slide(W: Matrix, q: Array, contacts: int, k: int) -> Array | float:
-    """`Problem.slide`: LARGE_IMPULSE opposite to q in tangential rows whose entries are all round-off, else zero."""
-    suspects = np.flatnonzero(W.diagonal()[1:contacts:2] < MIN_TANGENTIAL_RESPONSE) if contacts > k else np.zeros(0)
+def _slide(W: Matrix, response: Array, q: Array, contacts: int, k: int) -> Array | float:
+    """`Problem.slide`: LARGE_IMPULSE opposite to q in tangential rows whose entries are all round-off, else zero.
+
+    `response` is the diagonal of W.
+    """
+    suspects = np.flatnonzero(response[1:contacts:2] < MIN_TANGENTIAL_RESPONSE) if contacts > k else np.zeros(0)
     if not suspects.size:
         return 0.0
     rows = 2 * suspects + 1

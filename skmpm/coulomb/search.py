@@ -150,7 +150,8 @@ def _solve(
 
 
 def _blocks(pairs: Ints, rows: int, bilateral: Bilateral | None) -> Ints:
-    """The labels of all rows: of contacts (rows,), then of the bilateral unknowns."""
+    """The labels of all rows, from 0 on: of contacts (rows,), then of the bilateral unknowns."""
+    pairs = np.unique(pairs, return_inverse=True)[1]
     of_contacts = np.repeat(pairs, rows // pairs.size)
     if bilateral is None or bilateral.contact is None:
         return of_contacts

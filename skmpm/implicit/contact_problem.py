@@ -79,7 +79,8 @@ class ContactProblem:
     @cached_property
     def speed_round_off(self) -> float:
         """Round-off of gap velocities that comes from positions [m/s]."""
-        extent = float(np.abs(self.increment.grid.position).max(initial=0.0))
+        grid = self.increment.grid
+        extent = grid.cell * float(np.abs(grid.node_index).max(initial=0))
         return 4.0 * float(np.finfo(float).eps) * extent / self.increment.dt
 
     def at(self, w: Array) -> ContactIterate:

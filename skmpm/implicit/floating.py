@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
-from skmpm.contact.constraints import component_along
+from skmpm.contact.rows import components
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.equilibrium import RigidContacts
 from skmpm.implicit.errors import StepRejected
@@ -117,7 +117,7 @@ def rigid_contacts(increment: Increment, bodies: FloatingBodies, constraints: Co
     )  # rigid motions do not change contacts of a body with itself
     at_points = sp.csr_array(sp.kron(constraints.base, np.eye(2), format="csr") @ bodies.modes)
     normal, tangent = (
-        sp.csr_array(sp.diags_array(between * 1.0) @ component_along(constraints.difference, d) @ at_points)
+        sp.csr_array(sp.diags_array(between * 1.0) @ components(constraints.difference, d) @ at_points)
         for d in (constraints.normal, constraints.tangent)
     )
     owners = index[np.maximum(constraints.bodies, -1)]

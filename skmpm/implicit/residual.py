@@ -70,6 +70,7 @@ class Increment:
     gauge: Gauge | None = None  # for bodies whose material can turn inside their shape
     pressure: FollowerPressure | None = None
     springs: Springs | None = None
+    known_start: Configuration | None = None  # the configuration at the start, where an earlier step has computed it
     depends_on_dt: bool = True  # whether the equations depend on dt; not in equilibria under constant conditions
 
     @property
@@ -84,7 +85,7 @@ class Increment:
     @cached_property
     def at_start(self) -> Configuration:
         """The configuration at the start of the step."""
-        return self.bulk.at(self.start)
+        return self.bulk.at(self.start) if self.known_start is None else self.known_start
 
     @cached_property
     def material_response(self) -> Bulk | ViscousBulk | ExplicitBulk:

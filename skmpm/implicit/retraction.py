@@ -28,38 +28,34 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
     """
     if not increment.scheme.inertia or increment.material_response.linear or increment.supports is not None:
         return w + step
-    grid, interval = increment.grid, increment.scheme.theta * increment.dt
-    x = grid.position.T + (increment.start + interval * w).reshape(-1, 2)
-    retraction = np.empty_like(step)
-    _rotate_steps(grid.blocks // 2, increment.bulk.assembly.lumped[::2], x, step.reshape(-1, 2), interval,
-                  retraction.reshape(-1, 2))  # fmt: skip
-    return np.asarray(w + retraction)
+    grid, mass = increment.grid, increment.bulk.assembly.lumped
+    x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), np.empty_like(w)
+    _retract(grid.blocks, x, mass, increment.scheme.theta * increment.dt, w, step, out)
+    return out
 
 
 @compiled
-def _rotate_steps(first: Ints, weight: Array, x: Array, step: Array, interval: float, out: Array) -> None:
-    """Steps `out` (nodes, 2) with exact rotations of the bodies, whose nodes begin at first (bodies + 1,)."""
-    for b in range(first.size - 1):
-        nodes = range(first[b], first[b + 1])
-        mass = mx = my = sx = sy = 0.0
-        for n in nodes:
-            mass += weight[n]
-            mx += weight[n] * x[n, 0]
-            my += weight[n] * x[n, 1]
-            sx += weight[n] * step[n, 0]
-            sy += weight[n] * step[n, 1]
-        mass = max(mass, 1e-300)
-        mx, my, sx, sy = mx / mass, my / mass, sx / mass, sy / mass
-        momentum = inertia = 0.0
-        for n in nodes:
-            ax, ay = x[n, 0] - mx, x[n, 1] - my
-            momentum += weight[n] * (ax * (step[n, 1] - sy) - ay * (step[n, 0] - sx))
-            inertia += weight[n] * (ax * ax + ay * ay)
-        spin = momentum / max(inertia, 1e-300)
+def _retract(blocks: Ints, x: Array, mass: Array, interval: float, w: Array, step: Array, out: Array) -> None:
+    """The same for nodes that are at x (2 nodes,) [m] at the start of the interval."""
+    for b in range(blocks.size - 1):
+        total, x_mean, y_mean, u_mean, v_mean = 1e-300, 0.0, 0.0, 0.0, 0.0
+        for i in range(blocks[b], blocks[b + 1], 2):
+            total += mass[i]
+            x_mean += mass[i] * (x[i] + interval * w[i])
+            y_mean += mass[i] * (x[i + 1] + interval * w[i + 1])
+            u_mean += mass[i] * step[i]
+            v_mean += mass[i] * step[i + 1]
+        x_mean, y_mean, u_mean, v_mean = x_mean / total, y_mean / total, u_mean / total, v_mean / total
+        momentum, inertia = 0.0, 1e-300
+        for i in range(blocks[b], blocks[b + 1], 2):
+            x_arm, y_arm = x[i] + interval * w[i] - x_mean, x[i + 1] + interval * w[i + 1] - y_mean
+            momentum += mass[i] * (x_arm * (step[i + 1] - v_mean) - y_arm * (step[i] - u_mean))
+            inertia += mass[i] * (x_arm**2 + y_arm**2)
+        spin = momentum / inertia
         sine, versine = np.sin(interval * spin), 2.0 * np.sin(0.5 * interval * spin) ** 2
-        for n in nodes:
-            ax, ay = x[n, 0] - mx, x[n, 1] - my
-            u, v = step[n, 0] - sx + spin * ay, step[n, 1] - sy - spin * ax  # without the rotation
-            tx, ty = ax / interval + u, ay / interval + v
-            out[n, 0] = sx + u - sine * ty - versine * tx
-            out[n, 1] = sy + v + sine * tx - versine * ty
+        for i in range(blocks[b], blocks[b + 1], 2):
+            x_arm, y_arm = x[i] + interval * w[i] - x_mean, x[i + 1] + interval * w[i + 1] - y_mean
+            u, v = step[i] - u_mean + spin * y_arm, step[i + 1] - v_mean - spin * x_arm  # the rest
+            x_turned, y_turned = x_arm / interval + u, y_arm / interval + v
+            out[i] = w[i] + u_mean + u - sine * y_turned - versine * x_turned
+            out[i + 1] = w[i + 1] + v_mean + v + sine * x_turned - versine * y_turned

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,13 +19,18 @@ from skmpm.parallel import over_bodies
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+# Entries of bands in one array: glibc returns larger ones to the system when they are freed, and their pages take as
+# long to be provided again as a sixth of the factorisation.
+PART = 1_000_000
+
 
 @dataclass(frozen=True)
 class Banded:
     """Cholesky factors of the bodies, each in a band of its own width."""
 
-    bands: Array  # the lower bands column by column, body after body
-    offsets: Ints  # (bodies + 1,) where the band of each body begins
+    bands: tuple[Array, ...]  # the lower bands column by column, body after body, in parts of some bodies
+    parts: Ints  # (parts + 1,) first body of each part
+    offsets: Ints  # (bodies + 1,) where the band of each body begins, counted through all parts
     blocks: Ints  # (bodies + 1,) first unknown of each body
     ends: Ints  # (nodes,) after the last row, counted in its body, that columns of L reach up to those of each node
     name: str = "banded"
@@ -33,8 +39,7 @@ class Banded:
         """A^-1 b; bodies where b is zero cost nothing."""
         columns = 1 if b.ndim == 1 else b.shape[1]
         x = np.array(b.T, dtype=np.float64, order="C").reshape(columns, b.shape[0])
-        arguments = (self.bands, self.offsets, self.blocks, self.ends, x)
-        over_bodies(lambda first, last: cholesky.solve(first, last, *arguments), self.blocks)
+        self.over_parts(lambda i, j, bands, offsets: cholesky.solve(i, j, bands, offsets, self.blocks, self.ends, x))
         return x.reshape(b.T.shape).T
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
@@ -43,11 +48,18 @@ class Banded:
 
     def _squares(self, rows: Rows, out: Array, begins: Ints) -> None:
         entries = np.searchsorted(rows.entry, np.arange(rows.row.size + 1))
-        arguments = (
-            *(self.bands, self.offsets, self.blocks, self.ends, rows.ends, rows.first, entries, rows.dof, rows.value),
-            *(out, begins),
-        )
-        over_bodies(lambda first, last: squares(first, last, *arguments), self.blocks)
+        arguments = (self.blocks, self.ends, rows.ends, rows.first, entries, rows.dof, rows.value, out, begins)
+        self.over_parts(lambda i, j, bands, offsets: squares(i, j, bands, offsets, *arguments))
+
+    def over_parts(self, work: Callable[[int, int, Array, Ints], None]) -> None:
+        """Call work(first, last, bands, offsets) for ranges of bodies and the bands they lie in."""
+
+        def on_range(first: int, last: int) -> None:
+            for begin, end, bands in zip(self.parts[:-1].tolist(), self.parts[1:].tolist(), self.bands, strict=True):
+                if max(first, begin) < min(last, end):
+                    work(max(first, begin), min(last, end), bands, self.offsets - self.offsets[begin])
+
+        over_bodies(on_range, self.blocks)
 
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
@@ -60,14 +72,17 @@ def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     _profile(A.indptr, A.indices, blocks, ends, heights)
     offsets = np.append(0, np.cumsum(heights * np.diff(blocks)))
     chosen = np.ones(blocks.size - 1, dtype=bool)
-    return _factorised(Banded(np.empty(offsets[-1]), offsets, blocks, ends), A, chosen)
+    parts = np.searchsorted(offsets, np.arange(0, max(int(offsets[-1]), 1), PART))
+    parts = np.unique(np.append(np.minimum(parts, blocks.size - 1), blocks.size - 1))
+    bands = tuple(np.empty(size) for size in np.diff(offsets[parts]).tolist())
+    return _factorised(Banded(bands, parts, offsets, blocks, ends), A, chosen)
 
 
 def _factorised(factor: Banded, A: sp.bsr_array, chosen: NDArray[np.bool_]) -> Banded:
     """The factor with the blocks of A of the chosen bodies; its bands are overwritten."""
     failed = np.zeros(chosen.size, dtype=bool)
-    arguments = (A.indptr, A.indices, A.data, factor.blocks, factor.ends, factor.offsets, factor.bands, failed)
-    over_bodies(lambda first, last: cholesky.factorise(first, last, chosen, *arguments), factor.blocks)
+    arguments = (chosen, A.indptr, A.indices, A.data, factor.blocks, factor.ends, failed)
+    factor.over_parts(lambda i, j, bands, offsets: cholesky.factorise(i, j, bands, offsets, *arguments))
     if failed.any():
         raise NotPositiveDefinite(np.flatnonzero(failed), lambda B: _factorised(factor, B, failed))
     return factor

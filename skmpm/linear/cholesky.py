@@ -23,14 +23,14 @@ WIDEST = 4160  # rows of a panel; no power of two, with which its columns would 
 def factorise(
     first: int,
     last: int,
+    bands: Array,
+    offsets: Ints,
     chosen: NDArray[np.bool_],
     indptr: NDArray[np.integer],
     indices: NDArray[np.integer],
     data: Array,
     blocks: Ints,
     ends: Ints,
-    offsets: Ints,
-    bands: Array,
     failed: NDArray[np.bool_],
 ) -> None:
     """Overwrite the bands of the chosen bodies among first:last by the factors of their blocks of A."""

@@ -68,7 +68,12 @@ class Delassus:
 
     def _of(self, points: Ints) -> sp.csr_array:
         """S of some contact points, with rows and columns of all of them."""
-        block = self.solver.delassus(sp.csr_array(sp.kron(self.base[points], np.eye(2), format="csr")))
+        rows = self.base[np.repeat(points, 2)]
+        component = np.repeat(np.tile([0, 1], points.size), np.diff(rows.indptr))
+        R = sp.csr_array(
+            (rows.data, 2 * rows.indices + component, rows.indptr), shape=(2 * points.size, 2 * rows.shape[1])
+        )
+        block = self.solver.delassus(R)
         chosen = np.stack([2 * points, 2 * points + 1], axis=1).ravel()
         return _spread(block.data, chosen[block.indices], chosen, np.diff(block.indptr), self.S.shape[0])
 
@@ -176,15 +181,17 @@ def _products(
             continue
         for k in range(own.size):
             position[own[k]] = k
-        dense, turned = np.zeros((own.size, own.size)), np.empty((own.size, width))
-        for k in range(own.size):
-            for e in range(S_indptr[own[k]], S_indptr[own[k] + 1]):
-                dense[k, position[S_indices[e]]] = S[e]
+        turned, total = np.empty((own.size, width)), np.empty(own.size)
         for j in range(width):
-            total = np.zeros(own.size)
+            total[:] = 0.0
             for e in range(right_indptr[columns[j]], right_indptr[columns[j] + 1]):
                 if owner[right_indices[e]] == body:
-                    _add(right[e], dense[position[right_indices[e]]], total)
+                    begin, end = S_indptr[right_indices[e]], S_indptr[right_indices[e] + 1]
+                    if end - begin == own.size:  # columns ascend as the rows of the body do
+                        _add(right[e], S[begin:end], total)
+                    else:
+                        for k in range(begin, end):
+                            total[position[S_indices[k]]] += right[e] * S[k]
             turned[:, j] = total
         block = blocks[begins[body] : begins[body + 1]].reshape((rows.size, width))
         for i in range(rows.size):

@@ -9,6 +9,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -41,8 +43,14 @@ Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
 
 def half_bandwidth(A: sp.bsr_array) -> int:
     """Largest distance of an entry of A from the diagonal, in unknowns."""
-    filled = np.flatnonzero(np.diff(A.indptr))
-    if filled.size == 0:
-        return 1
-    first = np.minimum.reduceat(A.indices, A.indptr[filled])
-    return 2 * max(int((filled - first).max()), 0) + 1
+    return 2 * _reach(A.indptr, A.indices) + 1
+
+
+@compiled
+def _reach(indptr: NDArray[np.integer], indices: NDArray[np.integer]) -> int:
+    """Largest distance of a block from the diagonal, in blocks."""
+    most = 0
+    for i in range(indptr.size - 1):
+        for e in range(indptr[i], indptr[i + 1]):
+            most = max(most, i - indices[e])
+    return most

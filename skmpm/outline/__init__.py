@@ -5,8 +5,8 @@ In every function `x` (2, m) [m] holds the current positions of the boundary poi
 
 from skmpm.outline.cells import cell_moments
 from skmpm.outline.crossings import apart, crossings, depth, folded, turns
-from skmpm.outline.cubics import Cubics
-from skmpm.outline.curve import Curve, curve
+from skmpm.outline.cubics import Cubics, foot, place, seen, tangent
+from skmpm.outline.curve import Curve, Loops, curve
 from skmpm.outline.facing import facing
 from skmpm.outline.images import Images, images, reduced, without_images
 from skmpm.outline.measures import (
@@ -22,8 +22,8 @@ from skmpm.outline.measures import (
     second_moments,
     turning_angles,
 )
-from skmpm.outline.near import candidates, closest, distance_to_segment, inside
-from skmpm.outline.overlaps import lens_depth, overlap
+from skmpm.outline.near import both_ways, candidates, closest, distance_to_segment, inside
+from skmpm.outline.overlaps import box_pairs, boxes, lens_depth, overlap
 from skmpm.outline.polylines import Polylines, joined, polylines
 from skmpm.outline.topology import Outlines, outlines
 from skmpm.outline.widths import slit_width, thickness
@@ -33,11 +33,15 @@ __all__ = [
     "Cubics",
     "Curve",
     "Images",
+    "Loops",
     "Outlines",
     "Polylines",
     "apart",
     "area",
     "bend",
+    "both_ways",
+    "box_pairs",
+    "boxes",
     "candidates",
     "cell_moments",
     "centroid",
@@ -50,6 +54,7 @@ __all__ = [
     "distance_to_segment",
     "facing",
     "folded",
+    "foot",
     "half_segments",
     "images",
     "inside",
@@ -59,10 +64,13 @@ __all__ = [
     "outlines",
     "overlap",
     "perimeter",
+    "place",
     "polylines",
     "reduced",
     "second_moments",
+    "seen",
     "slit_width",
+    "tangent",
     "thickness",
     "turning_angles",
     "turns",

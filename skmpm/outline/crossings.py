@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from skmpm.outline.measures import turning_angles
+from skmpm.compiled import compiled_in_order
 from skmpm.outline.near import closest, inside
 from skmpm.outline.topology import Floats, Integers, Outlines
 
@@ -69,9 +69,35 @@ def depth(outlines: Outlines, x: Floats, body: int) -> Floats:
 
 def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
     """Total left and right turns along the outline of each body, (bodies,) [rad]."""
-    turn = turning_angles(outlines, x)
-    left, right = (np.bincount(outlines.body, np.maximum(sign * turn, 0.0)) for sign in (1.0, -1.0))
-    return np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
+    left, right = np.zeros((2, int(outlines.body.max(initial=-1)) + 1))
+    _turns(x, outlines.previous, outlines.next, outlines.body, left, right)
+    return left, right
+
+
+@compiled_in_order
+def _turns(x: Floats, previous: Integers, following: Integers, body: Integers, left: Floats, right: Floats) -> None:
+    """Add the left and right turns (bodies,) at boundary points; their difference is 2 pi for each turn of a tangent.
+
+    The tangent has turned once more when it passes the direction of x, so that only right turns need their angles.
+    """
+    for i in range(body.size):
+        h, j = previous[i], following[i]
+        back_x, back_y, x_ahead, y_ahead = x[0, i] - x[0, h], x[1, i] - x[1, h], x[0, j] - x[0, i], x[1, j] - x[1, i]
+        cross, along = back_x * y_ahead - back_y * x_ahead, back_x * x_ahead + back_y * y_ahead
+        if cross < 0.0:
+            turn = np.arctan2(-cross, along)
+            right[body[i]] += turn
+            left[body[i]] += turn
+            if _upward(back_x, back_y) and not _upward(x_ahead, y_ahead):
+                left[body[i]] -= 2.0 * np.pi
+        elif _upward(x_ahead, y_ahead) and not _upward(back_x, back_y) and (cross > 0.0 or along < 0.0):
+            left[body[i]] += 2.0 * np.pi
+
+
+@compiled_in_order
+def _upward(x: float, y: float) -> bool:
+    """Whether a direction has an angle in [0, pi)."""
+    return y > 0.0 or (y == 0.0 and x > 0.0)
 
 
 def apart(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> Floats:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm.compiled import compiled
 from skmpm.outline.topology import Floats, Integers
 
 if TYPE_CHECKING:
-    from skmpm.outline.curve import Curve
+    from skmpm.outline.curve import Curve, Loops
 
 MAX_NEWTON_STEPS, MAX_PARAMETER_STEP, PARAMETER_TOLERANCE = 8, 0.75, 1e-12  # of the projection, in units of s
 
@@ -68,50 +67,73 @@ class Cubics:
         return np.asarray(np.bincount(self.curve.outlines.body, 0.5 * weights @ speed, bodies), dtype=np.float64)
 
     def project(self, y: Floats, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
-        """Closest-point projection of y (2, k): segments (k,) and parameters (k,), from initial guesses.
-
-        Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from
-        below; iterates move on to adjacent segments and stop at corners.
-        """
-        segment, s, boundary = segment.astype(np.int64), s.astype(np.float64), self.curve.outlines
-        _project(y, segment, s, self.c, boundary.next, boundary.previous, self.curve.corner, *self.curve.ends)
+        """Closest-point projection of y (2, k): segments (k,) and parameters (k,), from initial guesses."""
+        segment, s = segment.astype(np.int64), s.astype(np.float64)
+        _project(y, segment, s, self.c, self.curve.loops)
         return segment, s
 
 
 @compiled
-def _project(
-    y: Floats,
-    segment: Integers,
-    s: Floats,
-    c: Floats,
-    following: Integers,
-    previous: Integers,
-    corner: NDArray[np.bool_],
-    low: Floats,
-    high: Floats,
-) -> None:
+def foot(y: tuple[float, float], segment: int, s: float, c: Floats, loops: Loops) -> tuple[int, float]:
+    """Closest-point projection of y on cubics c (m, 4, 2): segment and parameter, from an initial guess.
+
+    Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from
+    below; iterates move on to adjacent segments and stop at corners.
+    """
+    i, t = segment, s
+    for _ in range(MAX_NEWTON_STEPS):
+        apart, square, bend = 0.0, 0.0, 0.0
+        for a in range(2):
+            away = y[a] - (c[i, 0, a] + t * (c[i, 1, a] + t * (c[i, 2, a] + t * c[i, 3, a])))
+            slope = c[i, 1, a] + t * (2.0 * c[i, 2, a] + 3.0 * t * c[i, 3, a])
+            square += slope**2
+            apart += away * slope
+            bend += away * (2.0 * c[i, 2, a] + 6.0 * t * c[i, 3, a])
+        step = apart / max(square - bend, 0.25 * square + 1e-300)
+        t += min(max(step, -MAX_PARAMETER_STEP), MAX_PARAMETER_STEP)
+        if t > 1.0 and not loops.corner[loops.following[i]]:
+            i, t = loops.following[i], t - 1.0
+        elif t < 0.0 and not loops.corner[i]:
+            i, t = loops.previous[i], t + 1.0
+        else:
+            t = min(max(t, loops.low[i]), loops.high[i])
+        if abs(step) < PARAMETER_TOLERANCE:
+            break
+    return i, min(max(t, loops.low[i]), loops.high[i])
+
+
+@compiled
+def place(c: Floats, i: int, t: float) -> tuple[float, float]:
+    """The point of the cubics c (m, 4, 2) at parameter t of segment i."""
+    x = c[i, 0, 0] + t * (c[i, 1, 0] + t * (c[i, 2, 0] + t * c[i, 3, 0]))
+    y = c[i, 0, 1] + t * (c[i, 1, 1] + t * (c[i, 2, 1] + t * c[i, 3, 1]))
+    return x, y
+
+
+@compiled
+def tangent(c: Floats, i: int, t: float) -> tuple[float, float, float]:
+    """The unit tangent there, and the length of the derivative by t."""
+    x = c[i, 1, 0] + t * (2.0 * c[i, 2, 0] + 3.0 * t * c[i, 3, 0])
+    y = c[i, 1, 1] + t * (2.0 * c[i, 2, 1] + 3.0 * t * c[i, 3, 1])
+    speed = max(np.sqrt(x**2 + y**2), 1e-300)
+    return x / speed, y / speed, speed
+
+
+@compiled
+def seen(y: tuple[float, float], c: Floats, i: int, t: float) -> tuple[float, float, float, float]:
+    """The unit outward normal there, and where y lies: in front by a distance, and along by so many segments."""
+    along_x, along_y, speed = tangent(c, i, t)
+    x = place(c, i, t)
+    apart_x, apart_y = y[0] - x[0], y[1] - x[1]
+    gap, along = apart_x * along_y - apart_y * along_x, apart_x * along_x + apart_y * along_y
+    return along_y, -along_x, gap, along / speed
+
+
+@compiled
+def _project(y: Floats, segment: Integers, s: Floats, c: Floats, loops: Loops) -> None:
     """Overwrite the initial guesses `segment` and `s` (k,) by the projections of y (2, k)."""
     for k in range(s.size):
-        i, t = segment[k], s[k]
-        for _ in range(MAX_NEWTON_STEPS):
-            apart, square, bend = 0.0, 0.0, 0.0
-            for a in range(2):
-                away = y[a, k] - (c[i, 0, a] + t * (c[i, 1, a] + t * (c[i, 2, a] + t * c[i, 3, a])))
-                slope = c[i, 1, a] + t * (2.0 * c[i, 2, a] + 3.0 * t * c[i, 3, a])
-                square += slope**2
-                apart += away * slope
-                bend += away * (2.0 * c[i, 2, a] + 6.0 * t * c[i, 3, a])
-            step = apart / max(square - bend, 0.25 * square + 1e-300)
-            t += min(max(step, -MAX_PARAMETER_STEP), MAX_PARAMETER_STEP)
-            if t > 1.0 and not corner[following[i]]:
-                i, t = following[i], t - 1.0
-            elif t < 0.0 and not corner[i]:
-                i, t = previous[i], t + 1.0
-            else:
-                t = min(max(t, low[i]), high[i])
-            if abs(step) < PARAMETER_TOLERANCE:
-                break
-        segment[k], s[k] = i, min(max(t, low[i]), high[i])
+        segment[k], s[k] = foot((y[0, k], y[1, k]), segment[k], s[k], c, loops)
 
 
 @compiled
@@ -134,12 +156,4 @@ def _values(c: Floats, segment: Integers, s: Floats, derivative: int) -> Floats:
 def _see(y: Floats, c: Floats, segment: Integers, s: Floats, normal: Floats, gap: Floats, along: Floats) -> None:
     """Write what `Cubics.seen_from` returns."""
     for k in range(s.size):
-        i, t = segment[k], s[k]
-        slope_x = c[i, 1, 0] + t * (2.0 * c[i, 2, 0] + 3.0 * t * c[i, 3, 0])
-        slope_y = c[i, 1, 1] + t * (2.0 * c[i, 2, 1] + 3.0 * t * c[i, 3, 1])
-        speed = max(np.hypot(slope_x, slope_y), 1e-300)
-        normal[0, k], normal[1, k] = slope_y / speed, -slope_x / speed
-        apart_x = y[0, k] - (c[i, 0, 0] + t * (c[i, 1, 0] + t * (c[i, 2, 0] + t * c[i, 3, 0])))
-        apart_y = y[1, k] - (c[i, 0, 1] + t * (c[i, 1, 1] + t * (c[i, 2, 1] + t * c[i, 3, 1])))
-        gap[k] = apart_x * normal[0, k] + apart_y * normal[1, k]
-        along[k] = (apart_y * normal[0, k] - apart_x * normal[1, k]) / speed
+        normal[0, k], normal[1, k], gap[k], along[k] = seen((y[0, k], y[1, k]), c, segment[k], s[k])

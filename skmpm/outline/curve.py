@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,18 @@ from skmpm.outline.topology import Floats, Integers, Outlines
 
 CORNER_COSINE = np.cos(np.deg2rad(50.0))  # of the turn: a regular octagon (45 degrees) is smooth, a hexagon is not
 NOTCH_EXTENSION = 0.5  # [segments] extension of a side beyond a notch
+
+
+class Loops(NamedTuple):
+    """What compiled loops need to know of the segments (m,) of a curve, in which each begins at a boundary point."""
+
+    previous: Integers
+    following: Integers
+    corner: NDArray[np.bool_]
+    convex: NDArray[np.bool_]
+    sharp: NDArray[np.bool_]
+    low: Floats  # smallest and largest parameters
+    high: Floats
 
 
 @dataclass(frozen=True)
@@ -64,10 +77,13 @@ class Curve:
         return Cubics(self, x, c)
 
     @cached_property
-    def ends(self) -> tuple[Floats, Floats]:
-        """Smallest and largest parameters of the segments (m,), which extend by `NOTCH_EXTENSION` beyond notches."""
+    def loops(self) -> Loops:
+        """Topology and corners; parameters of the segments extend by `NOTCH_EXTENSION` beyond notches."""
         low = np.where(self.corner & ~self.convex, -NOTCH_EXTENSION, 0.0)
-        return low, 1.0 - low[self.outlines.next]
+        following = self.outlines.next
+        return Loops(
+            self.outlines.previous, following, self.corner, self.convex, self.sharp, low, 1.0 - low[following]
+        )
 
     def at_corner(self, segment: Integers, s: Floats) -> NDArray[np.bool_]:
         """Whether points of the curve are corners or lie on the extension beyond a notch, (k,)."""
@@ -80,20 +96,63 @@ def curve(outlines: Outlines, x: Floats, now: Floats | None = None) -> Curve:
 
     The positions `now` (2, m) [m], by default x, decide which corners are convex, because a corner may fold inwards.
     """
-    after, before = outlines.next, outlines.previous
-    length, straight, _ = _turns(outlines, x)
-    _, bent, left = _turns(outlines, x if now is None else now)
-    corner = straight < CORNER_COSINE
-    convex = corner & left
-    here, back, front = length, length[before], length[after]
-    # Derivative at the middle of three points of the parabola through them, times the length of this segment.
-    far, near = here**2 / (back * (back + here)), back / (back + here)
-    first = np.where(corner, [[0.0], [-1.0], [1.0]], np.stack([-far, far - near, near]))
-    far, near = here**2 / (front * (front + here)), front / (front + here)
-    last = np.where(corner[after], [[-1.0], [1.0], [0.0]], np.stack([-near, near - far, far]))
-    return Curve(
-        outlines, corner, convex, convex | (left & (bent < CORNER_COSINE)), _sides(outlines, corner), first, last
-    )
+    corner, convex, sharp = np.empty((3, outlines.size), dtype=np.bool_)
+    first, last = np.empty((2, 3, outlines.size))
+    _tangents(x, outlines.previous, outlines.next, first, last, corner)
+    _corners(x if now is None else now, outlines.previous, outlines.next, corner, convex, sharp)
+    return Curve(outlines, corner, convex, sharp, _sides(outlines, corner), first, last)
+
+
+@compiled_in_order
+def _tangents(
+    x: Floats, previous: Integers, following: Integers, first: Floats, last: Floats, corner: NDArray[np.bool_]
+) -> None:
+    """Write the weights of the tangents at both ends of the segments, and which boundary points are corners.
+
+    They are the derivatives at the middle of three points of the parabola through them, times the length of the
+    segment; at corners those of the chord.
+    """
+    length = np.empty(corner.size)
+    for i in range(length.size):
+        length[i] = _length(x, i, following[i])
+    for i in range(length.size):
+        corner[i] = _cosine(x, previous[i], i, following[i]) < CORNER_COSINE
+    for i in range(length.size):
+        j, here, back, front = following[i], length[i], length[previous[i]], length[following[i]]
+        far, near = here**2 / (back * (back + here)), back / (back + here)
+        first[0, i], first[1, i], first[2, i] = (0.0, -1.0, 1.0) if corner[i] else (-far, far - near, near)
+        far, near = here**2 / (front * (front + here)), front / (front + here)
+        last[0, i], last[1, i], last[2, i] = (-1.0, 1.0, 0.0) if corner[j] else (-near, near - far, far)
+
+
+@compiled_in_order
+def _corners(
+    x: Floats,
+    previous: Integers,
+    following: Integers,
+    corner: NDArray[np.bool_],
+    convex: NDArray[np.bool_],
+    sharp: NDArray[np.bool_],
+) -> None:
+    """Write which corners are convex, and which boundary points are as sharp."""
+    for i in range(corner.size):
+        h, j = previous[i], following[i]
+        left = (x[0, i] - x[0, h]) * (x[1, j] - x[1, i]) > (x[1, i] - x[1, h]) * (x[0, j] - x[0, i])
+        convex[i] = corner[i] and left
+        sharp[i] = convex[i] or (left and _cosine(x, h, i, j) < CORNER_COSINE)
+
+
+@compiled_in_order
+def _length(x: Floats, i: int, j: int) -> float:
+    """Distance of boundary points i and j, positive."""
+    return float(max(np.sqrt((x[0, j] - x[0, i]) ** 2 + (x[1, j] - x[1, i]) ** 2), 1e-300))
+
+
+@compiled_in_order
+def _cosine(x: Floats, h: int, i: int, j: int) -> float:
+    """Cosine of the turn at boundary point i between h and j."""
+    along = (x[0, i] - x[0, h]) * (x[0, j] - x[0, i]) + (x[1, i] - x[1, h]) * (x[1, j] - x[1, i])
+    return float(along / (_length(x, h, i) * _length(x, i, j)))
 
 
 @compiled
@@ -108,27 +167,6 @@ def _coefficients(x: Floats, previous: Integers, following: Integers, first: Flo
             end = last[0, i] * x[a, i] + last[1, i] * x[a, j] + last[2, i] * x[a, k]
             c[i, 0, a], c[i, 1, a] = x[a, i], start
             c[i, 2, a], c[i, 3, a] = 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
-
-
-def _turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Lengths of segments (m,), cosines of the turns at their start points, and whether these are left turns."""
-    length, cosine, left = np.empty(outlines.size), np.empty(outlines.size), np.empty(outlines.size, dtype=np.bool_)
-    _write_turns(x, outlines.previous, outlines.next, length, cosine, left)
-    return length, cosine, left
-
-
-@compiled_in_order
-def _write_turns(
-    x: Floats, previous: Integers, following: Integers, length: Floats, cosine: Floats, left: NDArray[np.bool_]
-) -> None:
-    """The same of boundary points x (2, m)."""
-    for i in range(length.size):
-        length[i] = max(np.hypot(x[0, following[i]] - x[0, i], x[1, following[i]] - x[1, i]), 1e-300)
-    for i in range(length.size):
-        h, j = previous[i], following[i]
-        a, b, c, d = x[0, i] - x[0, h], x[1, i] - x[1, h], x[0, j] - x[0, i], x[1, j] - x[1, i]
-        cosine[i] = (a * c + b * d) / (length[i] * length[h])
-        left[i] = a * d > b * c
 
 
 def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.outline.measures import normals
-from skmpm.outline.near import closer_than
+from skmpm.outline.near import candidates
 from skmpm.outline.topology import Floats, Integers, Outlines
 
 # Largest cosine between outward normals that face each other, -1 ideally: an angle of 96 degrees, so that the two
@@ -27,8 +27,7 @@ def facing(outlines: Outlines, x: Floats, bodies: Integers, reach: float, depth:
     -------
     c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
     """
-    chosen = np.flatnonzero(np.isin(outlines.body, bodies))
-    c, j = closer_than(outlines, x, chosen, reach, same_body=True)
+    c, j = candidates(outlines, x, reach, np.stack([bodies, bodies]))
     along = x[:, outlines.next[j]] - x[:, j]
     outward = np.stack([along[1], -along[0]]) / np.maximum(np.hypot(*along), 1e-300)
     opposite = np.einsum("ik,ik->k", normals(outlines, x)[:, c], outward) < MAX_FACING_COSINE

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.compiled import compiled
+from skmpm.outline.overlaps import box_pairs, boxes
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
 CHUNK = 1_000_000  # pairs processed at a time, which take about 100 MB
@@ -39,119 +38,95 @@ def distance_to_segment(x: Floats, c: int, j: int, i: int) -> tuple[float, float
     dx, dy = x[0, c] - x[0, j], x[1, c] - x[1, j]
     square = along_x**2 + along_y**2
     s = min(max((along_x * dx + along_y * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    return s, np.hypot(dx - s * along_x, dy - s * along_y)
+    return s, np.sqrt((dx - s * along_x) ** 2 + (dy - s * along_y) ** 2)
 
 
-def candidates(outlines: Outlines, x: Floats, reach: float) -> tuple[Integers, Integers]:
+def candidates(
+    outlines: Outlines,
+    x: Floats,
+    reach: float,
+    pairs: Integers | None = None,
+    bend: Floats | None = None,
+    least: Floats | None = None,
+) -> tuple[Integers, Integers]:
     """Find the boundary points closer than `reach` to a segment of another body.
 
     Parameters
     ----------
     x : (2, m) [m]
     reach : [m]
+    pairs : (2, p) bodies that give points and bodies that give segments, sorted; by default all that are near
+    bend, least : (m,) and (p,); of a pair only points whose `bend` is more than its `least` are looked at
 
     Returns
     -------
     c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
     """
-    return closer_than(outlines, x, _near_other_boxes(outlines, x, reach), reach, same_body=False)
+    bodies = int(outlines.body.max(initial=-1)) + 1
+    low, high = boxes(outlines, x, bodies)
+    if pairs is None:
+        pairs = both_ways(box_pairs(low - 0.5 * reach, high + 0.5 * reach))
+    bend = np.zeros(outlines.size) if bend is None else bend
+    least = np.full(pairs.shape[1], -1.0) if least is None else least
+    ends = np.searchsorted(outlines.body, np.arange(bodies + 1))
+    found = _pairs(x, outlines.next, ends, low, high, reach, pairs, bend, least)
+    return found[0], found[1]
 
 
-def _near_other_boxes(outlines: Outlines, x: Floats, reach: float) -> Integers:
-    """Boundary points whose segments come closer than `reach` to the bounding box of another body, ascending."""
-    if outlines.size == 0:
-        return np.arange(0)
-    first = np.flatnonzero(np.diff(outlines.body, prepend=-1))
-    low, high = np.minimum.reduceat(x, first, axis=1) - reach, np.maximum.reduceat(x, first, axis=1) + reach
-    order = np.argsort(low[0])
-    last = np.searchsorted(low[0], high[0], side="right", sorter=order)
-    one = np.repeat(order, last[order] - np.arange(order.size) - 1)
-    two = order[ranges(np.arange(order.size) + 1, last[order] - np.arange(order.size) - 1)]
-    overlap = (low[1, one] <= high[1, two]) & (low[1, two] <= high[1, one])
-    own, box = np.concatenate([[one[overlap], two[overlap]], [two[overlap], one[overlap]]], axis=1)
-    chosen = np.zeros(outlines.size, dtype=np.bool_)
-    _reach_boxes(x, outlines.next, np.append(first, outlines.size), own, box, low, high, chosen)
-    return np.flatnonzero(chosen)
-
-
-@compiled
-def _reach_boxes(
-    x: Floats,
-    following: Integers,
-    first: Integers,
-    own: Integers,
-    box: Integers,
-    low: Floats,
-    high: Floats,
-    chosen: Any,
-) -> None:
-    """Choose the segments of bodies own[k] that overlap with the box of body box[k], low to high (2, bodies)."""
-    for k in range(own.size):
-        b = box[k]
-        for j in range(first[own[k]], first[own[k] + 1]):
-            i, inside = following[j], True
-            for axis in range(2):
-                inside &= min(x[axis, i], x[axis, j]) <= high[axis, b] and max(x[axis, i], x[axis, j]) >= low[axis, b]
-            chosen[j] |= inside
-
-
-def closer_than(
-    outlines: Outlines, x: Floats, chosen: Integers, reach: float, *, same_body: bool
-) -> tuple[Integers, Integers]:
-    """Pairs of the chosen boundary points and of the segments that begin at them, closer than `reach` [m].
-
-    Either those of one body or those of two bodies, sorted by point, then by segment. The points are sorted into
-    square bins of side `reach`, or larger so that bins are not more than points and segments do not cross many.
-    """
-    if chosen.size == 0:
-        return chosen, chosen
-    start, end = x[:, chosen], x[:, outlines.next[chosen]]
-    low, size = start.min(axis=1), np.ptp(start, axis=1)
-    mean_length = float(np.hypot(*(end - start)).mean())
-    side = max(reach, mean_length, float(np.sqrt(size.prod() / chosen.size)), float(size.max()) / chosen.size)
-    bins = (size / side).astype(np.int64) + 1
-    bin_of_point = np.minimum(((start - low[:, None]) / side).astype(np.int64), bins[:, None] - 1)
-    number = bins[1] * bin_of_point[0] + bin_of_point[1]
-    ends = np.append(0, np.cumsum(np.bincount(number, minlength=int(bins.prod()))))
-    sorted_points = chosen[np.argsort(number, kind="stable")]
-    pairs = _pairs(x, outlines.next, outlines.body, chosen, sorted_points, ends, bins, low, side, reach, same_body)
-    pairs.sort()
-    return pairs // outlines.size, pairs % outlines.size
+def both_ways(pairs: Integers) -> Integers:
+    """Ordered pairs (2, 2 p), sorted, from unordered ones (2, p)."""
+    both = np.concatenate([pairs, pairs[::-1]], axis=1)
+    return both[:, np.lexsort(both[::-1])]
 
 
 @compiled
 def _pairs(
     x: Floats,
     following: Integers,
-    body: Integers,
-    segments: Integers,
-    points: Integers,
     ends: Integers,
-    bins: Integers,
     low: Floats,
-    side: float,
+    high: Floats,
     reach: float,
-    same_body: bool,
+    pairs: Integers,
+    bend: Floats,
+    least: Floats,
 ) -> Integers:
-    """The pairs of points in bins and segments, as m point + segment for m boundary points, in any order."""
-    found, size = np.empty(4 * segments.size, dtype=np.int64), 0
-    first, last = np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64)
-    for j in segments:
-        i = following[j]
-        for axis in range(2):
-            lower, upper = min(x[axis, i], x[axis, j]) - reach, max(x[axis, i], x[axis, j]) + reach
-            first[axis] = min(max(int((lower - low[axis]) / side), 0), bins[axis])
-            last[axis] = min(int((upper - low[axis]) / side), bins[axis] - 1) if upper >= low[axis] else -1
-        for column in range(first[0], last[0] + 1):
-            begin, end = bins[1] * column + first[1], bins[1] * column + last[1] + 1
-            for k in range(ends[begin], ends[max(begin, end)]):
-                c = points[k]
-                if (body[c] == body[j]) == same_body and distance_to_segment(x, c, j, i)[1] < reach:
-                    if size == found.size:
-                        found = np.append(found, np.empty_like(found))
-                    found[size] = x.shape[1] * c + j
-                    size += 1
-    return found[:size]
+    """The points and segments (2, k) of `candidates`; boxes of bodies are `low` to `high` (2, bodies)."""
+    found, size = np.empty((2, 4 * x.shape[1] + 16), dtype=np.int64), 0
+    near, first = np.empty(x.shape[1], dtype=np.int64), np.empty(pairs.shape[1] + 1, dtype=np.int64)
+    begin = 0
+    while begin < pairs.shape[1]:
+        a, end, count = pairs[0, begin], begin, 0
+        while end < pairs.shape[1] and pairs[0, end] == a:  # the segments of its neighbours that are near a
+            first[end] = count
+            for j in range(ends[pairs[1, end]], ends[pairs[1, end] + 1]):
+                i, inside = following[j], True
+                for axis in range(2):
+                    inside &= min(x[axis, i], x[axis, j]) - reach <= high[axis, a]
+                    inside &= max(x[axis, i], x[axis, j]) + reach >= low[axis, a]
+                if inside:
+                    if count == near.size:
+                        near = np.append(near, near)
+                    near[count] = j
+                    count += 1
+            end += 1
+        first[end] = count
+        for c in range(ends[a], ends[a + 1]):
+            for k in range(begin, end):
+                b = pairs[1, k]
+                if bend[c] <= least[k] or x[0, c] < low[0, b] - reach or x[0, c] > high[0, b] + reach:
+                    continue
+                if x[1, c] < low[1, b] - reach or x[1, c] > high[1, b] + reach:
+                    continue
+                for e in range(first[k], first[k + 1]):
+                    j = near[e]
+                    if distance_to_segment(x, c, j, following[j])[1] < reach:
+                        if size == found.shape[1]:
+                            found = np.concatenate((found, found), axis=1)
+                        found[0, size], found[1, size] = c, j
+                        size += 1
+        begin = end
+    return found[:, :size]
 
 
 def inside(outlines: Outlines, x: Floats, body: Integers | int, y: Floats) -> NDArray[np.bool_]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from skmpm.compiled import compiled, compiled_in_order
 from skmpm.outline.topology import Floats, Integers, Outlines
@@ -41,25 +40,42 @@ def lens_depth(shared: Floats, size: Floats) -> Floats:
 def boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
     """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline."""
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
-    if outlines.size:
-        body, start = np.unique(outlines.body, return_index=True)
-        low[:, body] = np.minimum.reduceat(x, start, axis=1)
-        high[:, body] = np.maximum.reduceat(x, start, axis=1)
+    _bound(x, outlines.body, low, high)
     return low, high
+
+
+@compiled_in_order
+def _bound(x: Floats, body: Integers, low: Floats, high: Floats) -> None:
+    """Widen boxes until they hold the points x (2, m) of their bodies (m,)."""
+    for i in range(body.size):
+        for axis in range(2):
+            low[axis, body[i]] = min(low[axis, body[i]], x[axis, i])
+            high[axis, body[i]] = max(high[axis, body[i]], x[axis, i])
 
 
 def box_pairs(low: Floats, high: Floats) -> Integers:
     """Pairs (2, p) of boxes that share area, sorted."""
-    real = np.flatnonzero(low[0] <= high[0])
-    if real.size < 2:
-        return np.zeros((2, 0), dtype=np.int64)
-    low, high = low[:, real], high[:, real]
-    reach = (high - low).max() * (1 + 1e-12)
-    i, j = cKDTree((low + high).T / 2).query_pairs(reach, p=np.inf, output_type="ndarray").T
-    share = (np.maximum(low[:, i], low[:, j]) < np.minimum(high[:, i], high[:, j])).all(axis=0)
-    i, j = real[i[share]], real[j[share]]
+    real = np.flatnonzero(low[0] < high[0])
+    i, j = _sharing(real[np.argsort(low[0, real], kind="stable")], low, high)
     order = np.lexsort((j, i))
-    return np.array((i[order], j[order]))
+    return np.stack([i[order], j[order]])
+
+
+@compiled
+def _sharing(order: Integers, low: Floats, high: Floats) -> Integers:
+    """Pairs (2, p) of the boxes in `order`, ascending to the right, that share area, the first < the second."""
+    found, size = np.empty((2, 4 * order.size + 4), dtype=np.int64), 0
+    for k in range(order.size):
+        a = order[k]
+        for b in order[k + 1 :]:
+            if low[0, b] >= high[0, a]:
+                break
+            if low[1, b] < high[1, a] and low[1, a] < high[1, b]:
+                if size == found.shape[1]:
+                    found = np.concatenate((found, found), axis=1)
+                found[0, size], found[1, size] = min(a, b), max(a, b)
+                size += 1
+    return found[:, :size]
 
 
 @compiled

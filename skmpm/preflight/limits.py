@@ -40,7 +40,7 @@ LOCKING = Limit(
     NEARLY_INCOMPRESSIBLE,
     "at 0.4, 0.45, 0.49 a disc of R/h = 5 is 8, 10, 22 % too stiff, the peak pressure 1.4, 1.9, 4.2 times too high",
 )  # test_mean_dilatation
-FLOW = "plastic flow locks, a notched bar then had no limit load but forces 21 % above it and more"  # test_plasticity
+FLOW = "plastic flow locks: a notched bar had no limit load, but forces 21 % above it and more"  # test_plastic_flow
 POISSON = Limit(0.49999, "mean dilatation was verified up to 0.49999")  # test_locking
 MULTIGRID = Limit(0.499, "amg takes 130 iterations at 0.499, 430 at 0.49999")  # test_locking
 FRICTION = Limit(2.0, "the contact solver was verified up to 2")  # test_contact_solver

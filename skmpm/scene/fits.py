@@ -43,7 +43,7 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
             f" {scene.normals[:, i]}; keep the walls and their order"
         )
     _check_order(scene, state, name)
-    wrong = np.flatnonzero(np.abs(state.mass - scene.densities * scene.initial_volumes) > 1e-9 * state.mass)
+    wrong = np.flatnonzero(np.abs(state.mass - scene.masses) > 1e-9 * state.mass)
     if wrong.size:
         raise SceneError(
             f"{name}: points of body {state.body[wrong[0]]} have other masses in the state than in the scene;"

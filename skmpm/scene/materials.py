@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import Material, Rigid, has_memory, initial_state
+from skmpm.scene.objects import Body
 
 if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
@@ -37,6 +38,11 @@ def material_at(scene: Scene, point: int) -> Material | Rigid:
     every = np.arange(body.points.size)
     found: Material = next(material for material, points in body.parts if (every[points] == local).any())
     return found
+
+
+def groups_of(body: Body) -> str:
+    """The groups of the points of a body of several materials, as text; nothing of others."""
+    return "" if len(body.materials) < 2 or body.points.group is None else "\n".join(body.points.group.tolist())
 
 
 def densities(scene: Scene) -> Array:

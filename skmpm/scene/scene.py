@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import Material, Rigid, initial_state, wave_speed
+from skmpm.material import Material, Rigid, bounded_modulus, initial_state, wave_speed
 from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
 from skmpm.representation import line, table
 from skmpm.scene.check import check
@@ -18,6 +18,7 @@ from skmpm.scene.friction import Friction, friction_of
 from skmpm.scene.materials import (
     crossing_times,
     densities,
+    groups_of,
     points_by_material,
     surface_compliance,
 )
@@ -151,7 +152,12 @@ class Scene:
     @cached_property
     def mass(self) -> float:
         """Mass of all bodies that forces move [kg/m]."""
-        return float((self.densities * self.initial_volumes)[self.movable[self.owner]].sum())
+        return float(self.masses[self.movable[self.owner]].sum())
+
+    @cached_property
+    def masses(self) -> Array:
+        """Masses of all points, (n,) [kg/m]."""
+        return self.densities * self.initial_volumes
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:
@@ -167,6 +173,16 @@ class Scene:
     def internal_variables(self) -> int:
         """Number of internal variables of the material that has most."""
         return max(len(initial_state(material)) for material in self.materials)
+
+    @cached_property
+    def materials_by_group(self) -> tuple[tuple[tuple[Material, ...], str], ...]:
+        """The materials of each body, with the groups of its points if there are several."""
+        return tuple((body.materials, groups_of(body)) for body in self.bodies)
+
+    @cached_property
+    def first_moduli(self) -> Array:
+        """Bounded modulus of the first material of each body, zero for rigid ones, (bodies,) [Pa]."""
+        return np.array([bounded_modulus(body.materials[0]) if body.materials else 0.0 for body in self.bodies])
 
     @cached_property
     def composite(self) -> NDArray[np.bool_]:

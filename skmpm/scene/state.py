@@ -281,3 +281,5 @@ class Derived:
     key: tuple[object, ...] = ()  # of the matrix that `solver` was made for
     solver: Solver | None = None
     delassus: Delassus | None = None  # of the contact points, by this solver
+    configuration: object = None  # `implicit.Configuration` of the bodies at the displacement of the state, or None
+    of_materials: tuple[object, ...] = ()  # what the configuration depends on besides

@@ -148,11 +148,13 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> Non
     """
     moved = after.x - before.x
     relative = moved if before.box is None else moved - _affine(before, after)
-    relative = np.hypot(*(relative - (relative @ before.mass / before.mass.sum())[:, None]))
-    if float(relative.max()) > (max_motion(scene) if exact else MAX_MOTION * scene.cell):
-        raise _tunnelling(before, int(np.argmax(relative)), float(relative.max()) / scene.cell)
+    square = ((relative - (relative @ before.mass / before.mass.sum())[:, None]) ** 2).sum(axis=0)
+    fastest = int(np.argmax(square))
+    largest = float(np.sqrt(square[fastest]))
+    if largest > (max_motion(scene) if exact else MAX_MOTION * scene.cell):
+        raise _tunnelling(before, fastest, largest / scene.cell)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
-        near = np.flatnonzero(normal @ (after.x - end[:, None]) < scene.cell)
+        near = np.flatnonzero(normal @ after.x < normal @ end + scene.cell)
         approach = -normal @ (moved[:, near] - (end - start)[:, None])
         if float(approach.max(initial=0.0)) > MAX_MOTION * scene.cell:
             raise _tunnelling(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
@@ -172,11 +174,12 @@ def _tunnelling(state: State, point: int, cells: float) -> StepRejected:
 
 def _check_walls(scene: Scene, after: State) -> None:
     """Raise StepRejected if a point lies behind a wall; contact constrains boundary points only."""
-    movable = scene.movable[after.body]
+    fixed = ~scene.movable[after.body]
     for i, (normal, point) in enumerate(zip(scene.normals.T, after.walls, strict=True)):
-        depth = -(normal @ (after.x - point[:, None]))[movable] / scene.cell
+        depth = (normal @ point - normal @ after.x) / scene.cell
+        depth[fixed] = 0.0
         if float(depth.max()) > MAX_WALL_PENETRATION:
-            b = after.body[movable][np.argmax(depth)]
+            b = after.body[np.argmax(depth)]
             raise StepRejected(
                 f"body {b} and wall {i}",
                 f"a point lies {depth.max():.3g} cells behind the wall",

@@ -23,7 +23,7 @@ from skmpm.simulate.forces import (
     follower_pressure,
     interacting_bodies,
 )
-from skmpm.simulate.grid_to_points import end_state, kept_solver
+from skmpm.simulate.grid_to_points import end_state, kept_configuration, kept_solver
 from skmpm.simulate.initial_state import check_cohesion, check_explicit, check_scheme, touches
 from skmpm.simulate.regrid import (
     assembly_of,
@@ -77,7 +77,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     if state.box is not None:
         v0 += velocity_of_box(state, mean_gradient(state, motions, dt))
     force = external_force(scene, state, state.t + scheme.theta * dt)
-    bulk, supports = bulk_of(scene, state, scheme), derived_of(state).supports
+    known, supports = kept_configuration(scene, state, scheme), derived_of(state).supports
+    bulk = bulk_of(scene, state, scheme) if known is None or known.bulk is None else known.bulk
     increment = Increment(
         bulk,
         state.displacement,
@@ -91,6 +92,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         pressure=follower_pressure(scene, state, state.t + scheme.theta * dt),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
         springs=springs_of(scene, state, state.t + scheme.theta * dt),
+        known_start=known,
     )
     timer.lap("transfer")
     try:

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit import End, Increment, Solution
+from skmpm.implicit import Configuration, End, Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
 from skmpm.scene import (
-    Body,
     Contacts,
     Derived,
     PrescribedVelocities,
@@ -21,6 +20,7 @@ from skmpm.scene import (
     mean_velocity,
     velocity_at,
 )
+from skmpm.scheme import Scheme
 from skmpm.simulate.box_motion import gradient_at_end, recut_box
 from skmpm.simulate.regrid import derived_of
 from skmpm.transfer import apic
@@ -72,7 +72,7 @@ def end_state(
         contacts=contacts,
         box=box,
         box_rate=gradient_at_end(state, motions, dt),
-        derived=_reusable(scene, state, increment, solution),
+        derived=_reusable(scene, state, increment, solution, configuration),
     )
 
 
@@ -96,9 +96,15 @@ def _carried(
     return x, velocity_at(x - ahead, motions.rigid_at_end[:, body])
 
 
-def _reusable(scene: Scene, state: State, increment: Increment, solution: Solution) -> Derived:
-    """The data that later steps can use again: with linear materials the factor and the Delassus operator."""
-    derived = replace(derived_of(state), key=(), solver=None, delassus=None)
+def _reusable(scene: Scene, state: State, increment: Increment, solution: Solution, end: Configuration) -> Derived:
+    """The data that later steps can use again: the configuration and, of linear materials, factor and operator.
+
+    Materials with memory answer a configuration differently in the next step, which begins with other variables.
+    """
+    kept = end if increment.bulk.internal is None else None
+    of_materials = (increment.scheme.mean_dilatation, scene.materials_by_group)
+    derived = derived_of(state)
+    derived = replace(derived, key=(), solver=None, delassus=None, configuration=kept, of_materials=of_materials)
     if not increment.material_response.linear or increment.springs is not None:
         return derived
     contact = solution.contact if solution.solver is not None else None  # the operator belongs to the factor
@@ -119,15 +125,19 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
     return derived.solver, derived.delassus
 
 
+def kept_configuration(scene: Scene, state: State, scheme: Scheme) -> Configuration | None:
+    """The configuration at the end of the step that led to the state, if it is still that, else None."""
+    derived = derived_of(state)
+    known = derived.configuration
+    if not isinstance(known, Configuration) or known.displacement is not state.displacement:
+        return None
+    return known if derived.of_materials == (scheme.mean_dilatation, scene.materials_by_group) else None
+
+
 def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
-    materials, scheme = tuple((body.materials, groups_of(body)) for body in scene.bodies), increment.scheme
+    scheme = increment.scheme
     options = (scheme.theta, scheme.inertia, scheme.explicit, scheme.linear, scheme.mean_dilatation, scheme.contact)
-    return (increment.dt, *options, materials)
-
-
-def groups_of(body: Body) -> str:
-    """The groups of the points of a body of several materials, as text; nothing of others."""
-    return "" if len(body.materials) < 2 or body.points.group is None else "\n".join(body.points.group.tolist())
+    return (increment.dt, *options, scene.materials_by_group)
 
 
 def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:

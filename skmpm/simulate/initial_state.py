@@ -114,7 +114,8 @@ def check_scheme(name: str, scheme: object) -> None:
 
 def check_explicit(name: str, scene: Scene, scheme: Scheme) -> None:
     """Raise ValueError if explicit steps are requested for viscous bodies: they do not include viscous forces."""
-    for b, body in enumerate(scene.bodies if scheme.explicit else ()):
+    viscous = scheme.explicit and any(viscosity_of(material) > 0.0 for material in scene.materials)
+    for b, body in enumerate(scene.bodies if viscous else ()):
         if (viscosity := max(map(viscosity_of, body.materials), default=0.0)) > 0.0:
             raise ValueError(
                 f"{name}: body {b} has viscosity = {viscosity:g} Pa s, which explicit steps do not"

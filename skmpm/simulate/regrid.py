@@ -134,8 +134,7 @@ def _supports(scene: Scene, grid: BodyGrids, number: NDArray[np.int64]) -> Elimi
 
 def _ghost_moduli(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:
     """Moduli of the ghost penalties of the cells, (cells,) [Pa]: of the softest material in each."""
-    first = [bounded_modulus(body.materials[0]) if body.materials else 0.0 for body in scene.bodies]
-    modulus = np.array(first)[grid.cell_body]
+    modulus = scene.first_moduli[grid.cell_body]
     if scene.composite.any():
         modulus[scene.composite[grid.cell_body]] = np.inf
         for material, points in scene.points_by_material:

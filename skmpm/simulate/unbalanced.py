@@ -20,7 +20,9 @@ def unbalanced_ratio(increment: Increment, solution: Solution) -> float:
         force = force + contact.impulse / (increment.scheme.theta * increment.dt)
         normal, tangential = constraints.forces(contact.r, increment.dt)
         each = normal * constraints.normal + tangential * constraints.tangent
-        _, pair = np.unique(constraints.bodies, axis=1, return_inverse=True)
+        first, second = constraints.bodies
+        least = int(second.min())  # of the numbers of walls, which are negative
+        _, pair = np.unique(first * (int(second.max()) - least + 1) + second - least, return_inverse=True)
         sums = np.stack([np.bincount(pair.ravel(), component) for component in each])
         sizes = np.hypot(*sums)
         mean = float(sizes.sum()) / max(int((sizes > 0.0).sum()), 1)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from skmpm import linear
 from skmpm.assembly import prepare
 from skmpm.grid import build_grids
+from skmpm.linear import band
 from skmpm.material import NeoHookean, projected
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg, "direct": linear.direct}
@@ -204,11 +205,25 @@ def test_banded_solves_nothing_where_the_right_hand_side_is_zero():
     A, blocks, motions = system(1e-3)
     solve, b = linear.banded(A, blocks, motions), np.zeros(A.shape[0])
     b[blocks[2]] = 1.0
-    bands = np.full_like(solve.bands, 1e300)
+    (known,) = solve.bands
+    bands = np.full_like(known, 1e300)
     own = slice(solve.offsets[2], solve.offsets[3])
-    bands[own] = solve.bands[own]
+    bands[own] = known[own]
     x = solve(b)
-    assert np.array_equal(replace(solve, bands=bands)(b), x) and np.count_nonzero(x) == blocks[3] - blocks[2]
+    assert np.array_equal(replace(solve, bands=(bands,))(b), x) and np.count_nonzero(x) == blocks[3] - blocks[2]
+
+
+def test_bands_in_parts_are_those_in_one_array(monkeypatch):
+    """A body or two in each: the same bits of solutions and of the Delassus operator."""
+    A, blocks, motions = system(1e-3)
+    whole, b = linear.banded(A, blocks, motions), np.arange(1.0, A.shape[0] + 1.0)
+    H = sp.csr_array(np.eye(A.shape[0])[::3])
+    for size in (1, int(whole.offsets[1]) + 1):
+        monkeypatch.setattr(band, "PART", size)
+        parts = linear.banded(A, blocks, motions)
+        assert 1 < len(parts.bands) <= blocks.size - 1
+        assert np.array_equal(parts(b), whole(b))
+        assert np.array_equal(parts.delassus(H).toarray(), whole.delassus(H).toarray())
 
 
 def test_banded_solves_bodies_that_are_smaller_than_the_band():

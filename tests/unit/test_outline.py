@@ -397,6 +397,16 @@ def test_convex_bodies_turn_back_nowhere_and_a_figure_of_eight_by_a_whole_turn()
     assert crossed([eight], chosen=()).shape[1] == 0
 
 
+@given(SEEDS)
+def test_turns_are_sums_of_the_angles_at_boundary_points(seed):
+    """Of loops through points at random, which wind any number of times, and of a square with a hole."""
+    rng = np.random.default_rng(seed)
+    o, x, bodies = build([rng.normal(size=(2, rng.integers(3, 20)))], [SQUARE, 0.5 * SQUARE[:, ::-1] + 0.2])
+    angle = outline.turning_angles(o, x)
+    for sign, turned in zip((1.0, -1.0), outline.turns(o, x), strict=True):
+        np.testing.assert_allclose(turned, np.bincount(o.body, np.maximum(sign * angle, 0.0), bodies), atol=1e-12)
+
+
 def test_a_loop_that_goes_round_twice_crosses_itself_though_it_never_turns_back():
     a = 2.0 * np.pi * (np.arange(60) + 0.25) / 60
     limacon = (0.5 + np.cos(a)) * np.array([np.cos(a), np.sin(a)])

@@ -96,7 +96,7 @@ def test_banded_cholesky_finds_the_factor(seed, nodes, reach):
     np.fill_diagonal(L, rng.uniform(1.0, 2.0, 2 * nodes))
     A = np.asarray(L @ L.T)
     factor = banded(sp.bsr_array(A, blocksize=(2, 2)), np.array([0, 2 * nodes]), np.zeros((2 * nodes, 3)))
-    band, found = factor.bands.reshape(2 * nodes, -1), np.zeros_like(L)
+    band, found = factor.bands[0].reshape(2 * nodes, -1), np.zeros_like(L)
     for j in range(2 * nodes):
         found[j : factor.ends[j // 2], j] = band[j, : factor.ends[j // 2] - j]
     np.testing.assert_allclose(found, np.linalg.cholesky(A), rtol=1e-9, atol=1e-12)

@@ -1,0 +1,131 @@
+"""Feet of contact points on the sides of other bodies, one by one: the loops of `projection` and `closest_points`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.compiled import compiled
+from skmpm.outline import Loops, distance_to_segment, foot, place, seen
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+MAX_NORMALS_COSINE = -0.3  # largest cosine between outward normals of surfaces in contact, ideally -1; 0 at corners
+# The edges beside a contact point may point into the other surface at an angle of up to this sine, or by this depth
+# [cells], whichever is more: compressed boundary points are so close that their heights do not define a slope.
+MAX_EDGE_SINE, MAX_EDGE_DEPTH = 0.5, 0.1
+END_TOLERANCE = 1e-6  # [segments] a point beyond the end of a side by less is still in front of the side
+
+
+@compiled
+def contacts(
+    ends: Ints,
+    point: Ints,
+    segment: Ints,
+    shift: Array,
+    x: Array,
+    c: Array,
+    start_x: Array,
+    start_c: Array,
+    loops: Loops,
+    limits: tuple[float, float, float],
+    chosen: Ints,
+    parameter: Array,
+    place: Array,
+    beside: Bools,
+) -> int:
+    """Write the contacts of groups of candidates, and return their number.
+
+    `chosen` are the group, the segment of the foot, and that at the start of the step; `place` the normal, the gap
+    and that at the start; `limits` are depth, reach, and depth of edges [m].
+    """
+    size, (depth, reach, edge_depth) = 0, limits
+    for group in range(ends.size - 1):
+        i, t = nearest_of_group(ends[group], ends[group + 1], point, segment, x, loops.following, depth)
+        if i < 0:
+            continue
+        at = point[ends[group]]
+        i, t, x_normal, y_normal, gap, off = foot_of(at, shift[group], i, t, c, loops)
+        if off or not -depth < gap < reach:
+            continue
+        i_before, _, x_before, y_before, gap_before, off_before = foot_of(at, shift[group], i, t, start_c, loops)
+        if not _faces(at, (x_before, y_before), start_x, loops, edge_depth):
+            continue
+        chosen[0, size], chosen[1, size], chosen[2, size], parameter[size] = group, i, i_before, t
+        place[0, size], place[1, size], place[2, size], place[3, size] = x_normal, y_normal, gap, gap_before
+        beside[size] = off_before
+        size += 1
+    return size
+
+
+@compiled
+def nearest_of_group(
+    begin: int, end: int, point: Ints, segment: Ints, x: Array, following: Ints, most: float
+) -> tuple[int, float]:
+    """Of candidates begin:end, the nearest segment and the parameter of the point on it; -1 if beyond `most`."""
+    least, best, at = most, -1, 0.0
+    for k in range(begin, end):
+        s, distance = distance_to_segment(x, point[k], segment[k], following[segment[k]])
+        if distance < least:
+            least, best, at = distance, segment[k], s
+    return best, at
+
+
+@compiled
+def foot_of(
+    point: int, shift: float, segment: int, s: float, c: Array, loops: Loops
+) -> tuple[int, float, float, float, float, bool]:
+    """The foot of a contact point on the side of a segment, from an initial guess.
+
+    Returns its segment and parameter, the normal, the gap, and whether the point lies beyond the end of the side. A
+    foot exactly on a convex corner is left to that corner; two coincident corners may belong to flush sides.
+    """
+    y = place(c, loops.previous[point], 1.0 + shift) if shift < 0.0 else place(c, point, shift)
+    i, t = foot(y, segment, s, c, loops)
+    x_normal, y_normal, gap, along = seen(y, c, i, t)
+    j = loops.following[i]
+    on_corner = (loops.convex[i] and t <= END_TOLERANCE) or (loops.convex[j] and t >= 1.0 - END_TOLERANCE)
+    off_end = (loops.corner[i] and t <= 0.0) or (loops.corner[j] and t >= 1.0)
+    off_end &= abs(along) > END_TOLERANCE
+    return i, t, x_normal, y_normal, gap, off_end or (on_corner and not loops.sharp[point])
+
+
+@compiled
+def _faces(c: int, normal: tuple[float, float], x: Array, loops: Loops, edge_depth: float) -> bool:
+    """Whether a point faces the surface of its foot, with edges that do not point into it.
+
+    Decided at the start of the step, so that the contacts do not depend on the rotation of edges between iterates.
+    """
+    x_ahead, y_ahead = x[0, loops.following[c]] - x[0, c], x[1, loops.following[c]] - x[1, c]
+    x_back, y_back = x[0, loops.previous[c]] - x[0, c], x[1, loops.previous[c]] - x[1, c]
+    x_chord, y_chord = x_ahead - x_back, y_ahead - y_back
+    facing = y_chord * normal[0] - x_chord * normal[1]
+    most = 0.0 if loops.sharp[c] else MAX_NORMALS_COSINE
+    if not facing < most * np.sqrt(x_chord**2 + y_chord**2):
+        return False
+    ahead, back = x_ahead * normal[0] + y_ahead * normal[1], x_back * normal[0] + y_back * normal[1]
+    keeps_off = ahead > -max(MAX_EDGE_SINE * np.sqrt(x_ahead**2 + y_ahead**2), edge_depth)
+    return bool(keeps_off and back > -max(MAX_EDGE_SINE * np.sqrt(x_back**2 + y_back**2), edge_depth))
+
+
+@compiled
+def project(
+    point: Ints,
+    shift: Array,
+    skipped: Bools,
+    c: Array,
+    loops: Loops,
+    segment: Ints,
+    s: Array,
+    normal: Array,
+    gap: Array,
+    beside: Bools,
+) -> None:
+    """Overwrite the feet of contact points (k,) on sides."""
+    for k in range(point.size):
+        if not skipped[k]:
+            segment[k], s[k], normal[0, k], normal[1, k], gap[k], beside[k] = foot_of(
+                point[k], shift[k], segment[k], s[k], c, loops
+            )

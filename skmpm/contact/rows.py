@@ -1,0 +1,81 @@
+"""Rows of contacts as sparse matrices: combinations of contact points, and their components along directions."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.compiled import compiled
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Indices = NDArray[np.integer]
+
+
+def components(matrix: sp.csr_array, *directions: Array) -> sp.csr_array:
+    """Matrix (d k, 2 m) of the components along d `directions` (2, k) of the vectors that `matrix` (k, m) combines.
+
+    The d rows of a vector follow each other.
+    """
+    count, k = len(directions), matrix.shape[0]
+    indptr, size = np.empty(count * k + 1, dtype=matrix.indptr.dtype), 2 * count * matrix.nnz
+    indices, data = np.empty(size, dtype=matrix.indices.dtype), np.empty(size)
+    _components(matrix.indptr, matrix.indices, matrix.data, np.stack(directions), indptr, indices, data)
+    return sp.csr_array((data, indices, indptr), shape=(count * k, 2 * matrix.shape[1]))
+
+
+@compiled
+def _components(
+    given: Indices,
+    columns: Indices,
+    weights: Array,
+    directions: Array,
+    indptr: Indices,
+    indices: Indices,
+    data: Array,
+) -> None:
+    """Write the same; directions (d, 2, k)."""
+    end, row = 0, 0
+    indptr[0] = 0
+    for k in range(given.size - 1):
+        for d in range(directions.shape[0]):
+            x, y = directions[d, 0, k], directions[d, 1, k]
+            for e in range(given[k], given[k + 1]):
+                indices[end], indices[end + 1] = 2 * columns[e], 2 * columns[e] + 1
+                data[end], data[end + 1] = x * weights[e], y * weights[e]
+                end += 2
+            row += 1
+            indptr[row] = end
+
+
+def combinations(columns: Ints, weights: Array, size: int) -> sp.csr_array:
+    """Matrix (k, size) with sums of the weights (j, k) in columns (j, k) for rows; zeros are left out."""
+    k = columns.shape[1]
+    indptr, indices, data = np.zeros(k + 1, dtype=np.int32), np.empty(columns.size, np.int32), np.empty(columns.size)
+    filled = _combinations(columns, weights, indptr, indices, data)
+    return sp.csr_array((data[:filled], indices[:filled], indptr), shape=(k, size))
+
+
+@compiled
+def _combinations(columns: Ints, weights: Array, indptr: Indices, indices: Indices, data: Array) -> int:
+    """Write the same, columns ascending, and return the number of entries."""
+    end = 0
+    for k in range(columns.shape[1]):
+        begin = end
+        for j in range(columns.shape[0]):
+            column, weight = columns[j, k], weights[j, k]
+            if weight == 0.0:
+                continue
+            at = begin
+            while at < end and indices[at] < column:
+                at += 1
+            if at < end and indices[at] == column:
+                data[at] += weight
+                continue
+            for e in range(end, at, -1):
+                indices[e], data[e] = indices[e - 1], data[e - 1]
+            indices[at], data[at] = column, weight
+            end += 1
+        indptr[k + 1] = end
+    return end
