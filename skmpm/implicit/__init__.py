@@ -18,7 +18,7 @@ motion in one iteration and do not enter the residual.
 
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, KnownForces
-from skmpm.implicit.errors import StepRejected
+from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
@@ -45,4 +45,5 @@ __all__ = [
     "Timer",
     "advance",
     "gauge_of",
+    "pair",
 ]

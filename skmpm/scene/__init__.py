@@ -1,6 +1,6 @@
 """The scene (`Scene`), its state (`State`), and the checks of both."""
 
-from skmpm.scene.check import check_walls_at_start
+from skmpm.scene.check import TOUCHING, check_walls_at_start
 from skmpm.scene.fits import check_fits, check_initial_positions
 from skmpm.scene.materials import initial_internal, material_at, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
@@ -15,6 +15,7 @@ from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepCont
 from skmpm.scene.walls_in_view import view_of, wall_lines
 
 __all__ = [
+    "TOUCHING",
     "Body",
     "Contacts",
     "Derived",

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.implicit import StepRejected
+from skmpm.implicit import StepRejected, pair
 from skmpm.material import Rigid, determinant, is_linear
-from skmpm.scene import Scene, State, material_at
+from skmpm.scene import TOUCHING, Scene, State, material_at
 from skmpm.scheme import Scheme
 from skmpm.simulate.energy_budget import Budget
 from skmpm.simulate.initial_state import can_touch
@@ -40,6 +40,8 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
         small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
         remedy = f"use a smaller dt{small}"
         raise StepRejected(f"body {b}", "points are inverted (det F <= 0) at the end of the step", remedy)
+    if scheme.inertia:
+        _check_push_out(scene, before, after, budget)
     if scheme.inertia and scheme.theta == 1.0:
         _check_energy(scheme, before, after, budget)
     _check_crossings(scene, after)
@@ -50,6 +52,24 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     if exact:
         _check_walls(scene, after)
     return _check_overlap(scene, after, exact)
+
+
+def _check_push_out(scene: Scene, before: State, after: State, budget: Budget) -> None:
+    """Raise StepRejected if the removal of an overlap takes more energy than there is.
+
+    Contact removes an overlap within the step, at a speed that grows as the step gets shorter. Overlaps up to
+    `TOUCHING`, which bodies may begin with, are exempt.
+    """
+    available = budget.before + abs(budget.external)
+    if budget.overlap > TOUCHING * scene.cell and budget.push_out > available:
+        raise StepRejected(
+            pair(budget.overlapping),
+            f"they overlap by {budget.overlap / scene.cell:.2g} cells, and to part them in a step of"
+            f" {after.t - before.t:.2g} s takes {budget.push_out / max(available, 1e-300):.2g} times the energy that"
+            " there is",
+            "shorter steps push harder: use a shorter dt before they overlap, smaller cells, or end earlier",
+            retryable=False,
+        )
 
 
 def _check_energy(scheme: Scheme, before: State, after: State, budget: Budget) -> None:

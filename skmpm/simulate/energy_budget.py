@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from skmpm.simulate.springs import energies
 from skmpm.simulate.unbalanced import unbalanced_ratio
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 STRAIN_ROUND_OFF = 100.0 * float(np.finfo(float).eps)  # energies of such strains are round-off
 
@@ -44,6 +45,8 @@ class Budget:
     springs: tuple[float, float] = (0.0, 0.0)  # stored in springs, at the start and at the end of the step
     plastic: float = 0.0  # dissipated by changes of the internal variables of materials
     cohesion: float = 0.0  # work of cohesive contacts on open gaps, positive where these close
+    overlap: float = 0.0  # largest part of an initial overlap that the step removes [m]
+    overlapping: Ints = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # the two bodies that overlap so
 
     @property
     def largest(self) -> float:
@@ -97,13 +100,17 @@ def budget_of(
         external += own.work
         kinetic = [kinetic[i] + own.kinetic[i] for i in (0, 1)] if inertia else kinetic
     viscous = increment.dissipated(w)
-    push_out = cohesion = tolerated = 0.0
+    push_out = cohesion = tolerated = overlap = 0.0
+    overlapping = np.zeros(2, dtype=np.int64)
     modulus = bulk.modulus * float(bulk.assembly.volume.sum())
     rounding = float(np.finfo(float).eps) * modulus  # a strain energy is a small difference of terms as large as this
     if solution.contact is not None:
         constraints, r, u = solution.contact.constraints, solution.contact.r, solution.contact.u
         external -= float(r @ constraints.components(constraints.prescribed))  # the work of walls and rigid bodies
         push_out = float(constraints.forces(r, increment.dt)[0] @ constraints.pushed_out)
+        if constraints.size:
+            k = int(np.argmax(constraints.pushed_out))
+            overlap, overlapping = float(constraints.pushed_out[k]), constraints.bodies[:, k]
         cohesion = -float(constraints.tensile_strength @ constraints.opening)
         rounding += float(bulk.assembly.mass.sum()) * solution.contact.problem.speed_round_off**2
         lifted = constraints.lifted(r, increment.dt)
@@ -128,6 +135,8 @@ def budget_of(
         external=external,
         push_out=push_out,
         cohesion=cohesion,
+        overlap=overlap,
+        overlapping=overlapping,
         viscous=viscous,
         plastic=plastic,
         noise=max(STRAIN_ROUND_OFF**2 * modulus, 1e-300),

@@ -77,6 +77,18 @@ NO_GAIN = Budget(
 )  # fmt: skip
 
 
+def test_an_overlap_is_not_removed_at_any_price():
+    """By more than all energy and work: refused at once, as shorter steps push harder; round-off is exempt."""
+    scene = Scene([Body(disc((x, 0.0), 1.0, spacing=0.3), GUM) for x in (0.0, 2.1)], cell=0.4)
+    state = initial(scene)
+    pushed = replace(NO_GAIN, external=-0.5, overlap=2e-3 * scene.cell, overlapping=np.array([1, 0]))
+    check_step(scene, Scheme(), state, state, replace(pushed, push_out=1.49))
+    check_step(scene, Scheme(), state, state, replace(pushed, push_out=9.0, overlap=0.9e-3 * scene.cell))
+    with pytest.raises(StepRejected, match=r"bodies 1 and 0: they overlap by 0.002 cells.* takes 2 times") as error:
+        check_step(scene, Scheme(), state, state, replace(pushed, push_out=3.0))
+    assert not error.value.retryable
+
+
 @wraps(point_to_curve)
 def wrapped(*arguments):
     return point_to_curve(*arguments)
