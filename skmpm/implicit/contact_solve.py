@@ -15,7 +15,7 @@ from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.implicit.errors import StepRejected, pair
-from skmpm.linear import Delassus, Joined, Solver
+from skmpm.linear import Delassus, Joined, Rotated, Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -65,17 +65,20 @@ def _delassus_matrix(
     Also returns the Delassus operator with the columns computed so far.
     """
     constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
-    joining = solver if isinstance(solver, Joined) else None
-    solver = joining.solver if joining else solver
+    joining, turned = (solver if isinstance(solver, kind) else None for kind in (Joined, Rotated))
+    solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver
+    owners = _owners(contact)
     if delassus is None:
         reused = increment.material_response.linear and increment.scheme.anchor > 0.0
         reused &= solver.name != "amg"  # needs a solve per contact point: only for those in contact
-        delassus = Delassus.of(solver, constraints.base, _owners(contact), whole=reused)
+        delassus = Delassus.of(solver, constraints.base, owners, whole=reused)
     left = right = constraints.D
     if geometric is not None:
         left, right = (
             sp.csr_array(sp.vstack([left, rows], format="csr")) for rows in (geometric.Z, geometric.acting)
         )
+    if turned:
+        left, right = (turned.turned_back(rows, owners) for rows in (left, right))
     W, delassus = delassus.between(left, right)
     if joining:
         W = W - joining.correction(left, right, sp.csr_array(sp.kron(constraints.base, np.eye(2), format="csr")))

@@ -45,6 +45,11 @@ class Gauge:
         return np.where(inertia > 0.0, inertia, 1.0)
 
     @property
+    def bodies(self) -> NDArray[np.bool_]:
+        """Which bodies have the condition, (bodies,)."""
+        return np.asarray(self._sums(np.abs(self.rotation)) > 0.0)
+
+    @property
     def momentum(self) -> Array:
         """The vector m = M s, (2 nodes,) [kg]."""
         return self.mass * self.rotation

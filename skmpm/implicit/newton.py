@@ -36,6 +36,7 @@ from skmpm.implicit.iteration import (
 )
 from skmpm.implicit.line_search import move
 from skmpm.implicit.residual import Increment, null_space
+from skmpm.implicit.rotation import matrix_turns, turned_solver
 from skmpm.implicit.timer import Timer
 from skmpm.linear import Solver
 
@@ -82,6 +83,7 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
             factor, contact = factor.released(), contact.without_delassus() if contact else None
             factor = factor.renewed(increment, contact, configuration)
             timer.lap("factorisation")
+        solver = factor.at(increment, configuration)
         # With inertia, stiffness that failed in one iteration is tried again in the next.
         stalled = not scheme.inertia and iteration > 2 and balance.norm > STALLED_RATE * before
         failed = contact is not None and not scheme.inertia and contact.stiffness_failures > 0
@@ -89,7 +91,7 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
         if contact and contact.frozen is None and (failed or stalled):
             contact = contact.with_frozen_geometry(contact.constraints)
             acceleration, relaxation = AndersonAcceleration(mass), 1.0
-        contact, direction, last_impulse = _direction(contact, factor, balance)
+        contact, direction, last_impulse = _direction(contact, solver, balance)
         # Not with inertia: affine combinations of rotated bodies stretch them, by more than light contacts do.
         slow = not scheme.inertia and balance.norm > SLOW_RATE * before and not converged
         accelerated, before = acceleration.accelerate(w, direction, relaxation, wanted=slow), balance.norm
@@ -135,6 +137,7 @@ class _Factor:
 
     solver: Solver | None
     count: int = 0  # factorisations in this step
+    configuration: Configuration | None = None  # of the matrix, if it turns with bodies
 
     def due(
         self, increment: Increment, contact: ContactIterate | None, iteration: int, norm: float, before: float
@@ -149,19 +152,26 @@ class _Factor:
         """The same without its solver, so that only one is in memory."""
         return replace(self, solver=None)
 
+    def at(self, increment: Increment, configuration: Configuration) -> Solver:
+        """The solver for the matrix turned as bodies have turned since it was factorised."""
+        assert self.solver is not None
+        if self.configuration is None or self.configuration is configuration:
+            return self.solver
+        return turned_solver(increment, self.solver, self.configuration, configuration)
+
     def renewed(self, increment: Increment, contact: ContactIterate | None, configuration: Configuration) -> _Factor:
         """The factorised matrix at a configuration."""
-        return _Factor(factorise(increment, contact, configuration), self.count + 1)
+        at = configuration if matrix_turns(increment) else None
+        return _Factor(factorise(increment, contact, configuration), self.count + 1, at)
 
 
 def _direction(
-    contact: ContactIterate | None, factor: _Factor, balance: _Balance
+    contact: ContactIterate | None, solver: Solver, balance: _Balance
 ) -> tuple[ContactIterate | None, Array, Array]:
     """The contact problem with new impulses, the Newton direction and the contact impulse that belongs to it."""
-    assert factor.solver is not None
     if contact is None:
-        return None, -factor.solver(balance.gradient), balance.contact_impulse
-    found = solve(contact, factor.solver, balance.gradient)
+        return None, -solver(balance.gradient), balance.contact_impulse
+    found = solve(contact, solver, balance.gradient)
     return found.contact, found.direction, found.impulse
 
 

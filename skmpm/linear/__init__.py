@@ -13,6 +13,7 @@ from skmpm.linear.joined import Joined, joined
 from skmpm.linear.low_rank import LowRank, on_gauge, without_added_inertia
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
+from skmpm.linear.rotated import Rotated
 from skmpm.linear.solver import Linear, NotPositiveDefinite, Solver, half_bandwidth
 from skmpm.linear.threads import one_thread
 
@@ -27,6 +28,7 @@ __all__ = [
     "Linear",
     "LowRank",
     "NotPositiveDefinite",
+    "Rotated",
     "Solver",
     "amg",
     "banded",
