@@ -65,7 +65,8 @@ def _delassus_matrix(
     Also returns the Delassus operator with the columns computed so far.
     """
     constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
-    joining, turned = (solver if isinstance(solver, kind) else None for kind in (Joined, Rotated))
+    joining = solver if isinstance(solver, Joined) else None
+    turned = solver if isinstance(solver, Rotated) else None
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver
     owners = _owners(contact)
     if delassus is None:

@@ -30,7 +30,7 @@ class Rotated:
 
     @cached_property
     def _turn(self) -> NDArray[np.complex128]:
-        return np.exp(1j * self.angle)
+        return np.asarray(np.exp(1j * self.angle))
 
     def __call__(self, b: Array, /) -> Array:
         """The solution for b (n,) or (n, m)."""
