@@ -23,7 +23,7 @@ def force(scene, state):
 
 def slowly(scene, state):
     """The same, in time to be interrupted."""
-    time.sleep(0.05)
+    time.sleep(0.15)  # a run takes longer than the start of another process on a busy machine
     return force(scene, state)
 
 
