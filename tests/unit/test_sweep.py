@@ -316,9 +316,13 @@ def script(folder, guard="__name__ == '__main__'", *paths):
     (folder / "script.py").write_text(SCRIPT.format(guard=guard))
     places = [*paths, Path(__file__).parent, Path(skmpm.__file__).parents[1]]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, places))}
-    return subprocess.Popen(
-        [sys.executable, "script.py"], cwd=folder, env=environment, stdout=-1, stderr=-1, text=True
-    )
+    options = {"cwd": folder, "env": environment, "stdout": -1, "stderr": -1, "text": True}
+    return subprocess.Popen([sys.executable, "script.py"], preexec_fn=heed_interrupts, **options)
+
+
+def heed_interrupts():
+    """Where the tests run in the background of a shell, SIGINT is ignored, also by the processes that they start."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
