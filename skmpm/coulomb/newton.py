@@ -34,9 +34,8 @@ POLISH = 1e-2  # residuals between this fraction of the tolerance and the tolera
 # dense packing 200 change in the first step, 6 in the second, none in the third.
 MANY_CHANGES, ROUGH_TOLERANCE = 0.01, 1e-4
 MAX_CHANGES = 8  # contacts of other states up to which a known factor is used again
-ACCURACY = (
-    1e-6  # residual of a linear system over the tolerance of the problem that suffices: moves bodies by 1e-10 cells
-)
+# Residual of a linear system that suffices, over the tolerance of the problem: it moves bodies by 1e-10 cells.
+ACCURACY = 1e-6
 MANY_ROWS = 10_000  # beyond, another attempt at an iterative solver takes less than a tenth of the time of an LU
 
 

@@ -52,7 +52,7 @@ def animate(
     ImportError
         if matplotlib is not installed
     ValueError
-        if there is no state, or states without scene, the suffix is another, ffmpeg is needed and not found, or as
+        if no states are given, or states without scene, the suffix is another, ffmpeg is needed and not found, or as
         for `plot`
     FileNotFoundError
         if the directory of the file does not exist

@@ -17,8 +17,7 @@ def periodic_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> It
     if scene.periodic is None:
         return
     gravity = gravity_of(scene)
-    free = np.isin(np.arange(len(scene.bodies)), scene.free_rigid)
-    holds = scene.supports or scene.springs or (~free & ~scene.deformable).any()
+    holds = scene.supports or scene.springs or not scene.movable.all()
     if gravity.any() and not holds:
         x, y = gravity
         yield (
