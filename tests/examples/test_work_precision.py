@@ -25,23 +25,24 @@ def test_commands(study, monkeypatch, tmp_path):
     """The study of the cantilever, presets and two of the sample, and the page of it; run again, nothing is done."""
     module, page = study("study"), study("page")
     command = ["--scenes", "cantilever", "--only", "preset", "sample", "--runs", "2", "--processes", "1"]
-    options = module.parser().parse_args([*command, "--out", str(tmp_path / "out")])
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
+    where = ["--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
+    options = module.parser().parse_args([*command, *where])
     module.main(options)
     found = skmpm.Sweep.read(tmp_path / "out")
     assert len(found) == 5
-    assert [m.columns["newton"].tolist() for m in found if m.columns["points"][0] == 896.0] == [
-        [1.0] * 4
-    ]  # `balanced`
+    balanced = [m for m in found if m.parameters["setting"]["newton_tol"] == 1e-3]
+    assert [m.columns["newton"].tolist() for m in balanced] == [[1.0] * 4]
     times = [(member.folder / "table.csv").stat().st_mtime_ns for member in found]
     module.main(options)
     assert [(member.folder / "table.csv").stat().st_mtime_ns for member in found] == times
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
     rest = (DOCS / "work_precision.md").read_text().split("<!-- /study -->\n")[1]
     for _ in range(2):
         page.write(tmp_path / "out", tmp_path / "docs")
         text = (tmp_path / "docs" / "work_precision.md").read_text()
         assert "| cantilever | 5 | 2 |" in text
+        assert "All with one version of the library, skmpm" in text
         assert text.count("## Presets") == 1
         assert text.endswith(rest)
         for name in ("fronts", "parameters", "speeds"):  # once will do
@@ -67,10 +68,23 @@ def test_every_setting_is_a_scheme_and_larger_samples_begin_with_smaller(study):
 
 
 def test_presets_are_those_of_the_library(study):
-    """What the study measures under their names solves as tightly as they do; it ran without mean dilatation."""
+    """What the study measures under their names solves as tightly as they do, and averages dilatation as they do."""
     parameters = study("parameters")
     for name, setting in parameters.PRESETS.items():
-        assert parameters.scheme_of(setting, inertia=True) == getattr(skmpm.Scheme, name)(mean_dilatation=False)
+        assert parameters.scheme_of(setting, inertia=True) == getattr(skmpm.Scheme, name)()
+
+
+def test_chosen_steps_are_one_more_level_where_there_is_inertia(study):
+    """They have no length and no pace; statics and explicit steps know nothing of them."""
+    parameters, scenes, discs = study("parameters"), study("scenes"), study("discs")
+    chosen = parameters.DEFAULT | {"chosen": True, "pace": 4.0}
+    assert discs.time_step(chosen, 1e-3, 8e-6, discs.GELS["finite"]) is None
+    assert scenes.setting_on("packing", chosen) == parameters.DEFAULT | {"chosen": True}
+    assert scenes.setting_on("hertz", chosen) == parameters.DEFAULT
+    explicit = chosen | {"explicit": True}
+    assert scenes.setting_on("packing", explicit) == parameters.DEFAULT | {"explicit": True, "pace": 4.0}
+    runs = {scene: [s for s in scenes.CASES[scene].settings if s["chosen"]] for scene in study("results").LIDS}
+    assert [len(settings) for settings in runs.values()] == [1] * 4
 
 
 def test_ends_of_runs(study):
@@ -94,12 +108,15 @@ def test_ends_of_runs(study):
 def test_retiming_keeps_the_shorter_time(study, tmp_path):
     """The presets on the cantilever twice, the second time beside the first; the faster counts."""
     module, results = study("study"), study("results")
-    command = ["--scenes", "cantilever", "--only", "preset", "--processes", "1", "--out", str(tmp_path)]
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
+    where = ["--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
+    command = ["--scenes", "cantilever", "--only", "preset", "--processes", "1", *where]
     for options in ([], ["--retime"]):
         module.main(module.parser().parse_args([*command, *options]))
-    found = skmpm.Sweep.read(tmp_path)
+    found = skmpm.Sweep.read(tmp_path / "out")
     assert sorted(member.parameters.get("again", 0) for member in found) == [0] * 3 + [1] * 3
-    runs = results.load(tmp_path).why("cantilever", "preset")
+    runs = results.load(tmp_path / "out").why("cantilever", "preset")
     assert len(runs) == 3
     for run in runs:
         same = [m for m in found if results.key(m.parameters["setting"]) == results.key(run.setting)]

@@ -1,4 +1,4 @@
-"""The checks of the study: three pressures, an identity, the grid, the lid and the laws of compaction.
+"""The checks of the study: three pressures, an identity, what is quasi-static, rates, grids, materials and walls.
 
 Like the claims, they were fixed before any result was seen. "Worst" is over all members and solid fractions meant.
 """
@@ -9,22 +9,39 @@ import numpy as np
 
 from . import stages
 from .claims import NOT_RUN, Row, decide, figure
-from .curves import PHI, YOUNG, Array, Member, Study, mean
-from .fits import Compaction, Power, compaction_law, power_law
+from .curves import PHI, Array, Member, Study, mean
+from .members import LIDS, RATIOS
+from .scenes import YOUNG
+from .still import still
+from .targets import FRICTIONS, KINDS, phi_jammed
 
 DENSE, GRIDS = 0.88, 0.85  # solid fractions above which pressures and grids are compared
-Z_J = {0.0: 4.0, 0.5: 3.2}  # coordination at jamming
+COLLAPSE = (DENSE, 0.93)  # between which Poisson's ratios are
+ABOVE_JAMMING = 0.01  # of the solid fraction, from where rates must not matter
+AT = np.array([0.86, 0.90, 0.926, 0.95])  # where kinds are compared
 CURVES = {"pressure": "P", "contact_surface": "S", "anisotropy": "A_m", "aspect_ratio": "alpha", "coordination": "Z"}
+THREE = {
+    "contacts and points": ("pressure", "pressure_points"),
+    "contacts and walls": ("pressure", "walls"),
+    "points and walls": ("pressure_points", "walls"),
+}
 
 
 def rows(found: Study) -> list[Row]:
     """All checks."""
     return [
+        *still(found),
         *pressures(found),
-        identity(found),
-        *grids(found),
-        lid(found),
-        *laws(found),
+        *identities(found),
+        *(
+            rate(found, name, friction)
+            for name in ("pressure", "coordination_without_rattlers")
+            for friction in FRICTIONS
+        ),
+        *(collapse(found, nu) for nu in RATIOS),
+        *(grid(found, name, friction) for name in CURVES for friction in FRICTIONS),
+        *(compared(found, "periodic", "isotropic over uniaxial", friction) for friction in FRICTIONS),
+        *(compared(found, "fast", "lid at 2 m/s over quasi-static", friction) for friction in FRICTIONS),
         forgetting(found),
     ]
 
@@ -54,27 +71,33 @@ def hundredths(share: float) -> str:
 
 
 def pressures(found: Study) -> list[Row]:
-    """Contacts, points and walls, two by two, over the ensemble."""
-    names = {
-        "contacts and points": ("pressure", "pressure_points"),
-        "contacts and walls": ("pressure + motion", "walls"),
-        "points and walls": ("pressure_points + motion", "walls"),
-        "contacts and walls, the discs' swing taken off,": ("pressure - swing", "walls"),
-        "points and walls, the discs' swing taken off,": ("pressure_points - swing", "walls"),
-    }
+    """Contacts, points and walls, two by two: quasi-static ones step by step, others as means over a transit."""
     result = []
-    packings = [m for friction in (0.0, 0.5) for m in found.seeds(friction)]
-    slow = [m for friction in (0.0, 0.5) if (m := found.get(f"slow_mu{friction:g}"))]
+    for kind, words in KINDS.items():
+        members = [m for friction in FRICTIONS for m in found.seeds(kind, friction)]
+        for what, pair in THREE.items():
+            if kind == "periodic" and "walls" in pair:
+                continue
+            both = over_transits(members, *pair, 1.0)
+            result.append(Row(f"{words}: P from {what} agree", f"worst < 3 % above Phi = {DENSE}, at every step",
+                              percent(both), verdict(both[1], 0.03)))  # fmt: skip
+    return result + moving(found)
+
+
+def moving(found: Study) -> list[Row]:
+    """The same under the lid at 2 m/s, with all motion added to what walls do not feel, and by the virial theorem."""
+    names = {what: (a, b) if b != "walls" else (f"{a} + motion", b) for what, (a, b) in THREE.items()}
+    names |= {
+        f"{what}, the discs' swing taken off,": (f"{a} - swing", b) for what, (a, b) in THREE.items() if b == "walls"
+    }
+    members, result = [m for friction in FRICTIONS for m in found.seeds("fast", friction)], []
     for what, (a, b) in names.items():
-        one, *longer = (over_transits(packings, a, b, transits) for transits in (1.0, 2.0, 4.0))
-        lid = over_transits(slow, a, b, 1.0)
-        rule = f"worst < 3 % above Phi = {DENSE}, at every step, of means over one transit time"
+        one, *longer = (over_transits(members, a, b, transits) for transits in (1.0, 2.0, 4.0))
         text = percent(one)
         if np.isfinite(one[1]):
             text += f"; over 2 and 4 transit times worst {', '.join(hundredths(worst) for _, worst in longer)} %"
-        if np.isfinite(lid[1]):
-            text += f"; lid at 0.5 m/s: {percent(lid)}"
-        result.append(Row(f"P from {what} agree", rule, text, verdict(one[1], 0.03)))
+        rule = f"worst < 3 % above Phi = {DENSE}, at every step, of means over one transit time"
+        result.append(Row(f"2 m/s: P from {what} agree", rule, text, verdict(one[1], 0.03)))
     return result
 
 
@@ -88,97 +111,109 @@ def over_transits(members: list[Member], a: str, b: str, transits: float) -> tup
     return (float(means.mean()), float(worst.max())) if means.size else (np.nan, np.nan)
 
 
-def identity(found: Study) -> Row:
-    """P = (Phi Z / 4) sigma_l at the stages."""
-    values = [
-        stages.identity(member, state)
-        for friction in (0.0, 0.5)
-        for member in found.seeds(friction)
-        for state in stages.states(member).values()
-        if np.hypot(*state.contacts.force).any()
-    ]
-    both = apart(np.ones(len(values)), np.array(values))
-    return Row("P = (Phi Z/4) sigma_l, sigma_l = mean(f.l) / mean(V_p) by own code", "worst < 1 %, at all stages",
-               percent(both), verdict(both[1], 0.01))  # fmt: skip
-
-
-def grids(found: Study) -> list[Row]:
-    """Each curve at R/h = 5 and 8, the same packing."""
+def identities(found: Study) -> list[Row]:
+    """P = (Phi Z / 4) sigma_l at the stages, in boxes of walls."""
     result = []
-    for name, symbol in CURVES.items():
-        both, frictions = worst_of(found, "fine", name, GRIDS)
-        result.append(Row(f"{symbol}(Phi) at R/h = 5 and 8", f"worst < 5 % above Phi = {GRIDS}, same packing",
-                          frictions, verdict(both, 0.05)))  # fmt: skip
+    for kind, words in (("quasistatic", "quasi-static"), ("fast", "2 m/s")):
+        values = [
+            stages.identity(member, state)
+            for friction in FRICTIONS
+            for member in found.seeds(kind, friction)
+            for state in stages.states(member).values()
+            if np.hypot(*state.contacts.force).any()
+        ]
+        both = apart(np.ones(len(values)), np.array(values))
+        result.append(Row(f"{words}: P = (Phi Z/4) sigma_l, sigma_l = mean(f.l) / mean(V_p) by own code",
+                          "worst < 1 %, at all stages", percent(both), verdict(both[1], 0.01)))  # fmt: skip
     return result
 
 
-def lid(found: Study) -> Row:
-    """The same packing with a lid at 0.5 m/s."""
-    worst, text = worst_of(found, "slow", "pressure", DENSE)
-    return Row(
-        "P(Phi) with a lid at 0.5 m/s", f"worst < 5 % above Phi = {DENSE}, same packing", text, verdict(worst, 0.05)
+def rate(found: Study, name: str, friction: float) -> Row:
+    """The first packing under two other lids, against what the packings differ by."""
+    symbol = {"pressure": "P"}.get(name, "Z without rattlers")
+    claim = f"{symbol}(Phi), lids of {LIDS[0]:g} and {LIDS[1]:g} m/s, friction {friction:g}"
+    rule = "rms difference at most the packings' rms deviation from their mean, from 0.01 above Phi_J on"
+    usual = found.seeds("quasistatic", friction)
+    lids = [found.packing(f"lid{speed:g}", friction) for speed in LIDS]
+    if None in lids or len(usual) < 2:
+        return Row(claim, rule, "-", NOT_RUN)
+    jammed = float(np.nanmax([phi_jammed(m, box=True) for m in usual] or [np.nan]))
+    above = PHI[jammed + ABOVE_JAMMING < PHI]
+    samples = np.array([m.over(name, above) for m in usual])
+    first, second = (m.over(name, above) for m in lids if m is not None)
+    there = np.isfinite(first + second) & np.isfinite(samples).all(axis=0)
+    if not there.any():
+        return Row(claim, rule, "-", NOT_RUN)
+    middle = samples[:, there].mean(axis=0)
+    scatter = float(np.sqrt((samples[:, there].std(axis=0, ddof=1) ** 2 / middle**2).mean()))
+    apart_by = float(np.sqrt((((second - first)[there] / middle) ** 2).mean()))
+    text = f"rms {hundredths(apart_by)} %, packings {hundredths(scatter)} %"
+    packing = found.packing("quasistatic", friction)
+    if packing is not None:
+        text += f"; either against {packing.options.speed:g} m/s: " + ", ".join(
+            f"mean {hundredths(apart(packing.over(name, above), m.over(name, above))[0])} %" for m in lids if m
+        )
+    return Row(claim, rule, text, decide(apart_by <= scatter))
+
+
+def collapse(found: Study, nu: float) -> Row:
+    """P / E* of another Poisson's ratio over that of 0.45, by current Phi; the mean of the packings run with both."""
+    pairs, (low, high) = found.pairs("quasistatic", f"nu{nu:g}", 0.0), COLLAPSE
+    claim = f"P/E* by current Phi, Poisson's ratio {nu:g} over 0.45, friction 0"
+    rule = f"worst < 5 % for Phi in {low}-{high}, mean over the packings run with both"
+    grid = PHI[(low <= PHI) & (high + 1e-9 >= PHI)]
+    if not pairs:
+        return Row(claim, rule, "-", NOT_RUN)
+    by_plane, by_young = (
+        apart(*np.array([[m.pressure(grid, over=over) for m in pair] for pair in pairs]).mean(axis=0))
+        for over in (None, YOUNG)
     )
+    text = f"{percent(by_plane)} of {len(pairs)} packings (of P/E: {percent(by_young)})"
+    return Row(claim, rule, text + scatter(found, 0.0, "pressure", grid), verdict(by_plane[1], 0.05))
 
 
-def worst_of(found: Study, kind: str, name: str, above: float) -> tuple[float, str]:
-    """Worst deviation of the `kind` members from the first packing, both frictions; nan unless both were run.
-
-    Beside it by how much the packings deviate from each other.
-    """
-    both, texts = [], []
-    for friction in (0.0, 0.5):
-        usual, other = found.get(f"mu{friction:g}_seed0"), found.get(f"{kind}_mu{friction:g}")
-        grid = PHI[above < PHI]
-        known = usual is not None and other is not None
-        far = apart(*(m.over(name, grid) for m in (usual, other))) if known else (np.nan, np.nan)
-        both.append(far[1])
-        texts.append(f"friction {friction:g}: {percent(far)}{scatter(found, friction, name, grid)}")
-    return float(np.max(both)), "; ".join(texts)
+def grid(found: Study, name: str, friction: float) -> Row:
+    """A curve at R/h = 5 and 8; the mean of the packings run on both grids."""
+    pairs = found.pairs("quasistatic", "fine", friction)
+    above = PHI[GRIDS < PHI]
+    claim = f"{CURVES[name]}(Phi) at R/h = 5 and 8, friction {friction:g}"
+    rule = f"worst < 5 % above Phi = {GRIDS}, mean over the packings run on both"
+    if not pairs:
+        return Row(claim, rule, "-", NOT_RUN)
+    coarse, fine = (np.array([m.over(name, above) for m in side]) for side in zip(*pairs, strict=True))
+    both = apart(coarse.mean(axis=0), fine.mean(axis=0))
+    singles = np.nanmean([apart(a, b)[0] for a, b in zip(coarse, fine, strict=True)])
+    text = f"{percent(both)} of {len(pairs)} packings, each: mean {hundredths(float(singles))} %"
+    return Row(claim, rule, text + scatter(found, friction, name, above), verdict(both[1], 0.05))
 
 
 def scatter(found: Study, friction: float, name: str, grid: Array) -> str:
     """Standard deviation of the packings over their mean, averaged over the solid fractions that all reached."""
-    samples = np.array([m.over(name, grid) for m in found.seeds(friction)])
+    samples = np.array([m.over(name, grid) for m in found.seeds("quasistatic", friction)])
     if len(samples) < 2 or not (there := np.isfinite(samples).all(axis=0)).any():
         return ""
     relative = samples[:, there].std(axis=0, ddof=1) / np.abs(samples[:, there].mean(axis=0))
     return f" (packings scatter by {100 * relative.mean():.1f} %)"
 
 
-def compaction_fits(found: Study, friction: float) -> list[tuple[Member, Compaction]]:
-    """The law of each packing that has one."""
-    fits = [
-        (m, compaction_law(PHI, m.over("coordination"), m.over("pressure") / YOUNG)) for m in found.seeds(friction)
-    ]
-    return [(member, fit) for member, fit in fits if fit is not None]
-
-
-def power_fits(found: Study, friction: float) -> list[Power]:
-    """Coordination above jamming of each packing; means over a transit time."""
-    fits = [power_law(PHI, m.over("coordination", averaged=True), Z_J[friction]) for m in found.seeds(friction)]
-    return [fit for fit in fits if fit is not None]
-
-
-def laws(found: Study) -> list[Row]:
-    """Constants of both laws beside the literature's."""
-    result = []
-    for friction in (0.0, 0.5):
-        law, power = [fit for _, fit in compaction_fits(found, friction)], power_fits(found, friction)
-        for what, names, fits, literature in (
-            ("P/E = -(b/4) Phi Z ln[(Phi_max - Phi)/(Phi_max - Phi_0)]", ("b", "Phi_max", "Phi_0"), law, "b 0.1-0.2"),
-            (f"Z - {Z_J[friction]:g} = a (Phi - Phi_J)^beta", ("Phi_J", "a", "beta"), power,
-             "Phi_J 0.83-0.86, a 3.6 ± 0.5, beta 0.5" if friction == 0.0 else "Phi_J 0.80-0.81, beta 0.5"),
-        ):  # fmt: skip
-            values = [mean(np.array([getattr(fit, name.replace("Phi", "phi")) for fit in fits])) for name in names]
-            text = ", ".join(f"{n} {figure(float(v), float(e))}" for n, (v, e) in zip(names, values, strict=True))
-            result.append(Row(f"{what}, friction {friction:g}", f"literature: {literature}",
-                              text if fits else "-", "shown" if fits else NOT_RUN))  # fmt: skip
-    return result
+def compared(found: Study, kind: str, words: str, friction: float) -> Row:
+    """P of another kind over that of the quasi-static uniaxial packings, and Z less theirs; means of the packings."""
+    claim = f"{words}: P ratio, difference of Z without rattlers, friction {friction:g}"
+    one, other = found.seeds("quasistatic", friction), found.seeds(kind, friction)
+    if not one or not other:
+        return Row(claim, "-", "-", NOT_RUN)
+    p, z = (
+        [mean(np.array([m.over(name, AT) for m in side]))[0] for side in (one, other)]
+        for name in ("pressure", "coordination_without_rattlers")
+    )
+    values = zip(AT, p[1] / p[0], z[1] - z[0], strict=True)
+    text = "; ".join(f"at {phi:g}: {figure(ratio)}, {figure(more, digits=2)}" for phi, ratio, more in values)
+    return Row(claim, "-", text, "shown")
 
 
 def forgetting(found: Study) -> Row:
     """What body grids rebuilt at every step do to the pressure."""
-    usual, other = found.get("mu0.5_seed0"), found.get("regridded_mu0.5")
+    usual, other = found.packing("fast", 0.5), found.packing("regridded", 0.5)
     claim, at = "body grids rebuilt at every step: P over that of the same packing", np.array([0.85, 0.90, 0.95])
     if usual is None or other is None:
         return Row(claim, "-", "-", NOT_RUN)

@@ -3,8 +3,7 @@
     python -m examples.studies.packing_ensemble figures --study out/study --docs docs/studies
 
 Draws into docs/studies/packing_ensemble/ and writes the parts of docs/studies/packing_ensemble.md that stand between
-markers: the claims of Nezamabadi et al. (2017) with what was measured, the checks, the members and the pictures there
-are. Nothing is run.
+markers, from whatever members have ended; the page says which are missing. Nothing is run.
 """
 
 from __future__ import annotations
@@ -15,26 +14,45 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import pages
-from . import checks, claims, study
-from .claims import Row
+from .. import pages, provenance
+from . import before, checks, claims, study, targets
+from .claims import NOT_RUN, Row
 from .curves import EARLY, Member, Study, read
+from .drawing import save
+from .members import GROUPS, RADIUS, group_of, members
 from .pictures import draw
 
-PAGE = "packing_ensemble.md"
-CURVES = (*checks.CURVES, "interior_fraction", "interior_pressure")
+PAGE, MODULE = "packing_ensemble.md", "examples.studies.packing_ensemble"
+CURVES = (*checks.CURVES, "coordination_without_rattlers", "solid_fraction_nominal", "interior_fraction",
+          "interior_pressure", "interior_coordination_without_rattlers")  # fmt: skip
+Line = tuple[str, ...]
 
 
-def table(header: tuple[str, ...], lines: list[tuple[str, ...]]) -> str:
+def table(header: Line, lines: list[Line]) -> str:
     """A table in Markdown."""
     return "\n".join(f"| {' | '.join(line)} |" for line in [header, ("---",) * len(header), *lines])
 
 
 def judged(rows: list[Row]) -> str:
     """Claims or checks, those that do not hold in bold."""
-    words = {"does not hold": "**does not hold**"}
-    lines = [(r.claim, r.rule, r.measured, words.get(r.verdict, r.verdict)) for r in rows]
-    return table(("claim", "rule", "measured", "verdict"), [tuple(greek(cell) for cell in line) for line in lines])
+    return table(
+        ("claim", "rule", "measured", "verdict"),
+        [tuple(greek(cell) for cell in (r.claim, r.rule, r.measured, bold(r.verdict))) for r in rows],
+    )
+
+
+def beside(first: list[Row], second: list[Row], heads: tuple[str, str]) -> str:
+    """The same claims about two kinds of packings."""
+    lines = [
+        tuple(greek(c) for c in (a.claim, a.rule, a.measured, bold(a.verdict), b.measured, bold(b.verdict)))
+        for a, b in zip(first, second, strict=True)
+    ]
+    return table(("claim", "rule", heads[0], "verdict", heads[1], "verdict"), lines)
+
+
+def bold(verdict: str) -> str:
+    """What does not hold, so that it is seen."""
+    return f"**{verdict}**" if verdict == "does not hold" else verdict
 
 
 def greek(text: str) -> str:
@@ -49,33 +67,47 @@ def mathematics(found: re.Match[str]) -> str:
 
 def runs(found: Study) -> str:
     """Every member of the study: how far it came and what it cost."""
-    wanted = list(study.members(study.parser().parse_args([])))
-    names = [*wanted, *(name for name in found.members if name not in wanted)]
-    lines = [ran(name, found.get(name)) if found.get(name) else absent(name, found) for name in names]
-    return table(
-        ("member", "discs", "R/h", "steps", "retries", "$\\Phi$ reached", "worst overlap", "time", "ended"), lines
-    )
+    names = [*(wanted := members(study.parser().parse_args([]))), *(n for n in found.members if n not in wanted)]
+    times = {m.name: sum(s.get("processor_seconds", 0.0) for s in m.manifest.get("sessions", [])) for m in found.ran}
+    lines = [
+        ran(name, member, times.get(name, np.nan)) if (member := found.get(name)) else absent(name, found)
+        for name in names
+    ]
+    return table(("member", "discs", "R/h", "rows", "retries", "$\\Phi$ reached", "worst overlap", "processor time",
+                  "ended"), lines)  # fmt: skip
 
 
-def absent(name: str, found: Study) -> tuple[str, ...]:
+def absent(name: str, found: Study) -> Line:
     """A member that cannot be used."""
     return (name, *("-",) * 7, "not finished, not used" if name in found.unfinished else "not run")
 
 
-def ran(name: str, member: Member) -> tuple[str, ...]:
+def ran(name: str, member: Member, seconds: float) -> Line:
     """A member that can."""
     column = member.table
     return (
         name,
         f"{member.options.discs}",
-        f"{study.RADIUS / member.options.cell:.1f}",
+        f"{RADIUS / member.options.cell:.1f}",
         f"{column['t'].size}",
         f"{column['retries'].sum():.0f}",
         f"{column['solid_fraction'].max():.3f}",
         f"{100 * column['overlap'].max():.4f} %",
-        f"{column['seconds'].sum() / 60:.0f} min",
+        f"{seconds / 60:.0f} min",
         "at its end" if member.status == "finished" else "at a step that failed",
     )
+
+
+def missing(found: Study) -> str:
+    """Which members of the whole study are missing, by group."""
+    wanted = members(study.parser().parse_args([]))
+    lines = []
+    for group, words in GROUPS.items():
+        names = [name for name in wanted if group_of(name) == group]
+        left = [name for name in names if found.get(name) is None]
+        which = "all" if left == names else ", ".join(left) or "-"
+        lines.append((words, f"{len(names) - len(left)} of {len(names)}", which))
+    return table(("group", "ended", "missing"), lines)
 
 
 def pictures(captions: dict[str, str]) -> str:
@@ -97,28 +129,57 @@ def curves(found: Study) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main(options: argparse.Namespace) -> list[Row]:
+def compared(found: Study, folder: Path) -> str:
+    """Before and after: the table, and the picture if there is something to compare."""
+    earlier = before.read(folder / before.BEFORE)
+    image, path = before.drawn(earlier, found), folder / "before.png"
+    text = table(
+        tuple(greek(cell) for cell in before.HEAD), [tuple(map(greek, line)) for line in before.lines(earlier, found)]
+    )
+    if image is None:
+        path.unlink(missing_ok=True)
+        return text
+    save(image, path)
+    caption = "Packings now, at 2 m/s (lines with bands) and quasi-static (dotted), and before (dashed)."
+    return f"{text}\n\n![before](packing_ensemble/before.png)\n\n*{caption}*"
+
+
+def write(out: Path, docs: Path) -> list[Row]:
     """Draw the pictures and fill the page; returns the judged rows."""
+    folder = docs / "packing_ensemble"
+    folder.mkdir(parents=True, exist_ok=True)
     with np.errstate(invalid="ignore"):  # nan stands for what was not reached
-        found = read(options.study)
-        claimed, checked = claims.rows(found), checks.rows(found)
-        captions = draw(found, options.docs / "packing_ensemble")
-        (options.docs / "packing_ensemble" / "curves.csv").write_text(curves(found))
-    parts = {
-        "claims": judged(claimed),
-        "checks": judged(checked),
-        "members": runs(found),
-        "pictures": pictures(captions),
-    }
-    pages.put(options.docs / PAGE, parts)
-    for row in [*claimed, *checked]:
+        found = read(out)
+        fast, slow = (claims.rows(found, kind) for kind in ("fast", "quasistatic"))
+        first, second = (targets.rows(found, kind) for kind in targets.KINDS)
+        grid, checked = claims.jamming(found), checks.rows(found)
+        parts = {
+            "made": provenance.made(found.ran, MODULE) + "\n\n" + missing(found),
+            "targets": beside(first, second, ("uniaxial", "isotropic")),
+            "claims": beside(fast, slow, ("2 m/s", "quasi-static")),
+            "grid": judged(grid),
+            "checks": judged(checked),
+            "before": compared(found, folder),
+            "members": runs(found),
+            "pictures": pictures(draw(found, folder)),
+        }
+        (folder / "curves.csv").write_text(curves(found))
+    pages.put(docs / PAGE, parts)
+    return [*first, *second, *fast, *slow, *grid, *checked]
+
+
+def main(options: argparse.Namespace) -> list[Row]:
+    """Write the page and print the rows; returns them."""
+    rows = write(options.study, options.docs)
+    for row in rows:
         print(f"{row.verdict:>14}: {row.claim}: {row.measured}")
-    return [*claimed, *checked]
+    print(f"{sum(row.verdict == NOT_RUN for row in rows)} of {len(rows)} not run")
+    return rows
 
 
 def parser() -> argparse.ArgumentParser:
     """Where the study is, and where the page."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--study", type=Path, default=Path("out/study"), help="directory of study.py's results")
-    options.add_argument("--docs", type=Path, default=Path("docs/studies"), help="directory of packing_ensemble.md")
+    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of packing_ensemble.md")
     return options

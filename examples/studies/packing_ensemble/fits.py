@@ -130,28 +130,53 @@ class Power:
         return self.Z_J + self.a * above**self.beta
 
 
-def power_law(phi: Array, Z: Array, Z_J: float, window: tuple[float, float] = (0.005, 0.10)) -> Power | None:
-    """Fit a and beta to log(Z - Z_J) for Phi - Phi_J in `window`, Phi_J where Z passes Z_J for the last time."""
-    finite = np.isfinite(phi) & np.isfinite(Z)
-    phi, Z = phi[finite], Z[finite]
-    below = np.flatnonzero(Z < Z_J)
-    if below.size == 0 or below[-1] + 1 >= Z.size:
-        return None
-    last = below[-1]
-    phi_J = float(np.interp(Z_J, Z[last : last + 2], phi[last : last + 2]))
-    near = (phi - phi_J > window[0]) & (phi - phi_J < window[1]) & (Z > Z_J)
+def power_law(
+    phi: Array, Z: Array, Z_J: float, window: tuple[float, float] = (0.005, 0.10), phi_J: float | None = None
+) -> Power | None:
+    """Fit a and beta to log(Z - Z_J) for Phi - Phi_J in `window`; without Phi_J it is where Z passes Z_J for good."""
+    phi_J = last_passage(phi, Z, Z_J) if phi_J is None else phi_J
+    near = np.isfinite(phi) & np.isfinite(Z)
+    near[near] &= (phi[near] - phi_J > window[0]) & (phi[near] - phi_J < window[1]) & (Z[near] > Z_J)
     if near.sum() < 4:
         return None
     beta, log_a = np.polyfit(np.log(phi[near] - phi_J), np.log(Z[near] - Z_J), 1)
     return Power(phi_J, Z_J, float(np.exp(log_a)), float(beta))
 
 
-def first_change(phi: Array, p: Array, least: float = 1e-3) -> float:
-    """Solid fraction from which on p = P / E* exceeds `least` to the end, between two steps; nan if it does not."""
-    finite = np.isfinite(phi) & np.isfinite(p)
-    phi, p = phi[finite], p[finite]
-    below = np.flatnonzero(p <= least)
-    if below.size == 0 or below[-1] + 1 >= p.size:
+def last_passage(x: Array, y: Array, level: float) -> float:
+    """Where y passes a level for the last time, upwards, between two samples; nan if it does not."""
+    finite = np.isfinite(x) & np.isfinite(y)
+    x, y = x[finite], y[finite]
+    below = np.flatnonzero(y <= level)
+    if below.size == 0 or below[-1] + 1 >= y.size:
         return float("nan")
     last = below[-1]
-    return float(np.interp(least, p[last : last + 2], phi[last : last + 2]))
+    return float(np.interp(level, y[last : last + 2], x[last : last + 2]))
+
+
+def line_to_zero(phi: Array, p: Array, window: tuple[float, float] = (3e-4, 4e-3)) -> float:
+    """Solid fraction at which the straight line through p = P / E* is zero; nan if there are too few samples.
+
+    The line is a least-squares fit to the samples from where p passes the lower end of the window for good to where
+    it first reaches the upper end after that.
+    """
+    begin, least = last_passage(phi, p, window[0]), 4
+    after = np.isfinite(p) & (phi >= begin)
+    phi, p = phi[after], p[after]
+    over = np.flatnonzero(p >= window[1])
+    if over.size == 0 or over[0] < least:
+        return float("nan")
+    slope, level = np.polyfit(phi[: over[0]], p[: over[0]], 1)
+    return float(-level / slope)
+
+
+def compaction_factor(
+    phi: Array, Z: Array, p: Array, phi_0: float, phi_max: float = 1.0, least: float = 2e-3
+) -> float:
+    """Fit b alone of the law of `Compaction` to p = P / E above `least`; nan if there are too few samples."""
+    dense = np.isfinite(phi + Z + p)
+    dense[dense] &= (p[dense] > least) & (phi[dense] > phi_0) & (phi[dense] < phi_max)
+    if dense.sum() < 6:
+        return float("nan")
+    law = Compaction(1.0, phi_max, phi_0)(phi[dense], Z[dense])
+    return float(law @ p[dense] / (law @ law))

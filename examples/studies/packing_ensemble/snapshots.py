@@ -7,8 +7,8 @@ import numpy as np
 
 import skmpm
 
-from . import stages, study
-from .curves import PLANE, Study
+from . import scenes, stages, study
+from .curves import Study
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -16,14 +16,15 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
+PLANE = scenes.YOUNG / (1.0 - scenes.NU**2)  # E* [Pa]
 FRICTIONS = (0.0, 0.5)  # from above
 CORNER = 12.0  # width and height of what is shown of the box [mm]
 STEPS = 12  # of the colours of pressure
 
 
-def figure4(found: Study) -> Figure | None:
-    """Four stages of the first packing, with the force network."""
-    members = [found.get(f"mu{friction:g}_seed0") for friction in FRICTIONS]
+def figure4(found: Study, kind: str) -> Figure | None:
+    """Four stages of the first packing of a kind, with the force network."""
+    members = [found.packing(kind, friction) for friction in FRICTIONS]
     if None in members:
         return None
     kept = [stages.states(member) for member in members]
@@ -48,7 +49,7 @@ def distant(found: Study) -> Figure | None:
     """A corner of the box at the first stage, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
     kinds = {
         "mode of Nezamabadi et al. (2017), R/h = 6": found.get("shared_grid_mu0_r6"),
-        "gap corrected": found.get("mu0_seed0"),
+        "gap corrected": found.packing("fast", 0.0),
     }
     states = {what: stages.states(m).get(study.STAGES[0]) for what, m in kinds.items() if m is not None}
     if len(states) < len(kinds) or None in states.values():

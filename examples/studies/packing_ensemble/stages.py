@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 import skmpm
-from examples import compaction
 
-from . import study
+from . import scenes, study
 from .curves import Member
 
 Array = np.ndarray
@@ -20,7 +19,7 @@ FORCED = 1e-9  # forces below this share of the largest are none
 
 def scene(member: Member) -> skmpm.Scene:
     """The scene of a member, built anew."""
-    return compaction.build(member.options)[0]
+    return scenes.build(member.options)[0]
 
 
 def states(member: Member) -> dict[float, skmpm.State]:

@@ -43,9 +43,11 @@ def wave(material: Any) -> float:
     return float(np.sqrt((lam + 2.0 * mu) / material.density))
 
 
-def time_step(setting: Setting, cell: float, own: float, material: Any) -> float:
-    """The scene's own step times the pace; what is stable for explicit steps."""
-    return COURANT[setting["pace"]] * cell / wave(material) if setting["explicit"] else own * setting["pace"]
+def time_step(setting: Setting, cell: float, own: float, material: Any) -> float | None:
+    """The scene's own step times the pace; what is stable for explicit steps; None where steps are chosen."""
+    if setting["explicit"]:
+        return float(COURANT[setting["pace"]] * cell / wave(material))
+    return None if setting["chosen"] else float(own * setting["pace"])
 
 
 def own(laws: dict[str, Any], setting: Setting) -> Any:

@@ -9,13 +9,14 @@ import matplotlib
 import numpy as np
 
 from .parameters import COURANT, PRESETS
-from .results import LIDS, SCENES, Found, dial_runs, front
+from .results import LIDS, SCENES, Found, dial_runs, front, of_steps
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 MARKS = {"fast": "v", "balanced": "o", "accurate": "^"}
 STEERED = {"cells": "C0", "spacing": "C1", "pace": "C2"}
+STEPS = (("implicit", False, False, "o-"), ("explicit", True, False, "x--"), ("chosen", False, True, "k*"))
 LIMIT = 3.0  # errors above are drawn there
 
 
@@ -77,12 +78,10 @@ def speeds(found: Found, path: Path) -> None:
     """Error against cost of implicit and explicit steps, by the speed of the lid."""
     fig, axes = plt.subplots(1, len(LIDS), figsize=(16, 3.8), layout="constrained", sharey=True)
     for axis, scene in zip(axes, LIDS, strict=True):
-        for explicit, style in ((False, "o-"), (True, "x--")):
-            runs = [
-                r for r in found.why(scene, "speed") if r.setting["explicit"] is explicit and np.isfinite(r.error)
-            ]
+        for label, explicit, chosen, style in STEPS:
+            runs = [r for r in of_steps(found, scene, explicit, chosen) if np.isfinite(r.error)]
             runs.sort(key=lambda r: r.cost["steps"])
-            axis.plot(*of(runs), style, lw=1.0, label="explicit" if explicit else "implicit")
+            axis.plot(*of(runs), style, lw=1.0, label=label)
             for r in runs if explicit else []:
                 axis.annotate(f"{COURANT[r.setting['pace']]:g} h/c", (r.seconds, min(r.error, LIMIT)), fontsize=7)
         finish(axis, f"{scene} m/s", 0.0)

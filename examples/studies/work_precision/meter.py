@@ -70,7 +70,7 @@ class Meter:
         self,
         scene: skmpm.Scene,
         *,
-        dt: float,
+        dt: float | None,
         until: float,
         scheme: skmpm.Scheme,
         start: skmpm.State | None = None,

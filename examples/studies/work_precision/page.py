@@ -13,9 +13,13 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from .. import pages
+import skmpm
+
+from .. import pages, provenance
 from . import figures, tables
 from .results import Found, beating, load
+
+MODULE = "examples.studies.work_precision"
 
 
 def keep(found: Found, path: Path) -> None:
@@ -52,7 +56,7 @@ def write(study: Path, docs: Path) -> None:
     for name in ("fronts", "parameters", "speeds"):
         getattr(figures, name)(found, folder / f"{name}.png")
     parts = [
-        ("", TEXT["ran"], tables.ran(found)),
+        ("", provenance.made(skmpm.Sweep.read(study), MODULE), TEXT["ran"], tables.ran(found)),
         (
             "## Presets",
             tables.presets(found),

@@ -18,16 +18,17 @@ from skmpm.transfer import apic, flip, pic
 Setting = dict[str, Any]
 
 NEVER = float("inf")
-DEFAULT: Setting = {  # what runs differ from; `Scheme(mean_dilatation=False)`, with a tighter `newton_tol`
+DEFAULT: Setting = {  # what runs differ from; `Scheme()` with a tighter `newton_tol`
     "cells": 5.0,  # R/h
     "spacing": 0.74,  # of material points [cells]
     "pace": 1.0,  # time step, in that of the scene
+    "chosen": False,  # by the library instead (dt=None)
     "theta": 1.0,
     "anchor": NEVER,
     "contact": "outlines",
     "transfer": "apic",
     "material": "own",  # or "other": linear for finite strain and the other way round
-    "mean_dilatation": False,
+    "mean_dilatation": None,  # by Poisson's ratio
     "ghost": 0.005,
     "fitted": True,
     "newton_tol": 1e-6,
@@ -41,12 +42,13 @@ LEVELS: dict[str, tuple[Any, ...]] = {  # one at a time, the default among them
     "cells": (2.5, 3.2, 4.0, 5.0, 6.3, 8.0, 10.0, 12.5),
     "spacing": (1.0, 0.74, 0.5, 0.35, 0.25),
     "pace": (4.0, 2.0, 1.0, 0.5, 0.25, 0.125),
+    "chosen": (False, True),
     "theta": (1.0, 0.75, 0.5),
     "anchor": (NEVER, 0.2, 0.0),
     "contact": ("outlines", "shared_grid"),
     "transfer": ("apic", "pic", "flip"),
     "material": ("own", "other"),
-    "mean_dilatation": (False, True),
+    "mean_dilatation": (None, False, True),
     "ghost": (0.0, 0.001, 0.005, 0.02, 0.1),
     "fitted": (True, False),
     "newton_tol": (1e-8, 1e-6, 1e-4, 1e-3, 1e-2),
@@ -58,6 +60,7 @@ LEVELS: dict[str, tuple[Any, ...]] = {  # one at a time, the default among them
 SAMPLED = LEVELS | {  # in the sample; what is there more than once is drawn more often
     "cells": (3.2, 4.0, 5.0, 6.3, 8.0),
     "pace": (4.0, 2.0, 1.0, 0.5, 0.25),
+    "chosen": (False,) * 4 + (True,),
     "anchor": (NEVER, NEVER, 0.2, 0.0),
     "contact": ("outlines",) * 5 + ("shared_grid",),
     "transfer": ("apic", "apic", "pic", "flip"),
@@ -65,6 +68,7 @@ SAMPLED = LEVELS | {  # in the sample; what is there more than once is drawn mor
     "ghost": (0.001, 0.005, 0.02, 0.1),
     "newton_tol": (1e-6, 1e-4, 1e-2),
     "contact_tol": (1e-6, 1e-4, 1e-2),
+    "mean_dilatation": (None, None, False),
     "linear": ("default",) * 4 + ("amg", "direct"),
     "explicit": (False,) * 4 + (True,),
     "walls": ("planes", "planes", "points"),
@@ -118,8 +122,8 @@ def effective(setting: Setting, matters: frozenset[str], *, inertia: bool) -> Se
     """The setting with what makes no difference on a scene put to its default; `matters` lists its parameters."""
     explicit = setting["explicit"]
     idle = set(DEFAULT) - matters
-    idle |= {"theta", "newton_tol"} if explicit else set()
-    idle |= set() if inertia or explicit else {"theta", "transfer"}
+    idle |= {"theta", "newton_tol", "chosen"} if explicit else {"pace"} if setting["chosen"] and inertia else set()
+    idle |= set() if inertia or explicit else {"theta", "transfer", "chosen"}
     found = consistent(setting | {name: DEFAULT[name] for name in idle})
     whole = not (inertia or explicit)  # one step a load, or several
     return found | {"pace": min(found["pace"], 1.0)} if whole else found

@@ -192,9 +192,15 @@ def forced(parameter: str, level: Any) -> Setting:
 
 
 def cheapest(found: Found, scene: str, explicit: bool, tolerance: float) -> Run | None:
-    """The cheapest run of one kind of steps within a tolerance."""
-    runs = [r for r in found.why(scene, "speed") if r.setting["explicit"] is explicit and r.error <= tolerance]
+    """The cheapest run of one kind of steps, of a length that is given, within a tolerance."""
+    runs = [r for r in of_steps(found, scene, explicit) if r.error <= tolerance]
     return min(runs, key=lambda r: r.seconds, default=None)
+
+
+def of_steps(found: Found, scene: str, explicit: bool, chosen: bool = False) -> list[Run]:
+    """The runs of a lid with one kind of steps."""
+    kind = explicit, chosen
+    return [r for r in found.why(scene, "speed") if (r.setting["explicit"], r.setting["chosen"]) == kind]
 
 
 def crossing(found: Found, tolerance: float) -> float:

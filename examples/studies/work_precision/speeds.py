@@ -18,7 +18,7 @@ import skmpm
 
 from . import discs
 from .meter import Meter
-from .parameters import COURANT, DEFAULT, Setting, scheme_of
+from .parameters import DEFAULT, Setting, scheme_of
 
 SPEEDS = (20.0, 2.0, 0.2, 0.02)  # of the lid [m/s]
 DISCS, START, REST, STRAIN = 12, 0.65, 0.82, 0.05
@@ -69,14 +69,11 @@ def squeeze(setting: Setting, meter: Meter, kept: Path, *, speed: float) -> skmp
     start = at_rest(setting, kept)
     height = float(start.walls[1, 1])
     until = STRAIN * height / speed
-    explicit = setting["explicit"]
-    dt = (
-        COURANT[setting["pace"]] * scene.cell / discs.wave(discs.GELS["finite"])
-        if explicit
-        else (until / max(1, round(STEPS / setting["pace"])))
-    )
+    given = setting["explicit"] or setting["chosen"]
+    steps = max(1, round(STEPS / setting["pace"]))
+    dt = discs.time_step(setting, scene.cell, 0.0, discs.GELS["finite"]) if given else until / steps
     scheme = scheme_of(setting, inertia=True, solver=meter)
-    last = LONGEST * dt if explicit and until > LONGEST * dt else until
+    last = min(LONGEST * dt, until) if dt is not None and setting["explicit"] else until
 
     def look(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
         fraction = float(scene.initial_volumes.sum()) / float(state.walls[3, 0] * state.walls[1, 1])
@@ -107,8 +104,9 @@ def _integral(measured: Measured, name: str, edges: Any) -> Any:
 
 
 def settings(speed: float) -> list[Setting]:
-    """Implicit steps of all lengths down to four times the reference's, explicit ones of three."""
+    """Implicit steps of all lengths down to four times the reference's, chosen ones, explicit ones of three."""
     implicit = [DEFAULT | {"pace": step_control} for step_control in PACES if step_control >= 4.0 * finest(speed)]
+    implicit.append(DEFAULT | {"chosen": True})
     return implicit + [DEFAULT | {"pace": step_control, "explicit": True} for step_control in (4.0, 1.0, 0.5)]
 
 

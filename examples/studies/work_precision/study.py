@@ -1,7 +1,7 @@
 """The work-precision study: what an error costs, parameter by parameter, on four scenes.
 
     export OPENBLAS_NUM_THREADS=1
-    python -m examples.studies.work_precision --out out/work_precision  # all of it; its page says how long it takes
+    python -m examples.studies.work_precision --out out/work_precision  # all of it, and the page, which says how long
     python -m examples.studies.work_precision --scenes hertz --runs 16   # a scene, a small sample
     python -m examples.studies.work_precision page --study out/work_precision  # the page from what has been run
 
@@ -26,6 +26,7 @@ from typing import Any
 import skmpm
 from skmpm.sweep import Member as Ran
 
+from .. import pages
 from . import scenes
 from .meter import Meter, TooLong, limited
 from .parameters import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, resolutions, sample
@@ -145,7 +146,9 @@ def warm() -> None:
 
 
 def main(options: argparse.Namespace) -> None:
-    """Run what is missing, and print what was run."""
+    """Run what is missing, print what was run, and write the page."""
+    from . import page
+
     members: dict[str, Member] = {}
     for member in plan(options.scenes, options.runs):
         if member.why in (options.only or KINDS):
@@ -164,6 +167,7 @@ def main(options: argparse.Namespace) -> None:
         if ran.name not in there:
             print(described(members[ran.name], ran))
     print(found)
+    page.write(options.out, options.docs)
 
 
 def described(member: Member, ran: Ran) -> str:
@@ -189,4 +193,5 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--retime", action="store_true", help="run what is there again and keep the shorter times")
     options.add_argument("--processes", type=int, help="runs at a time; None: as many as there are cores")
     options.add_argument("--out", type=Path, default=Path("out/work_precision"), help="directory of the results")
+    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of work_precision.md")
     return options

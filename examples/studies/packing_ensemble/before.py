@@ -1,0 +1,97 @@
+"""The curves of the study before beside those of now: a table, and a figure.
+
+`curves_before.csv` is what the page was made of before: four packings at 2 m/s (`mu0_seed0` ...), one under a lid at
+0.5 m/s, and the mode of Nezamabadi et al. (2017), run without mean dilatation and with an earlier contact solver.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+
+from .claims import figure
+from .curves import EARLY, PHI, Array, Study, mean
+from .drawing import COLOURS, FRACTION, Figure, band, panels
+from .scenes import NU, YOUNG
+
+BEFORE = "curves_before.csv"
+AT = (0.80, 0.85, 0.90, 0.95)
+MEASURES = {
+    "pressure": "P / E*",
+    "coordination": "Z",
+    "contact_surface": "S",
+    "anisotropy": "A_m",
+    "aspect_ratio": "alpha",
+}
+UNITS = {"pressure": (1.0 - NU**2) / YOUNG}
+FRICTIONS = (0.0, 0.5)
+Curves = dict[str, dict[str, Array]]
+
+
+def read(path: Path) -> Curves:
+    """Measures on `EARLY` by member; nothing without the file."""
+    if not path.exists():
+        return {}
+    found: Curves = defaultdict(lambda: {name: np.full(EARLY.size, np.nan) for name in MEASURES})
+    with path.open(newline="") as file:
+        for line in csv.DictReader(file):
+            at = int(np.argmin(np.abs(EARLY - float(line["solid_fraction"]))))
+            for name in MEASURES:
+                found[line["member"]][name][at] = float(line[name])
+    return dict(found)
+
+
+def curve(before: Curves, friction: float, name: str) -> tuple[Array, Array]:
+    """Mean and standard error of the packings at 2 m/s on `PHI`."""
+    samples = [
+        each[name][-PHI.size :] for member, each in before.items() if member.startswith(f"mu{friction:g}_seed")
+    ]
+    return mean(np.array(samples).reshape(-1, PHI.size))
+
+
+def lines(before: Curves, found: Study) -> list[tuple[str, ...]]:
+    """Rows of the table: before, now at 2 m/s, now quasi-static, at some solid fractions."""
+    result = []
+    at = np.searchsorted(PHI, np.array(AT) - 1e-9)
+    for name, label in MEASURES.items():
+        unit, digits = UNITS.get(name, 1.0), 2 if name == "coordination" else 4
+        for friction in FRICTIONS:
+            sides = [curve(before, friction, name)]
+            sides += [found.curve(kind, friction, name) for kind in ("fast", "quasistatic")]
+            for k in at:
+                cells = [figure(unit * value[k], unit * error[k], digits) for value, error in sides]
+                result.append(
+                    (label, f"{friction:g}", f"{PHI[k]:.2f}", *cells, change(sides[0][0][k], sides[1][0][k]))
+                )
+    return result
+
+
+def change(old: float, new: float) -> str:
+    """By how much the packings at 2 m/s differ now."""
+    return f"{100.0 * (new / old - 1.0):+.1f} %" if np.isfinite(old) and np.isfinite(new) and old != 0.0 else "-"
+
+
+HEAD = ("measure", "friction", "Phi", "before, 2 m/s", "now, 2 m/s", "now, quasi-static", "now over before, 2 m/s")
+
+
+def drawn(before: Curves, found: Study) -> Figure | None:
+    """All measures, before dashed."""
+    if not before or not any(found.seeds(kind, mu) for kind in ("fast", "quasistatic") for mu in FRICTIONS):
+        return None
+    image, (axes,) = panels(1, len(MEASURES), 3.1, 3.2)
+    for axis, (name, label) in zip(axes, MEASURES.items(), strict=True):
+        unit = UNITS.get(name, 1.0)
+        for mu in FRICTIONS:
+            band(axis, found, "fast", mu, name, unit, label=rf"$\mu$ = {mu:g}, now")
+            if found.seeds("quasistatic", mu):
+                axis.plot(
+                    PHI, unit * found.curve("quasistatic", mu, name)[0], COLOURS[mu], linestyle=":", linewidth=1.1
+                )
+            old, _ = curve(before, mu, name)
+            axis.plot(PHI, unit * old, COLOURS[mu], linestyle="--", linewidth=1.1, label=rf"$\mu$ = {mu:g}, before")
+        axis.set(xlabel=FRACTION, title=label.replace("alpha", r"$\alpha$").replace("A_m", "$A_m$"))
+    axes[0].legend(fontsize=8)
+    return image

@@ -1,0 +1,186 @@
+"""Figures of the ensembles: Figure 2 of Nezamabadi et al. (2017), pressures, coordination, what they depend on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .claims import bends
+from .curves import NEAR_JAMMING, PHI, Study, mean
+from .drawing import COLOURS, FRACTION, Axes, Figure, any_of, band, fitted, label_of, panels, thin
+from .fits import Compaction
+from .members import LIDS, RATIOS
+from .scenes import NU, YOUNG
+from .targets import fixed, inside, phi_jammed, z_inside
+
+LABELS = {"contact_surface": "contact specific surface S", "anisotropy": "orientation anisotropy $A_m$",
+          "aspect_ratio": r"aspect ratio $\alpha$"}  # fmt: skip
+PLANE = YOUNG / (1.0 - NU**2)
+BARE = "coordination_without_rattlers"
+
+
+def figure2(found: Study) -> Figure | None:
+    """S, A_m and alpha against the solid fraction, at 2 m/s and quasi-static."""
+    kinds = [kind for kind in ("fast", "quasistatic") if any_of(found, kind)]
+    if not kinds:
+        return None
+    figure, axes = panels(len(kinds), 3, 3.7, 3.3, sharex=True, sharey="col")
+    for line, kind in zip(axes, kinds, strict=True):
+        for axis, (name, label) in zip(line, LABELS.items(), strict=True):
+            for mu in COLOURS:
+                band(axis, found, kind, mu, name, label=label_of(found, kind, mu))
+                if kind == "quasistatic":
+                    thin(axis, found, "fine", mu, name, "--")
+                if name != "anisotropy" and mu != 0.1 and (fits := bends(found.seeds(kind, mu), name)):
+                    fitted(axis, found, kind, mu, [fit(PHI) for fit in fits])
+            axis.set_ylabel(label)
+        line[0].legend(fontsize=8, title={"fast": "2 m/s"}.get(kind, "quasi-static"))
+    for axis in axes[-1]:
+        axis.set_xlabel(FRACTION)
+    return figure
+
+
+def pressure(found: Study) -> Figure | None:
+    """P / E* with the law of compaction, and near jamming."""
+    if not any_of(found, "quasistatic", "periodic", "fast"):
+        return None
+    figure, ((left, right),) = panels(1, 2, 5.5, 4.0)
+    for mu, colour in COLOURS.items():
+        members = found.seeds("quasistatic", mu)
+        band(left, found, "quasistatic", mu, "pressure", 1.0 / PLANE, label=label_of(found, "quasistatic", mu))
+        thin(left, found, "periodic", mu, "pressure", "--", 1.0 / PLANE)
+        thin(left, found, "fast", mu, "pressure", ":", 1.0 / PLANE)
+        laws = [
+            np.where(phi_jammed(m, box=True) < PHI, b * unit(PHI, m.over("coordination")), np.nan)
+            for m in members
+            if np.isfinite(b := fixed(m, "coordination"))
+            for unit in [Compaction(1.0, 1.0, phi_jammed(m, box=True))]
+        ]
+        if laws:
+            fitted(left, found, "quasistatic", mu, [YOUNG / PLANE * law for law in laws])
+        for m in members:
+            p, jammed = inside(m, "interior_pressure", NEAR_JAMMING) / m.plane, phi_jammed(m)
+            right.plot(NEAR_JAMMING, p, colour, linewidth=0.9)
+            top = np.interp(4e-3, *_rising(p), right=np.nan)
+            right.plot([jammed, top], [0.0, 4e-3], "k", linewidth=0.5)
+    left.set(xlabel=FRACTION, ylabel="pressure / E*")
+    right.set(xlabel="solid fraction of the interior", ylim=(-2e-4, 8e-3), xlim=(0.76, 0.89))
+    right.axhspan(3e-4, 4e-3, color="0.93", zorder=0)
+    if left.get_legend_handles_labels()[0]:
+        left.legend(fontsize=8)
+    return figure
+
+
+def _rising(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pressures and solid fractions up to where the first reach 4e-3, for interpolation."""
+    known = np.isfinite(p)
+    p, phi = np.maximum.accumulate(p[known]), NEAR_JAMMING[known]
+    return (p, phi) if p.size else (np.zeros(1), np.full(1, np.nan))
+
+
+def coordination(found: Study) -> Figure | None:
+    """Z with and without rattlers, and the root above jamming."""
+    if not any_of(found, "quasistatic", "periodic"):
+        return None
+    figure, ((left, right),) = panels(1, 2, 5.5, 4.0)
+    for mu in COLOURS:
+        band(left, found, "quasistatic", mu, BARE, label=label_of(found, "quasistatic", mu))
+        thin(left, found, "periodic", mu, BARE, "--")
+        thin(left, found, "quasistatic", mu, "coordination", ":")
+    x = np.geomspace(2e-3, 0.12, 40)
+    for kind, style in (("quasistatic", "-"), ("periodic", "--")):
+        for k, m in enumerate(found.seeds(kind, 0.0)):
+            z = z_inside(m, phi_jammed(m) + x) - 4.0
+            right.plot(x, np.where(z > 0.0, z, np.nan), f"C{k}", linestyle=style, linewidth=0.9)
+    right.fill_between(x, 3.1 * np.sqrt(x), 4.1 * np.sqrt(x), color="0.85", linewidth=0.0)
+    right.plot(x, 3.6 * np.sqrt(x), "k", linewidth=0.8)
+    left.set(xlabel=FRACTION, ylabel="coordination Z")
+    right.set(
+        xscale="log", yscale="log", xlabel=r"$\Phi - \Phi_J$", ylabel="Z - 4 without rattlers", ylim=(0.05, 3.0)
+    )
+    if left.get_legend_handles_labels()[0]:
+        left.legend(fontsize=8)
+    return figure
+
+
+def kinds(found: Study) -> Figure | None:
+    """Ratios of mean pressures."""
+    shown = {
+        "isotropic / uniaxial": ("quasistatic", "periodic"),
+        "2 m/s / quasi-static": ("quasistatic", "fast"),
+        "R/h = 8 / R/h = 5": ("quasistatic", "fine"),
+    }
+    pairs = {(words, mu): found.pairs(*names, mu) for words, names in shown.items() for mu in COLOURS}
+    if not any(pairs.values()):
+        return None
+    figure, (axes,) = panels(1, 3, 3.8, 3.3, sharey=True)
+    for axis, words in zip(axes, shown, strict=True):
+        for mu, colour in COLOURS.items():
+            if pairs[words, mu]:
+                sides = zip(*pairs[words, mu], strict=True)
+                below, above = (np.mean([m.over("pressure") for m in side], axis=0) for side in sides)
+                axis.plot(
+                    PHI, above / below, colour, linewidth=1.2, label=rf"$\mu$ = {mu:g} ({len(pairs[words, mu])})"
+                )
+        axis.axhline(1.0, color="k", linewidth=0.5)
+        axis.set(xlabel=FRACTION, title=f"P: {words}", ylim=(0.5, 1.5), xlim=(0.78, 0.98))
+        if axis.get_legend_handles_labels()[0]:
+            axis.legend(fontsize=8)
+    return figure
+
+
+def materials(found: Study) -> Figure | None:
+    """P / E* of three Poisson's ratios."""
+    pairs = {nu: found.pairs("quasistatic", f"nu{nu:g}", 0.0) for nu in RATIOS}
+    if not any(pairs.values()):
+        return None
+    figure, ((left, right),) = panels(1, 2, 5.5, 4.0)
+    usual = found.seeds("quasistatic", 0.0)[: max(map(len, pairs.values()))]
+    sides = {NU: usual, **{nu: [other for _, other in both] for nu, both in pairs.items() if both}}
+    for k, (nu, members) in enumerate(sorted(sides.items())):
+        for along, style in (("solid_fraction", "-"), ("solid_fraction_nominal", ":")):
+            p, _ = mean(np.array([m.over("pressure", along=along) / m.plane for m in members]))
+            left.plot(PHI, p, f"C{k}{style}", linewidth=1.2, label=rf"$\nu$ = {nu:g}" if style == "-" else None)
+        if nu != NU:
+            ratio = np.mean([[m.pressure() for m in pair] for pair in pairs[nu]], axis=0)
+            right.plot(PHI, ratio[1] / ratio[0], f"C{k}", label=rf"$\nu$ = {nu:g} / {NU:g}")
+    right.axhspan(0.95, 1.05, color="0.9", zorder=0)
+    left.set(xlabel="solid fraction", ylabel="pressure / E*")
+    right.set(xlabel=FRACTION, ylabel="ratio of P / E*", ylim=(0.7, 1.3), xlim=(0.84, 0.97))
+    left.legend(fontsize=8), right.legend(fontsize=8)
+    return figure
+
+
+def rates(found: Study) -> Figure | None:
+    """The first packing under three lids, relative to the mean of the packings."""
+    there = [
+        mu for mu in COLOURS if any(found.packing(f"lid{v:g}", mu) for v in LIDS) and found.seeds("quasistatic", mu)
+    ]
+    if not there:
+        return None
+    figure, axes = panels(2, len(there), 3.8, 2.8, sharex=True, sharey="row")
+    for column, mu in enumerate(there):
+        lids = [
+            found.packing(f"lid{LIDS[0]:g}", mu),
+            found.packing("quasistatic", mu),
+            found.packing(f"lid{LIDS[1]:g}", mu),
+        ]
+        for axis, name, relative in ((axes[0][column], "pressure", True), (axes[1][column], BARE, False)):
+            _deviations(axis, found, mu, [m for m in lids if m], name, relative=relative)
+        axes[0][column].set(title=rf"$\mu$ = {mu:g}", ylim=(0.7, 1.3), xlim=(0.82, 0.98))
+        axes[1][column].set(xlabel=FRACTION, ylim=(-0.4, 0.4))
+    axes[0][0].set_ylabel("P / mean P")
+    axes[1][0].set_ylabel("Z - mean Z")
+    axes[0][0].legend(fontsize=8)
+    return figure
+
+
+def _deviations(axis: Axes, found: Study, mu: float, lids: list, name: str, *, relative: bool) -> None:
+    """Curves of one packing, less the mean of all packings or over it."""
+    samples = np.array([m.over(name) for m in found.seeds("quasistatic", mu)])
+    middle, error = mean(samples)
+    unit, zero = (middle, 1.0) if relative else (np.ones_like(middle), 0.0)
+    spread = error * np.sqrt(len(samples)) / unit
+    axis.fill_between(PHI, zero - spread, zero + spread, color="0.88", linewidth=0.0)
+    for m in lids:
+        values = m.over(name) / unit if relative else m.over(name) - middle
+        axis.plot(PHI, values, linewidth=1.0, label=f"{1e3 * m.options.speed:g} mm/s")
