@@ -25,6 +25,9 @@ THREE = {
     "contacts and walls": ("pressure", "walls"),
     "points and walls": ("pressure_points", "walls"),
 }
+SWING = {
+    f"{what}, the discs' swing taken off,": (f"{a} - swing", b) for what, (a, b) in THREE.items() if b == "walls"
+}  # by the virial theorem
 
 
 def rows(found: Study) -> list[Row]:
@@ -75,7 +78,7 @@ def pressures(found: Study) -> list[Row]:
     result = []
     for kind, words in KINDS.items():
         members = [m for friction in FRICTIONS for m in found.seeds(kind, friction)]
-        for what, pair in THREE.items():
+        for what, pair in (THREE | SWING).items():
             if kind == "periodic" and "walls" in pair:
                 continue
             both = over_transits(members, *pair, 1.0)
@@ -87,9 +90,7 @@ def pressures(found: Study) -> list[Row]:
 def moving(found: Study) -> list[Row]:
     """The same under the lid at 2 m/s, with all motion added to what walls do not feel, and by the virial theorem."""
     names = {what: (a, b) if b != "walls" else (f"{a} + motion", b) for what, (a, b) in THREE.items()}
-    names |= {
-        f"{what}, the discs' swing taken off,": (f"{a} - swing", b) for what, (a, b) in THREE.items() if b == "walls"
-    }
+    names |= SWING
     members, result = [m for friction in FRICTIONS for m in found.seeds("fast", friction)], []
     for what, (a, b) in names.items():
         one, *longer = (over_transits(members, a, b, transits) for transits in (1.0, 2.0, 4.0))
