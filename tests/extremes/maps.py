@@ -132,8 +132,8 @@ def made(found: dict[str, list[dict[str, str]]]) -> str:
     if len(versions) > 1:
         said = f"**Warning: several versions**: {', '.join(f'{name} ({n})' for name, n in versions.items())}."
     return (
-        f"Made by `python tests/extremes/sweeps.py --fresh`: {len(rows)} runs, {hours:.1f} h of processor time, without"
-        f" that of the finer runs that errors refer to. {said}"
+        f"Made by `python tests/extremes/sweeps.py --fresh`: {len(rows)} runs, {hours:.1f} h of processor time,"
+        f" without that of the finer runs that errors refer to. {said}"
     )
 
 
