@@ -138,8 +138,8 @@ def rate(found: Study, name: str, friction: float) -> Row:
     lids = [found.packing(f"lid{speed:g}", friction) for speed in LIDS]
     if None in lids or len(usual) < 2:
         return Row(claim, rule, "-", NOT_RUN)
-    jammed = float(np.nanmax([phi_jammed(m, box=True) for m in usual] or [np.nan]))
-    above = PHI[jammed + ABOVE_JAMMING < PHI]
+    jammed = [phi for m in usual if np.isfinite(phi := phi_jammed(m, box=True))]
+    above = PHI[max(jammed, default=np.inf) + ABOVE_JAMMING < PHI]
     samples = np.array([m.over(name, above) for m in usual])
     first, second = (m.over(name, above) for m in lids if m is not None)
     there = np.isfinite(first + second) & np.isfinite(samples).all(axis=0)
@@ -183,7 +183,7 @@ def grid(found: Study, name: str, friction: float) -> Row:
         return Row(claim, rule, "-", NOT_RUN)
     coarse, fine = (np.array([m.over(name, above) for m in side]) for side in zip(*pairs, strict=True))
     both = apart(coarse.mean(axis=0), fine.mean(axis=0))
-    singles = np.nanmean([apart(a, b)[0] for a, b in zip(coarse, fine, strict=True)])
+    singles, _ = mean(np.array([apart(a, b)[0] for a, b in zip(coarse, fine, strict=True)]))
     text = f"{percent(both)} of {len(pairs)} packings, each: mean {hundredths(float(singles))} %"
     return Row(claim, rule, text + scatter(found, friction, name, above), verdict(both[1], 0.05))
 
