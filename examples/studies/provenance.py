@@ -22,7 +22,7 @@ def made(members: Iterable[Member], module: str) -> str:
     ended = [b + timedelta(seconds=float(s.get("seconds", 0.0))) for b, s in zip(begun, sessions, strict=True)]
     commands = dict.fromkeys(command(session["command"], module) for session in sessions)
     parts = [
-        f"Made by {' and '.join(f'`{text}`' for text in commands)}: {len(manifests)} members,"
+        f"Made by {' and '.join(f'`{text}`' for text in commands)}: {count(len(manifests))},"
         f" {hours(processor)} of processor time ({hours(wall)} of their processes), begun on {min(begun):%d %B %Y},"
         f" {hours((max(ended) - min(begun)).total_seconds())} from the first to the last."
     ]
@@ -55,6 +55,11 @@ def command(arguments: list[str], module: str) -> str:
         else:
             kept.append(word)
     return " ".join(["python -m", module, *kept])
+
+
+def count(members: int) -> str:
+    """How many there are."""
+    return f"{members} member{'s' if members > 1 else ''}"
 
 
 def hours(seconds: float) -> str:

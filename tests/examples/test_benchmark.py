@@ -81,6 +81,18 @@ def test_benchmark(tmp_path):
     times = [path.stat().st_mtime_ns for path in results]
     study.main(study.parser().parse_args(options))
     assert [path.stat().st_mtime_ns for path in results] == times
+    found = {path.stem: json.loads(path.read_text()) for path in results if not path.stem.startswith("single")}
+    options = study.parser().parse_args([*options, "--single"])
+    study.page.write(found, options, tmp_path / "docs")  # nothing to draw on the right
+
+
+def test_a_page_without_single_bodies_or_packings(tmp_path):
+    """Logarithmic axes are drawn where there is something to scale."""
+    (tmp_path / "docs").mkdir()
+    shutil.copy(DOCS / "how_large.md", tmp_path / "docs")
+    options = study.parser().parse_args(["--single"])
+    study.page.write({}, options, tmp_path / "docs")
+    assert (tmp_path / "docs" / "performance" / "phases.png").stat().st_size > 1_000
 
 
 def test_large():

@@ -126,7 +126,7 @@ def test_the_whole_study_in_small(tmp_path, capsys):
         assert nominal == pytest.approx(0.7, abs=2e-3 if "periodic" in name else 1e-6)
     assert "Sweep(6 members, rows" in capsys.readouterr().out
     page = (docs / "packing_ensemble.md").read_text()
-    assert "`python -m examples.studies.packing_ensemble --discs 12 --seeds 2" in page
+    assert "Made by `python -m examples.studies.packing_ensemble" in page
     assert "6 members" in page
     assert "All with one version of the library, skmpm" in page
     assert "| quasi-static, uniaxial | 2 of 12 | quasistatic_mu0_seed0," in page

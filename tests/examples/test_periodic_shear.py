@@ -24,7 +24,10 @@ def test_a_small_study_and_its_page(tmp_path):
         "1",
         "--out",
         str(tmp_path / "out"),
+        "--docs",
+        str(tmp_path),
     ]
+    shutil.copy(DOCS / "periodic_shear.md", tmp_path)
     study.main(study.parser().parse_args(options))
     (member,) = figures.skmpm.Sweep.read(tmp_path / "out").finished
     columns, sheared = member.columns, figures.sheared(member)
@@ -36,9 +39,12 @@ def test_a_small_study_and_its_page(tmp_path):
     assert 0.1 < sheared["shear"][-1] / P < 0.5
     assert columns["overlap"].max() < 1e-3
 
-    shutil.copy(DOCS / "periodic_shear.md", tmp_path)
+    page = (tmp_path / "periodic_shear.md").read_text()
+    assert "| 12 discs, friction 0.5, seed 0 |" in page
+    assert "Made by `python -m examples.studies.periodic_shear" in page
+    assert "1 member, " in page
     figures.main(figures.parser().parse_args(["--study", str(tmp_path / "out"), "--docs", str(tmp_path)]))
-    assert "| 12 discs, friction 0.5, seed 0 |" in (tmp_path / "periodic_shear.md").read_text()
+    assert (tmp_path / "periodic_shear.md").read_text() == page
     assert (tmp_path / "periodic_shear" / "shear.png").stat().st_size > 10_000
 
 

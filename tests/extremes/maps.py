@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -122,6 +123,20 @@ def failures(found: dict[str, list[dict[str, str]]]) -> list[str]:
     return lines or ["- none"]
 
 
+def made(found: dict[str, list[dict[str, str]]]) -> str:
+    """The command, the version of the library or a warning, and the time."""
+    rows = [row for each in found.values() for row in each]
+    hours = sum(float(row["seconds"]) for row in rows) / 3600.0
+    versions = Counter(row["library"] or "unknown" for row in rows)
+    said = f"All with {next(iter(versions))}."
+    if len(versions) > 1:
+        said = f"**Warning: several versions**: {', '.join(f'{name} ({n})' for name, n in versions.items())}."
+    return (
+        f"Made by `python tests/extremes/sweeps.py --fresh`: {len(rows)} runs, {hours:.1f} h of processor time,"
+        f" without that of the finer runs that errors refer to. {said}"
+    )
+
+
 def page() -> None:
     """Draw the maps and write what is between the marks of docs/studies/stability.md."""
     found = {parameter: rows for parameter in SWEEPS if (rows := read(parameter))}
@@ -131,7 +146,18 @@ def page() -> None:
     for parameter, rows in found.items():
         draw(parameter, rows, KEPT)
         pictures += ["", f"![{TITLES[parameter]}](stability/{parameter}.png)"]
-    written = [BEGIN, "", *table(found), *pictures, "", "### Everything that did not end right", "", *failures(found)]
+    written = [
+        BEGIN,
+        "",
+        made(found),
+        "",
+        *table(found),
+        *pictures,
+        "",
+        "### Everything that did not end right",
+        "",
+        *failures(found),
+    ]
     written += ["", f"Not run: {', '.join(missing)}."] if missing else []
     before, rest = PAGE.read_text().split(BEGIN)
     PAGE.write_text(before + "\n".join([*written, "", END]) + rest.split(END, 1)[1])

@@ -13,7 +13,7 @@ KEPT = PAGE.with_suffix("")
 LIMIT = 120  # [s] of the processor for a run; beyond it is "too long"
 COLUMNS = ("setting", "scene", "kind", "steps", "retries", "newton", "reached", "error", "seconds")
 WORST = ("momentum", "energy gained", "residual", "overlap", "behind a wall")
-TEXTS = ("violations", "message", "ends")
+TEXTS = ("library", "violations", "message", "ends")  # library: version and source
 ALL = (*SCENES,)
 BOXES = {"shape": "box", "points_per_cell": 2.25, "bodies": 4, "solid_fraction": 1.02}
 
@@ -137,7 +137,7 @@ def read(parameter: str) -> list[dict[str, str]]:
     if not path.exists():
         return []
     with path.open(newline="") as file:
-        return list(csv.DictReader(file))
+        return [{"library": "", **row} for row in csv.DictReader(file)]  # older rows have none
 
 
 def write(parameter: str, rows: list[dict[str, str]]) -> None:

@@ -1,6 +1,7 @@
 """Vary parameters over their range: `python tests/extremes/sweeps.py [parameter ...] [--processes n]`, default all.
 
-Each setting is run on the scenes and kept in docs/studies/stability/<parameter>.csv; what is there is not run again.
+Each setting is run on the scenes and kept in docs/studies/stability/<parameter>.csv; what is there is not run again,
+unless `--fresh` deletes it first.
 Then docs/studies/stability.md gets its table, its list of failures and one map per parameter: `sweeps.py draw` does
 only that.
 """
@@ -24,6 +25,7 @@ from scenes import SCENES, Case, Parameters, crush, gap_of
 from settings import ALL, COLUMNS, KEPT, LIMIT, SWEEPS, WORST, Setting, columns, read, write
 
 import skmpm
+from skmpm.sweep import manifest
 
 PHYSICS = (
     "nu",
@@ -121,10 +123,17 @@ def measure(name: str, setting: Setting) -> dict[str, str]:
     }
     row |= {key: f"{outcome.worst.get(key, np.nan):.2g}" for key in WORST}
     return row | {
+        "library": version(),
         "violations": "; ".join(outcome.violations),
         "message": outcome.message,
         "ends": json.dumps(outcome.ends),
     }
+
+
+def version() -> str:
+    """Version and source of the library."""
+    names = manifest.library()
+    return f"skmpm {names['skmpm']}, source {names['source'][:12]}"
 
 
 def sweep(parameter: str, again: Sequence[str] = ()) -> None:
@@ -170,10 +179,15 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--again", nargs="*", default=(), help="repeat runs with this outcome: wrong, StepFailed ...")
     parser.add_argument("--no-errors", action="store_true", help="leave out the finer runs")
+    parser.add_argument("--fresh", action="store_true", help="delete first what is there of the parameters")
     given = parser.parse_args()
     KEPT.mkdir(exist_ok=True)
     logging.getLogger("skmpm").setLevel(logging.ERROR)  # retries are counted
     wanted = [d for d in given.parameters or SWEEPS if d != "draw"]
+    for path in [KEPT / f"{d}.csv" for d in wanted if given.fresh]:
+        path.unlink(missing_ok=True)
+    if given.fresh and set(wanted) == set(SWEEPS):
+        (KEPT / "references.json").unlink(missing_ok=True)
     work = partial(turn, again=given.again, errors=not given.no_errors)
     if given.processes == 1:
         for parameter in wanted:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from checks import Watch, examine
 from geometry import crossings, loops_of
-from maps import draw, failures, table
+from maps import draw, failures, made, table
 from scenes import Parameters, collision, crush, squeeze
 from settings import SWEEPS, Setting
 from sweeps import case_of, limited, measure
@@ -167,6 +167,10 @@ def test_one_map_and_the_page_are_drawn_from_what_is_measured(tmp_path):
     assert draw("closing", rows, tmp_path).stat().st_size > 5000
     assert "| 1 ... points | 3 | 0 | 1 | 0 | 0 |" in table({"closing": rows})[2]
     assert "SceneError" in failures({"closing": rows})[0]
+    assert "4 runs" in made({"closing": rows}) and f"All with skmpm {skmpm.__version__}, source" in made(
+        {"closing": rows}
+    )
+    assert "**Warning: several versions**" in made({"closing": [*rows, rows[0] | {"library": ""}]})
 
 
 def test_the_collision_is_one():

@@ -105,9 +105,10 @@ def draw(found: Results, path: Path) -> None:
     _draw_single(right, found)
     left.set(title=f"dense packings, friction {found.friction:g}", xlabel="points", ylabel="ms a step, one machine")
     right.set(title="one disc, linear.amg", xlabel="points")
-    for axis in (left, right):
-        axis.set(xscale="log", yscale="log")
-        axis.legend(fontsize=7)
+    for axis, measured in ((left, found.growth), (right, found.single)):
+        if measured:  # a logarithmic axis needs something to scale
+            axis.set(xscale="log", yscale="log")
+            axis.legend(fontsize=7)
         axis.grid(which="major", lw=0.3)
     fig.savefig(path, dpi=80)
     plt.close(fig)
@@ -119,7 +120,8 @@ def _draw_growth(axis: Any, found: Results) -> None:
         axis.plot(points, [1e3 * max(phases(r)[name], 1e-6) for r in found.growth], ".-", lw=1, label=name)
     axis.plot(points, [1e3 * r["step"] for r in found.growth], "k.-", label="step")
     factored = [(r["points"], 1e3 * r["lu"]) for r in found.growth if "lu" in r]
-    axis.plot(*zip(*factored, strict=True), "k:", label="one LU")
+    if factored:
+        axis.plot(*zip(*factored, strict=True), "k:", label="one LU")
     few = found.reference
     if few is not None:
         axis.plot(points, [1e3 * n * per_point(few) for n in points], "0.7", lw=0.8, zorder=0, label="linear growth")

@@ -1,7 +1,7 @@
 """How soft discs fill space with and without friction: an ensemble of packings, resumable.
 
-    python -m examples.studies.packing_ensemble --out out/study        # run all members (or what is left of them)
-    python -m examples.studies.packing_ensemble figures                # draw figures, write the page
+    python -m examples.studies.packing_ensemble --out out/study        # run what is missing, write the page
+    python -m examples.studies.packing_ensemble figures                # the page from what has been run
     python -m examples.studies.packing_ensemble main_job --discs 300   # one packing, with checks at every step
 
 `python examples/studies/packing_ensemble` does the same by path; every command knows --help.

@@ -25,6 +25,9 @@ THREE = {
     "contacts and walls": ("pressure", "walls"),
     "points and walls": ("pressure_points", "walls"),
 }
+SWING = {
+    f"{what}, the discs' swing taken off,": (f"{a} - swing", b) for what, (a, b) in THREE.items() if b == "walls"
+}  # by the virial theorem
 
 
 def rows(found: Study) -> list[Row]:
@@ -75,7 +78,7 @@ def pressures(found: Study) -> list[Row]:
     result = []
     for kind, words in KINDS.items():
         members = [m for friction in FRICTIONS for m in found.seeds(kind, friction)]
-        for what, pair in THREE.items():
+        for what, pair in (THREE | SWING).items():
             if kind == "periodic" and "walls" in pair:
                 continue
             both = over_transits(members, *pair, 1.0)
@@ -87,9 +90,7 @@ def pressures(found: Study) -> list[Row]:
 def moving(found: Study) -> list[Row]:
     """The same under the lid at 2 m/s, with all motion added to what walls do not feel, and by the virial theorem."""
     names = {what: (a, b) if b != "walls" else (f"{a} + motion", b) for what, (a, b) in THREE.items()}
-    names |= {
-        f"{what}, the discs' swing taken off,": (f"{a} - swing", b) for what, (a, b) in THREE.items() if b == "walls"
-    }
+    names |= SWING
     members, result = [m for friction in FRICTIONS for m in found.seeds("fast", friction)], []
     for what, (a, b) in names.items():
         one, *longer = (over_transits(members, a, b, transits) for transits in (1.0, 2.0, 4.0))
@@ -137,8 +138,8 @@ def rate(found: Study, name: str, friction: float) -> Row:
     lids = [found.packing(f"lid{speed:g}", friction) for speed in LIDS]
     if None in lids or len(usual) < 2:
         return Row(claim, rule, "-", NOT_RUN)
-    jammed = float(np.nanmax([phi_jammed(m, box=True) for m in usual] or [np.nan]))
-    above = PHI[jammed + ABOVE_JAMMING < PHI]
+    jammed = [phi for m in usual if np.isfinite(phi := phi_jammed(m, box=True))]
+    above = PHI[max(jammed, default=np.inf) + ABOVE_JAMMING < PHI]
     samples = np.array([m.over(name, above) for m in usual])
     first, second = (m.over(name, above) for m in lids if m is not None)
     there = np.isfinite(first + second) & np.isfinite(samples).all(axis=0)
@@ -182,7 +183,7 @@ def grid(found: Study, name: str, friction: float) -> Row:
         return Row(claim, rule, "-", NOT_RUN)
     coarse, fine = (np.array([m.over(name, above) for m in side]) for side in zip(*pairs, strict=True))
     both = apart(coarse.mean(axis=0), fine.mean(axis=0))
-    singles = np.nanmean([apart(a, b)[0] for a, b in zip(coarse, fine, strict=True)])
+    singles, _ = mean(np.array([apart(a, b)[0] for a, b in zip(coarse, fine, strict=True)]))
     text = f"{percent(both)} of {len(pairs)} packings, each: mean {hundredths(float(singles))} %"
     return Row(claim, rule, text + scatter(found, friction, name, above), verdict(both[1], 0.05))
 

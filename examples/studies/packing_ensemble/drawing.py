@@ -20,7 +20,7 @@ COLOURS = {0.0: "C0", 0.1: "C2", 0.5: "C3"}
 FRACTION = r"solid fraction $\Phi$ by outlines"
 DPI = 120, 110, 100, 90, 80, 70, 60  # the first at which a picture is small enough
 LARGEST = 120_000  # bytes
-TONES = 64  # colours of a picture
+TONES = 128  # colours of a picture
 
 
 def save(figure: Figure, path: Path) -> None:

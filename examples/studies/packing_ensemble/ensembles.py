@@ -15,6 +15,7 @@ from .targets import fixed, inside, phi_jammed, z_inside
 LABELS = {"contact_surface": "contact specific surface S", "anisotropy": "orientation anisotropy $A_m$",
           "aspect_ratio": r"aspect ratio $\alpha$"}  # fmt: skip
 PLANE = YOUNG / (1.0 - NU**2)
+TICKS = (0.80, 0.85, 0.90, 0.95)
 BARE = "coordination_without_rattlers"
 
 
@@ -57,9 +58,10 @@ def pressure(found: Study) -> Figure | None:
         ]
         if laws:
             fitted(left, found, "quasistatic", mu, [YOUNG / PLANE * law for law in laws])
-        for m in members:
+        both = [*((m, "-") for m in members), *((m, "--") for m in found.seeds("periodic", mu))]
+        for m, style in both:
             p, jammed = inside(m, "interior_pressure", NEAR_JAMMING) / m.plane, phi_jammed(m)
-            right.plot(NEAR_JAMMING, p, colour, linewidth=0.9)
+            right.plot(NEAR_JAMMING, p, colour, linestyle=style, linewidth=0.9)
             top = np.interp(4e-3, *_rising(p), right=np.nan)
             right.plot([jammed, top], [0.0, 4e-3], "k", linewidth=0.5)
     left.set(xlabel=FRACTION, ylabel="pressure / E*")
@@ -122,7 +124,7 @@ def kinds(found: Study) -> Figure | None:
                     PHI, above / below, colour, linewidth=1.2, label=rf"$\mu$ = {mu:g} ({len(pairs[words, mu])})"
                 )
         axis.axhline(1.0, color="k", linewidth=0.5)
-        axis.set(xlabel=FRACTION, title=f"P: {words}", ylim=(0.5, 1.5), xlim=(0.78, 0.98))
+        axis.set(xlabel=FRACTION, title=f"P: {words}", ylim=(0.5, 1.5), xlim=(0.78, 0.98), xticks=TICKS)
         if axis.get_legend_handles_labels()[0]:
             axis.legend(fontsize=8)
     return figure
@@ -166,7 +168,7 @@ def rates(found: Study) -> Figure | None:
         ]
         for axis, name, relative in ((axes[0][column], "pressure", True), (axes[1][column], BARE, False)):
             _deviations(axis, found, mu, [m for m in lids if m], name, relative=relative)
-        axes[0][column].set(title=rf"$\mu$ = {mu:g}", ylim=(0.7, 1.3), xlim=(0.82, 0.98))
+        axes[0][column].set(title=rf"$\mu$ = {mu:g}", ylim=(0.7, 1.3), xlim=(0.82, 0.98), xticks=TICKS[1:])
         axes[1][column].set(xlabel=FRACTION, ylim=(-0.4, 0.4))
     axes[0][0].set_ylabel("P / mean P")
     axes[1][0].set_ylabel("Z - mean Z")

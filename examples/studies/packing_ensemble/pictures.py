@@ -47,7 +47,7 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
         ensembles.pressure,
         "Left: pressure of quasi-static packings, uniaxial (lines with bands) and isotropic (dashed), and at 2 m/s "
         "(dotted, mean over one transit time); black: the law of compaction with Φ_0 = Φ_J and Φ_max = 1, uniaxial. "
-        "Right: near jamming, each uniaxial packing by itself; interior, with the lines that give Φ_J.",
+        "Right: the interior near jamming, each packing by itself, with the lines that give Φ_J (black).",
     ),
     "coordination.png": (
         ensembles.coordination,

@@ -1,6 +1,6 @@
 """Simple shear of periodic packings at constant pressure: friction and volume change.
 
-    python -m examples.studies.periodic_shear --out out/shear    # run all members (or what is left of them)
+    python -m examples.studies.periodic_shear --out out/shear    # run what is missing, write the page
     python -m examples.studies.periodic_shear figures            # draw the figure, write the page
 
 `python examples/studies/periodic_shear` does the same by path; every command knows --help.

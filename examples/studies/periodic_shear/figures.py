@@ -19,6 +19,7 @@ import numpy as np
 import skmpm
 from examples.studies.pages import DOCS, put
 from examples.studies.periodic_shear import study
+from examples.studies.provenance import made
 from skmpm.sweep import Member
 
 STEADY = 0.2  # strain from which means are taken
@@ -91,15 +92,21 @@ def draw(found: skmpm.Sweep, folder: Path) -> None:
     plt.close(figure)
 
 
-def main(options: argparse.Namespace) -> None:
-    """Draw the figure and fill the page."""
-    found = skmpm.Sweep.read(options.study).finished
+def write(out: Path, docs: Path) -> None:
+    """Draw the figure and fill the page; SystemExit if no member has finished."""
+    ran = skmpm.Sweep.read(out)
+    found = ran.finished
     if not len(found):
-        raise SystemExit(f"{options.study}: no member has finished; run the study first")
-    draw(found, options.docs / "periodic_shear")
+        raise SystemExit(f"{out}: no member has finished; run the study first")
+    draw(found, docs / "periodic_shear")
     rows = [HEAD, ("---",) * len(HEAD), *(line(member) for member in found)]
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    put(options.docs / "periodic_shear.md", {"members": table})
+    put(docs / "periodic_shear.md", {"made": made(ran, "examples.studies.periodic_shear"), "members": table})
+
+
+def main(options: argparse.Namespace) -> None:
+    """Draw the figure and fill the page."""
+    write(options.study, options.docs)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -4,7 +4,7 @@
 
 Every member runs in three stages by `skmpm.sweep`: both edges of the box shorten at 4 per second until the packing
 bears the pressure; both vertical stresses are held for 5 ms; the box shears at 4 per second while its height follows
-from the vertical stress. Steps are chosen (``dt=None``).
+from the vertical stress. Steps are chosen (``dt=None``). Then the page is written, as by `figures`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 
 import skmpm
+
+from .. import pages
 
 CELL, SPACING = 0.17e-3, 0.126e-3  # [m]; 5.6 cells in the mean radius
 RATE, HOLD, LOOSE = 4.0, 5e-3, 0.77  # [1/s]; [s]; solid fraction of the packing that is compressed
@@ -96,11 +98,15 @@ def members(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def main(options: argparse.Namespace) -> None:
-    """Run all members that have not finished, with a line of progress."""
+    """Run all members that have not finished, with a line of progress; then write the page."""
+    from . import figures
+
     found = skmpm.sweep(build, members(options), out=options.out, processes=options.processes, progress=True)
     print(found)
     for name, error in found.failed.items():
         print(f"{name} stopped: {error}")
+    if len(found.finished):
+        figures.write(options.out, options.docs)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -113,4 +119,5 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--seeds", type=int, default=2, help="packings for each friction")
     options.add_argument("--processes", type=int, help="members run at a time; None: as many as there are cores")
     options.add_argument("--out", type=Path, default=Path("out/shear"), help="directory of the results")
+    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of periodic_shear.md")
     return options

@@ -1,7 +1,7 @@
 """What an error costs, parameter by parameter, on four scenes: the work-precision study, resumable.
 
-    python -m examples.studies.work_precision --out out/work_precision   # run what is missing
-    python -m examples.studies.work_precision page                 # write the page from these runs
+    python -m examples.studies.work_precision --out out/work_precision   # run what is missing, write the page
+    python -m examples.studies.work_precision page                 # the page from what has been run
     python -m examples.studies.work_precision promises             # `skmpm.suggest` on scenes not in the study
 
 `python examples/studies/work_precision` does the same by path; every command knows --help.
