@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from datetime import datetime, timedelta
 from typing import Any
@@ -31,13 +32,10 @@ def made(members: Iterable[Member], module: str) -> str:
 
 def versions(manifests: list[dict[str, Any]]) -> str:
     """The version of the library, or a warning that there are several."""
-    found: dict[tuple[str, str], int] = {}
-    for about in manifests:
-        names = about.get("versions", {})
-        key = str(names.get("skmpm", "unknown")), str(names.get("source", "unknown"))[:12]
-        found[key] = found.get(key, 0) + 1
+    named = [about.get("versions", {}) for about in manifests]
+    found = Counter((str(n.get("skmpm", "unknown")), str(n.get("source", "unknown"))[:12]) for n in named)
     if len(found) == 1:
-        (version, source), _ = found.popitem()
+        version, source = next(iter(found))
         return f"All with one version of the library, skmpm {version}, source {source}."
     each = ", ".join(f"skmpm {version}, source {source} ({count})" for (version, source), count in found.items())
     return f"**Warning: {len(found)} versions of the library made these members**: {each}."

@@ -25,7 +25,7 @@ from scenes import SCENES, Case, Parameters, crush, gap_of
 from settings import ALL, COLUMNS, KEPT, LIMIT, SWEEPS, WORST, Setting, columns, read, write
 
 import skmpm
-from skmpm.sweep import manifest
+from skmpm.sweep.manifest import library
 
 PHYSICS = (
     "nu",
@@ -132,7 +132,7 @@ def measure(name: str, setting: Setting) -> dict[str, str]:
 
 def version() -> str:
     """Version and source of the library."""
-    names = manifest.library()
+    names = library()
     return f"skmpm {names['skmpm']}, source {names['source'][:12]}"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .claims import NOT_RUN, Row, decide
@@ -9,7 +11,7 @@ from .curves import Array, Member, Study
 from .fits import last_passage
 from .members import RADIUS
 from .scenes import DENSITY
-from .targets import KINDS, phi_jammed
+from .targets import FRICTIONS, KINDS, phi_jammed
 
 INERTIAL, AT_PRESSURE = 1e-4, 1e-3  # largest inertial number, at so much of E*
 SMALL = 1e-3  # largest median of unbalanced forces and of kinetic over elastic energy
@@ -20,7 +22,7 @@ def still(found: Study) -> list[Row]:
     """Four measures of the slow members, the largest over all of a kind."""
     result = []
     for kind, words in KINDS.items():
-        members = [m for friction in (0.0, 0.1, 0.5) for m in found.seeds(kind, friction)]
+        members = [m for friction in FRICTIONS for m in found.seeds(kind, friction)]
         result += [
             most(f"{words}: inertial number at P = {AT_PRESSURE:g} E*", members, inertial, INERTIAL),
             most(f"{words}: unbalanced force ratio, median above that pressure", members, unbalanced, SMALL),
@@ -30,9 +32,9 @@ def still(found: Study) -> list[Row]:
     return result
 
 
-def most(claim: str, members: list[Member], value: object, limit: float) -> Row:
+def most(claim: str, members: list[Member], value: Callable[[Member], float], limit: float) -> Row:
     """A measure that must not exceed its limit in any member."""
-    values = np.array([value(m) for m in members])  # type: ignore[operator]
+    values = np.array([value(m) for m in members])
     values = values[np.isfinite(values)]
     rule = f"at most {limit:g} in every member"
     if not values.size:

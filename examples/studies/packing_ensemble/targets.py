@@ -6,6 +6,8 @@ periodic packings are interior everywhere. Each packing gives a value, "±" is t
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .claims import NOT_RUN, Row, decide, figure
@@ -75,9 +77,9 @@ def isostatic(member: Member) -> float:
     return last_passage(NEAR_JAMMING, z_inside(member, NEAR_JAMMING), ISOSTATIC)
 
 
-def each(found: Study, kind: str, friction: float, value: object) -> list[float]:
+def each(found: Study, kind: str, friction: float, value: Callable[[Member], float]) -> list[float]:
     """A value of each packing."""
-    return [value(m) for m in found.seeds(kind, friction)]  # type: ignore[operator]
+    return [value(m) for m in found.seeds(kind, friction)]
 
 
 def jammed(found: Study, kind: str, friction: float) -> Row:
