@@ -35,12 +35,13 @@ def contact_scale(constraints: Constraints, diagonal: Array, q: Array, round_off
 
     Open contacts do not count, since their gaps are not related to the size of the forces. Sliding speeds count as
     far as friction can change them: not at all where a support prescribes the tangential velocity. Cohesive contacts
-    that open count as far as their tension in dt [s] can prevent it.
+    that open count as far as their tension in dt [s] can prevent it. Nor do contacts count whose diagonal of W is
+    negative, which an indefinite matrix of a body may give one of thousands; the solver scales them by its magnitude.
     """
     responds = diagonal.reshape(constraints.size, -1).T > 0.0
     scaled = coulomb.row_scales(diagonal, constraints.size)
     responds[1:] &= (scaled == diagonal).reshape(constraints.size, -1).T[1:]
-    scale = scaled.reshape(constraints.size, -1).T[[0, -1]]
+    scale = np.abs(scaled.reshape(constraints.size, -1).T[[0, -1]])
     speed = np.abs(q).reshape(constraints.size, -1).T  # (1 or 2, k)
     held = dt * constraints.tensile_strength * scale[0]
     normal = q[:: len(speed)]

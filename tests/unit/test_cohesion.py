@@ -262,6 +262,16 @@ def test_residuals_are_relative_to_what_closes_and_what_tension_can_hold():
     assert scale.reference == pytest.approx(np.hypot(np.linalg.norm(normal), np.linalg.norm(friction)), rel=1e-12)
 
 
+def test_contacts_whose_response_is_negative_do_not_count():
+    """Indefinite matrices of bodies give contacts of negative W_nn: the others set the size of the problem."""
+    q = np.array([-3.0, -4.0, -5.0])
+    contacts = SimpleNamespace(size=3, friction=np.zeros(3), tensile_strength=np.zeros(3), key=np.arange(3))
+    with np.errstate(all="raise"):
+        scale = contact_scale(contacts, np.array([1.0, 4.0, -9.0]), q, 0.0, 0.1)
+    assert scale.reference == pytest.approx(np.hypot(3.0, 4.0 / 2.0), rel=1e-12)
+    assert scale.diagonal.min() > 0.0
+
+
 # Packings
 
 
