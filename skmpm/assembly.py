@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import assembly_loops as loops
+from skmpm.explicit_mass import explicit_mass
 from skmpm.forms import reference_ghost
 from skmpm.grid import BodyGrids, numbered
 from skmpm.parallel import over_bodies
@@ -86,6 +87,11 @@ class Assembly:
         if added is not None:
             loops.add_rank_two(self.block_of_cell[added[0]], added[1], K)
         return K
+
+    @cached_property
+    def explicit_mass(self) -> Array:
+        """Lumped mass of explicit steps, without nearly empty nodes, (2 nodes,) [kg/m]."""
+        return np.repeat(explicit_mass(self.grid, self.lumped[::2]), 2)
 
     @cached_property
     def diagonal_blocks(self) -> Ints:

@@ -41,8 +41,8 @@ class Scheme:
     newton_tol : largest imbalance of momentum, relative to the largest term of the balance
     contact_tol : largest natural-map residual of a contact solve
     gap_tol : largest natural-map residual of the contact law at the end of the step, with the final gaps
-    explicit : use the forces at the start of the step; A is the lumped mass with a ghost penalty on
-        accelerations; dt must stay below about 0.7 h/c
+    explicit : use the forces at the start of the step; A is the lumped mass, with no node lighter than 5 % of a full
+        one; dt must stay below about 0.7 h/c
     linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by size
     max_newton : Newton iterations after which a step fails; with contact and inertia it fails earlier,
         after twenty that came no closer to convergence

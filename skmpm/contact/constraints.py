@@ -79,7 +79,12 @@ class Constraints:
     @cached_property
     def D(self) -> sp.csr_array:
         """From contact point (2 m,) to relative velocities: rows n (k,) or, with friction, n, t, n, t, ... (2 k,)."""
-        return components(self.difference, *((self.normal, self.tangent) if self.tangential else (self.normal,)))
+        return components(self.difference, *self.directions)
+
+    @property
+    def directions(self) -> tuple[Array, ...]:
+        """The directions (2, k) of the rows of each contact: its normal and, with friction, its tangent."""
+        return (self.normal, self.tangent) if self.tangential else (self.normal,)
 
     @property
     def H(self) -> sp.csr_array:

@@ -15,7 +15,7 @@ from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.implicit.errors import StepRejected, pair
-from skmpm.linear import Delassus, Joined, Rotated, Solver
+from skmpm.linear import Delassus, Diagonal, Joined, Rotated, Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -59,12 +59,15 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
 
 def _delassus_matrix(
     contact: ContactIterate, solver: Solver, geometric: ContactStiffness | None
-) -> tuple[sp.csr_array, Delassus]:
+) -> tuple[sp.csr_array, Delassus | None]:
     """W = theta H A^-1 H^T of the contacts, extended by the rows and columns of the geometric stiffness.
 
-    Also returns the Delassus operator with the columns computed so far.
+    Also returns the Delassus operator with the columns computed so far; none in explicit steps (theta = 1).
     """
     constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
+    if isinstance(solver, Diagonal):
+        shares = sp.csr_array(constraints.difference @ constraints.base)
+        return solver.between_contacts(shares, *constraints.directions), None
     joining = solver if isinstance(solver, Joined) else None
     turned = solver if isinstance(solver, Rotated) else None
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver

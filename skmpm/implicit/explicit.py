@@ -1,4 +1,11 @@
-"""Explicit steps: the internal forces are those at the start of the step."""
+"""Explicit steps: the internal forces are those at the start of the step, and the mass is lumped.
+
+Nodes whose support contains only the boundary of a body have almost no mass, and no explicit step would be short
+enough for them. They are as heavy as 5 % of the heaviest node of their body (`Assembly.explicit_mass`), at the cost
+of all others, so that A is diagonal and bodies keep their mass. Nodes then do not have the momentum of their points:
+what bodies lack of momentum and angular momentum is added to the velocities at the end of the step. The velocities
+that move the points, to which the contact law applies, stay as they are.
+"""
 
 from __future__ import annotations
 
@@ -7,45 +14,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.compiled import compiled
+from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.material import Points, bounded_modulus
 
 Array = NDArray[np.float64]
-
-GHOST_MASS = 0.05  # of density h^2: the ghost penalty on accelerations
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class ExplicitBulk:
-    """The bulk of an explicit step: internal forces of its start, and a ghost penalty on accelerations.
+    """The bulk of an explicit step: internal forces of its start, whatever the motion."""
 
-    Nodes whose support contains only the boundary of a body have almost no mass, and no explicit step would be short
-    enough for them. The penalty adds to M a term in the jumps of the acceleration gradient across the ghost facets,
-    which vanishes for rigid motions and uniform strain rates (Stoter et al., Comput. Methods Appl. Mech. Eng. 412
-    (2023) 116074). It is written as a stiffness against the deviation from the inertial displacement, that by v0
-    alone.
-    """
-
-    bulk: Bulk
     start: Configuration
     internal: Array  # (2 nodes,) forces [N/m]
-    inertial_displacement: Array  # (2 nodes,) at the end of the step, by v0 alone [m]
-    ghost_scale: Array  # (nodes,) from the ghost stiffness of displacements to that of the deviation
     linear: bool = True
 
     @classmethod
-    def of(cls, bulk: Bulk, configuration: Configuration, v0: Array, dt: float, ghost: float) -> ExplicitBulk:
-        """The forces at a configuration, for `ghost` as in Scheme."""
-        grid = bulk.assembly.grid
-        # One factor per body keeps the matrix symmetric: of several materials the heaviest over the softest.
-        density, modulus = np.zeros(grid.bodies), np.full(grid.bodies, np.inf)
-        for material, points in bulk.materials if ghost > 0.0 else ():
-            own = grid.cell_body[grid.cell_of_point[points]]
-            density[own] = np.maximum(density[own], material.density)
-            modulus[own] = np.minimum(modulus[own], ghost * bounded_modulus(material))
-        ghost_scale = GHOST_MASS * density * (grid.cell / dt) ** 2 / modulus
-        inertial_displacement = configuration.displacement + dt * v0
-        return cls(bulk, configuration, bulk.force(configuration), inertial_displacement, ghost_scale[grid.node_body])
+    def of(cls, bulk: Bulk, configuration: Configuration) -> ExplicitBulk:
+        """The forces at a configuration."""
+        return cls(configuration, bulk.force(configuration))
 
     def at(self, displacement: Array) -> Configuration:
         """A configuration with this nodal displacement and the deformation gradients of the start."""
@@ -53,18 +41,51 @@ class ExplicitBulk:
 
     def energy(self, configuration: Configuration) -> float:
         """The potential of `force` [J/m]."""
-        U = configuration.displacement
-        increment, deviation = U - self.start.displacement, U - self.inertial_displacement
-        return float(self.internal @ increment + 0.5 * deviation @ self._ghost(deviation))
+        return float(self.internal @ (configuration.displacement - self.start.displacement))
 
     def force(self, configuration: Configuration) -> Array:
-        """Internal forces of the start and force of the ghost penalty, (2 nodes,) [N/m]."""
-        return self.internal + self._ghost(configuration.displacement - self.inertial_displacement)
+        """Internal forces of the start, (2 nodes,) [N/m]."""
+        return self.internal
 
-    def _ghost(self, deviation: Array) -> Array:
-        return np.asarray(np.repeat(self.ghost_scale, 2) * self.bulk.assembly.ghost_force(deviation))
 
-    def stiffness(self, configuration: Configuration, *, projected: Points = False) -> Array:
-        """Stiffness of the ghost penalty, in the pattern of A, (blocks, 2, 2) [Pa]."""
-        assembly = self.bulk.assembly
-        return np.asarray(np.repeat(self.ghost_scale, np.diff(assembly.indptr))[:, None, None] * assembly.ghost_data)
+def with_momentum_of_points(
+    grid: BodyGrids, x: Array, lumped: Array, v0: Array, w: Array, impulse: Array, held: Ints
+) -> Array:
+    """The velocity w plus rigid motions that balance momentum and angular momentum of bodies, (2 nodes,) [m/s].
+
+    Without them m (w - v0), with the lumped mass m of the points (2 nodes,) [kg/m], is not balanced by an impulse
+    (2 nodes,) [kg m/s per m] that acts at the nodes x (2, nodes) [m]. Bodies that supports hold (`held`) are left as
+    they are: their reactions balance them.
+    """
+    end, free = w.copy(), np.ones(grid.bodies, dtype=bool)
+    free[held] = False
+    _balance(grid.blocks // 2, free, x, lumped[::2], v0.reshape(-1, 2), impulse.reshape(-1, 2), end.reshape(-1, 2))
+    return end
+
+
+@compiled
+def _balance(
+    begins: Ints, free: NDArray[np.bool_], x: Array, mass: Array, v0: Array, impulse: Array, v: Array
+) -> None:
+    """Add to v (nodes, 2) the rigid motions of bodies that balance m (v - v0) and the impulse."""
+    for b in range(begins.size - 1):
+        first, last = begins[b], begins[b + 1]
+        total = mass[first:last].sum()
+        if not free[b] or total == 0.0:
+            continue
+        centre_x = centre_y = momentum_x = momentum_y = 0.0
+        for n in range(first, last):
+            centre_x += mass[n] * x[0, n] / total
+            centre_y += mass[n] * x[1, n] / total
+            momentum_x += impulse[n, 0] - mass[n] * (v[n, 0] - v0[n, 0])
+            momentum_y += impulse[n, 1] - mass[n] * (v[n, 1] - v0[n, 1])
+        moment = inertia = 0.0
+        for n in range(first, last):
+            arm_x, arm_y = x[0, n] - centre_x, x[1, n] - centre_y
+            moment += arm_x * (impulse[n, 1] - mass[n] * (v[n, 1] - v0[n, 1]))
+            moment -= arm_y * (impulse[n, 0] - mass[n] * (v[n, 0] - v0[n, 0]))
+            inertia += mass[n] * (arm_x**2 + arm_y**2)
+        spin = moment / inertia if inertia > 0.0 else 0.0
+        for n in range(first, last):
+            v[n, 0] += momentum_x / total - spin * (x[1, n] - centre_y)
+            v[n, 1] += momentum_y / total + spin * (x[0, n] - centre_x)

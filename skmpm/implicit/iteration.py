@@ -43,6 +43,11 @@ class Solution:
     reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
     solver: Solver | None  # of the last iteration
 
+    @property
+    def contact_impulse(self) -> Array | None:
+        """The contact impulse at the nodes, (2 nodes,) [kg m/s per m]; None where nothing can touch."""
+        return None if self.contact is None else self.contact.impulse
+
     def motions(self, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities, with those that the step has found for what forces move."""
         contact = self.contact

@@ -191,7 +191,7 @@ def _solver(increment: Increment, A: sp.bsr_array, failed: NotPositiveDefinite |
         return increment.supports.factorised(linear, A, grid.blocks, grid.rigid_motions())
     if failed is not None:
         return failed.resume(A)
-    if increment.scheme.explicit and increment.scheme.ghost == 0.0:
+    if increment.scheme.explicit:
         linear = diagonal
     return linear(A, grid.blocks, grid.rigid_motions())
 

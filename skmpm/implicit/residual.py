@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.implicit.explicit import ExplicitBulk
+from skmpm.implicit.explicit import ExplicitBulk, with_momentum_of_points
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.internal_variables import updated
@@ -91,7 +91,7 @@ class Increment:
     def material_response(self) -> Bulk | ViscousBulk | ExplicitBulk:
         """The internal forces as a function of the motion; in an explicit step those of its start."""
         if self.scheme.explicit:
-            return ExplicitBulk.of(self.bulk, self.at_start, self.v0, self.dt, self.scheme.ghost)
+            return ExplicitBulk.of(self.bulk, self.at_start)
         return ViscousBulk.of(self.bulk, self.at_start, self._theta_dt) if self.bulk.viscosity > 0.0 else self.bulk
 
     @property
@@ -110,8 +110,10 @@ class Increment:
         """Diagonal inertia: lumped mass, in a quasi-static step zero or the proximal weight, (2 nodes,) [kg/m]."""
         if self.proximal is not None:
             return self.proximal.weight
-        mass = self.bulk.assembly.mass
-        return mass if self.scheme.inertia else np.zeros_like(mass)
+        assembly = self.bulk.assembly
+        if self.scheme.explicit:
+            return assembly.explicit_mass
+        return assembly.mass if self.scheme.inertia else np.zeros_like(assembly.mass)
 
     @cached_property
     def floating(self) -> NDArray[np.bool_]:
@@ -176,14 +178,19 @@ class Increment:
         """The same with the pressures' forces at w, whatever the configuration."""
         return self if self.pressure is None else replace(self, force=self.load(w), pressure=None)
 
-    def end_velocity(self, w: Array) -> Array:
-        """The velocity v1 at the end of the step, (2 nodes,) [m/s]."""
-        return self.v0 + (w - self.v0) / self.scheme.theta
+    def end_velocity(self, w: Array, contact_impulse: Array | None) -> Array:
+        """The velocity v1 at the end of the step, (2 nodes,) [m/s], in explicit steps not quite w."""
+        if not self.scheme.explicit:
+            return self.v0 + (w - self.v0) / self.scheme.theta
+        impulse = self.dt * self.load(w) if contact_impulse is None else self.dt * self.load(w) + contact_impulse
+        held = np.unique(self.grid.node_body[self.constrained_dofs // 2])
+        assembly, x = self.bulk.assembly, self.grid.position + self.start.reshape(-1, 2).T
+        return with_momentum_of_points(self.grid, x, assembly.lumped, self.v0, w, impulse, held)
 
-    def end(self, w: Array) -> End:
+    def end(self, w: Array, contact_impulse: Array | None) -> End:
         """The nodes, and the internal variables of the points, at the end of the step."""
         configuration = self.bulk.at(self.start + self.dt * w)
-        return End(configuration, self.end_velocity(w), updated(self.bulk, configuration))
+        return End(configuration, self.end_velocity(w, contact_impulse), updated(self.bulk, configuration))
 
     def energy(self, w: Array, configuration: Configuration) -> float:
         """The incremental potential E(w) without pressures, which have none, [J/m]."""
@@ -221,8 +228,10 @@ class Increment:
         pressure, that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full
         Newton step balances the latter to round-off, whatever the mass. After a shortened or accelerated step both
         corrections may move a body by more than `MAX_DRIFT`. Without inertia and in scenes with supports, which
-        balance momentum by their reactions, w is returned as it is.
+        balance momentum by their reactions, w is returned as it is, and in explicit steps, where `end` balances it.
         """
+        if self.scheme.explicit:
+            return w
         for impulse in (contact_impulse, last_impulse) if self.long else (contact_impulse,):
             error = self._momentum_error(w, impulse)
             if self._drift(error).max() <= MAX_DRIFT:
@@ -291,10 +300,12 @@ class Increment:
     def matrix(self, configuration: Configuration, *, projected: Ints | bool = False) -> sp.bsr_array:
         """A = M + theta^2 dt^2 K; in a quasi-static step springs or the proximal weight of floating bodies replace M.
 
-        K of `projected` bodies, all or (k,), is positive semi-definite (`Bulk.stiffness`). In an explicit step dt^2 K
-        is the ghost penalty on accelerations.
+        K of `projected` bodies, all or (k,), is positive semi-definite (`Bulk.stiffness`). In an explicit step there
+        is none, and A is diagonal.
         """
         assembly, grid = self.bulk.assembly, self.grid
+        if isinstance(self.material_response, ExplicitBulk):
+            return sp.diags_array(self.mass).tobsr((2, 2))
         points: Points = False
         if projected is not False:
             points = projected is True or np.isin(grid.cell_body, projected)[grid.cell_of_point]

@@ -103,7 +103,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             solver, delassus = kept_solver(scene, state, increment)
             contact = _contact_problem(scene, state, increment, motions, unknowns, timer, delassus)
             solution = advance(increment, contact, solver, timer)
-            end, motions = increment.end(solution.w), solution.motions(motions)
+            end, motions = increment.end(solution.w, solution.contact_impulse), solution.motions(motions)
             after = end_state(scene, state, increment, solution, end, motions)
             timer.lap("transfer")
             budget = budget_of(scene, state, increment, solution, end, motions)

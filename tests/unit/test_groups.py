@@ -12,8 +12,6 @@ from skfem.io.meshio import to_meshio
 
 import skmpm
 from skmpm import LinearElastic, NeoHookean, Rigid
-from skmpm.implicit.explicit import GHOST_MASS, ExplicitBulk
-from skmpm.material import bounded_modulus
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.scene import Body, Load, Scene, SceneError, Support, Wall, mises, stress_zz
 from skmpm.scheme import Scheme
@@ -344,17 +342,6 @@ def test_an_explicit_step_is_stable_for_any_mix():
     *_, state = simulate(scene, dt=dt, until=400 * dt, scheme=scheme, start=start)
     total = state.report.energy.kinetic + state.report.energy.elastic
     assert total <= 1.01 * start.report.energy.kinetic
-
-
-def test_the_ghost_mass_of_an_explicit_body_is_that_of_its_heaviest_part_over_its_softest():
-    scene, scheme = squeezed({"core": CORE, "shell": SHELL}), Scheme(explicit=True)
-    bulk = bulk_of(scene, initial(scene, scheme=scheme), scheme)
-    v0 = np.zeros(2 * bulk.assembly.grid.nodes)
-    explicit = ExplicitBulk.of(bulk, bulk.at(v0), v0, DT, scheme.ghost)
-    modulus = scheme.ghost * bounded_modulus(SHELL)
-    np.testing.assert_allclose(
-        explicit.ghost_scale, GHOST_MASS * CORE.density * (CELL / DT) ** 2 / modulus, rtol=1e-14
-    )
 
 
 def test_what_a_linear_run_keeps_belongs_to_the_groups():
