@@ -27,7 +27,7 @@ beyond it the contacts snap to another equilibrium, and near it Newton direction
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -57,6 +57,10 @@ class ContactStiffness:
     def size(self) -> int:
         """Number of bilateral constraints."""
         return self.Z.shape[0]
+
+    def softer(self, share: float) -> ContactStiffness:
+        """The same with a share of the geometric stiffness."""
+        return replace(self, compliance=self.compliance / share)
 
     def rotated_impulses(self, r: Array, rho: Array) -> Array:
         """The impulses (2 k,) in the rotated contact frames, from those in the previous frames and rho."""

@@ -8,7 +8,7 @@ motion the limit is a displacement, so that the number of steps does not depend 
 
 Below the limit, steps follow the number of Newton iterations: the next one is sqrt(4 / iterations) times as long, in
 quasi-static steps sqrt(15 / iterations), at least half and at most twice. Contacts that rearrange take more
-iterations and then shorter steps. A step that fails is repeated with a quarter of its length, since rearrangements
+iterations and then shorter steps. A step that fails is repeated with a sixteenth of its length, since rearrangements
 are 10 to 100 times faster than the loading.
 """
 

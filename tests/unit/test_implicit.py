@@ -27,6 +27,7 @@ from skmpm import (
 )
 from skmpm.implicit import Bulk, Increment, contact_solve, frozen_geometry
 from skmpm.implicit.acceleration import AndersonAcceleration
+from skmpm.implicit.contact_stiffness import ContactStiffness
 from skmpm.implicit.matrix import solver_of
 from skmpm.implicit.rotation import matrix_turns, turned_solver
 from skmpm.linear import band
@@ -102,6 +103,31 @@ def test_with_inertia_the_stiffness_that_failed_is_tried_again(monkeypatch):
     assert (True, 1) in failures and (False, 0) in failures and (False, 1) not in failures
     assert not state.report.frozen_normals
     assert state.wall_force == pytest.approx(expected.wall_force, rel=1e-5, abs=1e-6)
+
+
+def test_where_the_stiffness_fails_half_of_it_is_used(monkeypatch):
+    """If no contact solve succeeds with all of it, steps take fewer iterations with half of it than without."""
+    newton, solve, softer = import_module("skmpm.implicit.newton"), contact_solve.solve, ContactStiffness.softer
+    most, shares = contact_solve.MAX_STEPS, []
+
+    def failing(*arguments):
+        monkeypatch.setattr(contact_solve, "MAX_STEPS", 0)
+        return solve(*arguments)
+
+    def recorded(stiffness, share):
+        monkeypatch.setattr(contact_solve, "MAX_STEPS", most)
+        shares.append(share)
+        return softer(stiffness, share)
+
+    expected = last(squeezed(0.0), 6)
+    monkeypatch.setattr(newton, "solve", failing)
+    monkeypatch.setattr(ContactStiffness, "softer", recorded)
+    half = last(squeezed(0.0), 6)
+    assert set(shares) == {0.5}
+    monkeypatch.setattr(contact_solve, "SHARES", ())
+    without = last(squeezed(0.0), 6)
+    assert expected.report.newton <= half.report.newton < without.report.newton
+    assert half.wall_force == pytest.approx(expected.wall_force, rel=1e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
