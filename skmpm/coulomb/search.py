@@ -101,8 +101,8 @@ def solve(
     r0 : like q, initial impulses [N s]
     tol : largest residual relative to ``|q~|``, or to `reference`
     sweeps : of the first round; the second round doubles them
-    iterations : largest number of Newton steps; below 150 only those from r0 are tried, which suffices where a failure
-        costs little. Lemke's method is not used with `bilateral`
+    iterations : largest number of Newton steps; below 150 only those from r0 are tried, for problems that need not be
+        solved. Lemke's method is not used with `bilateral`
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of ``|q~|``, as in `residual`
     damped : whether Newton steps are damped; of many solutions, as in quasi-static steps, r is then closer to r0

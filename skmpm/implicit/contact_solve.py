@@ -138,18 +138,19 @@ class _Linearised:
         solver does not converge with all of it, it tries shares of it, from the solution without.
         """
         if geometric is None:
-            return self.without_stiffness(0, 0)
-        found = self._impulses(geometric, self.contact.lifted)
-        if found.worst is None:
-            return self._usable(geometric, found, 0) or self.without_stiffness(found.iterations, 0)
-        without = self.without_stiffness(found.iterations, 1)
-        if not self.contact.increment.scheme.inertia:
-            return without
-        for share in SHARES:
-            found = self._impulses(geometric.softer(share), without.contact.lifted)
-            if found.worst is None:
-                return self._usable(geometric, found, without.contact.iterations - self.contact.iterations) or without
-        return without
+            return self._without(self._impulses(None, self.contact.lifted), 0, 0)
+        found, inertia = self._impulses(geometric, self.contact.lifted), self.contact.increment.scheme.inertia
+        if found.worst is None and (usable := self._usable(geometric, found, 0)):
+            return usable
+        without = self._impulses(None, self.contact.lifted)
+        failed, iterations = found.worst is not None, found.iterations + without.iterations
+        for share in SHARES if failed and inertia and without.worst is None else ():
+            start = self.contact.constraints.lifted(without.r, self.contact.increment.dt)
+            part = self._impulses(geometric.softer(share), start)
+            if part.worst is None and (usable := self._usable(geometric, part, iterations)):
+                return usable
+            iterations += part.iterations
+        return self._without(without, iterations - without.iterations, int(failed))
 
     def _usable(self, geometric: ContactStiffness, found: _Impulses, iterations: int) -> Direction | None:
         """The direction of impulses with geometric stiffness; None if that cancels too much of the quadratic form."""
@@ -164,9 +165,9 @@ class _Linearised:
         r = geometric.rotated_impulses(found.r, found.rho) if constraints.tangential else found.r
         return Direction(self._after(r, found.scale, iterations + found.iterations, 0), direction, impulse)
 
-    def without_stiffness(self, iterations: int, failures: int) -> Direction:
-        """The direction without the geometric stiffness, after iterations and failures of the solver with it."""
-        found, constraints = self._impulses(None, self.contact.lifted), self.contact.constraints
+    def _without(self, found: _Impulses, iterations: int, failures: int) -> Direction:
+        """The direction of impulses without the geometric stiffness, after iterations and failures of the solver."""
+        constraints = self.contact.constraints
         if found.worst is not None:
             raise StepRejected(
                 pair(constraints.bodies[:, found.worst]),
@@ -206,7 +207,7 @@ class _Linearised:
         return sp.csr_array(W + padded), q + change - compliance @ known
 
     def _impulses(self, geometric: ContactStiffness | None, start: Array) -> _Impulses:
-        """The new impulses and those of the geometric stiffness, from a start with the impulses that cohesion adds."""
+        """The new impulses and those of the geometric stiffness; the start has the impulses that cohesion adds."""
         contact, constraints, W = self.contact, self.contact.constraints, self.W
         increment, known = contact.increment, contact.lifted
         scheme, k = increment.scheme, known.size

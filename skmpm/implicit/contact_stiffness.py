@@ -60,7 +60,7 @@ class ContactStiffness:
 
     def softer(self, share: float) -> ContactStiffness:
         """The same with a share of the geometric stiffness."""
-        return replace(self, compliance=self.compliance / share)
+        return replace(self, compliance=sp.csr_array(self.compliance / share))
 
     def rotated_impulses(self, r: Array, rho: Array) -> Array:
         """The impulses (2 k,) in the rotated contact frames, from those in the previous frames and rho."""

@@ -19,9 +19,9 @@ MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
 SUCCESSES_BEFORE_DOUBLING = 4  # steps
 TIME_TOLERANCE = 1e-9  # over a step: round-off of times, by which the last step may miss `until`
-# Divides the length of a chosen step that failed. Fifty discs, compressed slowly from a solid fraction of 0.7 to 0.95 by
-# a lid of 2 cm/s with friction, of 2 mm/s, and of 2 cm/s without friction, take 299, 438 and 398 steps with 4, of which
-# 8, 13 and 17 fail; with 16 it is 296, 396 and 308 (5, 10, 8), with 64 294, 514 and 333 (4, 10, 7).
+# Divides the length of a chosen step that failed. Fifty discs, compressed slowly from a solid fraction of 0.7 to
+# 0.95, take 299, 438 and 398 steps with 4 (lid of 2 cm/s with friction, of 2 mm/s, of 2 cm/s without friction), of
+# which 8, 13 and 17 fail; 296, 396 and 308 with 16 (5, 10, 8), 294, 514 and 333 with 64 (4, 10, 7).
 CUT = 16.0
 FREQUENT = 0.1  # of the steps: failures from which a run with chosen steps ends with a warning
 SHORTEST_SHARE = CUT**-3  # of the limit: shortest chosen step
