@@ -101,8 +101,8 @@ def solve(
     r0 : like q, initial impulses [N s]
     tol : largest residual relative to ``|q~|``, or to `reference`
     sweeps : of the first round; the second round doubles them
-    iterations : largest number of Newton steps; below 150 only those from r0 are tried, for problems that need not be
-        solved. Lemke's method is not used with `bilateral`
+    iterations : largest number of Newton steps; below 150, for problems that need not be solved, only those from r0
+        are tried unless they are damped, and Lemke's method is not used, nor with `bilateral`
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of ``|q~|``, as in `residual`
     damped : whether Newton steps are damped; of many solutions, as in quasi-static steps, r is then closer to r0
@@ -162,10 +162,10 @@ def _blocks(pairs: Ints, rows: int, bilateral: Bilateral | None) -> Ints:
 def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, damped: bool) -> tuple[Iterate, Info]:
     """Newton steps, at first and after sweeps; if they fail, proximal problems and Lemke's method.
 
-    With fewer steps than a stall takes, only the first.
+    With fewer steps than a stall takes, only the first unless they are damped.
     """
     best, steps, swept = damped_start(p, start, tol, limit) if damped else (*full_steps(p, start, tol, limit), 0)
-    if limit < _STALL_LIMIT:
+    if limit < _STALL_LIMIT and not damped:
         return best, Info(steps, swept, best.error, best.error <= tol)
     x = best
     for round_ in range(_ROUNDS):
@@ -179,7 +179,7 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, dam
             x, count = _proximal(p, best if impulse is None else p.pressed(impulse), tol, limit - steps, damped)
             best, steps = better(best, x), steps + count
     pieces = 0
-    if best.error > tol and p.contacts == p.q.size <= _MAX_PATH_ROWS:
+    if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _MAX_PATH_ROWS:
         x, count, pieces = _paths(p, tol)
         best, steps = better(best, x), steps + count
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)

@@ -10,7 +10,7 @@ moment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,80 +55,149 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
     """
     if problem is None:
         _check_resultants(increment)
-    scheme, factor, (w, configuration) = increment.scheme, _Factor(kept), first_velocity(increment)
-    contact: ContactIterate | None = None
-    mass, before, last_impulse = increment.bulk.assembly.mass, np.inf, np.zeros_like(w)
-    acceleration, relaxation = AndersonAcceleration(mass), 1.0
-    patience = PATIENCE if problem and scheme.inertia else scheme.max_newton
-    closest, progress = np.inf, 0
-    for iteration in range(scheme.max_newton + 2):
-        contact = (contact or problem).at(w) if problem else None
-        balance = _evaluate(increment, contact, w, configuration)
-        converged = iteration > 0 and balance.small
-        if converged and contact and frozen_geometry_moment(increment, contact, w).max() > MAX_FROZEN_MOMENT:
-            contact, before = contact.with_frozen_geometry(contact.current).at(w), np.inf
-            acceleration = AndersonAcceleration(mass)
-            balance = _evaluate(increment, contact, w, configuration)
-            converged = balance.small
-        if converged or (iteration == 1 and increment.one_solve and contact is None):
-            final = increment.with_balanced_momentum(w, balance.contact_impulse, last_impulse)
-            if final is not None:
-                return _solution(increment, final, contact, balance, factor, iteration)
-        if balance.distance < closest:
-            closest, progress = balance.distance, iteration
-        # A full step more balances the momentum of a converged iterate.
-        if iteration >= scheme.max_newton + converged or iteration - progress >= patience:
-            break
-        if factor.due(increment, contact, iteration, balance.norm, before):
-            factor, contact = factor.released(), contact.without_delassus() if contact else None
-            factor = factor.renewed(increment, contact, configuration)
-            timer.lap("factorisation")
-        solver = factor.at(increment, configuration)
-        # With inertia, stiffness that failed in one iteration is tried again in the next.
-        stalled = not scheme.inertia and iteration > 2 and balance.norm > STALLED_RATE * before
-        failed = contact is not None and not scheme.inertia and contact.stiffness_failures > 0
-        relaxation = RELAXATION if contact and stalled else relaxation
-        if contact and contact.frozen is None and (failed or stalled):
-            contact = contact.with_frozen_geometry(contact.constraints)
-            acceleration, relaxation = AndersonAcceleration(mass), 1.0
-        contact, direction, last_impulse = _direction(contact, solver, balance)
-        # Not with inertia: affine combinations of rotated bodies stretch them, by more than light contacts do.
-        slow = not scheme.inertia and balance.norm > SLOW_RATE * before and not converged
-        accelerated, before = acceleration.accelerate(w, direction, relaxation, wanted=slow), balance.norm
-        out_of_balance = balance.gradient - last_impulse
-        w, configuration = move(increment, w, configuration, direction, out_of_balance, last_impulse, accelerated)
-        timer.lap("bulk")
-    raise _not_converged(increment, w, contact, balance, last_impulse, iteration)
+    iterate, persistence = _first(increment, problem, kept), _Persistence.of(increment, problem)
+    while True:
+        balance = _evaluate(iterate)
+        if balance.converged and (solution := _solution(iterate, balance)):
+            return solution
+        if persistence.ends(balance):
+            raise _not_converged(iterate, balance)
+        _factorise(iterate, balance, timer)
+        direction = _direction(iterate, balance)
+        _move(iterate, balance, direction, timer)
+
+
+@dataclass
+class _Iterate:
+    """A velocity, and what is known for the next one. The iteration changes it in place."""
+
+    increment: Increment
+    w: Array  # (2 nodes,) [m/s]
+    configuration: Configuration
+    contact: ContactIterate | None
+    factor: _Factor
+    last_impulse: Array  # (2 nodes,) contact impulse of the last solve [kg m/s per m]
+    remedies: _Remedies | None  # of quasi-static steps; with inertia none is needed
+    iteration: int = 0
+    before: float = np.inf  # out-of-balance norm of the iteration before
+
+
+@dataclass
+class _Remedies:
+    """What helps quasi-static iterations that converge slowly: acceleration, relaxation, frozen contact geometry.
+
+    Not with inertia: affine combinations of rotated bodies stretch them, by more than light contacts do, and
+    stiffness of contact that failed in one iteration is tried again in the next.
+    """
+
+    mass: Array  # (2 nodes,)
+    acceleration: AndersonAcceleration = field(init=False)
+    relaxation: float = 1.0
+
+    def __post_init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Accelerate without the iterations so far, which were others."""
+        self.acceleration = AndersonAcceleration(self.mass)
+
+    def frozen(self, contact: ContactIterate, stalled: bool) -> ContactIterate:
+        """The contact problem, with the geometry frozen once the iteration stalls or its stiffness fails."""
+        self.relaxation = RELAXATION if stalled else self.relaxation
+        if contact.frozen is not None or not (stalled or contact.stiffness_failures > 0):
+            return contact
+        self.forget()
+        self.relaxation = 1.0
+        return contact.with_frozen_geometry(contact.constraints)
+
+    def accelerated(self, w: Array, direction: Array, slow: bool) -> Array | None:
+        """The step instead of the direction, if there is one."""
+        return self.acceleration.accelerate(w, direction, self.relaxation, wanted=slow)
+
+
+@dataclass
+class _Persistence:
+    """When an iteration is given up: after so many iterations, or so many in a row without progress."""
+
+    most: int
+    patience: int
+    closest: float = np.inf  # distance from convergence
+    progress: int = 0  # the iteration in which it was reached
+
+    @classmethod
+    def of(cls, increment: Increment, problem: ContactProblem | None) -> _Persistence:
+        """Of dynamic steps with contacts patience is limited, since shorter steps help."""
+        most = increment.scheme.max_newton
+        return cls(most, PATIENCE if problem and increment.scheme.inertia else most)
+
+    def ends(self, balance: _Balance) -> bool:
+        """Whether it ends; a full step more balances the momentum of a converged iterate."""
+        if balance.distance < self.closest:
+            self.closest, self.progress = balance.distance, balance.iteration
+        waited = balance.iteration - self.progress
+        return balance.iteration >= self.most + balance.small or waited >= self.patience
+
+
+def _first(increment: Increment, problem: ContactProblem | None, kept: Solver | None) -> _Iterate:
+    """The iterate at the initial guess."""
+    w, configuration = first_velocity(increment)
+    contact = None if problem is None else problem.at(w)
+    remedies = None if increment.scheme.inertia else _Remedies(increment.bulk.assembly.mass)
+    return _Iterate(increment, w, configuration, contact, _Factor(kept), np.zeros_like(w), remedies)
 
 
 @dataclass(frozen=True)
 class _Balance:
     """The residuals at an iterate."""
 
+    iteration: int
     gradient: Array  # out-of-balance impulse without contact (2 nodes,) [kg m/s per m]
     contact_impulse: Array  # (2 nodes,)
     contact: float  # residual of the contact law
     norm: float  # out-of-balance norm over the largest term
     distance: float  # from convergence: the larger of both residuals over their tolerances
+    exact: bool  # whether one linear solve gives the solution, and was made
+
+    @property
+    def out_of_balance(self) -> Array:
+        """The out-of-balance impulse, (2 nodes,) [kg m/s per m]."""
+        return self.gradient - self.contact_impulse
 
     @property
     def small(self) -> bool:
         """Whether both residuals are within their tolerances."""
         return self.distance <= 1.0
 
+    @property
+    def converged(self) -> bool:
+        """Whether the iterate is a solution; the initial guess is none."""
+        return (self.small and self.iteration > 0) or self.exact
 
-def _evaluate(
-    increment: Increment, contact: ContactIterate | None, w: Array, configuration: Configuration
-) -> _Balance:
+
+def _evaluate(iterate: _Iterate) -> _Balance:
+    """The residuals; at a solution whose frozen contact geometry makes a moment, those with the present geometry."""
+    balance, contact, remedies = _balance(iterate), iterate.contact, iterate.remedies
+    if contact is None or remedies is None or not balance.converged:
+        return balance
+    if frozen_geometry_moment(iterate.increment, contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
+        return balance
+    iterate.contact, iterate.before = contact.with_frozen_geometry(contact.current).at(iterate.w), np.inf
+    remedies.forget()
+    return _balance(iterate)
+
+
+def _balance(iterate: _Iterate) -> _Balance:
     """The residuals of the momentum balance and of the contact law, with the known contact impulses."""
-    gradient, size = increment.gradient(w, configuration)
-    contact_impulse, residual, scheme = np.zeros_like(gradient), 0.0, increment.scheme
+    increment, contact, scheme = iterate.increment, iterate.contact, iterate.increment.scheme
+    gradient, size = increment.gradient(iterate.w, iterate.configuration)
+    contact_impulse, residual = np.zeros_like(gradient), 0.0
     if contact:
         contact_impulse, residual, size = with_contact(increment, contact, size)
     norm = out_of_balance_norm(increment, contact, gradient - contact_impulse)
     norm = norm / size if size > 0.0 else 0.0
     distance = max(norm / scheme.newton_tol, residual / scheme.gap_tol)
-    return _Balance(gradient, contact_impulse, residual, norm, distance)
+    exact = iterate.iteration == 1 and contact is None and increment.one_solve
+    return _Balance(iterate.iteration, gradient, contact_impulse, residual, norm, distance, exact)
 
 
 @dataclass(frozen=True)
@@ -165,41 +234,69 @@ class _Factor:
         return _Factor(factorise(increment, contact, configuration), self.count + 1, at)
 
 
-def _direction(
-    contact: ContactIterate | None, solver: Solver, balance: _Balance
-) -> tuple[ContactIterate | None, Array, Array]:
-    """The contact problem with new impulses, the Newton direction and the contact impulse that belongs to it."""
-    if contact is None:
-        return None, -solver(balance.gradient), balance.contact_impulse
-    found = solve(contact, solver, balance.gradient)
-    return found.contact, found.direction, found.impulse
+def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
+    """Factorise the matrix where that pays."""
+    if not iterate.factor.due(iterate.increment, iterate.contact, balance.iteration, balance.norm, iterate.before):
+        return
+    iterate.factor = iterate.factor.released()
+    iterate.contact = None if iterate.contact is None else iterate.contact.without_delassus()
+    iterate.factor = iterate.factor.renewed(iterate.increment, iterate.contact, iterate.configuration)
+    timer.lap("factorisation")
 
 
-def _solution(
-    increment: Increment,
-    w: Array,
-    contact: ContactIterate | None,
-    balance: _Balance,
-    factor: _Factor,
-    iterations: int,
-) -> Solution:
-    reaction = increment.reaction(balance.gradient - balance.contact_impulse)
-    return Solution(w, contact, iterations, factor.count, balance.contact, balance.norm, reaction, factor.solver)
+def _direction(iterate: _Iterate, balance: _Balance) -> Array:
+    """The Newton direction, (2 nodes,) [m/s], with new contact impulses."""
+    solver = iterate.factor.at(iterate.increment, iterate.configuration)
+    if iterate.contact is None:
+        iterate.last_impulse = balance.contact_impulse
+        return -solver(balance.gradient)
+    if iterate.remedies:
+        stalled = balance.iteration > 2 and balance.norm > STALLED_RATE * iterate.before
+        iterate.contact = iterate.remedies.frozen(iterate.contact, stalled)
+    found = solve(iterate.contact, solver, balance.gradient)
+    iterate.contact, iterate.last_impulse = found.contact, found.impulse
+    return found.direction
 
 
-def _not_converged(
-    increment: Increment,
-    w: Array,
-    contact: ContactIterate | None,
-    balance: _Balance,
-    last_impulse: Array,
-    iterations: int,
-) -> StepRejected:
+def _move(iterate: _Iterate, balance: _Balance, direction: Array, timer: Timer) -> None:
+    """Move along the direction, or by an accelerated step, as far as the potential decreases."""
+    accelerated = None
+    if iterate.remedies:
+        slow = balance.norm > SLOW_RATE * iterate.before and not balance.converged
+        accelerated = iterate.remedies.accelerated(iterate.w, direction, slow)
+    iterate.before, out_of_balance = balance.norm, balance.gradient - iterate.last_impulse
+    iterate.w, iterate.configuration = move(
+        iterate.increment,
+        iterate.w,
+        iterate.configuration,
+        direction,
+        out_of_balance,
+        iterate.last_impulse,
+        accelerated,
+    )
+    timer.lap("bulk")
+    iterate.iteration += 1
+    iterate.contact = None if iterate.contact is None else iterate.contact.at(iterate.w)
+
+
+def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
+    """The solution, with the momentum of every body balanced to round-off; None if that would change gaps."""
+    increment, factor = iterate.increment, iterate.factor
+    w = increment.with_balanced_momentum(iterate.w, balance.contact_impulse, iterate.last_impulse)
+    if w is None:
+        return None
+    reaction = increment.reaction(balance.out_of_balance)
+    return Solution(
+        w, iterate.contact, balance.iteration, factor.count, balance.contact, balance.norm, reaction, factor.solver
+    )
+
+
+def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:
     """The error that names the criteria which are not met."""
-    drift = increment.drift(w, balance.contact_impulse, last_impulse)
-    out_of_balance = balance.gradient - balance.contact_impulse
-    unmet = unmet_criteria(increment, contact, out_of_balance, balance.norm, balance.contact, drift)
-    return not_converged(iterations, unmet + unmet_moment(increment, contact, w))
+    increment, contact = iterate.increment, iterate.contact
+    drift = increment.drift(iterate.w, balance.contact_impulse, iterate.last_impulse)
+    unmet = unmet_criteria(increment, contact, balance.out_of_balance, balance.norm, balance.contact, drift)
+    return not_converged(balance.iteration, unmet + unmet_moment(increment, contact, iterate.w))
 
 
 def _check_resultants(increment: Increment) -> None:
