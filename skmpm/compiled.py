@@ -21,14 +21,18 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     Sums may be reordered, so results differ from those of the interpreted function by round-off. Kernels hold no
     lock, and none of them tests for inf or nan, which reordering excludes. The cache lies beside the source or, where
     that cannot be written, in the user's cache directory or in NUMBA_CACHE_DIR.
+
+    Kernels that others call are inlined there. Else there are two copies, one in the library of the caller, with sums
+    in different orders; that which is loaded first is used, so that a process which compiles and one which reads the
+    cache would differ by round-off.
     """
-    found: Callable[P, R] = njit(cache=True, nogil=True, fastmath=True)(kernel)
+    found: Callable[P, R] = njit(cache=True, nogil=True, fastmath=True, forceinline=True)(kernel)
     return found
 
 
 def compiled_in_order(kernel: Callable[P, R]) -> Callable[P, R]:
     """The same with sums in the order in which they are written, for small differences of terms near one."""
-    found: Callable[P, R] = njit(cache=True, nogil=True)(kernel)
+    found: Callable[P, R] = njit(cache=True, nogil=True, forceinline=True)(kernel)
     return found
 
 
