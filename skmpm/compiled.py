@@ -24,7 +24,8 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
 
     Kernels that others call are inlined there. Else there are two copies, one in the library of the caller, with sums
     in different orders; that which is loaded first is used, so that a process which compiles and one which reads the
-    cache would differ by round-off.
+    cache would differ by round-off. For the same reason kernels do not call functions of NumPy that sum. Different
+    caches may still differ by round-off, since the compiler orders sums as it likes.
     """
     found: Callable[P, R] = njit(cache=True, nogil=True, fastmath=True, forceinline=True)(kernel)
     return found

@@ -70,7 +70,9 @@ def _balance(
     """Add to v (nodes, 2) the rigid motions of bodies that balance m (v - v0) and the impulse."""
     for b in range(begins.size - 1):
         first, last = begins[b], begins[b + 1]
-        total = mass[first:last].sum()
+        total = 0.0
+        for n in range(first, last):
+            total += mass[n]
         if not free[b] or total == 0.0:
             continue
         centre_x = centre_y = momentum_x = momentum_y = 0.0
