@@ -1,6 +1,7 @@
 """The study's figures: fits on curves of known constants, the rules of the claims, and both commands."""
 
 import csv
+import lzma
 import re
 import shutil
 from dataclasses import replace
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import examples.studies.packing_ensemble.archive
 import examples.studies.packing_ensemble.figures
 import skmpm
 
@@ -469,3 +471,28 @@ def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
     code.figures.main(code.figures.parser().parse_args(options))
     assert not (tmp_path / "docs" / "packing_ensemble" / "forgetting.png").exists()
     assert "not finished, not used" in (tmp_path / "docs" / "packing_ensemble.md").read_text()
+
+
+@pytest.mark.slow
+def test_another_machine_goes_on_from_what_stands_beside_the_page(code, ran, tmp_path):
+    """Archived and restored: the same page, with the pictures of states as they were; members are not run again."""
+    rows, page = drawn(code, ran, tmp_path / "docs")
+    docs, study = tmp_path / "docs", tmp_path / "study"
+    kept = (docs / "packing_ensemble" / "figure4.png").read_bytes()
+    options = ["--study", str(ran), "--docs", str(docs)]
+    code.archive.main(code.archive.parser().parse_args(options))
+    for path in (docs / "packing_ensemble" / "members").iterdir():
+        text = lzma.decompress(path.read_bytes()).decode()
+        assert str(ran) not in text and '"host"' not in text
+    options = ["--study", str(study), "--docs", str(docs)]
+    code.archive.main(code.archive.parser().parse_args([*options, "--restore"]))
+    assert not list(study.rglob("*.checkpoint"))
+    again = code.figures.main(code.figures.parser().parse_args(options))
+    assert verdicts(again) == verdicts(rows)
+    members, before = (re.findall(r"(?m)^(?:Made by|\| fast_).*", text) for text in (
+        (docs / "packing_ensemble.md").read_text(), page))  # fmt: skip
+    assert members == before and len(members) > 4
+    assert (docs / "packing_ensemble" / "figure4.png").read_bytes() == kept
+    chosen = ["--discs", "30", "--seeds", "2", "--until", "0.755", "--only", "fast_mu0_", "fast_mu0.5_"]
+    code.study.main(code.study.parser().parse_args([*chosen, "--out", str(study), "--docs", str(docs)]))
+    assert not list(study.rglob("*.checkpoint"))

@@ -117,11 +117,11 @@ def identities(found: Study) -> list[Row]:
     result = []
     for kind, words in (("quasistatic", "quasi-static"), ("fast", "2 m/s")):
         values = [
-            stages.identity(member, state)
+            values["identity"]
             for friction in FRICTIONS
             for member in found.seeds(kind, friction)
-            for state in stages.states(member).values()
-            if np.hypot(*state.contacts.force).any()
+            for values in stages.measured(member).values()
+            if np.isfinite(values["identity"])
         ]
         both = apart(np.ones(len(values)), np.array(values))
         result.append(Row(f"{words}: P = (Phi Z/4) sigma_l, sigma_l = mean(f.l) / mean(V_p) by own code",

@@ -154,11 +154,8 @@ def polygons(found: Study, kind: str) -> Row:
     )
     texts, met = [], []
     for friction in (0.0, 0.5):
-        samples = []
-        for member in found.seeds(kind, friction):
-            states = stages.states(member)
-            if study.STAGES[-1] in states:
-                samples.append(stages.polygons(stages.scene(member), states[study.STAGES[-1]]))
+        last = [stages.measured(member).get(study.STAGES[-1]) for member in found.seeds(kind, friction)]
+        samples = [values["polygons"] for values in last if values is not None]
         value, error = mean(np.array(samples))
         texts.append(f"friction {friction:g}: {figure(float(value), float(error))}")
         met.append(value - POLYGON > 2.0 * error if np.isfinite(error) else None)
@@ -225,9 +222,9 @@ def gaps(found: Study) -> Row:
     texts, stage = [], study.STAGES[0]
     for what, name in {**SHARED, "gap corrected": "fast_mu0_seed0"}.items():
         member = found.get(name)
-        state = stages.states(member).get(stage) if member else None
-        if state is not None:
-            texts.append(f"{what}: {figure(stages.apart(stages.scene(member), state), digits=2)} h")
+        values = stages.measured(member).get(stage) if member else None
+        if values is not None:
+            texts.append(f"{what}: {figure(values['apart'], digits=2)} h")
     claim = f"distance of discs that push each other at a nominal {stage:.2f}, mean over pairs"
     return Row(claim, "-", "; ".join(texts) or "-", "shown" if texts else NOT_RUN)
 

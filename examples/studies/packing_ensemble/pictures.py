@@ -14,11 +14,15 @@ from .drawing import save
 
 
 def draw(found: Study, folder: Path) -> dict[str, str]:
-    """Draw what the members allow; captions by file."""
+    """Draw what the members allow; captions by file. Pictures of states that are gone stay as they are."""
     folder.mkdir(parents=True, exist_ok=True)
     captions = {}
     for name, (picture, caption) in PICTURES.items():
-        figure = picture(found)
+        try:
+            figure = picture(found)
+        except snapshots.StatesGoneError:
+            captions |= {name: caption} if (folder / name).exists() else {}
+            continue
         if figure is None:
             (folder / name).unlink(missing_ok=True)  # one of an earlier study would be mistaken for this one's
             continue

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import matplotlib
 import numpy as np
 
 import skmpm
 
 from . import scenes, stages, study
-from .curves import Study
+from .curves import Member, Study
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -22,6 +24,10 @@ CORNER = 12.0  # width and height of what is shown of the box [mm]
 STEPS = 12  # of the colours of pressure
 
 
+class StatesGoneError(Exception):
+    """The members are there, but not their states: those of another machine (`archive`)."""
+
+
 def figure4(found: Study, kind: str) -> Figure | None:
     """Four stages of the first packing of a kind, with the force network."""
     members = [found.packing(kind, friction) for friction in FRICTIONS]
@@ -30,6 +36,7 @@ def figure4(found: Study, kind: str) -> Figure | None:
     kept = [stages.states(member) for member in members]
     shown = [stage for stage in kept[0] if stage in kept[1]]
     if not shown:
+        _check_gone(members)
         return None
     figure, axes = plt.subplots(2, len(shown), figsize=(3.2 * len(shown), 5.6), layout="constrained", squeeze=False)
     drawn = []
@@ -53,6 +60,7 @@ def distant(found: Study) -> Figure | None:
     }
     states = {what: stages.states(m).get(study.STAGES[0]) for what, m in kinds.items() if m is not None}
     if len(states) < len(kinds) or None in states.values():
+        _check_gone(kinds.values())
         return None
     figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.9), layout="constrained")
     for axis, (what, state) in zip(axes, states.items(), strict=True):
@@ -60,6 +68,12 @@ def distant(found: Study) -> Figure | None:
         low = 1e3 * np.array([state.walls[2, 0], state.walls[0, 1]]) - 0.3
         axis.set(title=what, xlim=(low[0], low[0] + CORNER), ylim=(low[1], low[1] + CORNER))
     return figure
+
+
+def _check_gone(members: Iterable[Member | None]) -> None:
+    """StatesGoneError if all members are there and were measured."""
+    if all(member is not None and stages.measured(member) for member in members):
+        raise StatesGoneError
 
 
 def packing(axis: Axes, scene: skmpm.Scene, state: skmpm.State) -> PolyCollection:

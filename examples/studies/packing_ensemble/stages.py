@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from .curves import Member
 Array = np.ndarray
 
 FORCED = 1e-9  # forces below this share of the largest are none
+MEASURES = "stages.json"  # file beside the table of a member
 
 
 def scene(member: Member) -> skmpm.Scene:
@@ -26,6 +28,31 @@ def states(member: Member) -> dict[float, skmpm.State]:
     """The states that were kept, by nominal solid fraction."""
     paths = {stage: member.folder / f"{study.name_of(stage)}.checkpoint" for stage in study.STAGES}
     return {stage: skmpm.load(path) for stage, path in paths.items() if path.exists()}
+
+
+def measured(member: Member) -> dict[float, dict[str, float]]:
+    """What the kept states tell, by nominal solid fraction: `identity`, `apart` and `polygons`.
+
+    Written beside the table of a run that has finished, so that it outlasts the states.
+    """
+    path = member.folder / MEASURES
+    if path.exists():
+        return {float(stage): values for stage, values in json.loads(path.read_text()).items()}
+    kept = states(member)
+    if not kept:
+        return {}
+    bodies = scene(member)
+    found = {
+        stage: {
+            "identity": identity(member, state),
+            "apart": apart(bodies, state),
+            "polygons": polygons(bodies, state),
+        }
+        for stage, state in kept.items()
+    }
+    if member.status == "finished":
+        path.write_text(json.dumps(found, indent=1) + "\n")
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +90,13 @@ def network(state: skmpm.State) -> Network:
 
 
 def identity(member: Member, state: skmpm.State) -> float:
-    """(Phi Z / 4) sigma_l over P, sigma_l = <f.l> / <V_p>; Phi, Z and P from the member's table.
+    """(Phi Z / 4) sigma_l over P, sigma_l = <f.l> / <V_p>; Phi, Z and P from the member's table; nan without forces.
 
     <f.l> is the mean over contacts, one with a wall counting as half a contact with the mirror image; <V_p> the mean
     volume by det F of the points. Phi is that of the outlines, so the two measures of volume are compared as well.
     """
+    if not np.hypot(*state.contacts.force).any():
+        return np.nan
     at = int(np.argmin(np.abs(member.table["t"] - state.t)))
     phi, Z, P = (member.table[name][at] for name in ("solid_fraction", "coordination", "pressure"))
     seen = network(state)
