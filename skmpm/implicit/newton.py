@@ -176,13 +176,14 @@ class _Balance:
 
 def _evaluate(iterate: _Iterate) -> _Balance:
     """The residuals; at a solution whose frozen contact geometry makes a moment, those with the present geometry."""
-    balance, contact, remedies = _balance(iterate), iterate.contact, iterate.remedies
-    if contact is None or remedies is None or not balance.converged:
+    balance, contact = _balance(iterate), iterate.contact
+    if contact is None or contact.frozen is None or not balance.converged:
         return balance
     if frozen_geometry_moment(iterate.increment, contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
         return balance
     iterate.contact, iterate.before = contact.with_frozen_geometry(contact.current).at(iterate.w), np.inf
-    remedies.forget()
+    if iterate.remedies:
+        iterate.remedies.forget()
     return _balance(iterate)
 
 
