@@ -63,6 +63,7 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
     loads = [*(load.force for load in scene.dead_loads), *(pressure.value for pressure in scene.pressures)]
+    loads += [f for wall in scene.walls for f in (wall.force, wall.pressure)]
     motions, ends = prescribed_motions(scene), [spring.rest for spring in scene.springs]
     stress = None if scene.periodic is None else scene.periodic.stress
     if any(callable(f) for f in (scene.gravity, *loads, *ends, *motions, stress)):

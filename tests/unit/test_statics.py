@@ -9,6 +9,7 @@ import pytest
 from skmpm import Body, LinearElastic, Load, NeoHookean, Scene, Scheme, StepFailed, Support, Wall, box, disc
 from skmpm.implicit import floating, statics
 from skmpm.simulate import initial, simulate, step
+from skmpm.simulate.forces import equilibrium_depends_on_dt
 
 R, H, E = 1.0, 0.2, 1e6
 GEL, LINEAR = NeoHookean(E, 0.3, 1000.0), LinearElastic(E, 0.3, 1000.0)
@@ -257,6 +258,14 @@ def test_a_body_without_equilibrium_is_retried_only_if_the_step_depends_on_dt(lo
         step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
     assert ("it slides" in str(failed.value)) == unbalanced
     assert failed.value.retryable == (loading != "constant")
+
+
+@pytest.mark.parametrize("drive", ["force", "pressure"])
+def test_a_step_depends_on_dt_where_a_function_of_time_drives_a_wall(drive):
+    block = Body(box((0, 0), (1.0, 1.0), spacing=0.75 * H), GEL)
+    for value, depends in ((2.0, False), (lambda t: 2.0 + t, True)):
+        walls = [Wall((0, 0), (0, 1)), Wall((0, 1), (0, -1), **{drive: value})]
+        assert equilibrium_depends_on_dt(Scene([block], cell=H, walls=walls)) == depends
 
 
 def test_a_viscous_step_under_a_constant_load_is_retried():
