@@ -63,10 +63,10 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
     loads = [*(load.force for load in scene.dead_loads), *(pressure.value for pressure in scene.pressures)]
-    loads += [f for wall in scene.walls for f in (wall.force, wall.pressure)]
+    driving = [f for wall in scene.walls for f in (wall.force, wall.pressure)]
     motions, ends = prescribed_motions(scene), [spring.rest for spring in scene.springs]
     stress = None if scene.periodic is None else scene.periodic.stress
-    if any(callable(f) for f in (scene.gravity, *loads, *ends, *motions, stress)):
+    if any(callable(f) for f in (scene.gravity, *loads, *driving, *ends, *motions, stress)):
         return True
     moving = any(v for motion in motions for v in motion if v is not None)
     return moving or any(viscosity_of(material) > 0.0 for material in scene.materials)
