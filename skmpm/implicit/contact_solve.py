@@ -143,14 +143,14 @@ class _Linearised:
         if found.worst is None and (usable := self._usable(geometric, found, 0)):
             return usable
         without = self._impulses(None, self.contact.lifted)
-        failed, iterations = found.worst is not None, found.iterations + without.iterations
+        failed, iterations = found.worst is not None, found.iterations
         for share in SHARES if failed and inertia and without.worst is None else ():
             start = self.contact.constraints.lifted(without.r, self.contact.increment.dt)
             part = self._impulses(geometric.softer(share), start)
-            if part.worst is None and (usable := self._usable(geometric, part, iterations)):
+            if part.worst is None and (usable := self._usable(geometric, part, iterations + without.iterations)):
                 return usable
             iterations += part.iterations
-        return self._without(without, iterations - without.iterations, int(failed))
+        return self._without(without, iterations, int(failed))
 
     def _usable(self, geometric: ContactStiffness, found: _Impulses, iterations: int) -> Direction | None:
         """The direction of impulses with geometric stiffness; None if that cancels too much of the quadratic form."""

@@ -18,7 +18,6 @@ from skmpm.scene import PrescribedVelocities
 
 Array = NDArray[np.float64]
 
-RELAXATION = 0.5  # factor on accelerated steps once the iteration has stalled
 # Rates are ratios of successive out-of-balance norms.
 SLOW_RATE = 0.3  # above it, steps are accelerated and the matrix is refactorised
 STALLED_RATE = 0.8  # above it, the iteration has stalled, as near a limit point of the contacts

@@ -10,19 +10,17 @@ moment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
-    RELAXATION,
     SLOW_RATE,
     STALLED_RATE,
     Solution,
@@ -35,6 +33,7 @@ from skmpm.implicit.iteration import (
     with_contact,
 )
 from skmpm.implicit.line_search import move
+from skmpm.implicit.remedies import Remedies
 from skmpm.implicit.residual import Increment, null_space
 from skmpm.implicit.rotation import matrix_turns, turned_solver
 from skmpm.implicit.timer import Timer
@@ -77,42 +76,9 @@ class _Iterate:
     contact: ContactIterate | None
     factor: _Factor
     last_impulse: Array  # (2 nodes,) contact impulse of the last solve [kg m/s per m]
-    remedies: _Remedies | None  # of quasi-static steps; with inertia none is needed
+    remedies: Remedies | None  # of quasi-static steps; with inertia none is needed
     iteration: int = 0
     before: float = np.inf  # out-of-balance norm of the iteration before
-
-
-@dataclass
-class _Remedies:
-    """What helps quasi-static iterations that converge slowly: acceleration, relaxation, frozen contact geometry.
-
-    Not with inertia: affine combinations of rotated bodies stretch them, by more than light contacts do, and
-    stiffness of contact that failed in one iteration is tried again in the next.
-    """
-
-    mass: Array  # (2 nodes,)
-    acceleration: AndersonAcceleration = field(init=False)
-    relaxation: float = 1.0
-
-    def __post_init__(self) -> None:
-        self.forget()
-
-    def forget(self) -> None:
-        """Accelerate without the iterations so far, which were others."""
-        self.acceleration = AndersonAcceleration(self.mass)
-
-    def frozen(self, contact: ContactIterate, stalled: bool) -> ContactIterate:
-        """The contact problem, with the geometry frozen once the iteration stalls or its stiffness fails."""
-        self.relaxation = RELAXATION if stalled else self.relaxation
-        if contact.frozen is not None or not (stalled or contact.stiffness_failures > 0):
-            return contact
-        self.forget()
-        self.relaxation = 1.0
-        return contact.with_frozen_geometry(contact.constraints)
-
-    def accelerated(self, w: Array, direction: Array, slow: bool) -> Array | None:
-        """The step instead of the direction, if there is one."""
-        return self.acceleration.accelerate(w, direction, self.relaxation, wanted=slow)
 
 
 @dataclass
@@ -142,7 +108,7 @@ def _first(increment: Increment, problem: ContactProblem | None, kept: Solver | 
     """The iterate at the initial guess."""
     w, configuration = first_velocity(increment)
     contact = None if problem is None else problem.at(w)
-    remedies = None if increment.scheme.inertia else _Remedies(increment.bulk.assembly.mass)
+    remedies = None if increment.scheme.inertia else Remedies(increment.bulk.assembly.mass)
     return _Iterate(increment, w, configuration, contact, _Factor(kept), np.zeros_like(w), remedies)
 
 

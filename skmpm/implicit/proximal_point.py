@@ -26,6 +26,7 @@ from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.floating import NEGLIGIBLE_RESULTANT, FloatingBodies, excess_cells, limited, negligible
 from skmpm.implicit.iteration import SLOW_RATE, out_of_balance_norm, with_contact
+from skmpm.implicit.remedies import Remedies
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
 
@@ -62,17 +63,12 @@ class Iterate:
     w: Array
     configuration: Configuration
     solver: Solver | None
-    acceleration: AndersonAcceleration  # of the Newton iteration
+    remedies: Remedies
     centre_acceleration: AndersonAcceleration  # of the proximal centre
     factorisations: int = 0
-    relaxation: float = 1.0  # factor on accelerated steps
     before: float = np.inf  # relative out-of-balance norm of the previous iteration
     centre_iteration: int = 0  # the iteration in which the proximal centre was set
     outer_iterations: int = 0
-
-    def restart_acceleration(self) -> None:
-        """Restart the acceleration of Newton's method without history."""
-        self.acceleration = AndersonAcceleration(self.increment.bulk.assembly.mass)
 
     @property
     def proximal_impulse(self) -> Array:
@@ -164,8 +160,7 @@ def _replace_springs(iterate: Iterate, balance: OutOfBalance) -> OutOfBalance:
 def _set_centre(iterate: Iterate, balance: OutOfBalance, centre: Array) -> OutOfBalance:
     """Set the proximal centre and restart the acceleration; the out-of-balance impulses then."""
     iterate.increment = iterate.increment.with_proximal_centre(centre, PROXIMAL_STIFFNESS)
-    iterate.relaxation = 1.0
-    iterate.restart_acceleration()
+    iterate.remedies.restart()
     iterate.before, iterate.centre_iteration = np.inf, balance.iteration
     gradient, _ = iterate.increment.gradient(iterate.w, iterate.configuration)
     known = balance.contact_impulse, balance.residual, balance.size

@@ -22,7 +22,6 @@ from skmpm.implicit.floating import (
 )
 from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
-    RELAXATION,
     SLOW_RATE,
     STALLED_RATE,
     Solution,
@@ -43,6 +42,7 @@ from skmpm.implicit.proximal_point import (
     restart,
     update_proximal_term,
 )
+from skmpm.implicit.remedies import Remedies
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.timer import Timer
 from skmpm.linear import Solver
@@ -69,8 +69,9 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
     if guess is not None and increment.gauge is not None:
         guess = increment.gauge.initial_guess(guess)
     start = first_velocity(increment) if guess is None else (guess, increment.at(guess))
-    inner, outer = (AndersonAcceleration(increment.bulk.assembly.mass) for _ in range(2))
-    iterate = Iterate(increment, problem.at(start[0]), bodies, *start, kept, inner, outer)
+    mass = increment.bulk.assembly.mass
+    remedies, of_centre = Remedies(mass), AndersonAcceleration(mass)
+    iterate = Iterate(increment, problem.at(start[0]), bodies, *start, kept, remedies, of_centre)
     try:
         return _newton(iterate, start, timer)
     except StepRejected as error:
@@ -107,7 +108,7 @@ def _unmet(iterate: Iterate, balance: OutOfBalance) -> list[tuple[str, str]]:
 def _renew_geometry(iterate: Iterate, iteration: int) -> OutOfBalance:
     """Freeze the contact geometry at w instead of the previous one; the out-of-balance impulses with it."""
     iterate.contact = iterate.contact.with_frozen_geometry(iterate.contact.current)
-    iterate.restart_acceleration()
+    iterate.remedies.forget()
     iterate.before = np.inf
     return evaluate(iterate, iteration)
 
@@ -142,16 +143,12 @@ def _iterate(iterate: Iterate, balance: OutOfBalance, timer: Timer) -> None:
         iterate.solver = factorise(increment, iterate.contact, iterate.configuration)
         iterate.factorisations += 1
         timer.lap("factorisation")
-    iterate.relaxation = RELAXATION if stalled else iterate.relaxation
-    contact = iterate.contact
-    if contact.frozen is None and (contact.stiffness_failures > 0 or stalled):
-        contact, iterate.relaxation = contact.with_frozen_geometry(contact.constraints), 1.0
-        iterate.restart_acceleration()
+    contact = iterate.remedies.frozen(iterate.contact, stalled)
     first = increment.proximal is not None and balance.iteration == iterate.centre_iteration
     iterate.before = np.inf if first else balance.relative
     solved = solve(contact, iterate.solver, balance.gradient)
     iterate.contact, direction, contact_impulse = solved.contact, solved.direction, solved.impulse
-    step = iterate.acceleration.accelerate(iterate.w, direction, iterate.relaxation, wanted=slow)
+    step = iterate.remedies.accelerated(iterate.w, direction, slow)
     direction = limited(increment, iterate.bodies, iterate.w, direction)
     iterate.w, iterate.configuration = move(
         increment,
