@@ -44,8 +44,8 @@ class _Announcement(event.Listener):
         """Log that kernels are compiled."""
         unregister()
         _log.warning(
-            "compiling the loops of skmpm, once after an installation: half a minute in all;"
-            " `python -m skmpm.warmup` does it beforehand"
+            "compiling loops of skmpm, which are kept for later runs: half a minute for all of them;"
+            " `python -m skmpm.warmup` compiles beforehand what common scenes need"
         )
 
     def on_end(self, event: object) -> None:

@@ -38,7 +38,7 @@ class Diagonal:
         """
         k = shares.shape[0]
         of_node = sp.csc_array(shares)
-        frames = np.stack(directions, axis=1)  # (2, directions, k)
+        frames = np.ascontiguousarray(np.stack(directions, axis=1))  # (2, directions, k)
         rows, counts = (shares.indptr, shares.indices, shares.data), np.zeros(k, dtype=np.int64)
         columns = (of_node.indptr, of_node.indices, of_node.data)
         seen, scalar = np.full(k, -1), np.empty(k)

@@ -3,6 +3,9 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 HANGING_BAR = """
 import hashlib
@@ -23,3 +26,31 @@ def test_the_first_run_after_an_installation_has_the_bits_of_all_others(tmp_path
     first, second = (subprocess.run(command, env=options, capture_output=True, check=True) for _ in range(2))
     assert b"compiling" in first.stderr and b"compiling" not in second.stderr
     assert first.stdout == second.stdout
+
+
+AFTER_WARMUP = """
+import gc, sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from skmpm.warmup import warm_up
+
+def variants():
+    loops = [a for a in gc.get_objects() if isinstance(a, Dispatcher) and a.py_func.__module__.startswith("skmpm.")]
+    return {f"{loop.py_func.__module__}.{loop.py_func.__name__} {s}" for loop in loops for s in loop.signatures}
+
+warm_up()
+warm = variants()
+sys.path.insert(0, sys.argv[1])
+import collision, compaction, powder, squeeze
+for example in (collision, powder, squeeze):
+    example.main(Path(sys.argv[2]))
+compaction.run(compaction.parser().parse_args(["--discs", "15", "--until", "0.75", "--out", sys.argv[2]]))
+print(sorted(variants() - warm))
+"""
+
+
+def test_common_scenes_compile_nothing_after_the_warm_up(tmp_path):
+    """Examples of implicit and explicit steps, with friction and cohesion, whose scenes are not the warm-up's."""
+    command = [sys.executable, "-c", AFTER_WARMUP, str(EXAMPLES), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, check=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]"
