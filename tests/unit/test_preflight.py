@@ -591,7 +591,7 @@ def test_the_scene_of_the_readme_warns_of_nothing():
 
 
 MEASURE = """
-import re, sys
+import ctypes, gc, re, sys
 sys.path.insert(0, sys.argv[1])
 import compaction, skmpm, skmpm.warmup
 from skmpm.preflight.metrics import examine
@@ -600,6 +600,8 @@ def memory(of):
     return 1024.0 * int(re.search(of + r":\\s*(\\d+)", open("/proc/self/status").read()).group(1))
 
 skmpm.warmup.warm_up()  # compiled loops and what compiles them
+gc.collect()
+ctypes.CDLL(None).malloc_trim(0)  # what its scenes took
 imported = memory('VmRSS')
 options = compaction.parser().parse_args(["--discs", "60"])
 scene, until = compaction.build(options)
