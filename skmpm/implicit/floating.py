@@ -57,6 +57,28 @@ class FloatingBodies:
         return np.stack([*(moved[:2] - clipped), np.sign(moved[2]) * rotation])
 
 
+def check_resultants(increment: Increment) -> None:
+    """Raise StepRejected where the loads have a resultant on a rigid-body mode of a floating body."""
+    if not increment.floating.any():
+        return
+    grid, motions = increment.grid, increment.grid.rigid_motions()
+    turned, load = grid.rigid_motions(increment.start), increment.load(np.zeros_like(increment.start))
+    for b in np.flatnonzero(increment.floating).tolist():
+        dofs = slice(grid.blocks[b], grid.blocks[b + 1])
+        free = null_space(increment.held_motions[b])
+        dead, following = increment.force[dofs], (load - increment.force)[dofs]
+        size = np.abs(load[dofs]).sum()
+        resultant = dead @ motions[dofs] + following @ turned[dofs]
+        if np.abs(free.T @ resultant).max(initial=0.0) > 1e-6 * size * np.sqrt(dofs.stop - dofs.start):
+            raise StepRejected(
+                f"body {b}",
+                "its loads have a resultant that no support or contact balances:"
+                f" ({resultant[0]:.3g}, {resultant[1]:.3g}) N/m",
+                "add a Support or a wall, or use inertia",
+                retryable=False,
+            )
+
+
 def floating_bodies(increment: Increment, constraints: Constraints) -> FloatingBodies:
     """The floating bodies of a step, with rotations about their centres of mass at its start.
 
@@ -112,9 +134,8 @@ def _prescribed_range(increment: Increment, constraints: Constraints, index: Int
 def rigid_contacts(increment: Increment, bodies: FloatingBodies, constraints: Constraints) -> RigidContacts:
     """The contacts and supports of the floating bodies as rigid bodies."""
     index = index_among(increment, bodies.bodies)
-    between = (
-        constraints.bodies[0] != constraints.bodies[1]
-    )  # rigid motions do not change contacts of a body with itself
+    # Rigid motions do not change contacts of a body with itself.
+    between = constraints.bodies[0] != constraints.bodies[1]
     at_points = sp.csr_array(sp.kron(constraints.base, np.eye(2), format="csr") @ bodies.modes)
     normal, tangent = (
         sp.csr_array(sp.diags_array(between * 1.0) @ components(constraints.difference, d) @ at_points)

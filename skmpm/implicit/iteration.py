@@ -11,7 +11,8 @@ from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, indefinite, worst_body
 from skmpm.implicit.matrix import solver_of, with_bars
-from skmpm.implicit.residual import MAX_DRIFT, Increment
+from skmpm.implicit.momentum import MAX_DRIFT
+from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
 from skmpm.scene import PrescribedVelocities

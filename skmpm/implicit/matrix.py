@@ -49,7 +49,7 @@ def solver_of(
 
 def with_bars(increment: Increment, configuration: Configuration, solver: Solver) -> Solver:
     """The solver for A with the stiffness of bars between bodies; the same without such springs."""
-    springs, interval = increment.springs, increment.scheme.theta * increment.dt
+    springs, interval = increment.springs, increment.theta_dt
     if springs is None or springs.linear:
         return solver
     return joined(solver, springs.bars, interval**2 * springs.bar_stiffnesses(configuration.displacement))

@@ -19,6 +19,7 @@ from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
+from skmpm.implicit.floating import check_resultants
 from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
     SLOW_RATE,
@@ -33,8 +34,9 @@ from skmpm.implicit.iteration import (
     with_contact,
 )
 from skmpm.implicit.line_search import move
+from skmpm.implicit.momentum import drift, with_balanced_momentum
 from skmpm.implicit.remedies import Remedies
-from skmpm.implicit.residual import Increment, null_space
+from skmpm.implicit.residual import Increment
 from skmpm.implicit.rotation import matrix_turns, turned_solver
 from skmpm.implicit.timer import Timer
 from skmpm.linear import Solver
@@ -53,7 +55,7 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
     without progress, and if the contact solver or the line search fails.
     """
     if problem is None:
-        _check_resultants(increment)
+        check_resultants(increment)
     iterate, persistence = _first(increment, problem, kept), _Persistence.of(increment, problem)
     while True:
         balance = _evaluate(iterate)
@@ -249,7 +251,7 @@ def _move(iterate: _Iterate, balance: _Balance, direction: Array, timer: Timer) 
 def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
     """The solution, with the momentum of every body balanced to round-off; None if that would change gaps."""
     increment, factor = iterate.increment, iterate.factor
-    w = increment.with_balanced_momentum(iterate.w, balance.contact_impulse, iterate.last_impulse)
+    w = with_balanced_momentum(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
     if w is None:
         return None
     reaction = increment.reaction(balance.out_of_balance)
@@ -261,28 +263,6 @@ def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
 def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:
     """The error that names the criteria which are not met."""
     increment, contact = iterate.increment, iterate.contact
-    drift = increment.drift(iterate.w, balance.contact_impulse, iterate.last_impulse)
-    unmet = unmet_criteria(increment, contact, balance.out_of_balance, balance.norm, balance.contact, drift)
+    moved = drift(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
+    unmet = unmet_criteria(increment, contact, balance.out_of_balance, balance.norm, balance.contact, moved)
     return not_converged(balance.iteration, unmet + unmet_moment(increment, contact, iterate.w))
-
-
-def _check_resultants(increment: Increment) -> None:
-    """Raise StepRejected where the loads have a resultant on a rigid-body mode of a floating body."""
-    if not increment.floating.any():
-        return
-    grid, motions = increment.grid, increment.grid.rigid_motions()
-    turned, load = grid.rigid_motions(increment.start), increment.load(np.zeros_like(increment.start))
-    for b in np.flatnonzero(increment.floating).tolist():
-        dofs = slice(grid.blocks[b], grid.blocks[b + 1])
-        free = null_space(increment.held_motions[b])
-        dead, following = increment.force[dofs], (load - increment.force)[dofs]
-        size = np.abs(load[dofs]).sum()
-        resultant = dead @ motions[dofs] + following @ turned[dofs]
-        if np.abs(free.T @ resultant).max(initial=0.0) > 1e-6 * size * np.sqrt(dofs.stop - dofs.start):
-            raise StepRejected(
-                f"body {b}",
-                "its loads have a resultant that no support or contact balances:"
-                f" ({resultant[0]:.3g}, {resultant[1]:.3g}) N/m",
-                "add a Support or a wall, or use inertia",
-                retryable=False,
-            )

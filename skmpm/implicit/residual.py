@@ -24,7 +24,6 @@ from skmpm.scheme import Scheme
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MAX_DRIFT = 1e-4  # [cells] displacement of a body by the final momentum correction, too small to change gaps
 LONG = 15.0  # [cells] that pressure waves travel in a long step; bodies under pressure respond to forces by stiffness
 # Stiffness of the springs that limit the rigid motion of a floating body in one Newton iteration, over its shear
 # modulus. With 1e-2 discs between plates took 7 to 19 iterations, with 1e-3 3 to 5, with 1e-4 no fewer.
@@ -79,7 +78,8 @@ class Increment:
         return self.bulk.assembly.grid
 
     @property
-    def _theta_dt(self) -> float:
+    def theta_dt(self) -> float:
+        """Displacements in the forces are the velocity times this [s]."""
         return self.scheme.theta * self.dt
 
     @cached_property
@@ -92,18 +92,18 @@ class Increment:
         """The internal forces as a function of the motion; in an explicit step those of its start."""
         if self.scheme.explicit:
             return ExplicitBulk.of(self.bulk, self.at_start)
-        return ViscousBulk.of(self.bulk, self.at_start, self._theta_dt) if self.bulk.viscosity > 0.0 else self.bulk
+        return ViscousBulk.of(self.bulk, self.at_start, self.theta_dt) if self.bulk.viscosity > 0.0 else self.bulk
 
     @property
     def modulus(self) -> float:
         """Largest modulus in the step, lambda + 2 mu + 2 eta / dt [Pa]."""
-        return self.bulk.modulus + 2.0 * self.bulk.viscosity / self._theta_dt
+        return self.bulk.modulus + 2.0 * self.bulk.viscosity / self.theta_dt
 
     @property
     def long(self) -> bool:
         """Whether pressure waves travel farther than `LONG` in the step."""
         wave = max(wave_speed(material) for material, _ in self.bulk.materials)
-        return self._theta_dt * wave > LONG * self.grid.cell
+        return self.theta_dt * wave > LONG * self.grid.cell
 
     @cached_property
     def mass(self) -> Array:
@@ -165,13 +165,13 @@ class Increment:
 
     def at(self, w: Array) -> Configuration:
         """The configuration in which stresses are evaluated."""
-        return self.material_response.at(self.start + self._theta_dt * w)
+        return self.material_response.at(self.start + self.theta_dt * w)
 
     def load(self, w: Array) -> Array:
         """The forces of gravity, loads and pressures at a velocity w, in an explicit step at its start (2 nodes,)."""
         if self.pressure is None:
             return self.force
-        moved = 0.0 if self.scheme.explicit else self._theta_dt * w
+        moved = 0.0 if self.scheme.explicit else self.theta_dt * w
         return self.force + self.pressure.force(self.start + moved)
 
     def with_load_of(self, w: Array) -> Increment:
@@ -200,18 +200,18 @@ class Increment:
             self.material_response.energy(configuration)
             + springs
             + 0.5 * float(change @ (self.mass * change))
-            - self._theta_dt * float(self.force @ w)
+            - self.theta_dt * float(self.force @ w)
         )
 
     def gradient(self, w: Array, configuration: Configuration) -> tuple[Array, float]:
         """Out-of-balance impulse without contact (2 nodes,) [kg m/s per m], and the norm of its largest term."""
         inertia = self.mass * (w - self.inertial_velocity)
         elastic, external = (
-            self._theta_dt * self.material_response.force(configuration),
-            self._theta_dt * self.load(w),
+            self.theta_dt * self.material_response.force(configuration),
+            self.theta_dt * self.load(w),
         )
         if self.springs is not None:
-            elastic = elastic + self._theta_dt * self.springs.force(configuration.displacement)
+            elastic = elastic + self.theta_dt * self.springs.force(configuration.displacement)
         noise = self.round_off(w, configuration) / self.scheme.newton_tol
         return inertia + elastic - external, max(
             *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
@@ -219,44 +219,7 @@ class Increment:
 
     def spring_force(self, w: Array) -> Array | float:
         """Force of the nodes on the springs, (2 nodes,) [N/m]; zero without springs."""
-        return 0.0 if self.springs is None else self.springs.force(self.start + self._theta_dt * w)
-
-    def with_balanced_momentum(self, w: Array, contact_impulse: Array, last_impulse: Array) -> Array | None:
-        """The velocity w with the momentum of every body balanced to round-off; None if that would change gaps.
-
-        Bodies are translated. The balance includes the contact impulse at w or, in long steps of bodies under
-        pressure, that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full
-        Newton step balances the latter to round-off, whatever the mass. After a shortened or accelerated step both
-        corrections may move a body by more than `MAX_DRIFT`. Without inertia and in scenes with supports, which
-        balance momentum by their reactions, w is returned as it is, and in explicit steps, where `end` balances it.
-        """
-        if self.scheme.explicit:
-            return w
-        for impulse in (contact_impulse, last_impulse) if self.long else (contact_impulse,):
-            error = self._momentum_error(w, impulse)
-            if self._drift(error).max() <= MAX_DRIFT:
-                return np.asarray(w - error.T[self.grid.node_body].ravel())
-        return None
-
-    def drift(self, w: Array, contact_impulse: Array, last_impulse: Array) -> Array:
-        """The smaller of the displacements of bodies by the momentum corrections, (bodies,) [cells]."""
-        impulses = (contact_impulse, last_impulse) if self.long else (contact_impulse,)
-        drifts = [self._drift(self._momentum_error(w, impulse)) for impulse in impulses]
-        return np.asarray(min(drifts, key=np.max))
-
-    def _drift(self, velocity: Array) -> Array:
-        """Displacements in the step at velocities (2, bodies) [m/s], (bodies,) [cells]."""
-        return np.asarray(np.hypot(*velocity) * self.dt / self.grid.cell)
-
-    def _momentum_error(self, w: Array, contact_impulse: Array) -> Array:
-        """Resultant out-of-balance impulse over mass, (2, bodies) [m/s]; zero in scenes with supports."""
-        assembly = self.bulk.assembly
-        if not self.scheme.inertia or self.supports is not None:
-            return np.zeros((2, self.grid.bodies))
-        force = self.load(w) - self.spring_force(w)
-        imbalance = assembly.lumped * (w - self.inertial_velocity) - self._theta_dt * force - contact_impulse
-        resultant, mass = (self.grid.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
-        return np.asarray(resultant / np.maximum(mass, 1e-300))
+        return 0.0 if self.springs is None else self.springs.force(self.start + self.theta_dt * w)
 
     @property
     def constrained_dofs(self) -> Ints:
@@ -294,7 +257,7 @@ class Increment:
         """Out-of-balance impulse by round-off of displacements and velocities [kg m/s per m]."""
         length = self.grid.cell + float(np.abs(configuration.displacement).max(initial=0.0))
         inertia = float(np.linalg.norm(self.mass * w))
-        elastic = self._theta_dt * self.modulus * length * np.sqrt(w.size)
+        elastic = self.theta_dt * self.modulus * length * np.sqrt(w.size)
         return float(20.0 * np.finfo(float).eps * (elastic + inertia))
 
     def matrix(self, configuration: Configuration, *, projected: Ints | bool = False) -> sp.bsr_array:
@@ -313,10 +276,10 @@ class Increment:
         if self.springs is not None:
             K = K + self.springs.bed_stiffness()
         if self.scheme.inertia:
-            return assembly.matrix(K, self._theta_dt**2)
+            return assembly.matrix(K, self.theta_dt**2)
         if self.proximal is not None:
-            return assembly.matrix(K, self._theta_dt**2, self.proximal.weight.reshape(-1, 2, 1) * np.eye(2))
-        return assembly.matrix(K, self._theta_dt**2, self.grid.pins(SPRING_STIFFNESS * self.scaled_shear_modulus))
+            return assembly.matrix(K, self.theta_dt**2, self.proximal.weight.reshape(-1, 2, 1) * np.eye(2))
+        return assembly.matrix(K, self.theta_dt**2, self.grid.pins(SPRING_STIFFNESS * self.scaled_shear_modulus))
 
     @property
     def scaled_shear_modulus(self) -> Array:
@@ -325,7 +288,7 @@ class Increment:
         for material, points in self.bulk.materials:
             own = grid.cell_body[grid.cell_of_point[points]]
             modulus[own] = np.minimum(modulus[own], material.lame[1])
-        return np.asarray(self._theta_dt**2 * np.where(self.floating, modulus, 0.0))
+        return np.asarray(self.theta_dt**2 * np.where(self.floating, modulus, 0.0))
 
     @property
     def stiffness_as_mass(self) -> Array:

@@ -30,7 +30,7 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
         return w + step
     grid, mass = increment.grid, increment.bulk.assembly.lumped
     x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), np.empty_like(w)
-    _retract(grid.blocks, x, mass, increment.scheme.theta * increment.dt, w, step, out)
+    _retract(grid.blocks, x, mass, increment.theta_dt, w, step, out)
     return out
 
 

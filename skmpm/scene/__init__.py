@@ -1,17 +1,19 @@
 """The scene (`Scene`), its state (`State`), and the checks of both."""
 
 from skmpm.scene.check import TOUCHING, check_walls_at_start
+from skmpm.scene.contacts import Contacts
 from skmpm.scene.fits import check_fits, check_initial_positions
 from skmpm.scene.materials import initial_internal, material_at, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, deformed, into_box, recut
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
+from skmpm.scene.report import Energy, Report, StepControl
 from skmpm.scene.rigid_motion import centres, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
 from skmpm.scene.springs import Spring, rest_of, spring_energy, spring_forces, stiffness_of, work_of_ends
 from skmpm.scene.stages import continued
-from skmpm.scene.state import Contacts, Derived, Energy, Report, State, StepControl, StepFailed
+from skmpm.scene.state import Derived, State, StepFailed
 from skmpm.scene.walls_in_view import view_of, wall_lines
 
 __all__ = [

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
+from skmpm.scene.contacts import Contacts
 from skmpm.scene.fits import check_fits
 from skmpm.scene.objects import Body, SceneError, Wall
+from skmpm.scene.report import StepControl
 from skmpm.scene.scene import Scene
-from skmpm.scene.state import Contacts, State, StepControl
+from skmpm.scene.state import State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""The state of a scene, with the report of its last step."""
+"""The state of a scene."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.representation import line, table, with_shapes
+from skmpm.representation import line, table
+from skmpm.scene.contacts import Contacts
+from skmpm.scene.report import Report, StepControl
 from skmpm.units import quantity
 
 if TYPE_CHECKING:
@@ -26,151 +28,6 @@ class StepFailed(RuntimeError):  # noqa: N818  (public name)
     def __init__(self, message: str, state: State, *, retryable: bool = True) -> None:
         super().__init__(message)
         self.state, self.retryable = state, retryable
-
-
-@dataclass(frozen=True, repr=False)
-class Contacts:
-    """The contacts at the end of a step; walls are bodies -1, -2, ...
-
-    Attributes
-    ----------
-    bodies : (2, k) the two bodies, walls -1, -2, ...; the same twice where parts of one body touch
-    x : (2, k) contact points [m]
-    normal : (2, k) unit, from the second to the first body
-    force : (2, k) [N/m] on the first body, in (n, t), t = (-n_y, n_x)
-    gap : (k,) distance, negative where boundaries overlap [m]
-    key : (k,) identity of a contact from step to step, for the warm start
-    point : (k,) boundary point of the first body in contact; -1 at a grid node
-    image : (2, k) displacement of the second body to its image that the first one touches [m]; zero but in a
-        periodic box. `x` is where the first body is
-    """
-
-    __repr__ = with_shapes
-
-    bodies: Ints
-    x: Array
-    normal: Array
-    force: Array
-    gap: Array
-    key: Ints
-    point: Ints
-    image: Array
-
-    def at(self, side: int) -> Array:
-        """The contact points where the first (0) or the second bodies (1) are, (2, k) [m]."""
-        return self.x - self.image if side else self.x
-
-    @property
-    def vectors(self) -> Array:
-        """Forces on the first bodies in x and y, (2, k) [N/m]."""
-        n = self.normal
-        return np.asarray(self.force[0] * n + self.force[1] * np.stack([-n[1], n[0]]))
-
-    @staticmethod
-    def none() -> Contacts:
-        """No contacts."""
-        ints, floats = np.zeros((2, 0), dtype=np.int64), np.zeros((2, 0))
-        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0], floats)
-
-
-@dataclass(frozen=True)
-class Energy:
-    """The energy budget [J/m]; terms other than kinetic, elastic and springs are sums since t = 0.
-
-    Attributes
-    ----------
-    kinetic : of the nodal velocities
-    elastic : including the ghost penalty, and what hardening of materials stores
-    external : work of gravity, loads, walls, supports and moving ends of springs. With inertia, by the forces at
-        t + theta dt, on which the step is based: with long steps of slow motion and theta = 1 larger than by the
-        trapezoidal rule, by a tenth in 15 steps, and `dissipated` with it
-    push_out : work of contacts that remove an overlap of an earlier step
-    cohesion : work of cohesive contacts on gaps that close, negative where they open
-    regridding : change of the points' energy by regridding
-    viscous : dissipated by the viscosity of materials
-    plastic : dissipated by changes of internal variables of materials, as by plastic flow
-    springs : stored in springs
-    dissipated : the remainder: friction, impacts, the time scheme, the transfer
-    """
-
-    kinetic: float = 0.0
-    elastic: float = 0.0
-    external: float = 0.0
-    push_out: float = 0.0
-    cohesion: float = 0.0
-    regridding: float = 0.0
-    viscous: float = 0.0
-    plastic: float = 0.0
-    springs: float = 0.0
-    dissipated: float = 0.0
-
-
-@dataclass(frozen=True)
-class StepControl:
-    """Step control of `simulate`: with a requested dt, after failures the next step is dt / 2^halvings.
-
-    Attributes
-    ----------
-    dt : [s] the requested step; 0 if steps are chosen
-    halvings : of the requested step
-    successes : successful steps since the last failure or doubling
-    part : completed part of the requested step [1/1024]
-    chosen : [s] where steps are chosen, the next one at most; 0 before the first
-    """
-
-    dt: float = 0.0
-    halvings: int = 0
-    successes: int = 0
-    part: int = 0
-    chosen: float = 0.0
-
-
-@dataclass(frozen=True, repr=False)
-class Report:
-    """Cost and residuals of a step.
-
-    Attributes
-    ----------
-    dt : length of the step [s]
-    retries : failures of longer steps before this one
-    newton : Newton iterations
-    factorisations : factorisations of A
-    contact : iterations of the contact solver, over all Newton iterations
-    residual : natural-map residual of the contact law at the end of the step
-    imbalance : residual of the momentum balance over the largest of its terms
-    frozen_normals : whether contact normals are those of an earlier Newton iteration
-    unbalanced : largest resultant force on a body over the mean contact force (`simulate.unbalanced`)
-    overlap : area shared by bodies / area of all bodies
-    energy : energy budget, an `Energy`
-    seconds : wall time by phase [s]
-    """
-
-    dt: float = 0.0
-    retries: int = 0
-    newton: int = 0
-    factorisations: int = 0
-    contact: int = 0
-    residual: float = 0.0
-    imbalance: float = 0.0
-    frozen_normals: bool = False
-    unbalanced: float = 0.0
-    overlap: float = 0.0
-    energy: Energy = Energy()
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        return line("Report", self._facts())
-
-    def _repr_html_(self) -> str:
-        return table(
-            "Report", self._facts() | {f"{name} [s]": f"{value:.3g}" for name, value in self.seconds.items()}
-        )
-
-    def _facts(self) -> dict[str, object]:
-        facts: dict[str, object] = {"dt =": quantity(self.dt, "s"), "Newton iterations": self.newton}
-        facts |= {"contact iterations": self.contact, "retries": self.retries, "residual": f"{self.residual:.2g}"}
-        facts |= {"imbalance": f"{self.imbalance:.2g}", "overlap": f"{self.overlap:.2g}"}
-        return facts | {"took": quantity(sum(self.seconds.values()), "s")}
 
 
 @dataclass(frozen=True, repr=False)
@@ -231,7 +88,7 @@ class State:
     support_force: Array
     contacts: Contacts
     report: Report
-    step_control: StepControl = StepControl()
+    step_control: StepControl = field(default_factory=StepControl)
     box: Array | None = None
     box_rate: Array | None = None
     derived: Derived | None = field(default=None, repr=False, compare=False)

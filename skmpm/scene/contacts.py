@@ -1,0 +1,58 @@
+"""The contacts of a state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.representation import with_shapes
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, repr=False)
+class Contacts:
+    """The contacts at the end of a step; walls are bodies -1, -2, ...
+
+    Attributes
+    ----------
+    bodies : (2, k) the two bodies, walls -1, -2, ...; the same twice where parts of one body touch
+    x : (2, k) contact points [m]
+    normal : (2, k) unit, from the second to the first body
+    force : (2, k) [N/m] on the first body, in (n, t), t = (-n_y, n_x)
+    gap : (k,) distance, negative where boundaries overlap [m]
+    key : (k,) identity of a contact from step to step, for the warm start
+    point : (k,) boundary point of the first body in contact; -1 at a grid node
+    image : (2, k) displacement of the second body to its image that the first one touches [m]; zero but in a
+        periodic box. `x` is where the first body is
+    """
+
+    __repr__ = with_shapes
+
+    bodies: Ints
+    x: Array
+    normal: Array
+    force: Array
+    gap: Array
+    key: Ints
+    point: Ints
+    image: Array
+
+    def at(self, side: int) -> Array:
+        """The contact points where the first (0) or the second bodies (1) are, (2, k) [m]."""
+        return self.x - self.image if side else self.x
+
+    @property
+    def vectors(self) -> Array:
+        """Forces on the first bodies in x and y, (2, k) [N/m]."""
+        n = self.normal
+        return np.asarray(self.force[0] * n + self.force[1] * np.stack([-n[1], n[0]]))
+
+    @staticmethod
+    def none() -> Contacts:
+        """No contacts."""
+        ints, floats = np.zeros((2, 0), dtype=np.int64), np.zeros((2, 0))
+        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0], floats)

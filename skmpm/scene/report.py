@@ -1,0 +1,108 @@
+"""The report of a step: cost, residuals, energy budget and step control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from skmpm.representation import line, table
+from skmpm.units import quantity
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The energy budget [J/m]; terms other than kinetic, elastic and springs are sums since t = 0.
+
+    Attributes
+    ----------
+    kinetic : of the nodal velocities
+    elastic : including the ghost penalty, and what hardening of materials stores
+    external : work of gravity, loads, walls, supports and moving ends of springs. With inertia, by the forces at
+        t + theta dt, on which the step is based: with long steps of slow motion and theta = 1 larger than by the
+        trapezoidal rule, by a tenth in 15 steps, and `dissipated` with it
+    push_out : work of contacts that remove an overlap of an earlier step
+    cohesion : work of cohesive contacts on gaps that close, negative where they open
+    regridding : change of the points' energy by regridding
+    viscous : dissipated by the viscosity of materials
+    plastic : dissipated by changes of internal variables of materials, as by plastic flow
+    springs : stored in springs
+    dissipated : the remainder: friction, impacts, the time scheme, the transfer
+    """
+
+    kinetic: float = 0.0
+    elastic: float = 0.0
+    external: float = 0.0
+    push_out: float = 0.0
+    cohesion: float = 0.0
+    regridding: float = 0.0
+    viscous: float = 0.0
+    plastic: float = 0.0
+    springs: float = 0.0
+    dissipated: float = 0.0
+
+
+@dataclass(frozen=True)
+class StepControl:
+    """Step control of `simulate`: with a requested dt, after failures the next step is dt / 2^halvings.
+
+    Attributes
+    ----------
+    dt : [s] the requested step; 0 if steps are chosen
+    halvings : of the requested step
+    successes : successful steps since the last failure or doubling
+    part : completed part of the requested step [1/1024]
+    chosen : [s] where steps are chosen, the next one at most; 0 before the first
+    """
+
+    dt: float = 0.0
+    halvings: int = 0
+    successes: int = 0
+    part: int = 0
+    chosen: float = 0.0
+
+
+@dataclass(frozen=True, repr=False)
+class Report:
+    """Cost and residuals of a step.
+
+    Attributes
+    ----------
+    dt : length of the step [s]
+    retries : failures of longer steps before this one
+    newton : Newton iterations
+    factorisations : factorisations of A
+    contact : iterations of the contact solver, over all Newton iterations
+    residual : natural-map residual of the contact law at the end of the step
+    imbalance : residual of the momentum balance over the largest of its terms
+    frozen_normals : whether contact normals are those of an earlier Newton iteration
+    unbalanced : largest resultant force on a body over the mean contact force (`simulate.unbalanced`)
+    overlap : area shared by bodies / area of all bodies
+    energy : energy budget, an `Energy`
+    seconds : wall time by phase [s]
+    """
+
+    dt: float = 0.0
+    retries: int = 0
+    newton: int = 0
+    factorisations: int = 0
+    contact: int = 0
+    residual: float = 0.0
+    imbalance: float = 0.0
+    frozen_normals: bool = False
+    unbalanced: float = 0.0
+    overlap: float = 0.0
+    energy: Energy = Energy()
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return line("Report", self._facts())
+
+    def _repr_html_(self) -> str:
+        return table(
+            "Report", self._facts() | {f"{name} [s]": f"{value:.3g}" for name, value in self.seconds.items()}
+        )
+
+    def _facts(self) -> dict[str, object]:
+        facts: dict[str, object] = {"dt =": quantity(self.dt, "s"), "Newton iterations": self.newton}
+        facts |= {"contact iterations": self.contact, "retries": self.retries, "residual": f"{self.residual:.2g}"}
+        facts |= {"imbalance": f"{self.imbalance:.2g}", "overlap": f"{self.overlap:.2g}"}
+        return facts | {"took": quantity(sum(self.seconds.values()), "s")}
