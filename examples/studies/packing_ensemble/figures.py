@@ -102,11 +102,11 @@ def missing(found: Study) -> str:
     """Which members of the whole study are missing, by group."""
     wanted = members(study.parser().parse_args([]))
     lines = []
-    for group, words in GROUPS.items():
-        names = [name for name in wanted if group_of(name) == group]
+    for prefix, group in GROUPS.items():
+        names = [name for name in wanted if group_of(name) == prefix]
         left = [name for name in names if found.get(name) is None]
         which = "all" if left == names else ", ".join(left) or "-"
-        lines.append((words, f"{len(names) - len(left)} of {len(names)}", which))
+        lines.append((group.title, f"{len(names) - len(left)} of {len(names)}", which))
     return table(("group", "ended", "missing"), lines)
 
 

@@ -7,7 +7,8 @@ whole groups, and goes on with the others when it is called again.
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 Options = dict[str, Any]
 
@@ -19,23 +20,20 @@ CELLS = (6, 8, 10)  # per mean radius, of the runs in the mode of Nezamabadi et 
 RADIUS = 0.95e-3  # mean [m]
 SPACING = 0.14 / 0.19  # of points, over the cell
 FINE = 8  # cells per mean radius of the finer grid; the others have 5
-GROUPS = {
-    "quasistatic": "quasi-static, uniaxial",
-    "periodic": "quasi-static, isotropic",
-    "lid": "other quasi-static lids",
-    "fast": "lid at 2 m/s",
-    "nu": "other Poisson's ratios",
-    "regridded": "body grids rebuilt at every step",
-    "shared_grid": "mode of Nezamabadi et al. (2017)",
-    "fine": "quasi-static, uniaxial, R/h = 8",
-}
+
+
+class Group(NamedTuple):
+    """Runs of a kind: what they are, and their parameters by member."""
+
+    title: str
+    members: Callable[[argparse.Namespace], dict[str, Options]]
 
 
 def members(options: argparse.Namespace) -> dict[str, Options]:
     """Parameters of `study.build` by member."""
     found: dict[str, Options] = {}
     for group in GROUPS:
-        found |= MAKERS[group](options)
+        found |= GROUPS[group].members(options)
     common = {"discs": options.discs, "start": options.start, "until": options.until}
     return {name: common | chosen for name, chosen in found.items()}
 
@@ -125,13 +123,13 @@ def resolved(cells: int) -> Options:
     return {"cell": cell, "spacing": SPACING * cell}
 
 
-MAKERS = {
-    "quasistatic": quasistatic,
-    "periodic": periodic,
-    "lid": lids,
-    "fast": fast,
-    "nu": poisson,
-    "regridded": regridded,
-    "shared_grid": shared_grid,
-    "fine": fine,
+GROUPS = {
+    "quasistatic": Group("quasi-static, uniaxial", quasistatic),
+    "periodic": Group("quasi-static, isotropic", periodic),
+    "lid": Group("other quasi-static lids", lids),
+    "fast": Group("lid at 2 m/s", fast),
+    "nu": Group("other Poisson's ratios", poisson),
+    "regridded": Group("body grids rebuilt at every step", regridded),
+    "shared_grid": Group("mode of Nezamabadi et al. (2017)", shared_grid),
+    "fine": Group("quasi-static, uniaxial, R/h = 8", fine),
 }
