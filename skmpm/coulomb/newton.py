@@ -3,6 +3,14 @@
 Full steps are an active-set strategy (Hintermueller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865-888). They need
 neither a gain nor a merit function, which are hard to choose where inertia and elasticity differ by many orders of
 magnitude, as in steps far longer than waves take to cross a body.
+
+Bilateral unknowns may make a problem without friction indefinite, as the geometric stiffness of contact does. With
+the positive definite matrix A of the bodies, rows H of closed contacts, Z of bilateral unknowns and their
+compliance C, the matrix [[A, H^T, Z^T], [H, 0, 0], [Z, 0, -C]] has two Schur complements: -(W + diag(0, C)), W the
+response of contacts and bilateral unknowns, and [[A + Z^T C^-1 Z, H^T], [H, 0]], which has one negative eigenvalue
+a contact where its energy has a minimum. By Haynsworth's inertia additivity (Linear Algebra Appl. 1 (1968) 73-81) W
++ diag(0, C) then has as many negative eigenvalues as C, and fewer where motions that keep contacts closed lower the
+energy. Without pivoting the pivots of its factors show how many (Sylvester's law of inertia).
 """
 
 from __future__ import annotations
@@ -36,9 +44,9 @@ MANY_CHANGES, ROUGH_TOLERANCE = 0.01, 1e-4
 MAX_CHANGES = 8  # contacts of other states up to which a known factor is used again
 # Residual of a linear system that suffices, over the tolerance of the problem: it moves bodies by 1e-10 cells.
 ACCURACY = 1e-6
-# Pivots on the diagonal over the largest entry of their columns, above which rows keep their order, the one with little
-# fill. With 0.01 the LU of a dense packing has 1.35 times the entries and takes 1.6 times as long; solutions refined
-# once are as accurate.
+# Pivots on the diagonal over the largest entry of their columns, above which rows keep their order, the one with
+# little fill. With 0.01 the LU of a dense packing has 1.35 times the entries and takes 1.6 times as long; solutions
+# refined once are as accurate.
 MIN_PIVOT = 1e-6
 MANY_ROWS = 10_000  # beyond, another attempt at an iterative solver takes less than a tenth of the time of an LU
 
@@ -46,9 +54,9 @@ MANY_ROWS = 10_000  # beyond, another attempt at an iterative solver takes less 
 def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
     """Take Newton steps from the contact states of x; return the best iterate and the number of steps.
 
-    They end when the contact states recur, or when the number of those that change no longer decreases. Iterates with
-    the right contact states but not quite their impulses, whose residual is below `tol` but not far below, get
-    another step.
+    They end when the contact states recur, when the number of those that change no longer decreases, or where the
+    problem is unstable. Iterates with the right contact states but not quite their impulses, whose residual is below
+    `tol` but not far below, get another step.
     """
     r, k, best, factor, polished = x.r, p.contacts, x, None, False
     a = r if r.any() else -x.u
@@ -59,7 +67,9 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     while (rough or best.error > wanted) and count < limit and left:
         polished, rough = best.error <= tol, p.blocks is not None and changes > MANY_CHANGES * p.mu.size
         accuracy, tolerance = ACCURACY * tol * p.reference, ROUGH_TOLERANCE if rough else TOLERANCE
-        d, factor = _step(p, r, state, accuracy, factor, tolerance)
+        known, (d, factor) = factor, _step(p, r, state, accuracy, factor, tolerance)
+        if factor is not None and factor is not known and factor.unstable(p.negative):
+            return best, count + 1
         r, count = r + d, count + 1
         new = p.at(p.clip_to_cone(r))
         best = new if new.error < best.error else best
@@ -228,6 +238,12 @@ class _Factor:
     lu: Any  # SuperLU, None where the matrix is singular
     state: States
     free: NDArray[np.intp]  # (m,) the active rows
+
+    def unstable(self, negative: int | None) -> bool:
+        """Whether the symmetric matrix has fewer negative eigenvalues; False where rows were interchanged."""
+        if negative is None or self.lu is None or (self.lu.perm_r != self.lu.perm_c).any():
+            return False
+        return int(np.count_nonzero(self.lu.U.diagonal() < 0.0)) < negative
 
     def solve(self, b: Array) -> Array:
         """The solution for b (m,)."""

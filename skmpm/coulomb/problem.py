@@ -45,6 +45,10 @@ class Bilateral:
 
     q: Array  # (m,)
     contact: Ints | None = None  # (m,) the contact that each belongs to, for the `blocks` of a problem
+    # Number of negative eigenvalues of what W has for s besides the response to s, where W is symmetric. If the
+    # solution is a minimum of energy, the matrix of its closed contacts and s has as many (`newton`); Newton steps
+    # end where it has fewer. None: they are not counted.
+    negative: int | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ class Problem:
     contacts: int  # number of rows of contacts; the rows that follow are bilateral
     slide: Array | float = 0.0  # (m,) trial impulse opposite to the velocity of tangential rows without response
     shift: float = REGULARISATION  # added to the diagonal of the matrix of a Newton step
+    negative: int | None = None  # `Bilateral.negative`
     blocks: Ints | None = None  # (m,) label of the block of each row, of weakly coupled ones; None: strongly coupled
 
     @cached_property

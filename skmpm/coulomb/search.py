@@ -143,6 +143,7 @@ def _solve(
         r0 = np.concatenate([r0, np.zeros(q.size - k)])
     problem, s = scaled(W, q, mu, k, reference)
     problem = replace(problem, shift=DAMPED_REGULARISATION) if damped else problem
+    problem = problem if bilateral is None else replace(problem, negative=bilateral.negative)
     problem = replace(problem, blocks=None if pairs is None else _blocks(pairs, k, bilateral))
     start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
     best, info = _search(problem, start, tol, sweeps, iterations, damped)

@@ -220,7 +220,8 @@ class _Linearised:
         if geometric is not None:
             p = geometric.Z @ increment_of_points - by_known[k:]
             W = W + _lower_right(geometric.compliance, k)
-            bilateral = coulomb.Bilateral(p, np.tile(geometric.contacts, 2))
+            negative = None if constraints.tangential else geometric.contacts.size
+            bilateral = coulomb.Bilateral(p, np.tile(geometric.contacts, 2), negative)
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}
         elif W.shape[0] > k:
             W = W[:k, :k]

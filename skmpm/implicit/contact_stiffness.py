@@ -51,7 +51,7 @@ class ContactStiffness:
     friction_ratio: Array  # (l,) m, tangential over normal impulse; zero without friction
     Z: sp.csr_array  # (2 l, 2 contact points) from velocities to rates of tau, then of beta
     acting: sp.csr_array  # (2 l, 2 contact points) directions in which rho acts: Z without friction
-    compliance: sp.csr_array  # (2 l, 2 l) from -rho to the rates of tau and beta
+    compliance: sp.csr_array  # (2 l, 2 l) from -rho to the rates of tau and beta; one negative eigenvalue a contact
 
     @property
     def size(self) -> int:

@@ -342,3 +342,20 @@ def test_leaves_the_callers_arrays_alone():
 def test_says_what_is_wrong(shape, size, mu, message):
     with pytest.raises(ValueError, match=message):
         coulomb.solve(np.eye(shape[0]), np.zeros(size), np.array(mu))
+
+
+@pytest.mark.parametrize("unstable", [0, 1])
+def test_newton_steps_end_where_a_motion_that_keeps_contacts_closed_lowers_the_energy(unstable):
+    """Contacts, each with a bilateral unknown that responds by 0.5 and has the compliance -c: unstable if c < 0.5."""
+    k = 150
+    compliance = np.full(k, -1.0)
+    compliance[:unstable] = -0.1
+    response, coupling = 0.5 * sp.eye_array(k), 0.2 * sp.eye_array(k)
+    of_bilateral = response + sp.diags_array(compliance)
+    W = sp.block_array([[sp.eye_array(k), coupling], [coupling, of_bilateral]], format="csr")
+    q, s = np.full(k, -1.0), np.full(k, 0.1)
+    _, free = coulomb.solve(W, q, np.zeros(k), iterations=12, bilateral=coulomb.Bilateral(s))
+    _, counted = coulomb.solve(W, q, np.zeros(k), iterations=12, bilateral=coulomb.Bilateral(s, negative=k))
+    assert free.converged, "a saddle is a solution, too"
+    assert counted.converged == (not unstable)
+    assert counted.iterations == 1
