@@ -42,6 +42,7 @@ class Solution:
     imbalance: float  # relative out-of-balance norm
     reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
     solver: Solver | None  # of the last iteration
+    spin: Array | float = 0.0  # (2 nodes,) velocity that w lacks for the balance of angular momentum [m/s]
 
     @property
     def contact_impulse(self) -> Array | None:

@@ -34,7 +34,7 @@ from skmpm.implicit.iteration import (
     with_contact,
 )
 from skmpm.implicit.line_search import move
-from skmpm.implicit.momentum import drift, with_balanced_momentum
+from skmpm.implicit.momentum import drift, missing_spin, with_balanced_momentum
 from skmpm.implicit.remedies import Remedies
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.rotation import matrix_turns, turned_solver
@@ -255,9 +255,9 @@ def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
     if w is None:
         return None
     reaction = increment.reaction(balance.out_of_balance)
-    return Solution(
-        w, iterate.contact, balance.iteration, factor.count, balance.contact, balance.norm, reaction, factor.solver
-    )
+    spin = missing_spin(increment, w, balance.out_of_balance)
+    numbers = balance.iteration, factor.count, balance.contact, balance.norm
+    return Solution(w, iterate.contact, *numbers, reaction, factor.solver, spin)
 
 
 def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:

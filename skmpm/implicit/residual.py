@@ -178,19 +178,19 @@ class Increment:
         """The same with the pressures' forces at w, whatever the configuration."""
         return self if self.pressure is None else replace(self, force=self.load(w), pressure=None)
 
-    def end_velocity(self, w: Array, contact_impulse: Array | None) -> Array:
-        """The velocity v1 at the end of the step, (2 nodes,) [m/s], in explicit steps not quite w."""
+    def end_velocity(self, w: Array, contact_impulse: Array | None, spin: Array | float = 0.0) -> Array:
+        """The velocity v1 at the end of the step, (2 nodes,) [m/s]; `spin` (2 nodes,) is what w lacks of momentum."""
         if not self.scheme.explicit:
-            return self.v0 + (w - self.v0) / self.scheme.theta
+            return self.v0 + (w + spin - self.v0) / self.scheme.theta
         impulse = self.dt * self.load(w) if contact_impulse is None else self.dt * self.load(w) + contact_impulse
         held = np.unique(self.grid.node_body[self.constrained_dofs // 2])
         assembly, x = self.bulk.assembly, self.grid.position + self.start.reshape(-1, 2).T
         return with_momentum_of_points(self.grid, x, assembly.lumped, self.v0, w, impulse, held)
 
-    def end(self, w: Array, contact_impulse: Array | None) -> End:
+    def end(self, w: Array, contact_impulse: Array | None, spin: Array | float = 0.0) -> End:
         """The nodes, and the internal variables of the points, at the end of the step."""
         configuration = self.bulk.at(self.start + self.dt * w)
-        return End(configuration, self.end_velocity(w, contact_impulse), updated(self.bulk, configuration))
+        return End(configuration, self.end_velocity(w, contact_impulse, spin), updated(self.bulk, configuration))
 
     def energy(self, w: Array, configuration: Configuration) -> float:
         """The incremental potential E(w) without pressures, which have none, [J/m]."""
