@@ -23,6 +23,7 @@ from skmpm.simulate.initial_state import can_touch, driven, initial_motion
 Array = NDArray[np.float64]
 
 SEVERAL = 6  # deformable bodies from which on errors at contacts average out, as in a packing
+BOUNCE = 0.01  # [cells] height of a bounce that need not be accurate; gaps are found a quarter of a cell ahead
 SLOPE = 0.1  # component of a wall's normal against gravity from which on the wall is a floor
 
 
@@ -38,6 +39,7 @@ class Loading:
     approach: float  # bound on relative velocities, at t = 0 or after falling [m/s]
     fall: float  # free height [m]
     settles: bool  # whether nothing but gravity moves bodies, which rest on something
+    impact: float  # normal speed at contacts from which on falling bodies collide, so that waves matter [m/s]
 
 
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
@@ -60,12 +62,24 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
         float(np.hypot(passing, fall)),
         height,
         kind == "pressing" and speed == 0.0 and bool(gravity_of(scene).any()),
+        _impact(scene) if prescribed == 0.0 and height > 0.0 and not _several(scene) else np.inf,
     )
+
+
+def _impact(scene: Scene) -> float:
+    """Speed from which on a body that hits another one bounces by more than `BOUNCE`, and faster than it settles."""
+    bounce = np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * BOUNCE * scene.cell)
+    return max(_settling(scene), float(bounce))
+
+
+def _several(scene: Scene) -> bool:
+    """Whether there are as many deformable bodies as in a packing."""
+    return int(scene.deformable.sum()) >= SEVERAL
 
 
 def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -> tuple[str, str, float]:
     """Kind, reason, and the speed that limits the time step [m/s]; zero where waves do."""
-    several, moved = int(scene.deformable.sum()) >= SEVERAL, f"{name} moves at {prescribed:.3g} m/s"
+    several, moved = _several(scene), f"{name} moves at {prescribed:.3g} m/s"
     if not can_touch(scene):
         if prescribed > own:
             return "bending", f"nothing can touch it and {moved}", prescribed

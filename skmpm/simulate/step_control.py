@@ -112,10 +112,14 @@ def advance_with_chosen_step(
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
     limit = (pace.limit if chosen else pace.first)(scene, scheme, state.t, moving(scene, state), left)
+    limit = pace.during(state, state.contacts, limit)
     length = min(limit, chosen or limit)
     while True:
         try:
             after = step(scene, state, length, scheme=scheme)
+            if (shorter := pace.during(state, after.contacts, length)) < length:  # an impact begins in this step
+                length = max(shorter, length / CUT)
+                continue
         except StepFailed as failure:
             if not failure.retryable or length <= SHORTEST_SHARE * limit:
                 raise _given_up(failure, state, len(failures)) from failure

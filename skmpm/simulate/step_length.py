@@ -19,10 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Scene, SceneError, prescribed_motions
+from skmpm.scene import Contacts, Scene, SceneError, State, prescribed_motions
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.driven import Moving
+from skmpm.simulate.impacts import normal_speed
 from skmpm.simulate.initial_state import can_touch, driven
 from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radius
 
@@ -57,13 +58,24 @@ class Pace:
         """The longest step from time t, at most `left` [s]."""
         limits = [left]
         if scheme.inertia and self.loading.waves and not self.loading.settles:
-            limits.append(WAVES * self.radius / self.wave)
+            limits.append(self.resolving)
         if scheme.inertia and can_touch(scene):
             every = np.concatenate([now.v, scene.wall_velocities(t).T], axis=1)
             speed = float(np.hypot(*np.ptp(every, axis=1)))
             limits.append(_time(self.room, speed, self.gravity))
             limits.append(_time(STROKE * scene.cell, now.speed, now.acceleration))
         return _within_stroke(scene, t, float(min(limits)))
+
+    @property
+    def resolving(self) -> float:
+        """The longest step that resolves waves [s]."""
+        return WAVES * self.radius / self.wave
+
+    def during(self, state: State, contacts: Contacts, length: float) -> float:
+        """A length [s], or that which resolves waves if some contacts are impacts at the velocities of a state."""
+        if self.loading.impact == np.inf or normal_speed(state, contacts) <= self.loading.impact:
+            return length
+        return min(length, self.resolving)
 
     def first(self, scene: Scene, scheme: Scheme, t: float, now: Moving, left: float) -> float:
         """The longest first step, a small part of the run where velocities are functions of time."""

@@ -11,9 +11,10 @@ from skmpm.io import load, save
 from skmpm.material import NeoHookean, Rigid
 from skmpm.points import disc
 from skmpm.preflight import preflight
-from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
+from skmpm.scene import Body, Contacts, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import simulate
+from skmpm.simulate.impacts import normal_speed
 
 STEP_CONTROL = import_module("skmpm.simulate.step_control")
 R, CELL = 1e-3, 2e-4
@@ -73,14 +74,48 @@ def test_waves_that_set_the_pace_travel_a_tenth_of_the_radius():
     assert max(s.report.dt for s in states) == pytest.approx(0.1 * R / WAVE, rel=1e-3)
 
 
-def test_a_falling_disc_moves_by_a_fifth_of_a_cell_and_comes_to_rest_where_short_steps_bring_it():
-    """From 0.5 R: 1.4e-9 m apart at rest; the steps are 50 times longer in the end than where it lands."""
-    scene = Scene([ball(1.5 * R)], cell=CELL, walls=[Wall((0, 0), (0, 1), friction=0.5)], gravity=(0.0, -9.81))
-    chosen, short = (list(simulate(scene, until=0.05, dt=dt)) for dt in (None, 5e-5))
+def rising(states):
+    """Largest speed upwards of the mass of a disc."""
+    return max(np.average(s.v[1], weights=s.mass) for s in states)
+
+
+def test_a_disc_that_falls_bounces_as_one_that_is_thrown():
+    """Long steps while it falls, short ones at the floor; with long ones there its rebound was a fifth as fast."""
+    walls, fall = [Wall((0, 0), (0, 1), friction=0.5)], 2.0 * R
+    speed = np.sqrt(2.0 * 9.81 * fall)
+    falls = Scene([ball(R + fall)], cell=CELL, walls=walls, gravity=(0.0, -9.81))
+    thrown = Scene([ball(1.01 * R, velocity=(0.0, -speed))], cell=CELL, walls=walls, gravity=(0.0, -9.81))
+    chosen = list(simulate(falls, until=speed / 9.81 + 4e-4))
     heights = np.array([np.average(s.x[1], weights=s.mass) for s in chosen])
-    assert np.abs(np.diff(heights)).max() <= 0.2 * CELL
-    assert heights[-1] == pytest.approx(np.average(short[-1].x[1], weights=short[-1].mass), abs=1e-3 * CELL)
+    assert np.abs(np.diff(heights)).max() <= 0.2 * CELL * (1.0 + 1e-9)
+    assert rising(chosen) == pytest.approx(rising(simulate(thrown, until=4e-4)), rel=0.02)
+    assert rising(chosen) > 0.8 * speed
+    assert sum(s.t < 0.9 * speed / 9.81 for s in chosen) < 50, "falls"
+
+
+def test_a_disc_that_falls_by_little_comes_to_rest_where_short_steps_bring_it():
+    """It would bounce by less than a hundredth of a cell."""
+    walls = [Wall((0, 0), (0, 1), friction=0.5)]
+    scene = Scene([ball(R + 0.005 * CELL)], cell=CELL, walls=walls, gravity=(0.0, -9.81))
+    chosen, short = (list(simulate(scene, until=0.05, dt=dt)) for dt in (None, 5e-5))
+    chosen_height, short_height = (np.average(s[-1].x[1], weights=s[-1].mass) for s in (chosen, short))
+    assert chosen_height == pytest.approx(short_height, abs=1e-4 * CELL)
     assert len(chosen) < 0.15 * len(short)
+
+
+def test_the_normal_speed_of_a_contact_is_zero_where_a_disc_rolls_and_relative_to_walls():
+    states = list(simulate(pressed((0.0, -1e-2)), until=4 * R))
+    state = next(s for s in states if (s.contacts.force[0] > 0.0).any())
+    spin = np.zeros_like(state.v)
+    spin[0], spin[1] = -(state.x[1] - R), state.x[0] - np.average(state.x[0], weights=state.mass)
+    still = replace(state, v=np.zeros_like(state.v), wall_velocity=np.zeros_like(state.wall_velocity))
+    assert normal_speed(still, state.contacts) == 0.0
+    assert normal_speed(replace(still, v=spin), state.contacts) < 0.05 * R
+    moved = replace(still, v=np.tile([[0.0], [3.0]], state.v.shape[1]))
+    assert normal_speed(moved, state.contacts) == pytest.approx(3.0)
+    moving_walls = replace(moved, wall_velocity=np.tile([0.0, 3.0], (len(state.walls), 1)))
+    assert normal_speed(moving_walls, state.contacts) == pytest.approx(0.0, abs=1e-12)
+    assert normal_speed(still, Contacts.none()) == 0.0
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-6])
