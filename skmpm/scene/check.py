@@ -194,7 +194,7 @@ def _check_driven(name: str, wall: Wall, velocity: Array, normal: Array) -> None
 def check_walls_at_start(scene: Scene) -> None:
     """Raise SceneError if a wall cuts a deformable body at t = 0."""
     walls = dict(enumerate(wall.point for wall in scene.walls))
-    remedy = "move the wall or the body; a wall of a later stage begins in skmpm.continued"
+    remedy = "move the wall or the body, or turn its normal; a wall of a later stage begins in skmpm.continued"
     check_walls(scene, scene.initial_positions, walls, remedy)
 
 

@@ -166,5 +166,7 @@ def _after_success(step_control: StepControl, shortened: bool) -> StepControl:
 
 def _given_up(failure: StepFailed, state: State, retries: int) -> StepFailed:
     """The error after the last retry, with the last state that was reached."""
-    tried = f"; given up after {retries} retries with ever smaller dt" if retries else ""
+    tried = (
+        f"; given up after {retries} {'retry' if retries == 1 else 'retries'} with ever smaller dt" if retries else ""
+    )
     return StepFailed(f"{failure}{tried}", state, retryable=failure.retryable)

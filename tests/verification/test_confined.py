@@ -27,7 +27,7 @@ def force(nu, spacing, strain):
 
 @pytest.mark.parametrize(("nu", "spacing", "error"), [(0.45, 0.74, 0.006), (0.49, 0.66, 0.023), (0.499, 0.66, 0.18)])
 def test_unequal_numbers_of_points_in_cells_make_it_too_soft(nu, spacing, error):
-    """Points 0.66 cells apart lie in one row in every other cell, and constrain the volume of that at their places."""
+    """Points 0.66 cells apart are one row in every other cell, and constrain its volume where they lie."""
     assert force(nu, spacing, 0.01) == pytest.approx(1.0 - error, abs=0.3 * error + 0.002)
 
 
