@@ -8,8 +8,9 @@ from math import ceil, floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.material import poisson_ratio
 from skmpm.outline import slit_width, thickness
-from skmpm.preflight.limits import APPROACH, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
+from skmpm.preflight.limits import APPROACH, CONFINED, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
 from skmpm.scene import Scene
 from skmpm.simulate.initial_state import can_touch
 from skmpm.simulate.loading import SEVERAL, Loading, loading_of, smallest_radius
@@ -85,7 +86,8 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
     sizes, gravity and motion at t = 0 are used, not the scene's own cell and points. In impacts, and if nothing is
     driven, dt resolves waves; otherwise it follows from the displacement per step. Where `preflight` would warn, the
     cell or the step is smaller than needed for the error. For four scenes that are not in the study the error is less
-    than twice the wanted one (`examples/studies/work_precision/promises.py`).
+    than twice the wanted one (`examples/studies/work_precision/promises.py`). Points are at most half a cell apart
+    for Poisson's ratios above 0.49.
 
     Raises
     ------
@@ -100,6 +102,7 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
         raise ValueError(f"suggest: error = {error!r}; use one between {_up(1.01 * least)} and {LARGEST}")
     _, n, spacing, stride = min(found)
     cell = min(size / n, _coarsest(scene))
+    spacing = min(spacing, 0.5) if max(map(poisson_ratio, scene.materials)) > CONFINED.value else spacing
     dt = min(stride * size / loading.speed, _longest(scene, loading, cell))
     paced = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
     return Suggestion(cell, spacing * cell, dt, loading.kind, f"{loading.why}, so {paced}")

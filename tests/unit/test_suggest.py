@@ -223,6 +223,7 @@ FAMILY = {
     "driven cantilever": slender(0.3, **DOWN),
     "thin cantilever": slender(0.03, **HELD, **LOADED),
     "ring": Scene([Body(ring(), SOFT)], cell=0.01, walls=lid(0.01)),
+    "rubber": discs(2, material=NeoHookean(1e5, 0.499, 1000.0), walls=[FLOOR, LID]),
 }
 
 
