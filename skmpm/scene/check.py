@@ -185,7 +185,10 @@ def _check_driven(name: str, wall: Wall, velocity: Array, normal: Array) -> None
     if callable(wall.velocity):
         raise SceneError(f"{name}: velocity is a function of time, and a force drives it; give its velocity at t = 0")
     if abs(normal[0] * velocity[1] - normal[1] * velocity[0]) > 1e-9 * np.hypot(*velocity):
-        raise SceneError(f"{name}: velocity = {velocity}; give one along its normal, in which the force drives it")
+        raise SceneError(
+            f"{name}: velocity = {velocity}; give one along its normal, in which the force drives it"
+            "; to shear a packing under a given pressure, use Periodic(stress=...)"
+        )
     if wall.mass is not None:
         positive(f"{name}: mass", wall.mass, "a mass per metre of thickness in kg/m, or None")
     scalar(wall.force if wall.pressure is None else wall.pressure, 0.0, f"{name}: driving force or pressure")
