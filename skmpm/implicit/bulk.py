@@ -16,7 +16,6 @@ from skmpm.material import (
     Material,
     Points,
     Response,
-    determinant,
     dilatation,
     in_step,
     is_linear,
@@ -224,20 +223,6 @@ class Bulk:
         within = np.zeros(self.assembly.grid.cells, dtype=bool)
         within[self.assembly.grid.cell_of_point[points]] = True
         return points, np.flatnonzero(within), None
-
-    def scatter_of_volumes(self, configuration: Configuration) -> Array:
-        """Root mean square of det F of points over the mean of their cell, less one, by body, (bodies,).
-
-        Of points without mean dilatation, and of linear materials, it is zero.
-        """
-        grid = self.assembly.grid
-        squares = np.zeros(grid.cell_of_point.size)
-        for g, mean in zip(self.groups, self.dilatations_by_group(configuration), strict=True):
-            if mean is not None and not g.law.linear:
-                squares[g.points] = (determinant(g.of(configuration.F)) / (g.law.rest(mean.size) * mean) - 1.0) ** 2
-        body = grid.cell_body[grid.cell_of_point]
-        count = np.maximum(np.bincount(body, minlength=grid.bodies), 1)
-        return np.asarray(np.sqrt(np.bincount(body, squares, grid.bodies) / count))
 
     def dilatations_by_group(self, configuration: Configuration) -> list[Array | None]:
         """Mean dilatations at the points of each group; None for groups with pointwise dilatation."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.implicit import Bulk, Configuration, StepRejected, pair
+from skmpm.implicit import StepRejected, pair
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import TOUCHING, Scene, State, material_at
 from skmpm.scheme import Scheme
@@ -28,27 +28,7 @@ ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round
 # Over the energy exchanged in a step (`_exchanged`): gain by negative curvature of the potential. A body that rotates
 # on what it is pressed on meets it up to a rotation of 0.02 to 0.04 rad.
 CURVATURE_TOLERANCE = 0.01
-# Root mean square of det F of the points of a body over the mean of their cell, less one. Packings at a pressure of
-# 0.13 E have 0.03. A block confined by walls has up to 0.07, until at about 2 E the points under a third of the
-# pressure leave their cells' volumes: it then has 0.11 to 0.16, and the force falls to 0.4 of the exact one.
-MAX_SCATTER = 0.1
 EXPLICIT_TOLERANCE = 0.05  # over the largest energy: gain in an explicit step, whose energy oscillates
-
-
-def check_volumes(bulk: Bulk, configuration: Configuration) -> None:
-    """Raise StepRejected if the points of a body no longer have the volumes of their cells."""
-    if configuration.dilatation is None:
-        return
-    scatter = bulk.scatter_of_volumes(configuration)
-    b = int(np.argmax(scatter))
-    if scatter[b] > MAX_SCATTER:
-        raise StepRejected(
-            f"body {b}",
-            f"the dilatation of its points differs from the mean of their cells by {_percent(float(scatter[b]), 1.0)}"
-            f" (root mean square; limit {_percent(MAX_SCATTER, 1.0)}): under this pressure its points are too few",
-            "place points half a cell apart or less, or press less",
-            retryable=False,
-        )
 
 
 def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> float:

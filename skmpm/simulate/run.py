@@ -19,6 +19,7 @@ from skmpm.progress import Progress
 from skmpm.scene import Scene, SceneError, State, check_fits, check_initial_positions
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
+from skmpm.simulate.confinement import PressureWatch
 from skmpm.simulate.initial_state import check_scheme, initial
 from skmpm.simulate.regrid import check_connected
 from skmpm.simulate.step_control import (
@@ -113,7 +114,7 @@ def _run(
     checkpoint: Path | None,
 ) -> Iterator[State]:
     """The loop of `simulate`."""
-    saved, retried = perf_counter(), RetrySummary()
+    saved, retried, watch = perf_counter(), RetrySummary(), PressureWatch(scene, scheme)
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * state.step_control.dt:
@@ -122,6 +123,8 @@ def _run(
                 else:
                     state, failures = advance_with_chosen_step(scene, state, until, scheme, pace)
                 retried = retried.after(state, failures)
+                if warning := watch.warning(state):
+                    _log.warning("%s", warning)
                 if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:
                     save(checkpoint, state)
                     saved = perf_counter()

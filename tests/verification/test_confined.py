@@ -7,7 +7,7 @@ the block over that of a cell.
 import numpy as np
 import pytest
 
-from skmpm import Body, NeoHookean, Scene, StepFailed, Wall, box, simulate
+from skmpm import Body, NeoHookean, Scene, Wall, box, simulate
 
 SIDE, CELLS, YOUNG, SPEED = 1e-2, 8, 1e6, 1e-2
 
@@ -35,8 +35,21 @@ def test_points_half_a_cell_apart_are_exact():
     assert force(0.499, 0.5, 0.05) == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.xfail(reason="under a pressure of about 2 E points leave the volumes of their cells", strict=True)
 @pytest.mark.parametrize(("nu", "spacing", "strain"), [(0.499, 0.66, 0.03), (0.45, 0.74, 0.35)])
-def test_a_pressure_under_which_points_lose_the_volumes_of_their_cells_is_refused(nu, spacing, strain):
-    """Force over the exact one was 0.22 and 0.54 there."""
-    with pytest.raises(StepFailed, match=r"body 0: the dilatation of its points differs .* half a cell apart"):
-        force(nu, spacing, strain)
+def test_it_bears_pressures_above_its_modulus(nu, spacing, strain):
+    """Force over the exact one is 0.22 and 0.54 there."""
+    assert force(nu, spacing, strain) == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_run_warns_of_such_pressures_once(caplog):
+    with caplog.at_level("WARNING", "skmpm"):
+        force(0.49, 0.74, 0.1)
+    found = [record.message for record in caplog.records if "times its modulus" in record.message]
+    assert len(found) == 1
+    assert found[0].startswith("body 0: at t = 0.0")
+
+
+def test_a_run_without_mean_dilatation_is_not_watched(caplog):
+    force(0.3, 0.5, 0.6)
+    assert not [record for record in caplog.records if "modulus" in record.message]

@@ -1,0 +1,41 @@
+"""A warning of pressures under which points leave the volumes of their cells."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import youngs_modulus
+from skmpm.scene import Scene, State
+from skmpm.scheme import Scheme, averages_dilatation
+
+# Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
+# their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
+MAX_PRESSURE = 1.0
+
+
+class PressureWatch:
+    """Finds the first body under such a pressure in a run; looks at nothing in scenes without mean dilatation."""
+
+    def __init__(self, scene: Scene, scheme: Scheme) -> None:
+        moduli = np.full(len(scene.bodies), np.inf)
+        for b, body in enumerate(scene.bodies):
+            if any(averages_dilatation(scheme, material) for material in body.materials):
+                moduli[b] = min(map(youngs_modulus, body.materials))
+        self._moduli: NDArray[np.float64] | None = moduli if np.isfinite(moduli).any() else None
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state, once in a run; empty for nothing."""
+        if self._moduli is None:
+            return ""
+        trace = np.bincount(state.body, state.volume * (state.stress[0, 0] + state.stress[1, 1]))
+        pressure = -0.5 * trace / np.bincount(state.body, state.volume) / self._moduli
+        b = int(np.argmax(pressure))
+        if pressure[b] <= MAX_PRESSURE:
+            return ""
+        self._moduli = None
+        return (
+            f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
+            " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
+            " small: press less, or compare with points half a cell apart"
+        )
