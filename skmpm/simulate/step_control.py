@@ -118,7 +118,7 @@ def advance_with_chosen_step(
         try:
             after = step(scene, state, length, scheme=scheme)
             if (shorter := pace.during(state, after.contacts, length)) < length:  # an impact begins in this step
-                length = max(shorter, length / CUT)
+                limit, length = shorter, max(shorter, length / CUT)
                 continue
         except StepFailed as failure:
             if not failure.retryable or length <= SHORTEST_SHARE * limit:
