@@ -18,11 +18,12 @@ motion in one iteration and do not enter the residual.
 
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, KnownForces
+from skmpm.implicit.end import End, end_of_step
 from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
-from skmpm.implicit.residual import End, Increment
+from skmpm.implicit.residual import Increment
 from skmpm.implicit.scalar_unknowns import Inertia, ScalarUnknowns
 from skmpm.implicit.springs import Springs
 from skmpm.implicit.statics import advance
@@ -44,6 +45,7 @@ __all__ = [
     "StepRejected",
     "Timer",
     "advance",
+    "end_of_step",
     "gauge_of",
     "pair",
 ]

@@ -25,7 +25,7 @@ def with_balanced_momentum(
     that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full Newton step
     balances the latter to round-off, whatever the mass. After a shortened or accelerated step both corrections may
     move a body by more than `MAX_DRIFT`. Without inertia and in scenes with supports, which balance momentum by their
-    reactions, w is returned as it is, and in explicit steps, where `Increment.end` balances it.
+    reactions, w is returned as it is, and in explicit steps, where `end_of_step` balances it.
     """
     if increment.scheme.explicit:
         return w

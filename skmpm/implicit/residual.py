@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.implicit.explicit import ExplicitBulk, with_momentum_of_points
+from skmpm.implicit.explicit import ExplicitBulk
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
-from skmpm.implicit.internal_variables import updated
 from skmpm.implicit.springs import Springs
 from skmpm.implicit.viscous import ViscousBulk
 from skmpm.material import Points, wave_speed
@@ -42,15 +41,6 @@ class Proximal:
 
     weight: Array  # (2 nodes,) proportional to mass, so that translations cause no moment [kg/m]
     centre: Array  # (2 nodes,) [m/s]
-
-
-@dataclass(frozen=True)
-class End:
-    """The nodes and the material at the end of a step."""
-
-    configuration: Configuration
-    velocity: Array  # (2 nodes,) [m/s]
-    internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
 
 @dataclass(frozen=True)
@@ -177,20 +167,6 @@ class Increment:
     def with_load_of(self, w: Array) -> Increment:
         """The same with the pressures' forces at w, whatever the configuration."""
         return self if self.pressure is None else replace(self, force=self.load(w), pressure=None)
-
-    def end_velocity(self, w: Array, contact_impulse: Array | None, spin: Array | float = 0.0) -> Array:
-        """The velocity v1 at the end of the step, (2 nodes,) [m/s]; `spin` (2 nodes,) is what w lacks of momentum."""
-        if not self.scheme.explicit:
-            return self.v0 + (w + spin - self.v0) / self.scheme.theta
-        impulse = self.dt * self.load(w) if contact_impulse is None else self.dt * self.load(w) + contact_impulse
-        held = np.unique(self.grid.node_body[self.constrained_dofs // 2])
-        assembly, x = self.bulk.assembly, self.grid.position + self.start.reshape(-1, 2).T
-        return with_momentum_of_points(self.grid, x, assembly.lumped, self.v0, w, impulse, held)
-
-    def end(self, w: Array, contact_impulse: Array | None, spin: Array | float = 0.0) -> End:
-        """The nodes, and the internal variables of the points, at the end of the step."""
-        configuration = self.bulk.at(self.start + self.dt * w)
-        return End(configuration, self.end_velocity(w, contact_impulse, spin), updated(self.bulk, configuration))
 
     def energy(self, w: Array, configuration: Configuration) -> float:
         """The incremental potential E(w) without pressures, which have none, [J/m]."""

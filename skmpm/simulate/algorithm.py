@@ -7,7 +7,16 @@ from numbers import Real
 
 import numpy as np
 
-from skmpm.implicit import ContactProblem, Increment, KnownForces, ScalarUnknowns, StepRejected, Timer, advance
+from skmpm.implicit import (
+    ContactProblem,
+    Increment,
+    KnownForces,
+    ScalarUnknowns,
+    StepRejected,
+    Timer,
+    advance,
+    end_of_step,
+)
 from skmpm.implicit.errors import SMALLER
 from skmpm.linear import Delassus, one_thread
 from skmpm.parallel import threads
@@ -103,8 +112,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             solver, delassus = kept_solver(scene, state, increment)
             contact = _contact_problem(scene, state, increment, motions, unknowns, timer, delassus)
             solution = advance(increment, contact, solver, timer)
-            end = increment.end(solution.w, solution.contact_impulse, solution.spin)
-            motions = solution.motions(motions)
+            end, motions = end_of_step(increment, solution), solution.motions(motions)
             after = end_state(scene, state, increment, solution, end, motions)
             timer.lap("transfer")
             budget = budget_of(scene, state, increment, solution, end, motions)

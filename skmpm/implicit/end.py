@@ -1,0 +1,44 @@
+"""The nodes and the material at the end of a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.explicit import with_momentum_of_points
+from skmpm.implicit.internal_variables import updated
+from skmpm.implicit.iteration import Solution
+from skmpm.implicit.residual import Increment
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class End:
+    """Their configuration, velocity and internal variables."""
+
+    configuration: Configuration
+    velocity: Array  # (2 nodes,) [m/s]
+    internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
+
+
+def end_of_step(increment: Increment, solution: Solution) -> End:
+    """The end of a solved step."""
+    configuration = increment.bulk.at(increment.start + increment.dt * solution.w)
+    return End(configuration, _velocity(increment, solution), updated(increment.bulk, configuration))
+
+
+def _velocity(increment: Increment, solution: Solution) -> Array:
+    """The velocity v1 at the end of the step, with what w lacks of momentum, (2 nodes,) [m/s]."""
+    w, v0, grid = solution.w, increment.v0, increment.grid
+    if not increment.scheme.explicit:
+        return np.asarray(v0 + (w + solution.spin - v0) / increment.scheme.theta)
+    impulse = increment.dt * increment.load(w)
+    if solution.contact_impulse is not None:
+        impulse = impulse + solution.contact_impulse
+    held = np.unique(grid.node_body[increment.constrained_dofs // 2])
+    x = grid.position + increment.start.reshape(-1, 2).T
+    return with_momentum_of_points(grid, x, increment.bulk.assembly.lumped, v0, w, impulse, held)
