@@ -21,7 +21,8 @@ def components(matrix: sp.csr_array, *directions: Array) -> sp.csr_array:
     count, k = len(directions), matrix.shape[0]
     indptr, size = np.empty(count * k + 1, dtype=matrix.indptr.dtype), 2 * count * matrix.nnz
     indices, data = np.empty(size, dtype=matrix.indices.dtype), np.empty(size)
-    _components(matrix.indptr, matrix.indices, matrix.data, np.array(directions), indptr, indices, data)
+    stacked = np.array(directions)  # in C order, whatever theirs: loops are compiled for each order
+    _components(matrix.indptr, matrix.indices, matrix.data, stacked, indptr, indices, data)
     return sp.csr_array((data, indices, indptr), shape=(count * k, 2 * matrix.shape[1]))
 
 

@@ -142,9 +142,12 @@ def _solve(
         q = np.concatenate([q, bilateral.q])
         r0 = np.concatenate([r0, np.zeros(q.size - k)])
     problem, s = scaled(W, q, mu, k, reference)
-    problem = replace(problem, shift=DAMPED_REGULARISATION) if damped else problem
-    problem = problem if bilateral is None else replace(problem, negative=bilateral.negative)
-    problem = replace(problem, blocks=None if pairs is None else _blocks(pairs, k, bilateral))
+    problem = replace(
+        problem,
+        shift=DAMPED_REGULARISATION if damped else problem.shift,
+        negative=None if bilateral is None else bilateral.negative,
+        blocks=None if pairs is None else _blocks(pairs, k, bilateral),
+    )
     start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
     best, info = _search(problem, start, tol, sweeps, iterations, damped)
     r = unscaled(best.r[:k], best.u[:k], problem.mu, s[:k], mu)

@@ -42,11 +42,10 @@ LOCKING = Limit(
 )  # test_mean_dilatation
 FLOW = "plastic flow locks: a notched bar had no limit load, but forces 21 % above it and more"  # test_plastic_flow
 POISSON = Limit(0.49999, "mean dilatation was verified up to 0.49999")  # test_locking
-# With fewer points a cell than half a cell apart are, whose number varies by a tenth with the shape.
 CONFINED = Limit(
     0.49, "confined on all sides, points 0.66 h apart are 2 % too soft at 0.49, 18 % at 0.499"
 )  # test_confined
-CONFINED_POINTS = 3.5
+CONFINED_POINTS = 3.5  # per cell; half a cell apart they are four, less a tenth at the boundary
 MULTIGRID = Limit(0.499, "amg takes 130 iterations at 0.499, 430 at 0.49999")  # test_locking
 FRICTION = Limit(2.0, "the contact solver was verified up to 2")  # test_contact_solver
 STIFFNESS = Limit(100.0, "collisions and squeezed discs were verified up to 100")  # tests/extremes/test_parameters

@@ -9,7 +9,7 @@ from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, deformed, into_box, recut
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
 from skmpm.scene.report import Energy, Report, StepControl
-from skmpm.scene.rigid_motion import centres, mean_velocity, rigid_motion, velocity_at
+from skmpm.scene.rigid_motion import centres, fitted_motions, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
 from skmpm.scene.springs import Spring, rest_of, spring_energy, spring_forces, stiffness_of, work_of_ends
 from skmpm.scene.stages import continued
@@ -42,6 +42,7 @@ __all__ = [
     "continued",
     "deformed",
     "field_values",
+    "fitted_motions",
     "initial_internal",
     "into_box",
     "material_at",

@@ -1,4 +1,4 @@
-"""Prescribed motion of rigid bodies: translation, and rotation about the centre of mass."""
+"""Rigid motion of bodies, prescribed or fitted: translation, and rotation about the centre of mass."""
 
 from __future__ import annotations
 
@@ -45,3 +45,14 @@ def centres(x: Array, mass: Array, owner: Ints) -> Array:
     """Centres of mass of all bodies, (2, bodies) [m], from points x (2, n) [m]."""
     total = np.bincount(owner, mass)
     return np.stack([np.bincount(owner, mass * component) / total for component in x])
+
+
+def fitted_motions(x: Array, v: Array, mass: Array, owner: Ints) -> Array:
+    """Mean velocities and spins of all bodies, (3, bodies), from points at x with velocities v (2, n).
+
+    They have the momentum and angular momentum of the points. Of displacements they are displacements and angles.
+    """
+    arm, total = x - centres(x, mass, owner)[:, owner], np.bincount(owner, mass)
+    mean = [np.bincount(owner, mass * component) / total for component in v]
+    moment = np.bincount(owner, mass * (arm[0] * v[1] - arm[1] * v[0]))
+    return np.stack([*mean, moment / np.bincount(owner, mass * (arm**2).sum(axis=0))])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skmpm.representation import line, table
 from skmpm.scene.contacts import Contacts
 from skmpm.scene.report import Report, StepControl
+from skmpm.scene.rigid_motion import centres
 from skmpm.units import quantity
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ class State:
         fx, fy = self.contacts.vectors
         arms = (self.contacts.at(side) for side in (0, 1))
         moment = self._on_bodies(*(x * fy - y * fx for x, y in arms))
-        cx, cy = (np.bincount(self.body, self.mass * x) / np.bincount(self.body, self.mass) for x in self.x)
+        cx, cy = centres(self.x, self.mass, self.body)
         (rx, ry) = self.body_force
         return np.asarray(moment - (cx * ry - cy * rx))
 

@@ -9,7 +9,7 @@ from skmpm import outline
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import StepRejected, pair
 from skmpm.material import Rigid, determinant, is_linear
-from skmpm.scene import TOUCHING, Scene, State, material_at
+from skmpm.scene import TOUCHING, Scene, State, centres, fitted_motions, material_at
 from skmpm.scheme import Scheme
 from skmpm.simulate.energy_budget import Budget
 from skmpm.simulate.initial_state import can_touch
@@ -102,19 +102,16 @@ def _exchanged_at_contacts(before: State, after: State) -> float:
     of the contact point about the centre by rotation. The sum of the works may be zero, as for a body that rolls on a
     floor or is carried by a plate. R is a share of this bound, the displacements over the radii of curvature.
     """
-    contacts, bodies = after.contacts, len(np.unique(after.body))
-    moved, weight = after.x - before.x, np.bincount(after.body, after.mass, bodies)
-    mean = np.stack([np.bincount(after.body, after.mass * m, bodies) for m in (*moved, *after.x)]) / weight
-    arm = after.x - mean[2:, after.body]
-    moment = np.bincount(after.body, after.mass * (arm[0] * moved[1] - arm[1] * moved[0]), bodies)
-    turned = moment / np.bincount(after.body, after.mass * (arm**2).sum(axis=0), bodies)
+    contacts, centre = after.contacts, centres(after.x, after.mass, after.body)
+    *mean, turned = fitted_motions(after.x, after.x - before.x, after.mass, after.body)
+    moved = np.stack(mean)
     path, displacement = np.zeros(contacts.gap.size), []
     for end, side in enumerate(contacts.bodies):
         on_wall, b = side < 0, np.maximum(side, 0)
-        path += np.where(on_wall, 0.0, np.abs(turned[b]) * np.hypot(*(contacts.at(end) - mean[2:, b])))
+        path += np.where(on_wall, 0.0, np.abs(turned[b]) * np.hypot(*(contacts.at(end) - centre[:, b])))
         wall = np.where(on_wall, -1 - side, 0)
         of_walls = (after.walls - before.walls)[wall].T if after.walls.size else np.zeros_like(contacts.x)
-        displacement.append(np.where(on_wall, of_walls, mean[:2, b]))
+        displacement.append(np.where(on_wall, of_walls, moved[:, b]))
     between = displacement[0] - displacement[1]
     if after.box_rate is not None:
         between -= (after.t - before.t) * after.box_rate @ contacts.image

@@ -39,7 +39,7 @@ class Loading:
     approach: float  # bound on relative velocities, at t = 0 or after falling [m/s]
     fall: float  # free height [m]
     settles: bool  # whether nothing but gravity moves bodies, which rest on something
-    impact: float  # normal speed at contacts from which on falling bodies collide, so that waves matter [m/s]
+    impact: float  # normal speed at contacts from which on waves matter to falling bodies [m/s]
 
 
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
@@ -50,7 +50,8 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     own = float(np.linalg.norm(v[:, scene.deformable[scene.owner]], axis=0).max())
     height = free_height(scene) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * height))
-    drop = fall if fall > _settling(scene) else 0.0
+    settling = _settling(scene)
+    drop = fall if fall > settling else 0.0
     kind, why, speed = _kind(scene, own, prescribed, drop, name)
     passing = np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1))
     return Loading(
@@ -62,14 +63,13 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
         float(np.hypot(passing, fall)),
         height,
         kind == "pressing" and speed == 0.0 and bool(gravity_of(scene).any()),
-        _impact(scene) if prescribed == 0.0 and height > 0.0 and not _several(scene) else np.inf,
+        max(settling, _bounce(scene)) if prescribed == 0.0 and height > 0.0 and not _several(scene) else np.inf,
     )
 
 
-def _impact(scene: Scene) -> float:
-    """Speed from which on a body that hits another one bounces by more than `BOUNCE`, and faster than it settles."""
-    bounce = np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * BOUNCE * scene.cell)
-    return max(_settling(scene), float(bounce))
+def _bounce(scene: Scene) -> float:
+    """Speed with which a body rises by `BOUNCE` against gravity [m/s]."""
+    return float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * BOUNCE * scene.cell))
 
 
 def _several(scene: Scene) -> bool:

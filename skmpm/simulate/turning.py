@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit import Gauge, gauge_of
-from skmpm.scene import Scene, State
+from skmpm.scene import Scene, State, centres
 from skmpm.scheme import Scheme
 from skmpm.simulate.regrid import assembly_of
 
@@ -58,8 +58,7 @@ def _touching(scene: Scene, state: State) -> Bools:
 def _unstable(state: State, dt: float) -> Bools:
     """Bodies whose rotation is unstable under their last contact forces in steps of dt, (bodies,)."""
     count = int(state.body.max()) + 1
-    mass = np.bincount(state.body, state.mass, count)
-    centre = np.stack([np.bincount(state.body, state.mass * x, count) for x in state.x]) / mass
+    centre = centres(state.x, state.mass, state.body)
     arm = state.x - centre[:, state.body]
     inertia = np.bincount(state.body, state.mass * (arm**2).sum(axis=0), count)
     virial, n = np.zeros(count), state.contacts.normal

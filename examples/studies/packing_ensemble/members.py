@@ -32,8 +32,8 @@ class Group(NamedTuple):
 def members(options: argparse.Namespace) -> dict[str, Options]:
     """Parameters of `study.build` by member."""
     found: dict[str, Options] = {}
-    for group in GROUPS:
-        found |= GROUPS[group].members(options)
+    for group in GROUPS.values():
+        found |= group.members(options)
     common = {"discs": options.discs, "start": options.start, "until": options.until}
     return {name: common | chosen for name, chosen in found.items()}
 
