@@ -33,6 +33,12 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
     if (state.box is None) != (scene.periodic is None):
         what = "no periodic box, the scene has one" if state.box is None else "a periodic box, the scene none"
         raise SceneError(f"{name}: the state has {what}; {_ITS_OWN}")
+    if state.derived is not None and state.derived.assembly.grid.cell != scene.cell:
+        of_state = state.derived.assembly.grid.cell
+        raise SceneError(
+            f"{name}: the grids of the state have cells of {of_state:g} m, those of the scene {scene.cell:g} m;"
+            f" {_ITS_OWN}"
+        )
     if not np.array_equal(state.body, scene.owner):
         raise SceneError(f"{name}: the state's points belong to other bodies than the scene's; {_ITS_OWN}")
     other = np.flatnonzero(np.abs(state.wall_normals - scene.normals.T).max(axis=1, initial=0.0) > 1e-9)

@@ -77,7 +77,7 @@ def simulate(
         scene: if numbers of points, walls, supports or grid nodes, the body or mass of a point, or the normal or
         order of walls differ, or (unless `scheme.anchor` is finite) the positions of points at t = 0
     ValueError
-        if dt is not positive, until is negative or scheme is not a Scheme
+        if dt is not positive, until is negative or before the time of `start`, or scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
         if the directory of the checkpoint does not exist, or the checkpoint is a directory
     """
@@ -89,6 +89,11 @@ def simulate(
         check_fits(scene, start, "start")
         if np.isinf(scheme.anchor):  # else the body grids may have been built again where the bodies were
             check_initial_positions(scene, start, "start")
+        if until < start.t * (1.0 - TIME_TOLERANCE):
+            raise ValueError(
+                f"simulate: until = {float(until):g} s lies before start, at t = {start.t:g} s; it is a time, not a"
+                " duration: add start.t"
+            )
     first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
     pace = pace_of(scene, scheme, first.t, until) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))

@@ -16,12 +16,12 @@ from skmpm.scene import State
 from skmpm.sweep import manifest
 from skmpm.sweep.errors import Interrupted, SweepError
 from skmpm.sweep.lock import locked
+from skmpm.sweep.parameters import RESERVED, TIME
 from skmpm.sweep.records import Records
 from skmpm.sweep.run import Row, Rows, Run, checked, row_due
 
 Build = Callable[..., Run | Row | Rows]
 FAILURE = "error.txt"
-RESERVED = frozenset({"member", "finished"})  # columns of the table of all members
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def _advance(
 
 def _observe(run: Run, records: Records, state: State, reserved: frozenset[str]) -> bool:
     """Add the row of a state, keep the state if it is to be kept, and say whether the run ends with it."""
-    row = {"t": state.t, **checked(run.observe(run.scene, state), reserved | {"t"})}
+    row = {TIME: state.t, **checked(run.observe(run.scene, state), reserved | {TIME})}
     for name, wanted in run.keep.items():
         path = records.folder / f"{name}.checkpoint"
         if not path.exists() and wanted(row):

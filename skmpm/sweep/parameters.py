@@ -15,6 +15,8 @@ from skmpm.sweep.errors import SweepError
 LONGEST = 120  # characters of a name; file systems take 255
 PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]*")  # a text that stands for itself: not a number, no separator
 NAME = re.compile(r"[A-Za-z0-9_+=,-][A-Za-z0-9_.+=,-]*")  # of a directory that is given
+RESERVED = frozenset({"member", "finished"})  # columns of the table of all members
+TIME = "t"  # column of the rows of a run
 WORDS = {"true", "false", "none", "nan", "inf", "infinity"}  # read as values
 
 
@@ -38,6 +40,12 @@ def _plain(name: str, value: Any) -> Any:
         f"the parameter {name!r} is a {type(value).__name__}; parameters are numbers, texts, None, lists and dicts of"
         " these, from which build makes objects"
     )
+
+
+def check_names(parameters: Mapping[str, Any]) -> None:
+    """SweepError if a parameter has the name of a column that every table has."""
+    for name in sorted(parameters.keys() & (RESERVED | {TIME})):
+        raise SweepError(f"a parameter is named {name!r}, as a column of every table is; give it another name")
 
 
 def directory(parameters: Mapping[str, Any]) -> str:

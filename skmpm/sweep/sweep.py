@@ -16,7 +16,7 @@ from skmpm.sweep import manifest
 from skmpm.sweep.errors import SweepError
 from skmpm.sweep.execution import Build, Outcome, Task
 from skmpm.sweep.lock import check_free
-from skmpm.sweep.parameters import checked_name, directory, plain
+from skmpm.sweep.parameters import check_names, checked_name, directory, plain
 from skmpm.sweep.pickling import pickled
 from skmpm.sweep.processes import Event, in_processes
 from skmpm.sweep.results import Sweep, read_member
@@ -65,7 +65,8 @@ def sweep(
     Raises
     ------
     SweepError
-        before anything runs: if two members are the same or a parameter is of another type, if `build` cannot be
+        before anything runs: if two members are the same, if a parameter is of another type or named ``member``,
+        ``finished`` or ``t`` as columns of the table are, if `build` cannot be
         pickled, if a directory was made with other parameters or another version of the library, or is in use
     """
     if getattr(current_process(), "_inheriting", False):
@@ -100,6 +101,7 @@ def _tasks(
     named = members.items() if isinstance(members, Mapping) else ((None, member) for member in members)
     for given, member in named:
         parameters = plain(member)
+        check_names(parameters)
         name = directory(parameters) if given is None else checked_name(given)
         if name.casefold() in tasks:  # which some file systems do not tell apart
             raise SweepError(f"two members have the directory {name}: their parameters are the same; give each once")

@@ -674,6 +674,12 @@ def test_a_state_of_another_scene_is_refused():
         observe(few, initial(more))
 
 
+def test_a_state_on_grids_of_another_cell_size_is_refused():
+    coarse, fine = (Scene([Body(disc((0.0, 0.0), 1.0, spacing=0.2), SOFT)], cell=h) for h in (0.4, 0.3))
+    with pytest.raises(SceneError, match=r"observe: the grids of the state have cells of 0.3 m, .* 0.4 m; continue"):
+        observe(coarse, initial(fine))
+
+
 def test_observing_changes_nothing():
     scene = lattice(2)
     state = pressed(initial(scene), np.ones((2, 1)))

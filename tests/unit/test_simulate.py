@@ -93,6 +93,14 @@ def test_an_end_that_is_none_is_refused(until):
         list(simulate(free(), dt=1e-5, until=until))
 
 
+def test_an_end_before_the_start_is_refused_and_at_the_start_nothing_is_left_to_do():
+    scene = free()
+    *_, start = simulate(scene, dt=1e-5, until=3e-5)
+    with pytest.raises(ValueError, match=r"until = 2e-05 s lies before start, at t = 3e-05 s; .* add start\.t"):
+        simulate(scene, dt=1e-5, until=2e-5, start=start)
+    assert not list(simulate(scene, dt=1e-5, until=3e-5, start=start))
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
