@@ -19,9 +19,9 @@ Ints = NDArray[np.int64]
 
 MIN_ROTATIONAL_STIFFNESS = 0.25  # quadratic form of A for the rotation of a body, over its moment of inertia
 SPRINGS = 6  # of a body on the gauge, at its outermost nodes in as many directions
-# Of springs over what the rotation lacks, the second and third where the first is not enough: springs deform the
-# body, too.
-SPRING_FACTORS = 2.0, 4.0, 4.0
+# Of the inertia or the springs that rotations get over what they lack, the second and third times the ones before
+# where those are not enough: the softest mode is not quite a rotation, and springs deform the body, too.
+FACTORS = 2.0, 4.0, 4.0
 MIN_NODAL_MASS = 0.3  # of a node with a spring, over the largest of the body
 # Weights of the projected matrix in its mixture with A, tried in turn; beside corners 1/16 to 1/4 often suffice.
 PROJECTED_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
@@ -96,16 +96,23 @@ def _with_rotational_inertia(
     the momentum of the body; in scenes with supports, whose reactions enter that balance, they do not. Bodies that
     are indefinite all the same have their tangents projected.
     """
-    grid, weight = increment.grid, increment.bulk.assembly.mass[::2]
+    grid, assembly = increment.grid, increment.bulk.assembly
+    weight, diagonal = assembly.mass[::2], assembly.diagonal_blocks
     arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, weight)
     inertia, missing = _rotational_stiffness(increment, A, np.stack([-arm[1], arm[0]], axis=1).ravel())
-    added = np.zeros(grid.bodies)
-    added[failed.bodies] = (missing / np.maximum(inertia, 1e-300))[failed.bodies]
-    A.data[increment.bulk.assembly.diagonal_blocks] += (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
-    try:
-        solver = _solver(increment, A, failed)
-    except np.linalg.LinAlgError as error:
-        failed = _indefinite(increment, error)
+    lacking, added, exact = missing / np.maximum(inertia, 1e-300), np.zeros(grid.bodies), A.data.copy()
+    solver: Solver | None = None
+    for factor in np.cumprod(FACTORS):
+        if not lacking[failed.bodies].any():
+            break  # what is unstable is no rotation
+        added[failed.bodies] = factor * lacking[failed.bodies]
+        A.data[diagonal] = exact[diagonal] + (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
+        try:
+            solver = _solver(increment, A, failed)
+            break
+        except np.linalg.LinAlgError as error:
+            failed = _indefinite(increment, error)
+    if solver is None:
         added[failed.bodies] = 0.0
         solver = _projected(increment, A, configuration, failed, (1.0,))
     if increment.supports is not None:
@@ -142,7 +149,7 @@ def _on_gauge(
     direction = lever / size[..., None]
     stiffness = np.maximum(missing, MIN_ROTATIONAL_STIFFNESS * inertia)[held] / (size**2).sum(axis=0)
     failed: NotPositiveDefinite | None = None
-    for factor in SPRING_FACTORS:
+    for factor in FACTORS:
         stiffness[slice(None) if failed is None else np.isin(held, failed.bodies)] *= factor
         sprung = _with_blocks(A, diagonal[node], stiffness, direction)
         try:

@@ -10,7 +10,7 @@ moment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,10 @@ from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_mo
 from skmpm.implicit.iteration import (
     SLOW_RATE,
     STALLED_RATE,
+    Refactorisation,
     Solution,
     factorise,
     first_velocity,
-    needs_refactorisation,
     not_converged,
     out_of_balance_norm,
     unmet_criteria,
@@ -79,6 +79,7 @@ class _Iterate:
     factor: _Factor
     last_impulse: Array  # (2 nodes,) contact impulse of the last solve [kg m/s per m]
     remedies: Remedies | None  # of quasi-static steps; with inertia none is needed
+    refactorisation: Refactorisation = field(default_factory=Refactorisation)
     iteration: int = 0
     before: float = np.inf  # out-of-balance norm of the iteration before
 
@@ -177,15 +178,6 @@ class _Factor:
     count: int = 0  # factorisations in this step
     configuration: Configuration | None = None  # of the matrix, if it turns with bodies
 
-    def due(
-        self, increment: Increment, contact: ContactIterate | None, iteration: int, norm: float, before: float
-    ) -> bool:
-        """Whether a new one pays; linear materials keep theirs."""
-        if self.solver is None:
-            return True
-        pays = needs_refactorisation(increment, contact, iteration, norm, before)
-        return pays and not increment.linear
-
     def released(self) -> _Factor:
         """The same without its solver, so that only one is in memory."""
         return replace(self, solver=None)
@@ -197,19 +189,23 @@ class _Factor:
             return self.solver
         return turned_solver(increment, self.solver, self.configuration, configuration)
 
-    def renewed(self, increment: Increment, contact: ContactIterate | None, configuration: Configuration) -> _Factor:
-        """The factorised matrix at a configuration."""
+    def renewed(self, iterate: _Iterate) -> _Factor:
+        """The factorised matrix at the configuration of an iterate."""
+        increment, configuration = iterate.increment, iterate.configuration
         at = configuration if matrix_turns(increment) else None
-        return _Factor(factorise(increment, contact, configuration), self.count + 1, at)
+        return _Factor(factorise(increment, iterate.contact, configuration), self.count + 1, at)
 
 
 def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
     """Factorise the matrix where that pays."""
-    if not iterate.factor.due(iterate.increment, iterate.contact, balance.iteration, balance.norm, iterate.before):
+    increment, age, iteration = iterate.increment, iterate.refactorisation, iterate.iteration
+    due = age.due(increment, iteration, balance.norm, iterate.before, balance.distance)
+    if iterate.factor.solver is not None and not due:
         return
+    age.factorised = iteration
     iterate.factor = iterate.factor.released()
     iterate.contact = None if iterate.contact is None else iterate.contact.without_delassus()
-    iterate.factor = iterate.factor.renewed(iterate.increment, iterate.contact, iterate.configuration)
+    iterate.factor = iterate.factor.renewed(iterate)
     timer.lap("factorisation")
 
 

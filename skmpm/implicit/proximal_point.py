@@ -16,7 +16,7 @@ the proximal term.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from skmpm.implicit.acceleration import AndersonAcceleration
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.floating import NEGLIGIBLE_RESULTANT, FloatingBodies, excess_cells, limited, negligible
-from skmpm.implicit.iteration import SLOW_RATE, out_of_balance_norm, with_contact
+from skmpm.implicit.iteration import SLOW_RATE, Refactorisation, out_of_balance_norm, with_contact
 from skmpm.implicit.remedies import Remedies
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
@@ -66,6 +66,7 @@ class Iterate:
     remedies: Remedies
     centre_acceleration: AndersonAcceleration  # of the proximal centre
     factorisations: int = 0
+    refactorisation: Refactorisation = field(default_factory=Refactorisation)
     before: float = np.inf  # relative out-of-balance norm of the previous iteration
     centre_iteration: int = 0  # the iteration in which the proximal centre was set
     outer_iterations: int = 0

@@ -27,7 +27,6 @@ from skmpm.implicit.iteration import (
     Solution,
     factorise,
     first_velocity,
-    needs_refactorisation,
     not_converged,
     unmet_criteria,
 )
@@ -136,12 +135,14 @@ def _iterate(iterate: Iterate, balance: OutOfBalance, timer: Timer) -> None:
     slow, stalls = balance.relative > SLOW_RATE * iterate.before, balance.relative > STALLED_RATE * iterate.before
     patience = 2 if increment.proximal is None else INNER_ITERATIONS
     stalled = stalls and balance.iteration > iterate.centre_iteration + patience
-    due = needs_refactorisation(increment, iterate.contact, balance.iteration, balance.relative, iterate.before)
-    if iterate.solver is None or (due and not increment.linear):
+    distance = max(balance.relative / increment.scheme.newton_tol, balance.residual / increment.scheme.gap_tol)
+    due = iterate.refactorisation.due(increment, balance.iteration, balance.relative, iterate.before, distance)
+    if iterate.solver is None or due:
         iterate.solver = None
         iterate.contact = iterate.contact.without_delassus()
         iterate.solver = factorise(increment, iterate.contact, iterate.configuration)
         iterate.factorisations += 1
+        iterate.refactorisation.factorised = balance.iteration
         timer.lap("factorisation")
     contact = iterate.remedies.frozen(iterate.contact, stalled)
     first = increment.proximal is not None and balance.iteration == iterate.centre_iteration
