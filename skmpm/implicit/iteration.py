@@ -36,18 +36,23 @@ class Refactorisation:
     change state, where there are some: then only one that is slower than it was when it was new is replaced.
     """
 
-    factorised: int | None = None  # iteration of this step; None: the matrix is that of an earlier step
+    count: int = 0  # factorisations in this step; before the first the matrix is that of an earlier step
+    last: int = 0  # the iteration of the last one
     rate: float = 0.0  # of that iteration
+
+    def made(self, iteration: int) -> None:
+        """Count a factorisation in an iteration."""
+        self.count, self.last = self.count + 1, iteration
 
     def due(self, increment: Increment, iteration: int, imbalance: float, before: float, distance: float) -> bool:
         """Whether it pays before an iteration; linear materials keep their matrix.
 
         The out-of-balance norm, `before` that of the iteration before, predicts the next `distance` from convergence.
         """
-        if increment.linear or self.factorised is None:
+        if increment.linear or not self.count:
             return not increment.linear
         rate = imbalance / max(before, 1e-300)
-        if self.factorised == iteration - 1:
+        if self.last == iteration - 1:
             self.rate = rate
         far = imbalance * BEST_RATE > increment.scheme.newton_tol
         return far or (rate > self.rate and distance * max(rate, BEST_RATE) > 1.0)

@@ -100,13 +100,13 @@ def _with_rotational_inertia(
     weight, diagonal = assembly.mass[::2], assembly.diagonal_blocks
     arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, weight)
     inertia, missing = _rotational_stiffness(increment, A, np.stack([-arm[1], arm[0]], axis=1).ravel())
-    lacking, added, exact = missing / np.maximum(inertia, 1e-300), np.zeros(grid.bodies), A.data.copy()
+    lacking, added, exact = missing / np.maximum(inertia, 1e-300), np.zeros(grid.bodies), A.data[diagonal]
     solver: Solver | None = None
     for factor in np.cumprod(FACTORS):
         if not lacking[failed.bodies].any():
             break  # what is unstable is no rotation
         added[failed.bodies] = factor * lacking[failed.bodies]
-        A.data[diagonal] = exact[diagonal] + (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
+        A.data[diagonal] = exact + (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
         try:
             solver = _solver(increment, A, failed)
             break

@@ -10,7 +10,7 @@ moment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,12 +175,7 @@ class _Factor:
     """The factorised matrix of the iteration."""
 
     solver: Solver | None
-    count: int = 0  # factorisations in this step
     configuration: Configuration | None = None  # of the matrix, if it turns with bodies
-
-    def released(self) -> _Factor:
-        """The same without its solver, so that only one is in memory."""
-        return replace(self, solver=None)
 
     def at(self, increment: Increment, configuration: Configuration) -> Solver:
         """The solver for the matrix turned as bodies have turned since it was factorised."""
@@ -189,23 +184,18 @@ class _Factor:
             return self.solver
         return turned_solver(increment, self.solver, self.configuration, configuration)
 
-    def renewed(self, iterate: _Iterate) -> _Factor:
-        """The factorised matrix at the configuration of an iterate."""
-        increment, configuration = iterate.increment, iterate.configuration
-        at = configuration if matrix_turns(increment) else None
-        return _Factor(factorise(increment, iterate.contact, configuration), self.count + 1, at)
-
 
 def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
     """Factorise the matrix where that pays."""
-    increment, age, iteration = iterate.increment, iterate.refactorisation, iterate.iteration
-    due = age.due(increment, iteration, balance.norm, iterate.before, balance.distance)
+    increment, iteration = iterate.increment, iterate.iteration
+    due = iterate.refactorisation.due(increment, iteration, balance.norm, iterate.before, balance.distance)
     if iterate.factor.solver is not None and not due:
         return
-    age.factorised = iteration
-    iterate.factor = iterate.factor.released()
+    iterate.factor = _Factor(None)  # so that only one solver is in memory
     iterate.contact = None if iterate.contact is None else iterate.contact.without_delassus()
-    iterate.factor = iterate.factor.renewed(iterate)
+    solver = factorise(increment, iterate.contact, iterate.configuration)
+    iterate.factor = _Factor(solver, iterate.configuration if matrix_turns(increment) else None)
+    iterate.refactorisation.made(iteration)
     timer.lap("factorisation")
 
 
@@ -252,7 +242,7 @@ def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
         return None
     reaction = increment.reaction(balance.out_of_balance)
     spin = missing_spin(increment, w, balance.out_of_balance)
-    numbers = balance.iteration, factor.count, balance.contact, balance.norm
+    numbers = balance.iteration, iterate.refactorisation.count, balance.contact, balance.norm
     return Solution(w, iterate.contact, *numbers, reaction, factor.solver, spin)
 
 

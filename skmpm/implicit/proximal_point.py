@@ -65,7 +65,6 @@ class Iterate:
     solver: Solver | None
     remedies: Remedies
     centre_acceleration: AndersonAcceleration  # of the proximal centre
-    factorisations: int = 0
     refactorisation: Refactorisation = field(default_factory=Refactorisation)
     before: float = np.inf  # relative out-of-balance norm of the previous iteration
     centre_iteration: int = 0  # the iteration in which the proximal centre was set

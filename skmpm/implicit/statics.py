@@ -121,7 +121,7 @@ def _solution(iterate: Iterate, balance: OutOfBalance) -> Solution:
         iterate.w,
         iterate.contact,
         balance.iteration,
-        iterate.factorisations,
+        iterate.refactorisation.count,
         balance.residual,
         balance.without_proximal,
         reaction,
@@ -141,8 +141,7 @@ def _iterate(iterate: Iterate, balance: OutOfBalance, timer: Timer) -> None:
         iterate.solver = None
         iterate.contact = iterate.contact.without_delassus()
         iterate.solver = factorise(increment, iterate.contact, iterate.configuration)
-        iterate.factorisations += 1
-        iterate.refactorisation.factorised = balance.iteration
+        iterate.refactorisation.made(balance.iteration)
         timer.lap("factorisation")
     contact = iterate.remedies.frozen(iterate.contact, stalled)
     first = increment.proximal is not None and balance.iteration == iterate.centre_iteration

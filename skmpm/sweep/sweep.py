@@ -66,8 +66,8 @@ def sweep(
     ------
     SweepError
         before anything runs: if two members are the same, if a parameter is of another type or named ``member``,
-        ``finished`` or ``t`` as columns of the table are, if `build` cannot be
-        pickled, if a directory was made with other parameters or another version of the library, or is in use
+        ``finished`` or ``t``, as columns of the table are, if `build` cannot be pickled, if a directory was made with
+        other parameters or another version of the library, or is in use
     """
     if getattr(current_process(), "_inheriting", False):
         raise SweepError("sweep is called by a script that a worker process imports; call it below"

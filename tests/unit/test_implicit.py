@@ -365,7 +365,7 @@ def rates(refactorisation, norms, tol=1e-3):
     for i, norm in enumerate(norms):
         if refactorisation.due(step, i, tol * norm, tol * before, norm):
             made.append(i)
-            refactorisation.factorised = i
+            refactorisation.made(i)
         before = norm
     return made
 
