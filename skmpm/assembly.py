@@ -144,11 +144,14 @@ class Assembly:
         return vectors
 
     def matrix(self, stiffness: Array, factor: float, diagonal: Array | None = None) -> sp.bsr_array:
-        """Block-sparse A = M + factor K, (2 nodes, 2 nodes), or with diagonal blocks (nodes, 2, 2) in place of M."""
-        nodes, data = self.grid.nodes, np.empty_like(stiffness)
+        """Block-sparse A = M + factor K, (2 nodes, 2 nodes), or with diagonal blocks (nodes, 2, 2) in place of M.
+
+        A takes the array of the stiffness.
+        """
+        nodes = self.grid.nodes
         added = self.mass.reshape(-1, 2, 1) * np.eye(2) if diagonal is None else diagonal
-        loops.scaled_sum(factor, stiffness, self.diagonal_blocks, added, data)
-        return sp.bsr_array((data, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
+        loops.scale_and_add(factor, stiffness, self.diagonal_blocks, added)
+        return sp.bsr_array((stiffness, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
 
 
 def lumped_mass(grid: BodyGrids, mass: Array) -> Array:

@@ -112,15 +112,15 @@ def _add_to_blocks(begin: int, sums: Array, block_of_cell: Ints, K: Array) -> No
 
 
 @compiled
-def scaled_sum(factor: float, K: Array, diagonal: Ints, added: Array, out: Array) -> None:
-    """Write factor K, blocks (blocks, 2, 2), with `added` (nodes, 2, 2) in their `diagonal` ones."""
-    given, flat = K.reshape(-1), out.reshape(-1)
+def scale_and_add(factor: float, K: Array, diagonal: Ints, added: Array) -> None:
+    """Multiply blocks K (blocks, 2, 2) by a factor, and add `added` (nodes, 2, 2) to the `diagonal` ones."""
+    flat = K.reshape(-1)
     for e in range(flat.size):
-        flat[e] = factor * given[e]
+        flat[e] *= factor
     for node in range(diagonal.size):
         for i in range(2):
             for k in range(2):
-                out[diagonal[node], i, k] += added[node, i, k]
+                K[diagonal[node], i, k] += added[node, i, k]
 
 
 @compiled

@@ -176,6 +176,15 @@ class BodyGrids:
         """Nodal positions x (2, nodes) [m] relative to the means of their bodies, weighted by (nodes,)."""
         return np.asarray(x - self.means(x, weight)[:, self.node_body])
 
+    def moments(self, x: Array, mass: Array, impulse: Array) -> tuple[Array, Array]:
+        """Arms (nodes, 2) [m] of nodes at x (nodes, 2) about their bodies' centres of mass, and sums (3, bodies).
+
+        The sums are moments of an impulse (nodes, 2), moments of inertia and masses; `mass` (nodes,).
+        """
+        arms, sums = np.empty((self.nodes, 2)), np.zeros((3, self.bodies))
+        point_loops.moments_by_body(self.node_body, x, mass, impulse, arms, sums)
+        return arms, sums
+
     def radii_of_gyration(self, arms: Array, weight: Array) -> Array:
         """Root mean square (bodies,) [m] of arms (2, nodes) [m], weighted by (nodes,)."""
         return np.asarray(np.sqrt(self.means((arms**2).sum(axis=0)[None], weight)[0]))
@@ -185,8 +194,19 @@ class BodyGrids:
 
         Rotations are those of the nodes at rest or after a displacement (2 nodes,) [m].
         """
-        moved = 0.0 if displacement is None else displacement.reshape(-1, 2).T
-        arm = self.arms(self.position + moved) / self.cell
+        if displacement is None:
+            return self._rigid_motions_at_rest
+        return self._rigid_motions(self.position + displacement.reshape(-1, 2).T)
+
+    @cached_property
+    def _rigid_motions_at_rest(self) -> Array:
+        motions = self._rigid_motions(self.position)
+        motions.setflags(write=False)  # shared
+        return motions
+
+    def _rigid_motions(self, x: Array) -> Array:
+        """`rigid_motions` with nodes at x (2, nodes) [m]."""
+        arm = self.arms(x) / self.cell
         motions = np.zeros((2 * self.nodes, 3))
         motions[0::2, 0] = motions[1::2, 1] = 1.0
         motions[0::2, 2], motions[1::2, 2] = -arm[1], arm[0]

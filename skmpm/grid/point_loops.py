@@ -72,3 +72,22 @@ def sum_by_body(body: NDArray[np.int64], values: Array, out: Array) -> None:
     for k in range(out.shape[0]):
         for n in range(body.size):
             out[k, body[n]] += values[k, n]
+
+
+@compiled
+def moments_by_body(body: NDArray[np.int64], x: Array, mass: Array, impulse: Array, arms: Array, sums: Array) -> None:
+    """Write the arms (nodes, 2) of nodes, and add moments, moments of inertia and masses to `sums` (3, bodies)."""
+    centres = np.zeros((sums.shape[1], 2))
+    for n in range(body.size):
+        sums[2, body[n]] += mass[n]
+        for i in range(2):
+            centres[body[n], i] += mass[n] * x[n, i]
+    for b in range(sums.shape[1]):
+        for i in range(2):
+            centres[b, i] /= max(sums[2, b], 1e-300)
+    for n in range(body.size):
+        b = body[n]
+        for i in range(2):
+            arms[n, i] = x[n, i] - centres[b, i]
+        sums[0, b] += arms[n, 0] * impulse[n, 1] - arms[n, 1] * impulse[n, 0]
+        sums[1, b] += mass[n] * (arms[n, 0] ** 2 + arms[n, 1] ** 2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -37,10 +38,21 @@ class Configuration:
     dilatation: Array | None = None  # (n,) mean of each cell at its points, nan where it is pointwise; None if all
     bulk: Bulk | None = field(default=None, repr=False, compare=False)
 
+    def translated(self, displacement: Array) -> Configuration:
+        """The same with a displacement (2 nodes,) [m] that differs from its own by translations of bodies."""
+        moved = copy(self)  # with what has been evaluated
+        object.__setattr__(moved, "displacement", displacement)
+        return moved
+
     @cached_property
     def responses(self) -> tuple[Response | None, ...] | None:
         """Energy and its derivatives at the points of each material, None for materials without a compiled pass."""
         return None if self.bulk is None else self.bulk.responses(self)
+
+    @cached_property
+    def energy(self) -> float | None:
+        """The energy of the bulk [J/m], None without one."""
+        return None if self.bulk is None else self.bulk.energy_anew(self)
 
 
 class Group(NamedTuple):
@@ -117,6 +129,11 @@ class Bulk:
 
     def energy(self, configuration: Configuration) -> float:
         """Strain energy and ghost penalty [J/m]; inf where a point is inverted (J <= 0)."""
+        known = configuration.energy if configuration.bulk is self else None
+        return self.energy_anew(configuration) if known is None else known
+
+    def energy_anew(self, configuration: Configuration) -> float:
+        """`energy`, evaluated: the configuration keeps it."""
         F, parts = configuration.F, []
         for g, mean, found in self._by_group(configuration):
             if found is not None:

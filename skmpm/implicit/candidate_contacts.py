@@ -35,6 +35,8 @@ def candidates(
     StepRejected
         if a point that cannot move penetrates what it touches
     """
+    if constraints.size == 0:
+        return constraints
     near = constraints.gap < MAX_CANDIDATE_GAP * grid.cell
     constraints = constraints.among(near | (constraints.tensile_strength > 0.0))
     if supports is None or constraints.size == 0:

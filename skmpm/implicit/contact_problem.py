@@ -112,6 +112,8 @@ class ContactIterate:
     @cached_property
     def impulse(self) -> Array:
         """The contact impulse theta H^T r at the nodes, (2 nodes,) [kg m/s per m]."""
+        if self.constraints.size == 0:
+            return np.zeros(2 * self.increment.grid.nodes)
         return self.increment.scheme.theta * self.constraints.at_nodes(self.constraints.D.T @ self.r)
 
     @cached_property
@@ -180,7 +182,9 @@ def _iterate(
     increment = problem.increment
     current = candidates(problem.constraints(w, z), increment.grid, increment.supports, problem.supported)
     constraints = current.with_frames_of(frozen, w) if frozen is not None and frozen.size else current
-    r = known.on(constraints, increment.dt)
-    u = constraints.D @ constraints.at_contact_points(w) + constraints.offset
+    r = u = np.zeros(0)
+    if constraints.size > 0:
+        r = known.on(constraints, increment.dt)
+        u = constraints.D @ constraints.at_contact_points(w) + constraints.offset
     problem.timer.lap("detection")
     return ContactIterate(problem, known, delassus, frozen, current, constraints, r, u, z)

@@ -27,8 +27,16 @@ class End:
 
 def end_of_step(increment: Increment, solution: Solution) -> End:
     """The end of a solved step."""
-    configuration = increment.bulk.at(increment.start + increment.dt * solution.w)
+    configuration = _configuration(increment, solution)
     return End(configuration, _velocity(increment, solution), updated(increment.bulk, configuration))
+
+
+def _configuration(increment: Increment, solution: Solution) -> Configuration:
+    """The configuration at the end of the step: with theta = 1 that of the stresses."""
+    displacement, known = increment.start + increment.dt * solution.w, solution.configuration
+    if known is not None and known.bulk is increment.bulk and increment.scheme.theta == 1.0:
+        return known.translated(displacement)
+    return increment.bulk.at(displacement)
 
 
 def _velocity(increment: Increment, solution: Solution) -> Array:

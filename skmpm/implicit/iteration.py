@@ -71,6 +71,9 @@ class Solution:
     reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
     solver: Solver | None  # of the last iteration
     spin: Array | float = 0.0  # (2 nodes,) velocity that w lacks for the balance of angular momentum [m/s]
+    configuration: Configuration | None = (
+        None  # of w but for translations of bodies, in which stresses were evaluated
+    )
 
     @property
     def contact_impulse(self) -> Array | None:

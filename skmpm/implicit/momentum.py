@@ -53,14 +53,14 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     if not increment.scheme.inertia or increment.scheme.explicit:
         return 0.0
     grid, mass = increment.grid, increment.bulk.assembly.lumped[::2]
-    x, y = increment.without_gauge_torque(out_of_balance).reshape(-1, 2).T
-    arm = grid.arms(grid.position + (increment.start + increment.theta_dt * w).reshape(-1, 2).T, mass)
-    moment, inertia, total = grid.sums(np.stack([arm[0] * y - arm[1] * x, mass * (arm**2).sum(axis=0), mass]))
+    x = grid.position.T + (increment.start + increment.theta_dt * w).reshape(-1, 2)
+    impulse = increment.without_gauge_torque(out_of_balance).reshape(-1, 2)
+    arm, (moment, inertia, total) = grid.moments(x, mass, impulse)
     spin = -moment / np.maximum(inertia, 1e-300)
     turned = np.abs(spin) * np.sqrt(inertia / np.maximum(total, 1e-300)) * increment.dt / grid.cell
     spin[turned > MAX_SPIN] = 0.0
     spin[grid.node_body[increment.constrained_dofs // 2]] = 0.0
-    return np.asarray((np.stack([-arm[1], arm[0]], axis=1) * spin[grid.node_body, None]).ravel())
+    return np.asarray((np.stack([-arm[:, 1], arm[:, 0]], axis=1) * spin[grid.node_body, None]).ravel())
 
 
 def _balanced_by(increment: Increment, contact_impulse: Array, last_impulse: Array) -> tuple[Array, ...]:

@@ -243,7 +243,7 @@ def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
     reaction = increment.reaction(balance.out_of_balance)
     spin = missing_spin(increment, w, balance.out_of_balance)
     numbers = balance.iteration, iterate.refactorisation.count, balance.contact, balance.norm
-    return Solution(w, iterate.contact, *numbers, reaction, factor.solver, spin)
+    return Solution(w, iterate.contact, *numbers, reaction, factor.solver, spin, iterate.configuration)
 
 
 def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:

@@ -294,6 +294,34 @@ def test_rigid_motions_store_no_energy_and_turn_each_body_about_its_own_centre(s
 # The mapping, and what scikit-fem is made to remember.
 
 
+def test_moments_of_an_impulse_are_those_about_the_centres_of_mass():
+    _, _, grid = random_sheets(3)
+    rng = np.random.default_rng(1)
+    mass, x, impulse = (
+        rng.uniform(size=grid.nodes),
+        rng.normal(size=(grid.nodes, 2)),
+        rng.normal(size=(grid.nodes, 2)),
+    )
+    arms, (moment, inertia, total) = grid.moments(x, mass, impulse)
+    for b in range(grid.bodies):
+        own = grid.node_body == b
+        arm = x[own] - np.average(x[own], axis=0, weights=mass[own])
+        assert_close(arms[own], arm)
+        assert moment[b] == pytest.approx(
+            np.cross(np.c_[arm, 0 * arm[:, 0]], np.c_[impulse[own], 0 * arm[:, 0]])[:, 2].sum()
+        )
+        assert inertia[b] == pytest.approx(mass[own] @ (arm**2).sum(axis=1))
+        assert total[b] == pytest.approx(mass[own].sum())
+
+
+def test_rigid_motions_at_rest_are_found_once_and_cannot_be_changed():
+    _, _, grid = random_sheets(3)
+    assert grid.rigid_motions() is grid.rigid_motions()
+    assert np.array_equal(grid.rigid_motions(), grid.rigid_motions(np.zeros(2 * grid.nodes)))
+    with pytest.raises(ValueError, match="read-only"):
+        grid.rigid_motions()[0] = 1.0
+
+
 @pytest.mark.parametrize(
     ("chosen", "points"),
     [(None, (3,)), (np.array([4, 0, 4, 7]), (3,)), (np.array([4, 0, 4, 7]), (4, 3))],

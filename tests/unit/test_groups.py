@@ -253,6 +253,22 @@ def test_forces_are_derivatives_of_the_energy_where_cells_are_shared(mix):
     np.testing.assert_allclose(K @ d, slope, atol=1e-6 * np.abs(slope).max())
 
 
+def test_a_translation_keeps_what_was_evaluated_and_changes_neither_energy_nor_forces():
+    bulk = bulk_of(
+        scene := squeezed(dict(zip(("core", "shell"), MIXES["averaged"], strict=True))), initial(scene), Scheme()
+    )
+    grid, rng = bulk.assembly.grid, np.random.default_rng(2)
+    u = 0.02 * CELL * rng.normal(size=2 * grid.nodes)
+    shift = CELL * rng.normal(size=(grid.bodies, 2))[grid.node_body].ravel()
+    there = bulk.at(u)
+    energy = bulk.energy(there)
+    moved, anew = there.translated(u + shift), bulk.at(u + shift)
+    assert np.array_equal(moved.displacement, anew.displacement) and np.array_equal(there.displacement, u)
+    assert moved.responses is there.responses and bulk.energy(moved) == energy
+    assert bulk.energy(anew) == pytest.approx(energy, rel=1e-10)
+    np.testing.assert_allclose(bulk.force(moved), bulk.force(anew), atol=1e-10 * np.abs(bulk.force(anew)).max())
+
+
 def test_the_ghost_penalty_of_a_soft_skin_is_that_of_the_skin():
     """Where its cells hold points of both, too: the penalty of a disc of the skin alone."""
     thin = rings((0.03e-3, 1.001e-3), core=0.97)

@@ -146,6 +146,14 @@ def test_bodies_out_of_each_others_reach_are_not_projected_on_one_another():
         assert (states[-1].contacts.bodies[1] == -1).any()
 
 
+def test_every_configuration_is_evaluated_once():
+    """The initial guess and the trial of every iteration; the end of a step is the last, the next start that end."""
+    calls, states = run(alone())
+    iterations = sum(state.report.newton for state in states)
+    assert calls.named("Bulk.energy") > 2 * (STEPS + iterations)
+    assert calls.named("Bulk.energy_anew") == calls.named("Bulk.responses") == 1 + STEPS + iterations
+
+
 def test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall():
     """A disc squeezed between planes and between slabs of points: the same matrices; two slabs lie on one another."""
     planes = squeezed()
