@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,11 +26,16 @@ BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold 
 
 
 def candidates(
-    constraints: Constraints, grid: BodyGrids, supports: Elimination | None, supported: Bools
+    constraints: Constraints,
+    grid: BodyGrids,
+    supports: Elimination | None,
+    supported: Bools,
+    driven: Callable[[Constraints], Bools] | None = None,
 ) -> Constraints:
     """The contacts, closed or not, whose gap is below `MAX_CANDIDATE_GAP` and can change, and those in tension.
 
-    `supported` (2, n) are the velocity components of the points that supports prescribe.
+    `supported` (2, n) are the velocity components of the points that supports prescribe; `driven` tells which
+    contacts unknowns that are not on the grids move along their normals.
 
     Raises
     ------
@@ -42,6 +49,8 @@ def candidates(
     if supports is None or constraints.size == 0:
         return constraints
     movable = _movable(constraints, grid, supports, supported)
+    if driven is not None:
+        movable |= driven(constraints)
     penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
     if penetrating.size:
         bodies = constraints.bodies[:, penetrating[0]]
@@ -50,7 +59,7 @@ def candidates(
 
 
 def _movable(constraints: Constraints, grid: BodyGrids, supports: Elimination, supported: Bools) -> Bools:
-    """Whether normal velocities of contacts are unknown, (k,): supports or rigid bodies may prescribe both sides."""
+    """Whether nodes move contacts along their normals, (k,): supports or rigid bodies may prescribe both sides."""
     normal = constraints.H[:: 2 if constraints.tangential else 1]
     free = abs(normal @ supports.T).sum(axis=1) > 1e-12
     rigid = (constraints.bodies[1] < 0) | (np.diff(grid.blocks)[np.maximum(constraints.bodies[1], 0)] == 0)

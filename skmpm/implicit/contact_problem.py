@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,12 @@ class ContactProblem:
     def constraints(self, w: Array, z: Array) -> Constraints:
         """The constraints about the nodal velocity w (2 nodes,) and scalar unknowns z (p,)."""
         return self.linearise(w) if self.unknowns is None else self.linearise(w, self.unknowns.motions(z))
+
+    def candidates(self, w: Array, z: Array) -> Constraints:
+        """Those of the constraints that enter the contact problem."""
+        unknowns, grid = self.unknowns, self.increment.grid
+        driven = None if unknowns is None else partial(unknowns.drives, z)
+        return candidates(self.constraints(w, z), grid, self.increment.supports, self.supported, driven)
 
     @cached_property
     def speed_round_off(self) -> float:
@@ -180,7 +186,7 @@ def _iterate(
     """Linearise about w and z, with the known impulses."""
     problem.timer.lap("bulk")
     increment = problem.increment
-    current = candidates(problem.constraints(w, z), increment.grid, increment.supports, problem.supported)
+    current = problem.candidates(w, z)
     constraints = current.with_frames_of(frozen, w) if frozen is not None and frozen.size else current
     r = u = np.zeros(0)
     if constraints.size > 0:

@@ -26,6 +26,8 @@ from skmpm.scene import PrescribedVelocities
 
 Array = NDArray[np.float64]
 
+SMALL = 1e-12  # motion along the normal of a contact per motion of what moves it, by round-off
+
 
 @dataclass(frozen=True)
 class Inertia:
@@ -101,6 +103,11 @@ class ScalarUnknowns:
         """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
         blocks = [kind.rows(own, constraints) for kind, own in self._each(z)]
         return sp.csr_array(sp.hstack(blocks, format="csr"))
+
+    def drives(self, z: Array, constraints: Constraints) -> NDArray[np.bool_]:
+        """Whether they move contacts along their normals, (k,)."""
+        normal = self.rows(z, constraints)[:: 2 if constraints.tangential else 1]
+        return np.asarray(abs(normal).sum(axis=1) > SMALL)
 
     def imbalance(self, z: Array, constraints: Constraints, r: Array) -> Array:
         """Out-of-balance impulse under contact impulses r, (p,)."""

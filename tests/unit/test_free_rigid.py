@@ -101,6 +101,18 @@ def test_rigid_blocks_stand_on_each_other():
     assert state.body_force[1, :3] == pytest.approx(np.full(3, RIGID.density * 4 * R**2 * G), rel=1e-6)
 
 
+@pytest.mark.parametrize("scheme", [skmpm.Scheme(), STATIC], ids=["dynamic", "static"])
+def test_supports_elsewhere_do_not_hold_them(scheme):
+    """A grain on the floor and on a rigid block beside a soft disc that is held; a soft disc is held on a grain."""
+    held = skmpm.Body(skmpm.disc((-20.0 * R, R), R, spacing=R / 6), GEL)
+    low, high = (skmpm.Body(skmpm.disc((0.0, y * R), R, spacing=R / 8), RIGID) for y in (1.0, 3.0))
+    supports = [skmpm.Support(lambda x: (x[0] < -10.0 * R) & (x[1] > R))]
+    beside = scene([held, low, high], supports=supports, friction=0.0)
+    *_, state = skmpm.simulate(beside, dt=1e-4, until=1e-3, scheme=scheme)
+    weight = 2.0 * RIGID.density * state.volume[state.body == 1].sum() * G
+    assert state.wall_force[0, 1] == pytest.approx(-weight, rel=1e-6)
+
+
 def test_a_rigid_disc_rests_between_two_others_by_friction():
     """A pile of three: without friction the lower ones would part; the upper one stays where geometry puts it."""
     places = ((-1.01, 1.0), (1.01, 1.0), (0.0, 1.0 + np.sqrt(4.0 - 1.01**2)))
