@@ -22,7 +22,7 @@ from skmpm.simulate.initial_state import can_touch, driven, initial_motion
 
 Array = NDArray[np.float64]
 
-SEVERAL = 6  # deformable bodies from which on errors at contacts average out, as in a packing
+SEVERAL = 6  # bodies that forces move, from which on errors at contacts average out, as in a packing
 BOUNCE = 0.01  # [cells] height of a bounce that need not be accurate; gaps are found a quarter of a cell ahead
 SLOPE = 0.1  # component of a wall's normal against gravity from which on the wall is a floor
 
@@ -47,7 +47,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     v, _ = initial_motion(scene)
     every = chain(*(chain(driven_by_force(scene, t), driven(scene, t)) for t in times))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
-    own = float(np.linalg.norm(v[:, scene.deformable[scene.owner]], axis=0).max())
+    own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max())
     height = free_height(scene) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * height))
     settling = _settling(scene)
@@ -73,8 +73,8 @@ def _bounce(scene: Scene) -> float:
 
 
 def _several(scene: Scene) -> bool:
-    """Whether there are as many deformable bodies as in a packing."""
-    return int(scene.deformable.sum()) >= SEVERAL
+    """Whether as many bodies as in a packing are moved by forces."""
+    return int(scene.movable.sum()) >= SEVERAL
 
 
 def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -> tuple[str, str, float]:
@@ -106,16 +106,16 @@ def _settling(scene: Scene) -> float:
     return float((high - low)[scene.deformable].max()) / scene.fastest_wave
 
 
-def gravity_of(scene: Scene) -> Array:
-    """Gravity at t = 0, (2,) [m/s2]; of a field, its mean over deformable bodies."""
+def gravity_of(scene: Scene, t: float = 0.0) -> Array:
+    """Gravity at time t, (2,) [m/s2]; of a field, its mean over deformable bodies."""
     if not callable(scene.gravity):
         return np.asarray(scene.gravity, dtype=float)
     X = scene.initial_positions[:, scene.deformable[scene.owner]]
-    return np.asarray(field_values("gravity(X, t) at t = 0", scene.gravity(X, 0.0), X).mean(axis=1))
+    return np.asarray(field_values(f"gravity(X, t) at t = {t:g} s", scene.gravity(X, t), X).mean(axis=1))
 
 
 def free_height(scene: Scene) -> float:
-    """Largest height that a deformable body can fall: to the floor, or without one to the lowest body [m]."""
+    """Largest height that a body which forces move can fall: to the floor, or without one to the lowest body [m]."""
     g = gravity_of(scene)
     if not g.any():
         return 0.0
@@ -128,7 +128,7 @@ def free_height(scene: Scene) -> float:
     below = np.min(floors, axis=0) if floors else (down @ x).max() - down @ x
     least = np.full(len(scene.bodies), np.inf)
     np.minimum.at(least, scene.owner, below)
-    return max(0.0, float(least[scene.deformable].max()))
+    return max(0.0, float(least[scene.movable].max()))
 
 
 def smallest_radius(scene: Scene) -> float:
