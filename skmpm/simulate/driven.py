@@ -1,4 +1,4 @@
-"""What walls driven by a force do before a step: how fast they move, and whether they can be driven."""
+"""What forces drive, walls, edges of a periodic box and loaded bodies: how fast it moves before a step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.observe.regions import region
-from skmpm.scene import Scene, SceneError, State
+from skmpm.scene import Contacts, Scene, SceneError, State
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -20,12 +20,17 @@ class Moving(NamedTuple):
     """What moves at the start of a step."""
 
     v: Array  # (2, k) of points, relative to a periodic box, and driven walls [m/s]
-    speed: float  # of the fastest wall or edge of the box that a force drives [m/s]
+    speed: float  # of the fastest wall, edge of the box or loaded body [m/s]
     acceleration: float  # the largest of these [m/s2]
 
 
 def moving(scene: Scene, state: State) -> Moving:
     """What moves at a state."""
+    return _with_loaded_bodies(scene, _moving(scene, state), state.x, state.v, state.t, state.contacts)
+
+
+def _moving(scene: Scene, state: State) -> Moving:
+    """The same without loaded bodies."""
     if state.box is not None:
         return _moving_with_box(scene, state)
     walls = scene.driven_walls
@@ -53,8 +58,64 @@ def _moving_with_box(scene: Scene, state: State) -> Moving:
     return Moving(relative, speed, float(np.abs(force / length).max()) / mass)
 
 
+def _with_loaded_bodies(
+    scene: Scene, others: Moving, x: Array, v: Array, t: float, contacts: Contacts | None = None
+) -> Moving:
+    """What moves, with bodies that have loads and no supports, whose points move at v from x (2, n).
+
+    Their acceleration is that by loads, gravity and the forces of contacts.
+    """
+    loaded = _loaded(scene)
+    if not loaded.any():
+        return others
+    bodies, owner, force = loaded.size, scene.owner, _external(scene, x, t)
+    if contacts is not None:
+        one, two = contacts.bodies
+        for k, pushed in enumerate(contacts.vectors):
+            of_two = np.bincount(np.maximum(two, 0), pushed * (two >= 0), bodies)
+            force[k] += np.bincount(one, pushed, bodies) - of_two
+    mass = np.bincount(owner, scene.masses, bodies)[loaded]
+    momentum = np.stack([np.bincount(owner, scene.masses * component, bodies)[loaded] for component in v])
+    speed, acceleration = (float(np.hypot(*each / mass).max()) for each in (momentum, force[:, loaded]))
+    return others._replace(speed=max(others.speed, speed), acceleration=max(others.acceleration, acceleration))
+
+
+def _loaded(scene: Scene) -> NDArray[np.bool_]:
+    """Which bodies have loads and no supports, (bodies,)."""
+    loaded = np.zeros(len(scene.bodies), dtype=bool)
+    for place in scene.loaded:
+        loaded[scene.owner[place.points]] = True
+    for segments in scene.pressed:
+        loaded[scene.outlines.body[segments]] = True
+    for place in scene.supported:
+        loaded[scene.owner[place.points]] = False
+    return loaded
+
+
+def _external(scene: Scene, x: Array, t: float) -> Array:
+    """Resultants of loads and gravity at time t on bodies with points at x (2, n), (2, bodies) [N/m]."""
+    bodies, owner = len(scene.bodies), scene.owner
+    each = np.zeros_like(x)
+    for place, force in zip(scene.loaded, scene.forces(t), strict=True):
+        each[:, place.points] += force[:, None] * place.share
+    for segments, pressure in zip(scene.pressed, scene.pressure_values(t), strict=True):
+        ends = scene.outlines.point[segments], scene.outlines.point[scene.outlines.next[segments]]
+        along = x[:, ends[1]] - x[:, ends[0]]
+        for k, force_on_first in enumerate((-along[1], along[0])):
+            np.add.at(each[k], ends[0], pressure * force_on_first)
+    X = scene.initial_positions
+    gravity = scene.gravity(X, t) if callable(scene.gravity) else np.reshape(np.asarray(scene.gravity), (2, 1))
+    each += scene.masses * np.asarray(gravity, dtype=float)
+    return np.stack([np.bincount(owner, component, bodies) for component in each])
+
+
 def moving_at_start(scene: Scene, v: Array) -> Moving:
-    """What moves at t = 0, with points at velocities v (2, n) [m/s]; nothing presses on the walls."""
+    """What moves at t = 0, with points at velocities v (2, n) [m/s]; nothing is in contact."""
+    return _with_loaded_bodies(scene, _moving_at_start(scene, v), scene.initial_positions, v, 0.0)
+
+
+def _moving_at_start(scene: Scene, v: Array) -> Moving:
+    """The same without loaded bodies."""
     walls, periodic = scene.driven_walls, scene.periodic
     if periodic is not None and periodic.components.size:
         length = np.diag(periodic.box)[periodic.components[1]]

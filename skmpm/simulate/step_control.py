@@ -111,7 +111,7 @@ def advance_with_chosen_step(
     """
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
-    limit = (pace.limit if chosen else pace.first)(scene, scheme, state.t, moving(scene, state), left)
+    limit = pace.limit(scene, scheme, state.t, moving(scene, state), left)
     limit = pace.during(state, state.contacts, limit)
     length = min(limit, chosen or limit)
     while True:

@@ -19,10 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Contacts, Scene, SceneError, State, prescribed_motions
+from skmpm.scene import Contacts, Scene, SceneError, State
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.driven import Moving
+from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.impacts import normal_speed
 from skmpm.simulate.initial_state import can_touch, driven
 from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radius
@@ -39,8 +40,6 @@ AIM = 4
 # equilibrium depend little on the length: with 4, it fell from 1.4 ms to 2 us in fifty discs, without need.
 AIM_QUASISTATIC = 15
 MAX_CHANGE = 2.0  # of the length, from one step to the next
-TIMES = 101  # of a run, at which functions of time tell how fast objects are driven
-FIRST = 1e-3  # of the run: largest first step where velocities are functions of time
 SAMPLES = np.linspace(0.0, 1.0, 5)  # of a step, where prescribed velocities are taken
 
 
@@ -51,8 +50,8 @@ class Pace:
     loading: Loading
     radius: float  # of the smallest body [m]
     wave: float  # speed of the fastest pressure wave [m/s]
-    gravity: float  # [m/s2]
     room: float  # largest displacement of bodies past each other [m]
+    functions: FunctionsOfTime
 
     def limit(self, scene: Scene, scheme: Scheme, t: float, now: Moving, left: float) -> float:
         """The longest step from time t, at most `left` [s]."""
@@ -62,9 +61,10 @@ class Pace:
         if scheme.inertia and can_touch(scene):
             every = np.concatenate([now.v, scene.wall_velocities(t).T], axis=1)
             speed = float(np.hypot(*np.ptp(every, axis=1)))
-            limits.append(_time(self.room, speed, self.gravity))
+            limits.append(_time(self.room, speed, float(np.hypot(*gravity_of(scene, t)))))
+        if scheme.inertia:
             limits.append(_time(STROKE * scene.cell, now.speed, now.acceleration))
-        return _within_stroke(scene, t, float(min(limits)))
+        return _within_stroke(scene, t, self.functions.followed(t, float(min(limits)), self.resolving))
 
     @property
     def resolving(self) -> float:
@@ -76,10 +76,6 @@ class Pace:
         if self.loading.impact == np.inf or normal_speed(state, contacts) <= self.loading.impact:
             return length
         return min(length, self.resolving)
-
-    def first(self, scene: Scene, scheme: Scheme, t: float, now: Moving, left: float) -> float:
-        """The longest first step, a small part of the run where velocities are functions of time."""
-        return self.limit(scene, scheme, t, now, FIRST * left if _functions_of_time(scene) else left)
 
 
 def _time(distance: float, speed: float, acceleration: float) -> float:
@@ -109,25 +105,16 @@ def pace_of(scene: Scene, scheme: Scheme, start: float, until: float) -> Pace:
     """
     if scheme.explicit:
         raise SceneError("simulate: explicit steps need dt, below about 0.7 h/c; `preflight` gives c")
-    loading = loading_of(scene, np.linspace(start, until, TIMES if _functions_of_time(scene) else 1))
-    of_time = [scene.gravity, *(load.force for load in scene.dead_loads), *(spring.rest for spring in scene.springs)]
-    of_time += [pressure.value for pressure in scene.pressures]
-    if any(callable(f) for f in of_time) and not scheme.inertia:
+    functions = FunctionsOfTime.of(scene, scheme.theta, until)
+    loading = loading_of(scene, np.linspace(start, until, 1 if functions.none else TIMES))
+    if functions.of_bodies and not scheme.inertia:
         raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
-    gravity = float(np.hypot(*gravity_of(scene)))
     # Where something is driven, collisions of bodies that are loose between others need not be accurate.
     room = max_motion(scene) if loading.driven > 0.0 else MAX_APPROACH * scene.cell
-    return Pace(loading, smallest_radius(scene), scene.fastest_wave, gravity, room)
+    return Pace(loading, smallest_radius(scene), scene.fastest_wave, room, functions)
 
 
 def next_length(length: float, newton: int, scheme: Scheme) -> float:
     """The length [s] after a step of another length that took so many Newton iterations."""
     aim = AIM if scheme.inertia else AIM_QUASISTATIC
     return float(length * np.clip(np.sqrt(aim / max(newton, 1)), 1.0 / MAX_CHANGE, MAX_CHANGE))
-
-
-def _functions_of_time(scene: Scene) -> bool:
-    """Whether a prescribed velocity, or what drives a wall or a periodic box, is a function of time."""
-    stress = () if scene.periodic is None else (scene.periodic.stress,)
-    forces = [f for wall in scene.walls for f in (wall.force, wall.pressure)]
-    return any(callable(f) for f in (*prescribed_motions(scene), *forces, *stress))

@@ -9,11 +9,12 @@ from test_simulate import identical
 
 from skmpm.io import load, save
 from skmpm.material import NeoHookean, Rigid
-from skmpm.points import disc
+from skmpm.points import box, disc
 from skmpm.preflight import preflight
-from skmpm.scene import Body, Contacts, Load, Scene, SceneError, StepFailed, Support, Wall
+from skmpm.scene import Body, Contacts, Load, Pressure, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import simulate
+from skmpm.simulate import initial, simulate
+from skmpm.simulate.functions_of_time import FunctionsOfTime
 from skmpm.simulate.impacts import normal_speed
 
 STEP_CONTROL = import_module("skmpm.simulate.step_control")
@@ -93,6 +94,20 @@ def test_a_disc_that_falls_bounces_as_one_that_is_thrown():
     assert sum(s.t < 0.9 * speed / 9.81 for s in chosen) < 50, "falls"
 
 
+@pytest.mark.parametrize(
+    ("gap", "motion"), [(0.005, {"velocity": (0.0, -0.3)}), (0.3, {})], ids=["thrown", "dropped"]
+)
+def test_impacts_of_free_rigid_bodies_are_resolved(gap, motion):
+    """Gravity made them pass for bodies that settle: nine steps, and a rebound of a third."""
+    pad = Body(box((0.0, 0.0), (4 * R, R), spacing=0.74 * CELL), GEL)
+    grain = Body(disc((2 * R, (2.0 + gap) * R), R, spacing=0.74 * CELL), Rigid(8000.0), **motion)
+    scene = Scene([pad, grain], cell=CELL, walls=[Wall((0, 0), (0, 1))], gravity=(0.0, -9.81))
+    states = simulate(scene, until=0.1)
+    touching = next(s for s in states if (s.contacts.force[0, (s.contacts.bodies == 1).any(axis=0)] > 0.0).any())
+    resolved = [touching.report.dt, *(next(states).report.dt for _ in range(3))]
+    assert max(resolved) <= 0.1 * R / WAVE
+
+
 def test_a_disc_that_falls_by_little_comes_to_rest_where_short_steps_bring_it():
     """It would bounce by less than a hundredth of a cell."""
     walls = [Wall((0, 0), (0, 1), friction=0.5)]
@@ -163,8 +178,87 @@ def test_a_motion_that_starts_at_rest_is_followed():
     ]
     for scene in motions:
         states = list(simulate(scene, until=period))
-        assert states[0].report.dt <= 1e-3 * period
+        assert states[0].report.dt <= period / 8
         assert 10 < len(states) < 400
+        if scene.walls and callable(scene.walls[-1].velocity):
+            t = np.array([s.t for s in states])
+            exact = 2.0 * R - 0.025 * R * (1.0 - np.cos(2.0 * np.pi * t / period))
+            assert lid(states) == pytest.approx(exact, abs=1e-3 * R)
+
+
+# --- functions of time
+
+SIDE = 0.02
+BLOCK = Body(box((0, 0), (SIDE, SIDE), spacing=SIDE / 8), NeoHookean(1e6, 0.3, 1000.0))
+FAR_LID = Wall((0, 100 * SIDE), (0, -1), velocity=(0, -1e-3))  # it sets a pace of 0.7 s a step
+MASS = 1000.0 * SIDE**2
+
+
+def everywhere(x):
+    return x[0] > -1.0
+
+
+def shortly(t):
+    return 1.0 * (0.08 < t < 0.12)
+
+
+def smoothly(t):
+    return np.sin(np.pi * (t - 0.05) / 0.1) ** 2 * (0.05 < t < 0.15)
+
+
+def mean_over_points(state, values):
+    return np.average(values, weights=state.mass)
+
+
+@pytest.mark.parametrize(
+    ("pulse", "duration", "options"),
+    [
+        (shortly, 0.04, lambda f: {"gravity": lambda X, t: np.stack([f(t) + 0 * X[0], 0 * X[1]])}),
+        (shortly, 0.04, lambda f: {"loads": [Load(everywhere, lambda t: (MASS * f(t), 0.0))]}),
+        (shortly, 0.04, lambda f: {"loads": [Pressure(lambda x: x[0] < 1e-9, lambda t: MASS * f(t) / SIDE)]}),
+        (smoothly, 0.05, lambda f: {"loads": [Load(everywhere, lambda t: (MASS * f(t), 0.0))]}),
+    ],
+    ids=["gravity", "load", "pressure", "smooth load"],
+)
+def test_no_pulse_of_a_load_is_missed(pulse, duration, options):
+    """The velocity is the impulse over the mass, under a lid so slow that one step would do: it missed pulses."""
+    *_, state = simulate(Scene([BLOCK], cell=SIDE / 4, walls=[FAR_LID], **options(pulse)), until=0.2)
+    assert mean_over_points(state, state.v[0]) == pytest.approx(duration, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("force", "velocity", "path"),
+    [(lambda t: (MASS, 0.0), 0.2, 0.02), (lambda t: (MASS * t / 0.2, 0.0), 0.1, 0.2**2 / 6)],
+    ids=["constant", "ramp"],
+)
+def test_a_free_body_with_a_load_follows_it(force, velocity, path):
+    """One step of 0.2 s would move it by 2 and 6 times the path; a ramp takes 50 steps of backward Euler."""
+    load = Load(everywhere, force(1.0) if force(0.0)[0] else force)
+    scene = Scene([BLOCK], cell=SIDE / 4, walls=[FAR_LID], loads=[load])
+    start = mean_over_points(initial(scene), initial(scene).x[0])
+    *_, state = simulate(scene, until=0.2)
+    assert mean_over_points(state, state.v[0]) == pytest.approx(velocity, rel=0.02)
+    assert mean_over_points(state, state.x[0]) - start == pytest.approx(path, rel=0.05)
+
+
+def test_a_wall_that_vibrates_within_a_step_is_followed():
+    """By a twentieth of a cell, so that a step as long as its stroke allows takes a fifth of a period."""
+    size, rate = 0.05 * SIDE / 4, 2.0 * np.pi / 0.01
+    wall = Wall((0, -0.5 * SIDE), (0, 1), velocity=lambda t: (0.0, size * rate * np.cos(rate * t)))
+    states = list(simulate(Scene([BLOCK], cell=SIDE / 4, walls=[wall]), until=0.1))
+    path = np.array([s.walls[0, 1] + 0.5 * SIDE for s in states])
+    assert path == pytest.approx(size * np.sin(rate * np.array([s.t for s in states])), abs=0.03 * size)
+
+
+def test_functions_of_time_are_followed_until_waves_are_resolved():
+    """A jump shortens the steps that meet it, down to the shortest one; others keep their length."""
+    scene = Scene([BLOCK], cell=SIDE / 4, loads=[Load(everywhere, lambda t: (float(t > 0.1), 0.0))])
+    functions = FunctionsOfTime.of(scene, 1.0, 0.2)
+    assert functions.followed(0.0, 0.09, 1e-6) == 0.09
+    assert 0.04 < functions.followed(0.0, 0.19, 1e-6) < 0.1
+    assert functions.followed(0.0999999, 0.1, 1e-6) == 0.1  # but for a millionth the load is on
+    assert functions.followed(0.09, 0.011, 1e-3) < 0.01
+    assert FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4), 1.0, 0.2).none
 
 
 # --- newton iterations and failures
