@@ -32,6 +32,7 @@ from skmpm.simulate.step_control import (
 from skmpm.simulate.step_length import Pace, pace_of
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
+SLOW = 1e-3  # kinetic over elastic energy, below which a packing counts as quasi-static
 
 _log = logging.getLogger("skmpm")
 
@@ -94,9 +95,24 @@ def simulate(
                 f"simulate: until = {float(until):g} s lies before start, at t = {start.t:g} s; it is a time, not a"
                 " duration: add start.t"
             )
+        if scheme.inertia and (warning := _velocities_of_statics(start)):
+            _log.warning("%s", warning)
     first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
     pace = pace_of(scene, scheme, first.t, until) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))
+
+
+def _velocities_of_statics(state: State) -> str | None:
+    """The warning of velocities that a quasi-static step left, where they are no slow motion."""
+    energy, kinetic = state.report.energy, 0.5 * float(state.mass @ (state.v**2).sum(axis=0))
+    if state.report.newton == 0 or energy.kinetic > 0.0 or kinetic <= SLOW * energy.elastic:
+        return None
+    share = kinetic / max(energy.elastic, 1e-300)
+    return (
+        "simulate: start is the state of a quasi-static step, whose velocities are displacements over its length, up"
+        f" to {np.hypot(*state.v).max():.3g} m/s; they have inertia from here on: {share:.2g} times"
+        " the elastic energy. For a start from rest give dataclasses.replace(state, v=0 * state.v, C=0 * state.C)"
+    )
 
 
 def _first(scene: Scene, scheme: Scheme) -> State:

@@ -166,3 +166,19 @@ def test_a_state_of_another_scene_is_refused(run):
     alone = Scene([Body(disc((0, 0), R, spacing=R / 5), GEL), other], cell=R / 3)
     with pytest.raises(SceneError, match="continued: the state has"):
         continued(alone, run[1], run[0])
+
+
+@pytest.mark.parametrize("duration", [8e-4, 8.0])
+def test_velocities_that_a_quasi_static_stage_leaves_are_spoken_of_where_they_are_no_slow_motion(duration, caplog):
+    """0.16 R in 0.8 ms and in 8 s are the same to a quasi-static stage, and 0.2 m/s to a dynamic one after it."""
+    lid = replace(LID, velocity=(0.0, -0.16 * R / duration))
+    scene = pressed((FLOOR, LEFT, RIGHT, lid))
+    *_, state = simulate(scene, dt=duration / 8, until=duration, scheme=Scheme(inertia=False))
+    still = pressed((FLOOR, LEFT, RIGHT, replace(lid, velocity=(0.0, 0.0))))
+    begun = continued(scene, state, still)
+    rested = replace(begun, v=0 * begun.v, C=0 * begun.C)
+    for start, warned in ((begun, duration < 1.0), (rested, False)):
+        caplog.clear()
+        next(simulate(still, dt=DT, until=state.t + DT, start=start))
+        assert [m for m in caplog.messages if "quasi-static step" in m and "from rest" in m] == caplog.messages
+        assert bool(caplog.messages) == warned
