@@ -203,7 +203,8 @@ def figures(folder):
         shown = panels[1].tricontourf(sign * place[0], place[1], values, np.linspace(0.0, top, 9), extend="max")
     panels[1].set(aspect="equal", title="finite elements | R/h = 16", xlabel="x / R", ylabel="y / R")
     figure.colorbar(shown, ax=panels[1], label="equivalent plastic strain", shrink=0.7)
-    keep(figure, folder / "plasticity.png")
+    keep(figure, folder / "plastic_flow.png")
     return {
-        "plasticity.png": "A plastic disc between plates: force over stroke; equivalent plastic strain after release."
+        "plastic_flow.png": "A plastic disc between plates: force over stroke; equivalent plastic strain after"
+        " release."
     }

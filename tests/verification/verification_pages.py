@@ -23,7 +23,7 @@ GROUPS = {
         "thin_parts": "Thin parts",
         "slits": "Slits",
         "large_deflection": "Large deflections and strains",
-        "plasticity": "Plasticity",
+        "plastic_flow": "Plasticity",
     },
     "Dynamics": {
         "dynamics": "An elastic bar and a spinning disc",
