@@ -56,7 +56,8 @@ def _check_not_empty(name: str, scene: Scene, chosen: PointSet) -> None:
         x = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
         raise SceneError(
             f"{name} is true at no point of a deformable body; they lie between {x.min(axis=1)} and {x.max(axis=1)},"
-            " the outermost on the boundary: allow for round-off in comparisons"
+            " the outermost on the boundary: allow for round-off in comparisons. On rigid bodies only gravity and"
+            " contact act"
         )
 
 

@@ -91,7 +91,7 @@ class Wall:
     force : that drives the wall towards the bodies [N/m], a number or a function of time, taken at t + theta dt of
         each step from t on
     pressure : the same over the length of the wall between the other walls [Pa]
-    mass : of a driven wall [kg/m]; by default that of all deformable bodies. Without inertia it has none
+    mass : of a driven wall [kg/m]; by default that of all bodies which forces move. Without inertia it has none
     friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
         of the scene
     cohesion : tension that contacts with bodies bear [Pa], see `Scene`
