@@ -39,6 +39,8 @@ def solver_of(
     A = increment.matrix(configuration, projected=projected)
     if increment.gauge is not None and increment.gauge.rotation.any():
         return _on_gauge(increment, increment.gauge, A, configuration, in_contact)
+    if in_contact and not projected and increment.scheme.inertia and not increment.scheme.explicit:
+        return _with_rotational_inertia(increment, A, configuration, None)
     try:
         return _solver(increment, A)
     except np.linalg.LinAlgError as error:
@@ -87,35 +89,41 @@ def _projected(
 
 
 def _with_rotational_inertia(
-    increment: Increment, A: sp.bsr_array, configuration: Configuration, failed: NotPositiveDefinite
+    increment: Increment, A: sp.bsr_array, configuration: Configuration, failed: NotPositiveDefinite | None
 ) -> Solver:
     """A solver with additional inertia of indefinite bodies: under pressure, their rotation is unstable by itself.
 
     A body under pressure p that rotates by phi while its loads keep their directions loses the energy p V phi^2,
     which exceeds its rotational energy in long steps. Translations keep their inertia, so that an iteration balances
     the momentum of the body; in scenes with supports, whose reactions enter that balance, they do not. Bodies that
-    are indefinite all the same have their tangents projected.
+    are indefinite all the same have their tangents projected. Nothing has `failed` yet where bodies touch: those
+    whose rotation is unstable are known to be indefinite.
     """
     grid, assembly = increment.grid, increment.bulk.assembly
     weight, diagonal = assembly.mass[::2], assembly.diagonal_blocks
     arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, weight)
     inertia, missing = _rotational_stiffness(increment, A, np.stack([-arm[1], arm[0]], axis=1).ravel())
-    lacking, added, exact = missing / np.maximum(inertia, 1e-300), np.zeros(grid.bodies), A.data[diagonal]
-    solver: Solver | None = None
-    for factor in np.cumprod(FACTORS):
-        if not lacking[failed.bodies].any():
-            break  # what is unstable is no rotation
-        added[failed.bodies] = factor * lacking[failed.bodies]
-        A.data[diagonal] = exact + (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
+    lacking, exact = missing / np.maximum(inertia, 1e-300), A.data[diagonal]
+    factors = np.append(0.0, np.cumprod(FACTORS))
+    attempt = (lacking > MIN_ROTATIONAL_STIFFNESS).astype(np.int64)  # of each body
+    added, solver = np.zeros(grid.bodies), None
+    while solver is None:
+        if failed is not None:
+            if not lacking[failed.bodies].any() or attempt[failed.bodies].max() == len(FACTORS):
+                break  # what is unstable is no rotation
+            attempt[failed.bodies] += 1
+        added = factors[attempt] * lacking
+        if added.any():
+            A.data[diagonal] = exact + (added[grid.node_body] * weight)[:, None, None] * np.eye(2)
         try:
             solver = _solver(increment, A, failed)
-            break
         except np.linalg.LinAlgError as error:
             failed = _indefinite(increment, error)
     if solver is None:
+        assert failed is not None
         added[failed.bodies] = 0.0
         solver = _projected(increment, A, configuration, failed, (1.0,))
-    if increment.supports is not None:
+    if increment.supports is not None or not added.any():
         return solver
     return without_added_inertia(solver, grid.node_body, added, grid.sums(weight[None])[0])
 

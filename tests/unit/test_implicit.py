@@ -343,7 +343,7 @@ def test_a_failure_names_the_criteria_that_are_not_met_and_no_other(iterations, 
 def test_pressed_bodies_in_long_steps_get_inertia_and_no_projected_tangents(monkeypatch):
     """With just the inertia that a rotation lacks the softest mode stayed unstable, and all points were projected."""
     matrix, calls = import_module("skmpm.implicit.matrix"), []
-    for name in ("_with_rotational_inertia", "_projected"):
+    for name in ("without_added_inertia", "_projected"):
         original = getattr(matrix, name)
         monkeypatch.setattr(matrix, name, lambda *a, of=original, n=name: (calls.append(n), of(*a))[1])
     gel, speed = NeoHookean(E=10e6, nu=0.45, density=990.0), 5e-3
@@ -354,7 +354,7 @@ def test_pressed_bodies_in_long_steps_get_inertia_and_no_projected_tangents(monk
     scene = Scene([Body(disc((0.0, 0.0), R, spacing=R / 7), gel)], cell=R / 5, walls=walls)
     *_, state = simulate(scene, until=0.1 * R / speed)
     assert state.report.unbalanced < 1e-3
-    assert calls.count("_with_rotational_inertia") >= 2
+    assert calls.count("without_added_inertia") >= 2
     assert "_projected" not in calls
 
 

@@ -154,6 +154,16 @@ def test_every_configuration_is_evaluated_once():
     assert calls.named("Bulk.energy_anew") == calls.named("Bulk.responses") == 1 + STEPS + iterations
 
 
+def test_pressed_bodies_are_factorised_once_a_matrix():
+    """Their rotation is unstable in long steps, as its quadratic form tells before a factorisation fails."""
+    lid = [Wall((0, 1.017e-3), (0, -1), velocity=(0, -1e-3)), Wall((0, -0.983e-3), (0, 1))]
+    scene = Scene([round_body()], cell=CELL, walls=lid, friction=0.5)
+    with Calls() as calls:
+        states = list(simulate(scene, dt=1e-2, until=0.1))
+    assert calls.named("without_added_inertia") > 0
+    assert calls.named("matrix._solver") == sum(state.report.factorisations for state in states)
+
+
 def test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall():
     """A disc squeezed between planes and between slabs of points: the same matrices; two slabs lie on one another."""
     planes = squeezed()
