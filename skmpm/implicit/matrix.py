@@ -191,12 +191,8 @@ def _spring_nodes(grid: BodyGrids, rotation: Array, weight: Array, bodies: Ints)
     np.maximum.at(full, grid.node_body, weight)
     chosen[bodies] = True
     own = np.flatnonzero(chosen[grid.node_body] & (weight > MIN_NODAL_MASS * full[grid.node_body]))
-    body, nodes = grid.node_body[own], []
-    for angle in 2.0 * np.pi * (np.arange(SPRINGS) + 0.5) / SPRINGS:
-        along = np.cos(angle) * rotation[own, 1] - np.sin(angle) * rotation[own, 0]  # of the arm
-        order = np.lexsort((along, body))
-        nodes.append(own[order[np.append(np.diff(body[order]) > 0, True)]])
-    return np.stack(nodes)
+    angle = 2.0 * np.pi * (np.arange(SPRINGS) + 0.5) / SPRINGS
+    return grid.outermost(own, np.stack([rotation[:, 1], -rotation[:, 0]], axis=1), angle)[:, bodies]
 
 
 def _solver(increment: Increment, A: sp.bsr_array, failed: NotPositiveDefinite | None = None) -> Solver:
