@@ -56,7 +56,7 @@ class Gauge:
 
     def _sums(self, values: Array) -> Array:
         """Sums (bodies,) of values (2 nodes,)."""
-        return np.asarray(self.grid.sums(values.reshape(1, -1, 2).sum(axis=-1))[0])
+        return np.asarray(self.grid.sums((values[::2] + values[1::2])[None])[0])
 
     def _spread(self, values: Array | NDArray[np.bool_]) -> Array:
         """Values of bodies (bodies,) at their nodes, (2 nodes,)."""

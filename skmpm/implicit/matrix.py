@@ -135,8 +135,8 @@ def _rotational_stiffness(increment: Increment, A: sp.bsr_array, rotation: Array
     the same with a hundredth of it and with four times as much.
     """
     mass = increment.bulk.assembly.mass if increment.scheme.inertia else increment.stiffness_as_mass
-    quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)]).reshape(2, -1, 2).sum(axis=-1)
-    inertia, stiffness = increment.grid.sums(quadratic)
+    quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)])
+    inertia, stiffness = increment.grid.sums(quadratic[:, ::2] + quadratic[:, 1::2])
     return inertia, np.maximum(MIN_ROTATIONAL_STIFFNESS * inertia - stiffness, 0.0)
 
 
