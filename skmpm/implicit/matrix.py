@@ -39,7 +39,7 @@ def solver_of(
     A = increment.matrix(configuration, projected=projected)
     if increment.gauge is not None and increment.gauge.rotation.any():
         return _on_gauge(increment, increment.gauge, A, configuration, in_contact)
-    if in_contact and not projected and increment.scheme.inertia and not increment.scheme.explicit:
+    if in_contact and increment.long and not projected and increment.scheme.inertia:
         return _with_rotational_inertia(increment, A, configuration, None)
     try:
         return _solver(increment, A)
@@ -96,8 +96,8 @@ def _with_rotational_inertia(
     A body under pressure p that rotates by phi while its loads keep their directions loses the energy p V phi^2,
     which exceeds its rotational energy in long steps. Translations keep their inertia, so that an iteration balances
     the momentum of the body; in scenes with supports, whose reactions enter that balance, they do not. Bodies that
-    are indefinite all the same have their tangents projected. Nothing has `failed` yet where bodies touch: those
-    whose rotation is unstable are known to be indefinite.
+    are indefinite all the same have their tangents projected. Nothing has `failed` yet in long steps of bodies that
+    touch: those whose rotation is unstable are known to be indefinite.
     """
     grid, assembly = increment.grid, increment.bulk.assembly
     weight, diagonal = assembly.mass[::2], assembly.diagonal_blocks
@@ -105,7 +105,8 @@ def _with_rotational_inertia(
     inertia, missing = _rotational_stiffness(increment, A, np.stack([-arm[1], arm[0]], axis=1).ravel())
     lacking, exact = missing / np.maximum(inertia, 1e-300), A.data[diagonal]
     factors = np.append(0.0, np.cumprod(FACTORS))
-    attempt = (lacking > MIN_ROTATIONAL_STIFFNESS).astype(np.int64)  # of each body
+    unstable = lacking > MIN_ROTATIONAL_STIFFNESS if failed is None else np.zeros(grid.bodies, dtype=bool)
+    attempt = unstable.astype(np.int64)  # of each body
     added, solver = np.zeros(grid.bodies), None
     while solver is None:
         if failed is not None:
