@@ -11,7 +11,15 @@ from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_m
 from skmpm.scene.report import Energy, Report, StepControl
 from skmpm.scene.rigid_motion import centres, fitted_motions, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
-from skmpm.scene.springs import Spring, rest_of, spring_energy, spring_forces, stiffness_of, work_of_ends
+from skmpm.scene.springs import (
+    Spring,
+    forces_of_springs,
+    rest_of,
+    spring_energy,
+    spring_forces,
+    stiffness_of,
+    work_of_ends,
+)
 from skmpm.scene.stages import continued
 from skmpm.scene.state import Derived, State, StepFailed
 from skmpm.scene.walls_in_view import view_of, wall_lines
@@ -43,6 +51,7 @@ __all__ = [
     "deformed",
     "field_values",
     "fitted_motions",
+    "forces_of_springs",
     "initial_internal",
     "into_box",
     "material_at",

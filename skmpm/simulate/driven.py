@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.observe.regions import region
-from skmpm.scene import Contacts, Scene, SceneError, State
+from skmpm.scene import Contacts, Scene, SceneError, State, forces_of_springs
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -24,20 +24,20 @@ class Moving(NamedTuple):
     acceleration: float  # the largest of these [m/s2]
 
 
-def moving(scene: Scene, state: State) -> Moving:
-    """What moves at a state."""
-    return _with_loaded_bodies(scene, _moving(scene, state), state.x, state.v, state.t, state.contacts)
+def moving(scene: Scene, state: State, t: float) -> Moving:
+    """What moves at a state, with the forces of time t [s] that are functions of time."""
+    return _with_loaded_bodies(scene, _moving(scene, state, t), state.x, state.v, t, state.contacts)
 
 
-def _moving(scene: Scene, state: State) -> Moving:
+def _moving(scene: Scene, state: State, t: float) -> Moving:
     """The same without loaded bodies."""
     if state.box is not None:
-        return _moving_with_box(scene, state)
+        return _moving_with_box(scene, state, t)
     walls = scene.driven_walls
     if walls.size == 0:
         return Moving(state.v, 0.0, 0.0)
     velocity, normal = state.wall_velocity[walls], scene.normals.T[walls]
-    force = scene.driving_forces(state.t, region(scene.normals, state.walls.T).length)
+    force = scene.driving_forces(t, region(scene.normals, state.walls.T).length)
     net = force + np.einsum("pi,pi->p", state.wall_force[walls], normal)
     fastest = float(np.hypot(*velocity.T).max())
     return Moving(
@@ -45,7 +45,7 @@ def _moving(scene: Scene, state: State) -> Moving:
     )
 
 
-def _moving_with_box(scene: Scene, state: State) -> Moving:
+def _moving_with_box(scene: Scene, state: State, t: float) -> Moving:
     """What moves in a periodic box, with the speed and the acceleration of the edges that a stress moves."""
     assert scene.periodic is not None and state.box is not None and state.box_rate is not None
     relative, (i, j) = state.v - state.box_rate @ state.x, scene.periodic.components
@@ -53,7 +53,7 @@ def _moving_with_box(scene: Scene, state: State) -> Moving:
         return Moving(relative, 0.0, 0.0)
     length, mass = np.diag(state.box)[j], scene.periodic.mass or scene.mass
     pressed = np.einsum("qk,qk->q", state.contacts.vectors[i], state.contacts.image[j])
-    force = abs(float(np.linalg.det(state.box))) * scene.periodic.stress_at(state.t) - pressed
+    force = abs(float(np.linalg.det(state.box))) * scene.periodic.stress_at(t) - pressed
     speed = float(np.abs(state.box_rate[i, j] * length).max())
     return Moving(relative, speed, float(np.abs(force / length).max()) / mass)
 
@@ -61,9 +61,10 @@ def _moving_with_box(scene: Scene, state: State) -> Moving:
 def _with_loaded_bodies(
     scene: Scene, others: Moving, x: Array, v: Array, t: float, contacts: Contacts | None = None
 ) -> Moving:
-    """What moves, with bodies that have loads and no supports, whose points move at v from x (2, n).
+    """What moves, with bodies that have loads or springs and no supports, whose points move at v from x (2, n).
 
-    Their acceleration is that by loads, gravity and the forces of contacts.
+    Their acceleration is that by loads, springs, gravity and the forces of contacts. Gravity that is a function is a
+    load of all bodies.
     """
     loaded = _loaded(scene)
     if not loaded.any():
@@ -81,9 +82,10 @@ def _with_loaded_bodies(
 
 
 def _loaded(scene: Scene) -> NDArray[np.bool_]:
-    """Which bodies have loads and no supports, (bodies,)."""
-    loaded = np.zeros(len(scene.bodies), dtype=bool)
-    for place in scene.loaded:
+    """Which bodies have loads or springs and no supports, (bodies,)."""
+    loaded = scene.movable & callable(scene.gravity)
+    springs = [end for ends in scene.sprung for end in (ends.first, ends.second) if end is not None]
+    for place in (*scene.loaded, *springs):
         loaded[scene.owner[place.points]] = True
     for segments in scene.pressed:
         loaded[scene.outlines.body[segments]] = True
@@ -93,9 +95,9 @@ def _loaded(scene: Scene) -> NDArray[np.bool_]:
 
 
 def _external(scene: Scene, x: Array, t: float) -> Array:
-    """Resultants of loads and gravity at time t on bodies with points at x (2, n), (2, bodies) [N/m]."""
+    """Resultants of loads, springs and gravity at time t on bodies with points at x (2, n), (2, bodies) [N/m]."""
     bodies, owner = len(scene.bodies), scene.owner
-    each = np.zeros_like(x)
+    each = forces_of_springs(scene, x, t)
     for place, force in zip(scene.loaded, scene.forces(t), strict=True):
         each[:, place.points] += force[:, None] * place.share
     for segments, pressure in zip(scene.pressed, scene.pressure_values(t), strict=True):

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Function = Callable[[float], ArrayLike]
 
 INTERVALS = 64  # of a step, between times at which functions are looked at
-# Largest error of the impulse of a load in a step, over that of the largest load of a run: the mean deviation from
+# Largest error of the impulse of a load in a step, over that of the largest in a run: the mean deviation from
 # the value that the step takes. A ramp from zero then takes 50 steps; the velocity at its end is 1.5 % too large.
 MAX_ERROR = 0.01
 # Largest deviation of a velocity or a displacement from a straight line, over the largest in a run: the mean of a
@@ -33,11 +33,11 @@ TIMES = 101  # of a run, at which functions of time tell how large they are
 
 @dataclass(frozen=True)
 class FunctionsOfTime:
-    """Those of a scene, each with its largest value in a run."""
+    """Those of a scene, each with the largest value of every component in a run."""
 
-    loads: tuple[tuple[Function, float], ...]
-    velocities: tuple[tuple[Function, float], ...]
-    displacements: tuple[tuple[Function, float], ...]
+    loads: tuple[tuple[Function, Array], ...]
+    velocities: tuple[tuple[Function, Array], ...]
+    displacements: tuple[tuple[Function, Array], ...]
     theta: float
     of_bodies: bool  # whether some of the loads act on bodies, not on walls or a periodic box
 
@@ -46,8 +46,8 @@ class FunctionsOfTime:
         """Those of a scene that runs to a time [s]."""
         times = np.linspace(0.0, until, TIMES if until > 0.0 else 1)
 
-        def with_size(functions: Iterable[Any]) -> tuple[tuple[Function, float], ...]:
-            return tuple((f, float(np.abs(_values(f, times)).max())) for f in functions if callable(f))
+        def with_size(functions: Iterable[Any]) -> tuple[tuple[Function, Array], ...]:
+            return tuple((f, np.abs(_values(f, times)).max(axis=0)) for f in functions if callable(f))
 
         displacements = [support.displacement for support in scene.supports]
         velocities = [f for f in prescribed_motions(scene) if not any(f is each for each in displacements)]
@@ -86,10 +86,10 @@ class FunctionsOfTime:
         return True
 
 
-def _relative(error: Array, values: Array, size: float) -> float:
-    """The largest of errors over the largest value, of those in the step and that of the run."""
-    largest = max(size, float(np.abs(values).max()))
-    return float(np.abs(error).max()) / largest if largest > 0.0 else 0.0
+def _relative(error: Array, values: Array, size: Array) -> float:
+    """The largest error over the largest value of its component, of those in the step and that of the run."""
+    largest = np.maximum(size, np.abs(values).max(axis=0))
+    return float((np.abs(error) / np.where(largest > 0.0, largest, 1.0)).max())
 
 
 def _values(f: Function, times: Array) -> Array:

@@ -111,9 +111,15 @@ def advance_with_chosen_step(
     """
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
-    limit = pace.limit(scene, scheme, state.t, moving(scene, state), left)
+    limit = pace.limit(scene, scheme, state.t, moving(scene, state, state.t), left)
+    if pace.functions.loads:  # which may begin to act in the step
+        end = state.t + limit
+        limit = pace.limit(scene, scheme, state.t, moving(scene, state, end), limit, end)
     limit = pace.during(state, state.contacts, limit)
-    length = min(limit, chosen or limit)
+    length = wanted = min(limit, chosen or limit)
+    if length < left < 2.0 * length:  # the last two are equal: forces on what accelerates depend on their ratio
+        length = 0.5 * left
+    halved = length
     while True:
         try:
             after = step(scene, state, length, scheme=scheme)
@@ -129,7 +135,8 @@ def advance_with_chosen_step(
             continue
         report = replace(after.report, retries=len(failures))
         # A step that `until` shortens says nothing about the length of the next one.
-        chosen = chosen if length == left < chosen else next_length(length, report.newton, scheme)
+        by_end = length == left < chosen or length == halved < wanted
+        chosen = (chosen or wanted) if by_end else next_length(length, report.newton, scheme)
         t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
         return replace(after, t=t, report=report, step_control=StepControl(chosen=chosen)), failures
 

@@ -53,15 +53,17 @@ class Pace:
     room: float  # largest displacement of bodies past each other [m]
     functions: FunctionsOfTime
 
-    def limit(self, scene: Scene, scheme: Scheme, t: float, now: Moving, left: float) -> float:
-        """The longest step from time t, at most `left` [s]."""
+    def limit(
+        self, scene: Scene, scheme: Scheme, t: float, now: Moving, left: float, forces_at: float | None = None
+    ) -> float:
+        """The longest step from time t, at most `left` [s]; `forces_at` is the time of gravity, by default t."""
         limits = [left]
         if scheme.inertia and self.loading.waves and not self.loading.settles:
             limits.append(self.resolving)
         if scheme.inertia and can_touch(scene):
             every = np.concatenate([now.v, scene.wall_velocities(t).T], axis=1)
             speed = float(np.hypot(*np.ptp(every, axis=1)))
-            limits.append(_time(self.room, speed, float(np.hypot(*gravity_of(scene, t)))))
+            limits.append(_time(self.room, speed, float(np.hypot(*gravity_of(scene, forces_at or t)))))
         if scheme.inertia:
             limits.append(_time(STROKE * scene.cell, now.speed, now.acceleration))
         return _within_stroke(scene, t, self.functions.followed(t, float(min(limits)), self.resolving))

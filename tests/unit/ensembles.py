@@ -13,7 +13,6 @@ GEL = skmpm.NeoHookean(E=10e6, nu=0.45, density=990.0)
 
 def scene(speed=1.0):
     """A disc that a lid squeezes, by a function of time that chosen steps follow with a dozen in six DT."""
-
     walls = [
         skmpm.Wall((0, 0), (0, 1)),
         skmpm.Wall((0, 2 * R), (0, -1), velocity=lambda t: (0.0, -speed * (1.0 + 0.5 * np.sin(t / DT)))),

@@ -11,7 +11,7 @@ from skmpm.io import load, save
 from skmpm.material import NeoHookean, Rigid
 from skmpm.points import box, disc
 from skmpm.preflight import preflight
-from skmpm.scene import Body, Contacts, Load, Pressure, Scene, SceneError, StepFailed, Support, Wall
+from skmpm.scene import Body, Contacts, Load, Pressure, Scene, SceneError, Spring, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate
 from skmpm.simulate.functions_of_time import FunctionsOfTime
@@ -239,6 +239,38 @@ def test_a_free_body_with_a_load_follows_it(force, velocity, path):
     *_, state = simulate(scene, until=0.2)
     assert mean_over_points(state, state.v[0]) == pytest.approx(velocity, rel=0.02)
     assert mean_over_points(state, state.x[0]) - start == pytest.approx(path, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "path"),
+    [
+        ({"loads": [Load(everywhere, lambda t: (MASS * (t > 0.05), 0.0))]}, 0.5 * 0.15**2),
+        ({"gravity": lambda X, t: np.stack([(t > 0.05) + 0 * X[0], 0 * X[1]])}, 0.5 * 0.15**2),
+        ({"springs": [Spring(everywhere, MASS * (np.pi / 0.2) ** 2, rest=(SIDE, 0.0))]}, 2.0 * SIDE),
+    ],
+    ids=["load", "gravity", "spring"],
+)
+def test_what_begins_where_a_step_ends_moves_by_the_stroke(options, path):
+    """A force from 0.05 s on, where a halved step ends, and a spring stretched by four cells, beside a slow lid."""
+    scene = Scene([BLOCK], cell=SIDE / 4, walls=[FAR_LID], **options)
+    first = initial(scene)
+    x = [mean_over_points(state, state.x[0]) for state in (first, *simulate(scene, until=0.2))]
+    assert np.abs(np.diff(x)).max() <= 0.15 * SIDE / 4
+    assert x[-1] - x[0] == pytest.approx(path, rel=0.1)  # backward Euler: 8 % after two cells
+
+
+def test_a_small_component_beside_a_large_one_is_followed():
+    """A horizontal force of half a per cent of the weight, which was lost within a step."""
+    load = Load(everywhere, lambda t: (0.005 * np.sin(2.0 * np.pi * t / 0.01), -1.0))
+    functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, 0.2)
+    assert functions.followed(0.0, 0.2, 1e-6) < 0.01 / 20
+
+
+def test_the_last_two_steps_are_equal():
+    """The force on what accelerates is wrong by half of the ratio of a step and the next, less a half."""
+    speed = 0.1
+    *_, last, end = simulate(pressed((0.0, -speed)), until=3.3 * 0.14 * CELL / speed)
+    assert end.report.dt == pytest.approx(last.report.dt, rel=1e-9) == pytest.approx(0.65 * 0.14 * CELL / speed)
 
 
 def test_a_wall_that_vibrates_within_a_step_is_followed():
