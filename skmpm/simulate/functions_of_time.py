@@ -27,6 +27,7 @@ MAX_ERROR = 0.01
 # Largest deviation of a velocity or a displacement from a straight line, over the largest in a run: the mean of a
 # parabola is off by a third of it. A period of a sine then takes 13 steps.
 MAX_BEND = 3.0 * MAX_ERROR
+ROUND_OFF = 1e-9  # of the largest component: values of another one that are none
 GRAVITY_POINTS = 64  # at which gravity that is a function of position and time is looked at
 TIMES = 101  # of a run, at which functions of time tell how large they are
 
@@ -89,6 +90,7 @@ class FunctionsOfTime:
 def _relative(error: Array, values: Array, size: Array) -> float:
     """The largest error over the largest value of its component, of those in the step and that of the run."""
     largest = np.maximum(size, np.abs(values).max(axis=0))
+    largest = np.maximum(largest, ROUND_OFF * largest.max())
     return float((np.abs(error) / np.where(largest > 0.0, largest, 1.0)).max())
 
 

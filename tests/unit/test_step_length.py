@@ -264,6 +264,9 @@ def test_a_small_component_beside_a_large_one_is_followed():
     load = Load(everywhere, lambda t: (0.005 * np.sin(2.0 * np.pi * t / 0.01), -1.0))
     functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, 0.2)
     assert functions.followed(0.0, 0.2, 1e-6) < 0.01 / 20
+    load = Load(everywhere, lambda t: (1e-16 * np.sin(1e5 * t), -1.0))  # round-off, as of a direction that is turned
+    functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, 0.2)
+    assert functions.followed(0.0, 0.2, 1e-6) == 0.2
 
 
 def test_the_last_two_steps_are_equal():
