@@ -12,6 +12,7 @@ from skmpm.contact import acts_at_grid_nodes
 from skmpm.observe.regions import region
 from skmpm.scene import Contacts, Scene, SceneError, State, forces_of_springs
 from skmpm.scheme import Scheme
+from skmpm.simulate.forces import add_dead_loads
 
 Array = NDArray[np.float64]
 
@@ -98,8 +99,7 @@ def _external(scene: Scene, x: Array, t: float) -> Array:
     """Resultants of loads, springs and gravity at time t on bodies with points at x (2, n), (2, bodies) [N/m]."""
     bodies, owner = len(scene.bodies), scene.owner
     each = forces_of_springs(scene, x, t)
-    for place, force in zip(scene.loaded, scene.forces(t), strict=True):
-        each[:, place.points] += force[:, None] * place.share
+    add_dead_loads(scene, t, each)
     for segments, pressure in zip(scene.pressed, scene.pressure_values(t), strict=True):
         ends = scene.outlines.point[segments], scene.outlines.point[scene.outlines.next[segments]]
         along = x[:, ends[1]] - x[:, ends[0]]

@@ -21,9 +21,14 @@ def external_force(scene: Scene, state: State, t: float) -> Array:
         return np.zeros(2 * assembly.grid.nodes)
     deformable = scene.deformable[state.body]
     at_points = state.mass * _gravity(scene, deformable, t) if _has_gravity(scene) else np.zeros_like(state.x)
+    add_dead_loads(scene, t, at_points)
+    return np.asarray(assembly.grid.interpolation.T @ at_points[:, scene.deformable_points].T).ravel()
+
+
+def add_dead_loads(scene: Scene, t: float, at_points: Array) -> None:
+    """Add the dead loads at time t to forces on points (2, n) [N/m]."""
     for loaded, force in zip(scene.loaded, scene.forces(t), strict=True):
         at_points[:, loaded.points] += force[:, None] * loaded.share
-    return np.asarray(assembly.grid.interpolation.T @ at_points[:, scene.deformable_points].T).ravel()
 
 
 def follower_pressure(scene: Scene, state: State, t: float) -> FollowerPressure | None:

@@ -63,7 +63,9 @@ class Pace:
         if scheme.inertia and can_touch(scene):
             every = np.concatenate([now.v, scene.wall_velocities(t).T], axis=1)
             speed = float(np.hypot(*np.ptp(every, axis=1)))
-            limits.append(_time(self.room, speed, float(np.hypot(*gravity_of(scene, forces_at or t)))))
+            limits.append(
+                _time(self.room, speed, float(np.hypot(*gravity_of(scene, t if forces_at is None else forces_at))))
+            )
         if scheme.inertia:
             limits.append(_time(STROKE * scene.cell, now.speed, now.acceleration))
         return _within_stroke(scene, t, self.functions.followed(t, float(min(limits)), self.resolving))
