@@ -15,7 +15,7 @@ from skmpm.points.shapes import point, positive
 # stress is too small by 2.6, 2.7, 5.4, 12.6 and 13 % in the worst of 150 bodies whose points are 0.74 cells apart
 # (`preflight.sampling`, ellipses, capsules and polygons as in tests/unit/test_shapes.py).
 CLEARANCE = 0.3
-FINE = 2000  # points of a boundary by which its length is measured
+FINE = 2000  # points of a boundary, at least, by which its length is measured
 
 
 def ellipse(centre: ArrayLike, semi_axes: ArrayLike, *, spacing: float, angle: float = 0.0) -> Points:
@@ -91,7 +91,8 @@ def polygon(
     turns = 2.0 * np.pi * np.arange(sides) / sides
     area = sides * inner**2 * np.sin(2.0 * np.pi / sides) / 2.0
     area += 2.0 * sides * inner * np.sin(np.pi / sides) * r + np.pi * r**2
-    return _filled(_rounded(inner * np.stack([np.cos(turns), np.sin(turns)]), r), area, centre, spacing, angle)
+    rounded = _rounded(inner * np.stack([np.cos(turns), np.sin(turns)]), r)
+    return _filled(rounded, area, centre, spacing, angle, alike=sides)
 
 
 def _rounded(corners: Floats, radius: float) -> Callable[[Floats], Floats]:
@@ -116,16 +117,19 @@ def _rounded(corners: Floats, radius: float) -> Callable[[Floats], Floats]:
 
 
 def _filled(
-    curve: Callable[[Floats], Floats], area: float, centre: ArrayLike, spacing: float, angle: float
+    curve: Callable[[Floats], Floats], area: float, centre: ArrayLike, spacing: float, angle: float, alike: int = 2
 ) -> Points:
-    """The points within a closed convex curve, counter-clockwise, a function of [0, 1); volumes have its area."""
+    """The points within a closed convex curve, counter-clockwise, a function of [0, 1); volumes have its area.
+
+    All of `alike` parts of the curve have as many boundary points, so that regular shapes have no long axis.
+    """
     c, h = point("centre", centre), positive("spacing", spacing)
     if not np.isfinite(angle):
         raise ValueError(f"angle is {angle!r}; give a finite number")
-    s = np.linspace(0.0, 1.0, FINE + 1)
+    s = np.linspace(0.0, 1.0, alike * -(-FINE // alike) + 1)
     fine = curve(s)
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(fine, axis=1))))
-    count = max(8, round(along[-1] / h))
+    count = alike * max(-(-8 // alike), round(along[-1] / h / alike))
     boundary = curve(np.interp(np.arange(count) / count * along[-1], along, s))
     x = np.concatenate([boundary, _lattice(fine[:, :-1], h)], axis=1)
     turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ x

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skmpm import Body, NeoHookean, Scene, Wall, capsule, ellipse, polygon, simulate
+from skmpm import Body, NeoHookean, Scene, Wall, capsule, ellipse, initial, observe, polygon, simulate
 from skmpm.points import check
 from skmpm.preflight.sampling import stress_errors
 
@@ -53,6 +53,20 @@ def test_areas_centres_and_boundaries_are_those_of_the_shapes(k, ratio, sides, s
         assert out.max() == pytest.approx(inradius, abs=1e-12) and np.hypot(*on).max() < 1.4
     apart = np.hypot(*(np.roll(on, -1, axis=1) - on))
     assert apart.max() < 1.1 * h and apart.min() > 0.85 * h
+
+
+@pytest.mark.parametrize("sides", range(3, 10))
+def test_regular_polygons_have_no_long_axis(sides):
+    """Whatever the spacing and the angle: no anisotropy, which noise of uneven boundary points made of them."""
+    spacings = np.geomspace(0.05, 0.2, 7)
+    bodies = [
+        Body(polygon((3.0 * i, 0.0), 1.0, sides, rounding=0.1, spacing=h, angle=0.3 * i), GEL)
+        for i, h in enumerate(spacings)
+    ]
+    scene = Scene(bodies, cell=0.25)
+    seen = observe(scene, initial(scene))
+    assert np.isnan(seen.bodies.angle).all()
+    assert seen.anisotropy == 0.0 and seen.aspect_ratio == 1.0
 
 
 def test_second_moments_of_an_ellipse():
