@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skmpm.io.blocks import blocks_of
 from skmpm.io.checkpoint import writable
 from skmpm.io.vtkhdf import VERSION, Block
-from skmpm.scene import Scene, State
+from skmpm.scene import Scene, State, check_scene
 
 Array = NDArray[np.float64]
 
@@ -56,6 +56,7 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     ValueError
         if the file to be continued is not a recording of this scene
     """
+    check_scene("record", scene)
     path = writable(path)
     again = append and path.exists()
     with open_file(path, "r+" if again else "w") as file:

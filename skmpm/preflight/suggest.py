@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skmpm.material import poisson_ratio
 from skmpm.outline import slit_width, thickness
 from skmpm.preflight.limits import APPROACH, CONFINED, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
-from skmpm.scene import Scene
+from skmpm.scene import Scene, check_scene
 from skmpm.simulate.initial_state import can_touch
 from skmpm.simulate.loading import SEVERAL, Loading, loading_of, smallest_radius
 
@@ -94,6 +94,7 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
     ValueError
         if the error is larger than those measured, or so small that a body would be 200 cells across
     """
+    check_scene("suggest", scene)
     loading, size = loading_of(scene), smallest_radius(scene)
     laws = LAWS[_measured_as(scene, loading.kind)]
     found = [best for law in laws if (best := _cheapest(law, error)) is not None]

@@ -8,7 +8,7 @@ import numpy as np
 
 from skmpm.preflight.limits import warnings_of
 from skmpm.preflight.metrics import SceneMetrics, examine, first_step
-from skmpm.scene import Scene
+from skmpm.scene import Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.step_length import MAX_APPROACH
 
@@ -31,6 +31,7 @@ def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme(
     SceneError
         if a velocity is not finite, or steps cannot be chosen
     """
+    check_scene("preflight", scene)
     step = first_step(scene, scheme) if dt is None else dt
     metrics = examine(scene, step, scheme)
     if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen

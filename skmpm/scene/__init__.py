@@ -2,7 +2,7 @@
 
 from skmpm.scene.check import TOUCHING, check_walls_at_start
 from skmpm.scene.contacts import Contacts
-from skmpm.scene.fits import check_fits, check_initial_positions
+from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
 from skmpm.scene.materials import initial_internal, material_at, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
@@ -46,6 +46,7 @@ __all__ = [
     "centres",
     "check_fits",
     "check_initial_positions",
+    "check_scene",
     "check_walls_at_start",
     "continued",
     "deformed",

@@ -16,8 +16,15 @@ Array = NDArray[np.float64]
 _ITS_OWN = "continue with the scene that the state was made from"
 
 
+def check_scene(name: str, scene: object) -> None:
+    """Raise SceneError unless scene is a Scene; `name` is the calling function."""
+    if not isinstance(scene, Scene):
+        raise SceneError(f"{name}: scene = {reprlib.repr(scene)}; give a Scene, as skmpm.Scene(bodies, cell=1e-4)")
+
+
 def check_fits(scene: Scene, state: State, name: str) -> None:
     """Raise SceneError if the state, `name` in the message, does not belong to this scene."""
+    check_scene(name, scene)
     if not isinstance(state, State):
         raise SceneError(
             f"{name}: expected a State, got {reprlib.repr(state)}; use one, as returned by skmpm.load(path)"

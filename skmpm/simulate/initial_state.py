@@ -18,6 +18,7 @@ from skmpm.scene import (
     SceneError,
     State,
     centres,
+    check_scene,
     check_walls_at_start,
     field_values,
     initial_internal,
@@ -40,6 +41,7 @@ Array = NDArray[np.float64]
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """The state at t = 0, with the contacts found there."""
+    check_scene("initial", scene)
     check_scheme("initial", scheme)
     check_explicit("initial", scene, scheme)
     check_cohesion("initial", scene, scheme)

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+import skmpm
 from skmpm.linear import Banded
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
@@ -286,3 +287,25 @@ def test_an_outline_may_go_through_the_outermost_points_of_a_lattice(shape):
     number = np.arange(nx * ny).reshape(ny, nx)
     boundary = np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
     Scene([Body(Points([x.ravel(), y.ravel()], np.ones(nx * ny), (boundary,)), GEL)], cell=2.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["simulate", "initial", "step", "observe", "network", "preflight", "suggest", "plot", "record"]
+)
+def test_what_takes_a_scene_says_so(name, tmp_path):
+    """Bodies instead of a scene: no attribute error from within."""
+    scene = Scene([Body(disc((0.0, 0.0), 1.0, spacing=0.2), NeoHookean(1e6, 0.3, 1e3))], cell=0.25)
+    state, call = initial(scene), getattr(skmpm, name)
+    with pytest.raises(SceneError, match=rf"{name}: scene = \[Body\(.*; give a Scene"):
+        if name == "record":
+            with call(tmp_path / "run.vtkhdf", list(scene.bodies)):
+                pass
+        elif name in ("observe", "network", "plot"):
+            call(list(scene.bodies), state)
+        else:
+            call(
+                list(scene.bodies),
+                **{"simulate": {"until": 1.0}, "step": {"state": state, "dt": 1.0}, "suggest": {"error": 0.1}}.get(
+                    name, {}
+                ),
+            )
