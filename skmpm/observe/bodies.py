@@ -49,7 +49,8 @@ class PerBody:
     overlap : (bodies,) area shared with other bodies / area
     stress : (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive
     pressure : (bodies,) -tr/2 of it [Pa]
-    pressure_points : (bodies,) of the material points, kinetic part included [Pa]
+    pressure_points : (bodies,) of the material points, with inertia that of their velocities relative to the centre
+        included [Pa]; nan for rigid bodies
     """
 
     __repr__ = with_shapes
@@ -103,7 +104,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
     long, short, angle = outline.dimensions(boundary, x, n)
     isotropic = _isotropic(boundary, x, n)
     lengths = contact_lengths(state.contacts, boundary, x, scene.cell)
-    stress = moments(half_branches(state.contacts, centre, scene.movable), 1.0, n) / volume
+    stress = moments(half_branches(state.contacts, centre, np.ones(n, dtype=bool)), 1.0, n) / volume
     return PerBody(
         counted=_counted(scene, state, centre, diameter, interior),
         centre=centre,
@@ -120,7 +121,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
         overlap=_shared(scene, state, x) / area,
         stress=stress,
         pressure=-np.trace(stress) / 2.0,
-        pressure_points=_pressure_points(state, start, volume, mass),
+        pressure_points=np.where(scene.deformable, _pressure_points(state, start, volume, mass), np.nan),
     )
 
 
@@ -163,5 +164,7 @@ def _shared(scene: Scene, state: State, x: Array) -> Array:
 def _pressure_points(state: State, start: Ints, volume: Array, mass: Array) -> Array:
     v = np.add.reduceat(state.mass * state.v, start, axis=1) / mass
     relative = state.v - v[:, state.body]
-    virial = state.weight * np.trace(state.stress) - state.mass * (relative**2).sum(axis=0)
+    virial = state.weight * np.trace(state.stress)
+    if state.report.inertia:
+        virial = virial - state.mass * (relative**2).sum(axis=0)
     return -np.add.reduceat(virial, start) / volume / 2.0

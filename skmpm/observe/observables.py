@@ -35,7 +35,7 @@ class Observables:
     overlap : area shared by two bodies / area of all outlines
     pressure : = pressure_contacts [Pa]
     pressure_contacts : -tr/2 of the stress of the contact forces [Pa]
-    pressure_points : mean over the material points, kinetic part included [Pa]
+    pressure_points : mean over the material points, with inertia the kinetic part included [Pa]
     pressure_walls : mean of wall_pressure over the walls that bound the box [Pa]
     stress : (2, 2) of the contacts [Pa]
     wall_pressure : (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
@@ -90,8 +90,8 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     - stress: -sum f (x) branch / V over the contacts (Love-Weber), branches from centre to centre, for walls
       and bodies of prescribed motion from the contact point; without inertia. pressure (= pressure_contacts) is its
       -tr/2.
-    - pressure_points: -tr/2 of [sum V sigma - sum m v' (x) v'] / V over the points of deformable bodies, v'
-      the velocity relative to their mean.
+    - pressure_points: -tr/2 of [sum w sigma - sum m v' (x) v'] / V over the points of deformable bodies, w their
+      weights, v' the velocity relative to their mean; without v' after a quasi-static step.
 
     With `interior` means are taken over bodies whose centre lies at least two mean diameters from every wall
     (nan if there are none) and sums per volume over the box reduced by the same distance: outlines clipped to it
@@ -177,7 +177,9 @@ def _pressure_points(scene: Scene, state: State, box: Region, interior: bool) ->
         return 0.0
     relative = state.v if state.box_rate is None else state.v - state.box_rate @ state.x
     relative = relative - (relative @ mass / mass.sum())[:, None]
-    virial = np.trace(state.stress) @ (state.weight * own) - (relative**2).sum(axis=0) @ mass
+    virial = np.trace(state.stress) @ (state.weight * own)
+    if state.report.inertia:
+        virial -= (relative**2).sum(axis=0) @ mass
     return -float(virial) / box.area / 2.0
 
 

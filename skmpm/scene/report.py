@@ -67,6 +67,7 @@ class Report:
     Attributes
     ----------
     dt : length of the step [s]
+    inertia : whether bodies had inertia in it; if not, velocities are displacements over its length
     retries : failures of longer steps before this one
     newton : Newton iterations
     factorisations : factorisations of A
@@ -81,6 +82,7 @@ class Report:
     """
 
     dt: float = 0.0
+    inertia: bool = True
     retries: int = 0
     newton: int = 0
     factorisations: int = 0

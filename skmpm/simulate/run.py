@@ -16,7 +16,7 @@ import numpy as np
 from skmpm.implicit import StepRejected
 from skmpm.io import save, writable
 from skmpm.progress import Progress
-from skmpm.scene import Scene, SceneError, State, check_fits, check_initial_positions
+from skmpm.scene import Scene, SceneError, State, check_fits, check_initial_positions, check_scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.confinement import PressureWatch
@@ -82,6 +82,7 @@ def simulate(
     FileNotFoundError, IsADirectoryError
         if the directory of the checkpoint does not exist, or the checkpoint is a directory
     """
+    check_scene("simulate", scene)
     check_scheme("simulate", scheme)
     if dt is not None:
         check_time("simulate: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
@@ -105,7 +106,7 @@ def simulate(
 def _velocities_of_statics(state: State) -> str | None:
     """The warning of velocities that a quasi-static step left, where they are no slow motion."""
     energy, kinetic = state.report.energy, 0.5 * float(state.mass @ (state.v**2).sum(axis=0))
-    if state.report.newton == 0 or energy.kinetic > 0.0 or kinetic <= SLOW * energy.elastic:
+    if state.report.inertia or kinetic <= SLOW * energy.elastic:
         return None
     share = kinetic / max(energy.elastic, 1e-300)
     return (

@@ -360,6 +360,22 @@ def test_pressure_on_walls():
     assert o.pressure_walls == pytest.approx(5.0 / 6.0)
 
 
+@pytest.mark.parametrize("speed", [1e-3, 100.0])
+def test_the_pressure_of_the_points_is_that_of_stresses_whatever_the_time_of_a_quasi_static_run(speed):
+    """Velocities without inertia are displacements over a time that means nothing; with it they press."""
+    bodies = [Body(disc((x, 1.0), 1.0, spacing=0.15), NeoHookean(1e6, 0.3, 1000.0)) for x in (1.0, 3.0)]
+    walls = [*box((0.0, 0.0), (4.0, 2.0))[:3], Wall((0.0, 2.0), (0.0, -1.0), velocity=(0.0, -speed))]
+    scene = Scene(bodies, cell=0.2, walls=walls, friction=0.3)
+    *_, state = simulate(scene, until=0.1 / speed, scheme=Scheme(inertia=False))
+    seen, stress = observe(scene, state), -0.5 * np.trace(state.stress) @ state.weight
+    assert not state.report.inertia
+    assert seen.pressure_points == pytest.approx(stress / (4.0 * 1.9), rel=1e-12)
+    assert seen.pressure_points == pytest.approx(seen.pressure_contacts, rel=0.03)
+    assert seen.bodies.pressure_points @ np.add.reduceat(state.volume, scene.offsets[:-1]) == pytest.approx(stress)
+    *_, state = simulate(scene, dt=1e-7 / speed, until=1e-7 / speed)
+    assert state.report.inertia
+
+
 def test_pressure_of_the_points():
     """Uniform stress fills its share of the box; bodies press as they move apart, not together."""
     scene = lattice(3)
@@ -556,6 +572,10 @@ def test_rigid_bodies_press_like_walls():
     assert middle.sum() == 1
     o = observe(scene, pressed(state, np.stack([9.0 * middle, 0.0 * middle])))
     np.testing.assert_allclose(o.stress, [[0, 0], [0, -9.0 * 0.5 / 9]], atol=1e-12)
+    arm = 0.5 - o.bodies.centre[1, 0]  # its own stress is that of the force all the same
+    assert arm > 0.4
+    assert o.bodies.stress[1, 1, 0] == pytest.approx(-9.0 * arm / 2.0, rel=1e-9)
+    assert np.isnan(o.bodies.pressure_points[0]) and np.isfinite(o.bodies.pressure_points[1])
 
 
 def test_rigid_body_without_outline_fills_by_its_points():
