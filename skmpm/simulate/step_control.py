@@ -9,6 +9,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from skmpm.implicit.errors import SMALLER
 from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
@@ -25,6 +26,10 @@ TIME_TOLERANCE = 1e-9  # over a step: round-off of times, by which the last step
 CUT = 16.0
 FREQUENT = 0.1  # of the steps: failures from which a run with chosen steps ends with a warning
 SHORTEST_SHARE = CUT**-3  # of the limit: shortest chosen step
+
+# Remedies in place of a smaller dt, where all of them have failed.
+AT_ITS_LIMIT = "look at the last state, and try what docs/how_to/failures.md says of its picture"
+NO_EQUILIBRIUM = "there may be no equilibrium near: use inertia, friction, or a Support"
 
 _log = logging.getLogger("skmpm")
 
@@ -86,7 +91,7 @@ def advance_with_retries(scene: Scene, state: State, until: float, scheme: Schem
             after = step(scene, state, dt, scheme=scheme)
         except StepFailed as failure:
             if not failure.retryable or state.step_control.halvings == MAX_HALVINGS:
-                raise _given_up(failure, start, len(failures)) from failure
+                raise _given_up(failure, start, scheme, len(failures)) from failure
             state = replace(state, step_control=_halved(state.step_control, dt))
             failures.append(failure)
             _log.info("%s; retrying with dt = %.3g s", failure, _length(state, until)[0])
@@ -128,7 +133,7 @@ def advance_with_chosen_step(
                 continue
         except StepFailed as failure:
             if not failure.retryable or length <= SHORTEST_SHARE * limit:
-                raise _given_up(failure, state, len(failures)) from failure
+                raise _given_up(failure, state, scheme, len(failures)) from failure
             length /= CUT
             failures.append(failure)
             _log.info("%s; retrying with dt = %.3g s", failure, length)
@@ -171,9 +176,11 @@ def _after_success(step_control: StepControl, shortened: bool) -> StepControl:
     return replace(step_control, halvings=step_control.halvings - 1, successes=0, part=part)
 
 
-def _given_up(failure: StepFailed, state: State, retries: int) -> StepFailed:
+def _given_up(failure: StepFailed, state: State, scheme: Scheme, retries: int) -> StepFailed:
     """The error after the last retry, with the last state that was reached."""
-    tried = (
-        f"; given up after {retries} {'retry' if retries == 1 else 'retries'} with ever smaller dt" if retries else ""
-    )
-    return StepFailed(f"{failure}{tried}", state, retryable=failure.retryable)
+    if not retries:
+        return StepFailed(str(failure), state, retryable=failure.retryable)
+    other = AT_ITS_LIMIT if scheme.inertia else NO_EQUILIBRIUM
+    remedy = str(failure).replace(f"; {SMALLER}", f"; {other}")
+    tried = f"given up after {retries} {'retry' if retries == 1 else 'retries'} with ever smaller dt"
+    return StepFailed(f"{remedy}; {tried}", state, retryable=failure.retryable)
