@@ -31,6 +31,18 @@ def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
     return np.asarray(momentum / np.maximum(assembly.lumped, 1e-300))
 
 
+def nodal_velocity(assembly: Assembly, mass: Array, v: Array, C: Array, *, known: Array) -> Array:
+    """Nodal velocities (2 nodes,): those `known` from the last step if `apic` makes v and C of them, else `to_nodes`.
+
+    Points keep only the linear part of the velocity in a cell. `to_nodes` loses the bilinear part, and with it energy
+    in every step, whatever its length, where a body contracts across its axis.
+    """
+    given, grid = known.size > 0 and C.any(), assembly.grid
+    if given and np.array_equal(grid.at_points(known), v) and np.array_equal(grid.gradient_at_points(known), C):
+        return known.copy()
+    return to_nodes(assembly, mass, v, C)
+
+
 def pic(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:
     """Points take the new nodal velocity: smooth, with numerical damping that depends on the time step."""
     return grid.at_points(after), np.zeros((2, 2, v.shape[1]))

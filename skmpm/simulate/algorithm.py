@@ -46,7 +46,7 @@ from skmpm.simulate.rigid_edges import indenting_edge_message
 from skmpm.simulate.springs import check_bars_held, check_explicit_springs, springs_of
 from skmpm.simulate.turning import gauge_condition
 from skmpm.simulate.unknowns import scalar_unknowns
-from skmpm.transfer import to_nodes
+from skmpm.transfer import nodal_velocity
 
 LOAD_STEPS = "apply loads in steps, as functions of time, or use inertia; not a smaller dt"
 SHORTEST = 1e-100  # [s]; with shorter steps, velocities overflow
@@ -78,7 +78,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
     if unknowns is not None:
         motions = unknowns.motions(unknowns.v0)
-    v0 = to_nodes(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own])
+    of_points = state.mass[own], state.v[:, own], state.C[:, :, own]
+    v0 = nodal_velocity(assembly_of(state), *of_points, known=state.nodal_velocity)
     if state.box is not None:
         v0 -= velocity_of_box(state, state.box_rate)
     if not scheme.inertia:  # the initial guess moves only bodies that contacts or supports act on

@@ -65,6 +65,7 @@ def end_state(
         weight=weight,
         internal=state.internal if end.internal is None else _with_points(state.internal, own, end.internal),
         displacement=configuration.displacement,
+        nodal_velocity=end.velocity,
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
         wall_velocity=motions.walls_at_end,

@@ -46,6 +46,7 @@ def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, 
             F_anchor=state.F,
             stress_anchor=state.stress,
             displacement=np.zeros(0),
+            nodal_velocity=np.zeros(0),
         )
     derived = _derived(scene, state, scheme)
     nodes = derived.assembly.grid.nodes

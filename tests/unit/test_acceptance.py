@@ -149,6 +149,19 @@ def test_a_gain_is_a_share_of_what_is_exchanged_at_contacts():
         check_step(scene, Scheme(), before, after, replace(NO_GAIN, elastic=1.0 + 7e-4))
 
 
+@pytest.mark.parametrize("scheme", [Scheme(explicit=True), Scheme(theta=0.5)])
+def test_gains_of_earlier_steps_count_where_the_scheme_dissipates_nothing(scheme):
+    """4.9 % before and 0.2 % now are refused, for good; not 0.2 % alone, nor what is the swing of a vibration."""
+    scene, before, after = rolled(0.01)
+    gained = replace(before.report, energy=replace(before.report.energy, dissipated=-0.049))
+    step = replace(NO_GAIN, elastic=1.002)
+    with pytest.raises(StepRejected, match=r"have gained 5.1 % of their energy without work") as error:
+        check_step(scene, scheme, replace(before, report=gained), after, step)
+    assert not error.value.retryable
+    check_step(scene, scheme, before, after, step)
+    check_step(scene, scheme, replace(before, report=gained), after, replace(step, swing=0.002))
+
+
 def test_a_disc_that_a_plate_sets_rolling_is_not_made_to_repeat_steps():
     """Rolling takes no work; a criterion of the work alone repeated 13 of 100 steps.
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from skmpm import forms
 from skmpm.assembly import prepare
 from skmpm.grid import build_grids
-from skmpm.transfer import apic, flip, pic, to_nodes
+from skmpm.transfer import apic, flip, nodal_velocity, pic, to_nodes
 
 CELL = 0.3
 SEED = st.integers(0, 2**32 - 1)
@@ -73,6 +73,23 @@ def test_nodal_velocity_is_the_momentum_form_over_the_lumped_mass(seed):
     P = forms.momentum.assemble(basis, rho=(mass / assembly.volume)[:, None], velocity=v[..., None])
     nodal = to_nodes(assembly, mass, v, np.zeros((2, 2, mass.size)))
     assert np.abs(nodal - P / assembly.mass).max() < 1e-12
+
+
+@given(SEED)
+def test_known_velocities_are_kept_where_points_have_those_of_apic(seed):
+    """Bit for bit; those of other points, also if only one entry of v or of C is another, are transferred."""
+    rng, x, _, mass, assembly = random_assembly(seed)
+    known = rng.normal(size=assembly.mass.size)
+    v, C = apic(assembly.grid, known, known, np.zeros_like(x))
+    assert np.array_equal(nodal_velocity(assembly, mass, v, C, known=known), known)
+    moved, turned, p = v.copy(), C.copy(), rng.integers(mass.size)
+    moved[1, p] += 1e-12
+    turned[0, 1, p] += 1e-12
+    for at in ((moved, C), (v, turned), (v, np.zeros_like(C)), (0.5 * v, 0.5 * C)):
+        found = nodal_velocity(assembly, mass, *at, known=known)
+        assert np.array_equal(found, to_nodes(assembly, mass, *at))
+        assert not np.array_equal(found, known)
+    assert np.array_equal(nodal_velocity(assembly, mass, v, C, known=np.zeros(0)), to_nodes(assembly, mass, v, C))
 
 
 @given(SEED)
