@@ -1,4 +1,4 @@
-"""The nodes and the material at the end of a step."""
+"""Nodes, contacts and material at the end of a step."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.explicit import with_momentum_of_points
+from skmpm.implicit.impact import after_impact
 from skmpm.implicit.internal_variables import updated
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import Increment
@@ -18,17 +19,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class End:
-    """Their configuration, velocity and internal variables."""
+    """Their configuration, velocity, impulses and internal variables."""
 
     configuration: Configuration
     velocity: Array  # (2 nodes,) [m/s]
+    impulses: Array  # of contacts, rows of H, with those of impacts at the end (`after_impact`) [N s/m]
     internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
 
 def end_of_step(increment: Increment, solution: Solution) -> End:
     """The end of a solved step."""
     configuration = _configuration(increment, solution)
-    return End(configuration, _velocity(increment, solution), updated(increment.bulk, configuration))
+    velocity, contact = _velocity(increment, solution), solution.contact
+    impulses = np.zeros(0) if contact is None else contact.r
+    if contact is not None and increment.scheme.theta < 1.0:
+        velocity, impact = after_impact(increment, contact, velocity)
+        impulses = impulses + impact
+    return End(configuration, velocity, impulses, updated(increment.bulk, configuration))
 
 
 def _configuration(increment: Increment, solution: Solution) -> Configuration:

@@ -108,7 +108,7 @@ def budget_of(
     rounding = float(np.finfo(float).eps) * modulus  # a strain energy is a small difference of terms as large as this
     if solution.contact is not None:
         constraints, r, u = solution.contact.constraints, solution.contact.r, solution.contact.u
-        external -= float(r @ constraints.components(constraints.prescribed))  # the work of walls and rigid bodies
+        external -= float(end.impulses @ constraints.components(constraints.prescribed))  # of walls and rigid bodies
         push_out = float(constraints.forces(r, increment.dt)[0] @ constraints.pushed_out)
         if constraints.size:
             k = int(np.argmax(constraints.pushed_out))

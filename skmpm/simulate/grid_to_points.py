@@ -51,7 +51,7 @@ def end_state(
     )
     if prescribed.any():
         x[:, prescribed], v[:, prescribed] = _carried(state, motions, prescribed, dt)
-    contacts, wall_force = _contacts(scene, solution, dt)
+    contacts, wall_force = _contacts(scene, solution, end, dt)
     box, contacts = recut_box(scene, motions.box, contacts)
     return replace(
         state,
@@ -141,12 +141,12 @@ def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     return (increment.dt, *options, scene.materials_by_group)
 
 
-def _contacts(scene: Scene, solution: Solution, dt: float) -> tuple[Contacts, Array]:
+def _contacts(scene: Scene, solution: Solution, end: End, dt: float) -> tuple[Contacts, Array]:
     """The contacts with their forces (2, k), and the forces on the walls, (walls, 2) [N/m]."""
     wall_force = np.zeros((len(scene.walls), 2))
     if solution.contact is None:
         return Contacts.none(), wall_force
-    constraints, force = solution.contact.constraints, solution.contact.constraints.forces(solution.contact.r, dt)
+    constraints, force = solution.contact.constraints, solution.contact.constraints.forces(end.impulses, dt)
     on_wall = constraints.bodies[1] < 0
     on_walls = -(force[0] * constraints.normal + force[1] * constraints.tangent)[:, on_wall]
     np.add.at(wall_force, -1 - constraints.bodies[1, on_wall], on_walls.T)

@@ -4,8 +4,9 @@ All discs have R = 0.2 m, density 1000 kg/m3, nu = 0.3 and, but for the chain, E
 speed of 0.1 m/s is a tenth of that of sound.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -17,9 +18,11 @@ from test_dynamics import angular_momentum
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, disc
-from skmpm.scene import Body, Scene
+from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate
+
+end_of_step = import_module("skmpm.implicit.end")
 
 R, E, NU, DENSITY, SPEED = 0.2, 1000.0, 0.3, 1000.0, 0.1
 MASS = np.pi * R**2 * DENSITY
@@ -106,14 +109,14 @@ KINDS = {"head-on": (0.0, 0.0), "oblique": (1.0, 0.0), "oblique, friction": (1.0
 def test_collision_keeps_momentum_and_closes_its_energy_budget(kind, solver):
     """R/h = 5, midpoint rule, any direction: momentum and energy budget to 1e-12 (amg: momentum to 1e-8).
 
-    Angular momentum of the nodes to 1e-8 of sum |m x v|, with friction to 5e-5: contact impulses, r and -r, act at
-    the ends of gaps. Kinetic + elastic + dissipated = push-out + initial, and what is dissipated is a positive share.
+    Angular momentum of the nodes to 2e-4 of sum |m x v|: impulses at the end of steps, r and -r, act where bodies
+    touch in their middle. Kinetic + elastic + dissipated = push-out + initial, and what is dissipated is positive.
     """
     impact, friction = KINDS[kind]
     hit = collide(positions(1)[0], impact=impact, friction=friction, solver=solver)
     assert hit.momentum < (1e-12 if solver == "banded" else 1e-8)
     assert hit.budget < 1e-12
-    assert hit.turning < (5e-5 if friction else 1e-8)
+    assert hit.turning < 2e-4
     assert 0.0 < hit.dissipated < 0.1
     assert hit.pushed_out < 1e-4
 
@@ -215,6 +218,50 @@ def test_restitution_tends_to_one_under_refinement_and_backward_euler_loses_more
     coarse, fine = (collide(position, cells=cells, dt=0.02).restitution for cells in (4, 8))
     assert 0.85 < coarse < fine < 1.0
     assert collide(position, dt=0.02, theta=1.0).restitution < collide(position, dt=0.02).restitution
+
+
+def squeezed():
+    """A disc between two plates that come together at once by a tenth of its radius, and hold it as it swings."""
+    law, cell, until = NeoHookean(E, NU, DENSITY), R / 5, 0.5
+
+    def closing(t):
+        return (0.0, -0.1 * R / until if t < until else 0.0)
+
+    walls = [Wall((0.0, -R), (0.0, 1.0)), Wall((0.0, R), (0.0, -1.0), velocity=closing)]
+    body = Body(disc((0.137 * cell, 0.0), R, spacing=0.5 * cell), law)
+    return Scene([body], cell=cell, walls=walls, friction=0.3), until
+
+
+def chatter(scene, start, **options):
+    """Alternation of the force on the plates over the force, the mean over 100 steps in which waves travel 0.6 h."""
+    force = [s.wall_force[0, 1] for s in simulate(scene, dt=0.02, until=start.t + 2.0, start=start, **options)]
+    return float(np.abs(np.diff(force, 2)).mean() / 4.0 / np.abs(np.mean(force)))
+
+
+def test_lasting_contact_does_not_chatter_with_the_midpoint_rule(monkeypatch):
+    """Closed contacts have no velocity into each other at the end of a step: forces alternate by 1.2 %.
+
+    Without impacts at the end they do by 5 %; contacts at the rim open and close as the disc swings.
+    """
+    scene, until = squeezed()
+    scheme = Scheme(theta=0.5)
+    *_, start = simulate(scene, dt=0.02, until=2.0 * until, scheme=scheme)
+    assert chatter(scene, start, scheme=scheme) < 0.016
+    monkeypatch.setattr(end_of_step, "after_impact", lambda increment, contact, v: (v, np.zeros_like(contact.r)))
+    *_, start = simulate(scene, dt=0.02, until=2.0 * until, scheme=scheme)
+    assert chatter(scene, start, scheme=scheme) > 0.04
+
+
+def test_walls_bear_the_impulses_at_the_ends_of_steps():
+    """A disc rebounds obliquely from a wall with friction, midpoint rule: it gains what the wall reports."""
+    scene, _ = squeezed()
+    body = replace(scene.bodies[0], velocity=(0.05, -0.1))
+    scene = replace(scene, bodies=(body,), walls=scene.walls[:1])
+    start, given = initial(scene), np.zeros(2)
+    for state in simulate(scene, dt=0.02, until=2.0, start=start, scheme=Scheme(theta=0.5)):
+        given -= state.report.dt * state.wall_force[0]
+    assert state.v[1] @ state.mass > 0.0
+    assert state.v @ state.mass - start.v @ state.mass == pytest.approx(given, abs=1e-12 * MASS)
 
 
 def test_restitution_converges_with_the_step():
