@@ -30,7 +30,8 @@ class Scheme:
     anchor : regrid when the strain or rotation since the last regridding, ``max |F - I|``, exceeds this; inf: never
         (total Lagrangian), 0: at every step (updated Lagrangian, as in Nezamabadi et al. 2017)
     contact : `contact.point_to_curve`, `contact.shared_grid` or another formulation (`skmpm.contact`)
-    transfer : `transfer.apic`, `transfer.pic` or `transfer.flip`
+    transfer : `transfer.apic`, with which nodes keep their velocities until body grids are rebuilt; with
+        `transfer.pic` and `transfer.flip` they have those of the points in every step
     ghost : gamma, the coefficient of the ghost penalty on cells filled less than 0.6, relative to the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
     moment_fitting : fit the weights of points to the exact moments of their cell's material inside the outline;
