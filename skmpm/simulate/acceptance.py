@@ -102,8 +102,9 @@ def _check_energy(scheme: Scheme, before: State, after: State, budget: Budget) -
 def _check_total_energy(scheme: Scheme, before: State, after: State, budget: Budget) -> None:
     """Raise StepRejected if the bodies have gained energy since the start of the run: steps are unstable.
 
-    What small motions seem to gain at the ends of steps (`Budget.swing`) does not count. Explicit steps of stiffened bodies are, and the midpoint rule where bodies deform much in a step (Simo & Tarnow,
-    ZAMP 43 (1992) 757-792), by so little in each that no single one is suspicious.
+    Explicit steps of stiffened bodies are, and the midpoint rule where bodies deform much in a step (Simo & Tarnow,
+    ZAMP 43 (1992) 757-792), by so little in each that no single one is suspicious. What small motions seem to gain at
+    the ends of steps (`Budget.swing`) does not count.
     """
     gained = budget.surplus - max(budget.swing, 0.0) - before.report.energy.dissipated
     if gained > MAX_GAIN * budget.largest:

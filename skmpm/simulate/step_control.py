@@ -181,6 +181,7 @@ def _given_up(failure: StepFailed, state: State, scheme: Scheme, retries: int) -
     if not retries:
         return StepFailed(str(failure), state, retryable=failure.retryable)
     other = AT_ITS_LIMIT if scheme.inertia else NO_EQUILIBRIUM
-    remedy = str(failure).replace(f"; {SMALLER}", f"; {other}")
+    reason = str(failure).removesuffix(f"; {SMALLER}")
+    remedy = reason if reason == str(failure) else f"{reason}; {other}"
     tried = f"given up after {retries} {'retry' if retries == 1 else 'retries'} with ever smaller dt"
     return StepFailed(f"{remedy}; {tried}", state, retryable=failure.retryable)
