@@ -114,6 +114,15 @@ class Scheme:
                 " body grids are rebuilt at every step: use anchor = 0"
             )
 
+    @property
+    def keeps_nodal_velocities(self) -> bool:
+        """Whether nodes go on from their own velocities: with inertia, on body grids that are built once.
+
+        What points keep is smoother: new body grids could make more of what is left out, the more as nothing damps
+        it, and as an initial guess of quasi-static steps it is the better one.
+        """
+        return self.inertia and self.anchor == float("inf")
+
     @staticmethod
     def fast(**choices: Any) -> Scheme:
         """Loose tolerance for a coarse grid: a quick look at a scene.

@@ -33,15 +33,23 @@ def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:
 
 
 def nodal_velocity(assembly: Assembly, mass: Array, v: Array, C: Array, *, known: Array) -> Array:
-    """Nodal velocities (2 nodes,): those `known` from the last step if `apic` makes v and C of them, else `to_nodes`.
+    """Nodal velocities (2 nodes,): `known` ones of bodies whose v and C are those of `apic`, of others by `to_nodes`.
 
     Points keep only the linear part of the velocity in a cell. `to_nodes` loses the bilinear part, and with it energy
     in every step, whatever its length, where a body contracts across its axis.
     """
-    given, grid = known.size > 0 and C.any(), assembly.grid
-    if given and np.array_equal(grid.at_points(known), v) and np.array_equal(grid.gradient_at_points(known), C):
+    grid = assembly.grid
+    if not (known.size and C.any()):
+        return to_nodes(assembly, mass, v, C)
+    others = (grid.at_points(known) != v).any(axis=0)
+    if others.all():
+        return to_nodes(assembly, mass, v, C)
+    others |= (grid.gradient_at_points(known) != C).any(axis=(0, 1))
+    if not others.any():
         return known.copy()
-    return to_nodes(assembly, mass, v, C)
+    changed = np.zeros(grid.bodies, dtype=bool)
+    changed[grid.cell_body[grid.cell_of_point[others]]] = True
+    return np.where(np.repeat(changed[grid.node_body], 2), to_nodes(assembly, mass, v, C), known)
 
 
 def pic(grid: BodyGrids, before: Array, after: Array, v: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.explicit import with_momentum_of_points
-from skmpm.implicit.impact import after_impact
+from skmpm.implicit.impact import after_impact, at_supports
 from skmpm.implicit.internal_variables import updated
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import Increment
@@ -23,6 +23,7 @@ class End:
 
     configuration: Configuration
     velocity: Array  # (2 nodes,) [m/s]
+    reaction: Array  # impulses on the supports (2 supports,), with those at the end (`at_supports`) [kg m/s per m]
     impulses: Array  # of contacts, rows of H, with those of impacts at the end (`after_impact`) [N s/m]
     internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
@@ -32,10 +33,14 @@ def end_of_step(increment: Increment, solution: Solution) -> End:
     configuration = _configuration(increment, solution)
     velocity, contact = _velocity(increment, solution), solution.contact
     impulses = np.zeros(0) if contact is None else contact.r
-    if contact is not None and increment.scheme.theta < 1.0:
-        velocity, impact = after_impact(increment, contact, velocity)
-        impulses = impulses + impact
-    return End(configuration, velocity, impulses, updated(increment.bulk, configuration))
+    reaction = solution.reaction
+    if increment.scheme.theta < 1.0:
+        velocity, at_end = at_supports(increment, velocity)
+        reaction = reaction + at_end if at_end.size else reaction
+        if contact is not None:
+            velocity, impact = after_impact(increment, contact, velocity)
+            impulses = impulses + impact
+    return End(configuration, velocity, reaction, impulses, updated(increment.bulk, configuration))
 
 
 def _configuration(increment: Increment, solution: Solution) -> Configuration:

@@ -1,4 +1,8 @@
-"""Velocities of contacts at the end of a step with theta < 1.
+"""Velocities of supports and contacts at the end of a step with theta < 1.
+
+Supports prescribe the mean velocity w. The velocity at the end, v0 + (w - v0) / theta, would keep a jump of the
+prescribed one for ever, with alternating signs for theta = 1/2. It is therefore the nearest one, by kinetic energy,
+that has the prescribed values, and the impulses for it are part of the reactions.
 
 The contact law holds for the gaps at the end of the step, which the mean velocity w leads to. Where a contact stays
 closed the normal component of w is zero, so that the velocity at the end, v0 + (w - v0) / theta, would be -v0 for
@@ -23,11 +27,23 @@ from skmpm.linear import Diagonal
 Array = NDArray[np.float64]
 
 
+def at_supports(increment: Increment, v: Array) -> tuple[Array, Array]:
+    """The velocity v (2 nodes,) [m/s] with the prescribed values, and impulses on supports, (2 supports,)."""
+    supports, mass = increment.supports, increment.mass
+    if supports is None:
+        return v, np.zeros(0)
+    prescribed, grid = increment.prescribed_only(), increment.grid
+    M = sp.diags_array(mass).tobsr((2, 2))
+    solver = supports.factorised(increment.scheme.linear, M, grid.blocks, grid.rigid_motions())
+    end = prescribed + solver(mass * (v - prescribed))
+    return end, np.asarray(supports.prescription.T @ (mass * (v - end)))
+
+
 def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tuple[Array, Array]:
     """The velocity v (2 nodes,) [m/s] after impacts of closed contacts, and their impulses, rows of H [N s/m].
 
-    Contacts of bodies that supports hold, or of what driving forces and contact alone move, are left as they are: the
-    impulses would have to move these, too.
+    Contacts at supports, or of what driving forces and contact alone move, are left as they are: the impulses would
+    have to move these, too.
     """
     constraints = contact.constraints
     impulse, chosen = np.zeros_like(contact.r), _closed(increment, contact)
@@ -55,12 +71,16 @@ def _shares(constraints: Constraints) -> sp.csr_array:
 
 def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
     """Whether contacts press on nodes that impulses alone move, (k,)."""
-    constraints, grid = contact.constraints, increment.grid
+    constraints = contact.constraints
     if constraints.size == 0:
         return np.zeros(0, dtype=bool)
-    stride = contact.r.size // constraints.size
-    held = np.isin(constraints.bodies, grid.node_body[increment.constrained_dofs // 2]).any(axis=0)
-    closed = (contact.r[::stride] > 0.0) & ~held & (np.diff(_shares(constraints).indptr) > 0)
+    stride, shares = contact.r.size // constraints.size, _shares(constraints)
+    closed = (contact.r[::stride] > 0.0) & (np.diff(shares.indptr) > 0)
+    if increment.supports is not None:
+        fixed = increment.supports.fixed
+        held = np.concatenate([fixed, increment.supports.T[fixed].indices]) // 2
+        at_support = np.isin(shares.indices, held).astype(np.int64)
+        closed &= np.bincount(np.repeat(np.arange(closed.size), np.diff(shares.indptr)), at_support, closed.size) == 0
     if contact.problem.unknowns is not None:
         moved = abs(contact.problem.unknowns.rows(contact.z, constraints)).sum(axis=1) > 0.0
         closed &= ~np.asarray(moved).reshape(-1, stride).any(axis=1)

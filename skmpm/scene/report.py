@@ -25,7 +25,9 @@ class Energy:
     viscous : dissipated by the viscosity of materials
     plastic : dissipated by changes of internal variables of materials, as by plastic flow
     springs : stored in springs
-    dissipated : the remainder: friction, impacts, the time scheme, the transfer
+    dissipated : the remainder: friction, impacts, the time scheme, the transfer, changes of the state by the user
+    gained : energy gained without work in steps, negative where it is dissipated; without what happens between them
+    largest : largest of these energies since t = 0
     """
 
     kinetic: float = 0.0
@@ -38,6 +40,8 @@ class Energy:
     plastic: float = 0.0
     springs: float = 0.0
     dissipated: float = 0.0
+    gained: float = 0.0
+    largest: float = 0.0
 
 
 @dataclass(frozen=True)

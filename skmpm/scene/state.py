@@ -53,8 +53,8 @@ class State:
     F_anchor : (2, 2, n)
     stress_anchor : (2, 2, n) stress then [Pa]
     displacement : (2 nodes,) of the nodes since the body grids were built [m]
-    nodal_velocity : (2 nodes,) of the nodes [m/s], from which a step begins if the points have the v and C that they
-        give; else, as after a change of v or C, and where it is empty, for new body grids, from those of the points
+    nodal_velocity : (2 nodes,) of the nodes [m/s], from which bodies go on whose points have the v and C that they
+        give; others, as after a change of v or C, and where it is empty, for new body grids, from those of the points
     walls : (walls, 2) a point of each wall [m]
     wall_normals : (walls, 2) unit, towards the free side
     wall_force : (walls, 2) exerted by the bodies in the last step [N/m]

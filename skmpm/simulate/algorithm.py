@@ -79,7 +79,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     if unknowns is not None:
         motions = unknowns.motions(unknowns.v0)
     of_points = state.mass[own], state.v[:, own], state.C[:, :, own]
-    at_nodes = state.nodal_velocity if scheme.inertia else np.zeros(0)  # those of points are a smoother initial guess
+    at_nodes = state.nodal_velocity if scheme.keeps_nodal_velocities else np.zeros(0)
     v0 = nodal_velocity(assembly_of(state), *of_points, known=at_nodes)
     if state.box is not None:
         v0 -= velocity_of_box(state, state.box_rate)

@@ -94,7 +94,7 @@ def budget_of(
     ends = (increment.v0, end.velocity) if inertia else ()
     kinetic = [kinetic_energy(bulk.assembly, v - of_box) for v in ends] or [0.0, 0.0]
     swing = _swing(increment, w, end, of_box, elastic, kinetic)
-    external = _work_of_loads(increment, w) - float(solution.reaction @ increment.prescribed)
+    external = _work_of_loads(increment, w) - float(end.reaction @ increment.prescribed)
     if inertia:
         external -= float((bulk.assembly.mass * (end.velocity - increment.v0)) @ of_box)
     if scene.free_rigid.size:
@@ -260,6 +260,8 @@ def report_of(
             - budget.viscous
             - budget.plastic
             + budget.cohesion,
+            gained=old.gained + budget.surplus,
+            largest=max(old.largest, budget.largest),
         ),
     )
 

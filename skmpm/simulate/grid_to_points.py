@@ -69,7 +69,7 @@ def end_state(
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
         wall_velocity=motions.walls_at_end,
-        support_force=solution.reaction.reshape(-1, 2) / dt,
+        support_force=end.reaction.reshape(-1, 2) / dt,
         contacts=contacts,
         box=box,
         box_rate=gradient_at_end(state, motions, dt),

@@ -71,9 +71,10 @@ def test_errors_do_not_print_whole_bodies():
     with pytest.raises(SceneError, match="give the index of a body") as error:
         contact_pressure(scene, initial(scene), scene.bodies[0])
     assert len(str(error.value)) < 200
-    with pytest.raises(SceneError, match="expected a State") as error:
-        contact_pressure(initial(scene), scene, 0)
-    assert len(str(error.value)) < 200
+    for swapped, message in ((initial(scene), "give a Scene"), (scene, "expected a State")):
+        with pytest.raises(SceneError, match=message) as error:
+            contact_pressure(swapped, scene, 0)
+        assert len(str(error.value)) < 200
 
 
 def moment(x, force):

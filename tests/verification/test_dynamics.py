@@ -105,13 +105,13 @@ def test_the_bar_loses_what_backward_euler_and_pic_lose_and_no_more(theta, name)
     """Two periods, h = 1, dt = 0.1 s: the energy left is the closed form's within 1 % of the first.
 
     Backward Euler: 1 / (1 + (w dt)^2) a step. PIC: 5/8 + 3/8 cos(b h) a step for two points in a cell. Midpoint rule
-    and APIC, whose affine field is all a mode along the grid has: nothing, to round-off. FLIP: its smoothing is taken
+    and APIC: 4e-12 of the first velocity, which is not quite zero at the support. FLIP: its smoothing is taken
     from the acceleration, where it costs period, not energy (1e-3 beside the first step).
     """
     t, _, elastic, nodes, _ = vibration(bar(1.0), dt=0.1, periods=2, theta=theta, transfer=getattr(transfer, name))
     left = (elastic + nodes) / nodes[0]
     expected = expected_energy(t, 1.0, 0.1, theta, name)
-    allowed = {"apic": 1e-12, "flip": 3e-3}.get(name, 1e-2) if theta == 0.5 else 1e-2
+    allowed = {"apic": 1e-11, "flip": 3e-3}.get(name, 1e-2) if theta == 0.5 else 1e-2
     assert np.abs(left - expected).max() <= allowed
 
 
@@ -366,6 +366,24 @@ def test_a_block_that_vibrates_keeps_its_energy(nu):
     they keep no xi eta part of the velocity.
     """
     assert axial_energy(nu, 5) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.45])
+def test_new_body_grids_add_no_energy_to_a_disc_that_vibrates(nu):
+    """Midpoint rule, strains of 0.3, new grids where they exceed 0.1: energy falls.
+
+    With the velocities that nodes keep on grids that stay it rises by a half with nu = 0.45.
+    """
+    body = Body(
+        disc((0.03, 0.01), 1.0, spacing=0.1), NeoHookean(1.0, nu, 1.0), velocity=lambda x: 0.3 * x * [[1], [-1]]
+    )
+    start = initial(Scene([body], cell=0.2))
+    scene, scheme, energies = Scene([body], cell=0.2), Scheme(theta=0.5, anchor=0.1), [start.report.energy.kinetic]
+    for state in simulate(scene, dt=0.05, until=5.0, scheme=scheme):
+        energies.append(state.report.energy.kinetic + state.report.energy.elastic)
+    assert state.report.energy.regridding != 0.0
+    assert max(energies) < 1.001 * energies[0]
+    assert energies[-1] < 0.95 * energies[0]
 
 
 def block_rows():
