@@ -2,8 +2,8 @@
 
 A transfer is a function (body grids, before, after, v) -> (v, C). From the nodal velocities (2 nodes,) before and
 after the step and the velocities v (2, n) of points [m/s] it computes new velocities of points and their affine
-velocity field C (2, 2, n) [1/s]. On body grids that stay, nodes go on from their own velocities where the points have
-what APIC makes of these (`nodal_velocity`).
+velocity field C (2, 2, n) [1/s]. Nodes of body grids that are built once go on from their own velocities where the
+points have what APIC makes of these (`nodal_velocity`).
 """
 
 from __future__ import annotations

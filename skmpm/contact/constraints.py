@@ -91,6 +91,11 @@ class Constraints:
         """The contact Jacobian: from nodal velocities (2 nodes,) to relative velocities (k,) or (2 k,)."""
         return sp.csr_array(self.D @ sp.kron(self.base, np.eye(2), format="csr"))
 
+    @cached_property
+    def shares(self) -> sp.csr_array:
+        """From nodal velocities to relative ones, the same for both components, (k, nodes)."""
+        return sp.csr_array(self.difference @ self.base)
+
     def at_contact_points(self, w: Array) -> Array:
         """Velocities of the contact points (2 m,) from those of the nodes (2 nodes,)."""
         return np.asarray(self.base @ w.reshape(-1, 2)).ravel()

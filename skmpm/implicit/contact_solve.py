@@ -70,8 +70,7 @@ def _delassus_matrix(
     """
     constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
     if isinstance(solver, Diagonal):
-        shares = sp.csr_array(constraints.difference @ constraints.base)
-        return solver.between_contacts(shares, *constraints.directions), None
+        return solver.between_contacts(constraints.shares, *constraints.directions), None
     joining = solver if isinstance(solver, Joined) else None
     turned = solver if isinstance(solver, Rotated) else None
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver

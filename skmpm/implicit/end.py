@@ -36,7 +36,7 @@ def end_of_step(increment: Increment, solution: Solution) -> End:
     reaction = solution.reaction
     if increment.scheme.theta < 1.0:
         velocity, at_end = at_supports(increment, velocity)
-        reaction = reaction + at_end if at_end.size else reaction
+        reaction = reaction + at_end
         if contact is not None:
             velocity, impact = after_impact(increment, contact, velocity)
             impulses = impulses + impact

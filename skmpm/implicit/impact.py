@@ -7,8 +7,9 @@ that has the prescribed values, and the impulses for it are part of the reaction
 The contact law holds for the gaps at the end of the step, which the mean velocity w leads to. Where a contact stays
 closed the normal component of w is zero, so that the velocity at the end, v0 + (w - v0) / theta, would be -v0 for
 theta = 1/2, and contact forces would chatter. Closed contacts therefore also obey Moreau's law of impact without
-restitution: impulses rho with 0 <= H v + ... perp rho >= 0 and Coulomb friction, v = v1 + M^-1 H^T rho, after which
-none of them approaches (Moreau, CISM Courses and Lectures 302 (1988) 1-82; Jean, CMAME 177 (1999) 235-257).
+restitution: impulses rho with 0 <= u_n perp rho_n >= 0 and Coulomb friction for the relative velocities u of
+v = v1 + M^-1 H^T rho, after which none of them approaches (Moreau, CISM Courses and Lectures 302 (1988) 1-82; Jean,
+CMAME 177 (1999) 235-257).
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import coulomb
-from skmpm.contact import Constraints
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.residual import Increment
@@ -50,7 +50,7 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
     if not chosen.any():
         return v, impulse
     some, inverse = constraints.among(chosen), Diagonal(1.0 / increment.mass)
-    W = inverse.between_contacts(_shares(some), *some.directions)
+    W = inverse.between_contacts(some.shares, *some.directions)
     u = some.D @ some.at_contact_points(v) + some.components(some.prescribed)
     rho, info = coulomb.solve(W, u, some.friction, tol=increment.scheme.contact_tol)
     if not info.converged:
@@ -64,17 +64,12 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
     return v + inverse(some.at_nodes(some.D.T @ rho)), impulse
 
 
-def _shares(constraints: Constraints) -> sp.csr_array:
-    """From nodal velocities to relative ones of contacts, (k, nodes)."""
-    return sp.csr_array(constraints.difference @ constraints.base)
-
-
 def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
     """Whether contacts press on nodes that impulses alone move, (k,)."""
     constraints = contact.constraints
     if constraints.size == 0:
         return np.zeros(0, dtype=bool)
-    stride, shares = contact.r.size // constraints.size, _shares(constraints)
+    stride, shares = contact.r.size // constraints.size, constraints.shares
     closed = (contact.r[::stride] > 0.0) & (np.diff(shares.indptr) > 0)
     if increment.supports is not None:
         fixed = increment.supports.fixed
