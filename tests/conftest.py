@@ -1,5 +1,6 @@
-"""Floating-point errors raise in every test; hypothesis is deterministic in CI."""
+"""Floating-point errors raise in every test; its log level ends with it; hypothesis is deterministic in CI."""
 
+import logging
 import os
 
 import numpy as np
@@ -18,3 +19,12 @@ settings.load_profile("ci" if os.environ.get("CI") else "local")
 def strict_arithmetic():
     with np.errstate(all="raise", under="ignore"):
         yield
+
+
+@pytest.fixture(autouse=True)
+def same_log_level():
+    """Scripts that tests run in their own process may silence the library."""
+    logger = logging.getLogger("skmpm")
+    level = logger.level
+    yield
+    logger.setLevel(level)
