@@ -13,6 +13,7 @@ from skmpm.implicit.impact import after_impact, at_supports
 from skmpm.implicit.internal_variables import updated
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import Increment
+from skmpm.scene import PrescribedVelocities
 
 Array = NDArray[np.float64]
 
@@ -25,22 +26,25 @@ class End:
     velocity: Array  # (2 nodes,) [m/s]
     reaction: Array  # impulses on the supports (2 supports,), with those at the end (`at_supports`) [kg m/s per m]
     impulses: Array  # of contacts, rows of H, with those of impacts at the end (`after_impact`) [N s/m]
+    motions: PrescribedVelocities  # all prescribed velocities, with those that the step has found
     internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
 
-def end_of_step(increment: Increment, solution: Solution) -> End:
-    """The end of a solved step."""
+def end_of_step(increment: Increment, solution: Solution, motions: PrescribedVelocities) -> End:
+    """The end of a solved step with prescribed velocities `motions`."""
     configuration = _configuration(increment, solution)
     velocity, contact = _velocity(increment, solution), solution.contact
     impulses = np.zeros(0) if contact is None else contact.r
-    reaction = solution.reaction
+    reaction, scalars = solution.reaction, None
     if increment.scheme.theta < 1.0:
         velocity, at_end = at_supports(increment, velocity)
         reaction = reaction + at_end
         if contact is not None:
-            velocity, impact = after_impact(increment, contact, velocity)
+            velocity, scalars, impact = after_impact(increment, contact, velocity)
             impulses = impulses + impact
-    return End(configuration, velocity, reaction, impulses, updated(increment.bulk, configuration))
+    if contact is not None and contact.problem.unknowns is not None:
+        motions = contact.problem.unknowns.motions(contact.z, scalars)
+    return End(configuration, velocity, reaction, impulses, motions, updated(increment.bulk, configuration))
 
 
 def _configuration(increment: Increment, solution: Solution) -> Configuration:

@@ -6,10 +6,11 @@ that has the prescribed values, and the impulses for it are part of the reaction
 
 The contact law holds for the gaps at the end of the step, which the mean velocity w leads to. Where a contact stays
 closed the normal component of w is zero, so that the velocity at the end, v0 + (w - v0) / theta, would be -v0 for
-theta = 1/2, and contact forces would chatter. Closed contacts therefore also obey Moreau's law of impact without
-restitution: impulses rho with 0 <= u_n perp rho_n >= 0 and Coulomb friction for the relative velocities u of
-v = v1 + M^-1 H^T rho, after which none of them approaches (Moreau, CISM Courses and Lectures 302 (1988) 1-82; Jean,
-CMAME 177 (1999) 235-257).
+theta = 1/2: contact forces would chatter, and rigid bodies rebound. Closed contacts therefore also obey the law for
+velocities at the end of the step, Moreau's law of impact without restitution: 0 <= u_n perp r_n >= 0 and Coulomb
+friction for the relative velocities u and all impulses r from the start of the step to its end (Moreau, CISM Courses
+and Lectures 302 (1988) 1-82). One set of impulses for positions and another for velocities is how Acary (Appl. Numer.
+Math. 72 (2013) 203-225) projects, too; the first moves bodies, and both are the contact forces.
 """
 
 from __future__ import annotations
@@ -39,44 +40,56 @@ def at_supports(increment: Increment, v: Array) -> tuple[Array, Array]:
     return end, np.asarray(supports.prescription.T @ (mass * (v - end)))
 
 
-def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tuple[Array, Array]:
-    """The velocity v (2 nodes,) [m/s] after impacts of closed contacts, and their impulses, rows of H [N s/m].
+def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tuple[Array, Array, Array]:
+    """The velocity v (2 nodes,) after impacts, that of the scalar unknowns (p,) [m/s], impulses, rows of H [N s/m].
 
-    Contacts at supports, or of what driving forces and contact alone move, are left as they are: the impulses would
-    have to move these, too.
+    Contacts at supports, or that move a periodic box, are left as they are: the impulses would have to move these.
     """
-    constraints = contact.constraints
-    impulse, chosen = np.zeros_like(contact.r), _closed(increment, contact)
+    constraints, unknowns = contact.constraints, contact.problem.unknowns
+    z = np.zeros(0) if unknowns is None else unknowns.at_end(contact.z)
+    impulses, chosen = np.zeros_like(contact.r), _closed(increment, contact)
     if not chosen.any():
-        return v, impulse
+        return v, z, impulses
     some, inverse = constraints.among(chosen), Diagonal(1.0 / increment.mass)
+    of_chosen = np.repeat(chosen, contact.r.size // chosen.size)
     W = inverse.between_contacts(some.shares, *some.directions)
     u = some.D @ some.at_contact_points(v) + some.components(some.prescribed)
-    rho, info = coulomb.solve(W, u, some.friction, tol=increment.scheme.contact_tol)
+    if unknowns is not None:
+        J, light = unknowns.rows(contact.z, some), 1.0 / unknowns.inertia.mass
+        u += J @ (z - contact.z)
+        W = sp.csr_array(W + J @ sp.diags_array(light) @ J.T)
+    before = contact.lifted[of_chosen]
+    known, tol = W @ before, increment.scheme.contact_tol
+    after, info = coulomb.solve(W, u - known, some.friction, r0=before, tol=tol, pairs=some.pairs)
     if not info.converged:
-        worst = int(np.argmax(coulomb.residuals(rho, W @ rho + u, some.friction, W.diagonal())))
+        worst = int(np.argmax(coulomb.residuals(after, u + W @ after - known, some.friction, W.diagonal())))
         raise StepRejected(
             pair(some.bodies[:, worst]),
             f"the contact solver did not converge for the velocities of {some.size} contacts at the end of the step:"
-            f" residual {info.residual:.2g} (tolerance {increment.scheme.contact_tol:g}) here",
+            f" residual {info.residual:.2g} (tolerance {tol:g}) here",
         )
-    impulse[np.repeat(chosen, impulse.size // chosen.size)] = rho
-    return v + inverse(some.at_nodes(some.D.T @ rho)), impulse
+    impulses[of_chosen] = after - before
+    if unknowns is not None:
+        z = z + light * (J.T @ (after - before))
+    return v + inverse(some.at_nodes(some.D.T @ (after - before))), z, impulses
 
 
 def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
-    """Whether contacts press on nodes that impulses alone move, (k,)."""
-    constraints = contact.constraints
+    """Whether contacts are closed and all that they press on is moved by impulses at the end of the step, (k,)."""
+    constraints, unknowns = contact.constraints, contact.problem.unknowns
     if constraints.size == 0:
         return np.zeros(0, dtype=bool)
     stride, shares = contact.r.size // constraints.size, constraints.shares
-    closed = (contact.r[::stride] > 0.0) & (np.diff(shares.indptr) > 0)
+    moves = np.diff(shares.indptr) > 0
+    closed = contact.lifted[::stride] > 0.0
     if increment.supports is not None:
         fixed = increment.supports.fixed
         held = np.concatenate([fixed, increment.supports.T[fixed].indices]) // 2
         at_support = np.isin(shares.indices, held).astype(np.int64)
         closed &= np.bincount(np.repeat(np.arange(closed.size), np.diff(shares.indptr)), at_support, closed.size) == 0
-    if contact.problem.unknowns is not None:
-        moved = abs(contact.problem.unknowns.rows(contact.z, constraints)).sum(axis=1) > 0.0
-        closed &= ~np.asarray(moved).reshape(-1, stride).any(axis=1)
-    return np.asarray(closed)
+    if unknowns is not None:
+        moved = abs(unknowns.rows(contact.z, constraints)[::stride])
+        midpoint = unknowns.inertia.theta < 1.0
+        moves |= moved @ midpoint > 0.0
+        closed &= moved @ ~midpoint == 0.0
+    return np.asarray(closed & moves)

@@ -15,7 +15,6 @@ from skmpm.implicit.momentum import MAX_DRIFT
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
-from skmpm.scene import PrescribedVelocities
 
 Array = NDArray[np.float64]
 
@@ -79,13 +78,6 @@ class Solution:
     def contact_impulse(self) -> Array | None:
         """The contact impulse at the nodes, (2 nodes,) [kg m/s per m]; None where nothing can touch."""
         return None if self.contact is None else self.contact.impulse
-
-    def motions(self, prescribed: PrescribedVelocities) -> PrescribedVelocities:
-        """All prescribed velocities, with those that the step has found for what forces move."""
-        contact = self.contact
-        if contact is None or contact.problem.unknowns is None:
-            return prescribed
-        return contact.problem.unknowns.motions(contact.z)
 
 
 def first_velocity(increment: Increment) -> tuple[Array, Configuration]:

@@ -36,6 +36,7 @@ class Inertia:
     mass: Array  # in the balance, zero without inertia (p,) [kg/m]
     response: Array  # in W (p,) [kg/m]
     v0: Array  # at the start of the step (p,) [m/s]
+    theta: Array  # Moreau-Jean parameters (p,)
     farthest: Array  # largest change in an iteration (p,) [m/s]
 
     @staticmethod
@@ -72,7 +73,6 @@ class ScalarUnknowns:
     kinds: Sequence[Unknowns]
     prescribed: PrescribedVelocities
     dt: float
-    theta: float
 
     @cached_property
     def inertia(self) -> Inertia:
@@ -88,10 +88,14 @@ class ScalarUnknowns:
         ends = np.cumsum([kind.inertia.v0.size for kind in self.kinds])
         return list(zip(self.kinds, np.split(z, ends[:-1]), strict=True))
 
-    def motions(self, z: Array) -> PrescribedVelocities:
-        """All prescribed velocities, with those of the unknowns."""
-        motions, at_end = self.prescribed, self.v0 + (z - self.v0) / self.theta
-        for (kind, own), (_, end) in zip(self._each(z), self._each(at_end), strict=True):
+    def at_end(self, z: Array) -> Array:
+        """Velocities at the end of the step without impulses there, (p,)."""
+        return np.asarray(self.v0 + (z - self.v0) / self.inertia.theta)
+
+    def motions(self, z: Array, at_end: Array | None = None) -> PrescribedVelocities:
+        """All prescribed velocities, with those of the unknowns, and with those at the end of the step (p,)."""
+        motions, after = self.prescribed, self.at_end(z) if at_end is None else at_end
+        for (kind, own), (_, end) in zip(self._each(z), self._each(after), strict=True):
             motions = kind.motions(own, end, motions)
         return motions
 
@@ -112,7 +116,7 @@ class ScalarUnknowns:
     def imbalance(self, z: Array, constraints: Constraints, r: Array) -> Array:
         """Out-of-balance impulse under contact impulses r, (p,)."""
         pushed = self.rows(z, constraints).T @ r
-        return np.asarray(self.theta * (self.dt * self.load(z) + pushed) - self.inertia.mass * (z - self.v0))
+        return np.asarray(self.inertia.theta * (self.dt * self.load(z) + pushed) - self.inertia.mass * (z - self.v0))
 
     def worst(self, z: Array, constraints: Constraints, r: Array) -> tuple[float, str]:
         """The largest out-of-balance impulse, what it moves, and whether contacts press on that."""
@@ -134,8 +138,8 @@ class ScalarUnknowns:
     def compliance(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """What the unknowns add to W, in the rows of the contacts."""
         rows = self.rows(z, constraints)
-        return sp.csr_array(rows @ sp.diags_array(self.theta / self.inertia.response) @ rows.T)
+        return sp.csr_array(rows @ sp.diags_array(self.inertia.theta / self.inertia.response) @ rows.T)
 
     def size(self, z: Array) -> float:
         """The norm of the impulses of the driving forces [kg m/s per m]."""
-        return self.theta * self.dt * float(np.linalg.norm(self.load(z)))
+        return self.dt * float(np.linalg.norm(self.inertia.theta * self.load(z)))

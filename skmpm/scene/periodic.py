@@ -38,8 +38,8 @@ class Periodic:
         of each step from t on; nan where the rate is given instead. The rates of these components are unknowns of
         the contact problem, in which the stress is exact at the end of every step. A shear stress determines the
         rate [0, 1], so that the lower edge keeps its direction
-    mass : of an edge whose motion a stress determines [kg/m]; by default that of all bodies. Without inertia it has
-        none
+    mass : of an edge whose motion a stress determines [kg/m], in steps of backward Euler with any theta; by default
+        that of all bodies. Without inertia it has none
     """
 
     width: float

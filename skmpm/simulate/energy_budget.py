@@ -77,9 +77,7 @@ class Budget:
         return self.springs[1] - self.springs[0]
 
 
-def budget_of(
-    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: PrescribedVelocities
-) -> Budget:
+def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> Budget:
     """The energy budget of a solved step.
 
     With inertia the work is that of the forces in the balance of momentum, so that the budget of the time scheme
@@ -87,7 +85,7 @@ def budget_of(
     ends (trapezoidal rule, second order).
     """
     bulk, w, reference_energy = increment.bulk, solution.w, _energy_of_reference_stress(increment.bulk)
-    inertia = increment.scheme.inertia
+    inertia, motions = increment.scheme.inertia, end.motions
     elastic = [bulk.energy(at) + reference_energy for at in (increment.at_start, end.configuration)]
     plastic = dissipated(bulk, end.configuration, end.internal)
     of_box = velocity_of_box(state, mean_gradient(state, motions, increment.dt))
@@ -98,7 +96,7 @@ def budget_of(
     if inertia:
         external -= float((bulk.assembly.mass * (end.velocity - increment.v0)) @ of_box)
     if scene.free_rigid.size:
-        own = free_bodies(scene, state, increment, solution, motions)
+        own = free_bodies(scene, state, increment, solution, end)
         external += own.work
         kinetic = [kinetic[i] + own.kinetic[i] for i in (0, 1)] if inertia else kinetic
     viscous = increment.dissipated(w)

@@ -28,10 +28,9 @@ from skmpm.transfer import apic
 Array = NDArray[np.float64]
 
 
-def end_state(
-    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, motions: PrescribedVelocities
-) -> State:
+def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> State:
     """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
+    motions = end.motions
     dt, own, prescribed = increment.dt, scene.deformable_points, ~scene.deformable[state.body]
     bulk, grid, configuration = increment.bulk, increment.grid, end.configuration
 

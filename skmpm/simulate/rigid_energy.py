@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit import Increment, Solution
-from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity
+from skmpm.implicit import End, Increment, Solution
+from skmpm.scene import Scene, State, centres, mean_velocity
 from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.rigid_state import kinetic_energy, rigid_state
 
@@ -23,19 +23,17 @@ class FreeBodies:
     work: float  # of gravity and of the box, and that of the bodies at contacts
 
 
-def free_bodies(
-    scene: Scene, state: State, increment: Increment, solution: Solution, motions: PrescribedVelocities
-) -> FreeBodies:
-    """The energies of a solved step with velocities `motions`.
+def free_bodies(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> FreeBodies:
+    """The energies of a solved step.
 
     The work at contacts is what the budget of all bodies takes for work of prescribed motions.
     """
-    start, own, dt = rigid_state(scene, state), scene.free_rigid, increment.dt
-    mean, end = (_with_radius(table[:, own], start.radius) for table in (motions.rigid, motions.rigid_at_end))
+    start, own, motions, dt = rigid_state(scene, state), scene.free_rigid, end.motions, increment.dt
+    mean, last = (_with_radius(table[:, own], start.radius) for table in (motions.rigid, motions.rigid_at_end))
     gradient = mean_gradient(state, motions, dt)
-    before, after = _relative(start.velocity, start.centre, state.box_rate), _relative(end, start.centre, gradient)
+    before, after = _relative(start.velocity, start.centre, state.box_rate), _relative(last, start.centre, gradient)
     work = dt * float(start.gravity(scene, state, state.t + increment.scheme.theta * dt) @ mean.T.ravel())
-    work += _at_contacts(scene, state, solution, motions, dt)
+    work += _at_contacts(scene, state, solution, end, dt)
     if gradient is not None:
         work -= float(start.mass @ ((after - before)[:2] * (gradient @ start.centre)).sum(axis=0))
     return FreeBodies((kinetic_energy(start.mass, before), kinetic_energy(start.mass, after)), work)
@@ -61,13 +59,13 @@ def _with_radius(motions: Array, radius: Array) -> Array:
     return np.stack([motions[0], motions[1], motions[2] * radius])
 
 
-def _at_contacts(scene: Scene, state: State, solution: Solution, motions: PrescribedVelocities, dt: float) -> float:
+def _at_contacts(scene: Scene, state: State, solution: Solution, end: End, dt: float) -> float:
     """Work of contact impulses on the displacements of the free rigid bodies [J/m]."""
     contact, boundary = solution.contact, scene.outlines
     if contact is None or contact.constraints.size == 0:
         return 0.0
     body = boundary.body
     arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, body]
-    moved = mean_velocity(arm, motions.rigid[:, body], dt) * np.isin(body, scene.free_rigid)
+    moved = mean_velocity(arm, end.motions.rigid[:, body], dt) * np.isin(body, scene.free_rigid)
     relative = (contact.constraints.difference @ moved.T).T
-    return float(contact.r @ contact.constraints.components(relative))
+    return float(end.impulses @ contact.constraints.components(relative))

@@ -77,6 +77,25 @@ def test_a_collision_keeps_momentum():
     assert energy.dissipated >= 0.0
 
 
+@pytest.mark.parametrize("theta", [1.0, 0.5])
+def test_an_impact_is_inelastic_with_any_theta(theta):
+    """A disc, of 50 corners, thrown at a floor, which it hits in the middle of a step, slides on without a rebound.
+
+    Friction takes mu times the normal impulse, which spins the disc by 2 mu v_n / R.
+    """
+    mu, v = 0.3, (2.0, -1.0)
+    disc = skmpm.Body(skmpm.disc((0.0, 1.05 * R), R, spacing=R / 8), RIGID, velocity=v)
+    thrown = scene([disc, FAR], friction=mu, gravity=(0.0, 0.0))
+    *_, state = skmpm.simulate(thrown, dt=1.1e-5, until=1e-4, scheme=skmpm.Scheme(theta=theta))
+    found = rigid_state(thrown, state)
+    assert found.velocity[:2, 0] == pytest.approx([v[0] + mu * v[1], 0.0], abs=3e-3)
+    assert found.velocity[2, 0] / found.radius[0] == pytest.approx(2.0 * mu * v[1] / R, rel=0.02)
+    energy, mass = state.report.energy, state.mass[state.body == 0].sum()
+    kinetic = 0.5 * (mass * (found.velocity[:, 0] ** 2).sum())
+    assert energy.kinetic == pytest.approx(kinetic, rel=1e-9)
+    assert energy.dissipated == pytest.approx(0.5 * mass * (v[0] ** 2 + v[1] ** 2) - kinetic, rel=1e-7)
+
+
 @pytest.mark.parametrize("scheme", [skmpm.Scheme(), STATIC], ids=["dynamic", "static"])
 def test_a_block_rests_on_a_soft_one(scheme):
     """The contact force is its weight; it sinks by what the soft one gives way: less than a hundredth of a cell."""

@@ -18,12 +18,13 @@ class Interval:
 
     t: float  # at which forces are taken [s]
     dt: float  # [s]
+    theta: float  # Moreau-Jean parameter
     soft: float | None  # mass of an unknown in W without inertia, None with it [kg/m]
     farthest: float  # largest change of an unknown in an iteration [m/s]
 
     def inertia(self, mass: Array, v0: Array) -> Inertia:
         """Inertia of unknowns with these masses (p,) [kg/m] and velocities (p,) [m/s]."""
-        farthest = np.full_like(mass, self.farthest)
+        farthest, theta = (np.full_like(mass, value) for value in (self.farthest, self.theta))
         if self.soft is None:
-            return Inertia(mass, mass, v0, farthest)
-        return Inertia(np.zeros_like(mass), np.full_like(mass, self.soft), v0, farthest)
+            return Inertia(mass, mass, v0, theta, farthest)
+        return Inertia(np.zeros_like(mass), np.full_like(mass, self.soft), v0, theta, farthest)

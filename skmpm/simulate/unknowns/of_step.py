@@ -28,9 +28,9 @@ def scalar_unknowns(
     if not scheme.inertia:
         shear = max(material.lame[1] for material in scene.materials)
         soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, FARTHEST * scene.cell / dt
-    interval = Interval(state.t + scheme.theta * dt, dt, soft, farthest)
+    interval = Interval(state.t + scheme.theta * dt, dt, scheme.theta, soft, farthest)
     box = StressedBox.of(scene, state, interval)
     v0 = box.inertia.v0
     moved = box.motions(v0, v0, motions) if v0.size else motions
     walls, bodies = DrivenWalls.of(scene, state, interval), FreeBodies.of(scene, state, moved, interval)
-    return ScalarUnknowns([kind for kind in (box, walls, bodies) if kind.inertia.v0.size], motions, dt, scheme.theta)
+    return ScalarUnknowns([kind for kind in (box, walls, bodies) if kind.inertia.v0.size], motions, dt)

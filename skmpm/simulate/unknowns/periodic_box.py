@@ -4,7 +4,8 @@ An unknown is the rate of a component times the length of an edge, so the speed 
 of it. A change of the rate L_e moves the edges at the end of the step by multiples of E_e H, E_e the unit tensor of
 the component, and the stress sigma does the work A sigma_e on it, with A the area of the box at the end of the step.
 The contacts across edges, at images H k of the second body, do the work -f . E_e H k: so the stress of all contacts
-(Love and Weber) is the given one where the bodies are in equilibrium.
+(Love and Weber) is the given one where the bodies are in equilibrium. Bodies have velocities relative to the mean
+motion of the box in a step, which is therefore its velocity at the end: steps of the box are backward Euler's.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class StressedBox:
             periodic.rate_at(state.t + 0.5 * dt),
             periodic.stress_at(interval.t),
             length,
-            interval.inertia(mass, state.box_rate[i, j] * length),
+            replace(interval, theta=1.0).inertia(mass, state.box_rate[i, j] * length),
             dt,
         )
 
