@@ -46,7 +46,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
         _check_push_out(scene, before, after, budget)
     if scheme.inertia and scheme.theta == 1.0:
         _check_energy(scheme, before, after, budget)
-    if (scheme.explicit or scheme.theta < 1.0) and after.box is None:
+    if scheme.explicit or scheme.theta < 1.0:
         _check_total_energy(scheme, before, after, budget)
     _check_crossings(scene, after)
     if not (can_touch(scene) or after.contacts.gap.size):
@@ -104,8 +104,7 @@ def _check_total_energy(scheme: Scheme, before: State, after: State, budget: Bud
 
     Explicit steps of stiffened bodies are, and the midpoint rule where bodies deform much in a step (Simo & Tarnow,
     ZAMP 43 (1992) 757-792), by so little in each that no single one is suspicious. What small motions seem to gain at
-    the ends of steps (`Budget.swing`) does not count. Energies relative to a periodic box also change by the work of
-    the box on moving bodies, which the budget does not have.
+    the ends of steps (`Budget.swing`) does not count.
     """
     gained = before.report.energy.gained + budget.surplus - max(budget.swing, 0.0)
     largest = max(before.report.energy.largest, budget.largest)

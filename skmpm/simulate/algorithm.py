@@ -117,7 +117,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             end = end_of_step(increment, solution, motions)
             after = end_state(scene, state, increment, solution, end)
             timer.lap("transfer")
-            budget = budget_of(scene, state, increment, solution, end)
+            budget = budget_of(scene, state, increment, solution, end, after)
             timer.lap("report")
             overlap = check_step(scene, scheme, state, after, budget)
             timer.lap("overlap")

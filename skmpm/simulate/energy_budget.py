@@ -77,12 +77,12 @@ class Budget:
         return self.springs[1] - self.springs[0]
 
 
-def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> Budget:
+def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State) -> Budget:
     """The energy budget of a solved step.
 
     With inertia the work is that of the forces in the balance of momentum, so that the budget of the time scheme
-    closes; velocities are relative to a periodic box. A quasi-static step takes the mean of the forces at both its
-    ends (trapezoidal rule, second order).
+    closes. Velocities are relative to a periodic box, which works on bodies that move to where it moves at another
+    speed. A quasi-static step takes the mean of the forces at both its ends (trapezoidal rule, second order).
     """
     bulk, w, reference_energy = increment.bulk, solution.w, _energy_of_reference_stress(increment.bulk)
     inertia, motions = increment.scheme.inertia, end.motions
@@ -93,10 +93,12 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
     kinetic = [kinetic_energy(bulk.assembly, v - of_box) for v in ends] or [0.0, 0.0]
     swing = _swing(increment, w, end, of_box, elastic, kinetic)
     external = _work_of_loads(increment, w) - float(end.reaction @ increment.prescribed)
-    if inertia:
+    if inertia and after.box is not None:
         external -= float((bulk.assembly.mass * (end.velocity - increment.v0)) @ of_box)
+        there = kinetic_energy(bulk.assembly, end.velocity - velocity_of_box(after, after.box_rate))
+        external, kinetic[1] = external + there - kinetic[1], there
     if scene.free_rigid.size:
-        own = free_bodies(scene, state, increment, solution, end)
+        own = free_bodies(scene, state, increment, solution, end, after)
         external += own.work
         kinetic = [kinetic[i] + own.kinetic[i] for i in (0, 1)] if inertia else kinetic
     viscous = increment.dissipated(w)
@@ -123,10 +125,9 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
         external = 0.5 * (external + _work_at_start(scene, state, increment, w, motions))
     springs = (0.0, 0.0)
     if increment.springs is not None:
-        after = state.x.copy()
-        moved = increment.grid.at_points(end.configuration.displacement)
-        after[:, scene.deformable_points] = state.x_anchor[:, scene.deformable_points] + moved
-        springs, work = energies(scene, state.x, after, state.t, increment)
+        x, moved = state.x.copy(), increment.grid.at_points(end.configuration.displacement)
+        x[:, scene.deformable_points] = state.x_anchor[:, scene.deformable_points] + moved
+        springs, work = energies(scene, state.x, x, state.t, increment)
         external += work
     return Budget(
         before=elastic[0] + kinetic[0],

@@ -23,7 +23,9 @@ class FreeBodies:
     work: float  # of gravity and of the box, and that of the bodies at contacts
 
 
-def free_bodies(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> FreeBodies:
+def free_bodies(
+    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State
+) -> FreeBodies:
     """The energies of a solved step.
 
     The work at contacts is what the budget of all bodies takes for work of prescribed motions.
@@ -31,20 +33,25 @@ def free_bodies(scene: Scene, state: State, increment: Increment, solution: Solu
     start, own, motions, dt = rigid_state(scene, state), scene.free_rigid, end.motions, increment.dt
     mean, last = (_with_radius(table[:, own], start.radius) for table in (motions.rigid, motions.rigid_at_end))
     gradient = mean_gradient(state, motions, dt)
-    before, after = _relative(start.velocity, start.centre, state.box_rate), _relative(last, start.centre, gradient)
+    before, relative = (
+        _relative(start.velocity, start.centre, state.box_rate),
+        _relative(last, start.centre, gradient),
+    )
     work = dt * float(start.gravity(scene, state, state.t + increment.scheme.theta * dt) @ mean.T.ravel())
     work += _at_contacts(scene, state, solution, end, dt)
+    kinetic = kinetic_energy_of_free_bodies(scene, after)
     if gradient is not None:
-        work -= float(start.mass @ ((after - before)[:2] * (gradient @ start.centre)).sum(axis=0))
-    return FreeBodies((kinetic_energy(start.mass, before), kinetic_energy(start.mass, after)), work)
+        work -= float(start.mass @ ((relative - before)[:2] * (gradient @ start.centre)).sum(axis=0))
+        work += kinetic - kinetic_energy(start.mass, relative)  # the velocity of the box is another one there
+    return FreeBodies((kinetic_energy(start.mass, before), kinetic), work)
 
 
 def kinetic_energy_of_free_bodies(scene: Scene, state: State) -> float:
     """Kinetic energy of the free rigid bodies of a state, relative to a periodic box [J/m]."""
     if scene.free_rigid.size == 0:
         return 0.0
-    start = rigid_state(scene, state)
-    return kinetic_energy(start.mass, _relative(start.velocity, start.centre, state.box_rate))
+    bodies = rigid_state(scene, state)
+    return kinetic_energy(bodies.mass, _relative(bodies.velocity, bodies.centre, state.box_rate))
 
 
 def _relative(velocity: Array, centre: Array, gradient: Array | None) -> Array:

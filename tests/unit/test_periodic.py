@@ -1,5 +1,7 @@
 """Periodic boxes: against walls, against themselves elsewhere, under given rates and stresses; what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_only_what_is_required import Calls
@@ -171,16 +173,50 @@ def test_work_of_the_box_is_stored():
 
 
 def test_work_of_a_sheared_box_is_that_of_its_stress():
-    """With friction, to a strain of 0.4: the work is the sum of A sigma : L dt, by Love and Weber, to 1e-6."""
+    """With friction, to a strain of 0.4: the work is the sum of A sigma : L dt, to 1e-6.
+
+    The stress is that of Love and Weber and, of 1e-5 of the work, the kinetic one, -sum m u u / A.
+    """
     places = ((1.0, 1.0), (3.1, 1.0), (2.05, 2.95), (4.15, 2.95))
     box = Periodic(4.2 * R, 3.9 * R, rate=[[0.0, 40.0], [0.0, 0.0]])
     scene, work = skmpm.Scene([disc(x * R, y * R) for x, y in places], cell=H, friction=0.3, periodic=box), 0.0
     for state in skmpm.simulate(scene, dt=5e-5, until=0.4 / 40.0):
         stress = skmpm.observe(scene, state).stress
+        mass = np.bincount(state.body, state.mass)
+        x, v = (np.stack([np.bincount(state.body, state.mass * c) for c in a]) / mass for a in (state.x, state.v))
+        u = v - state.box_rate @ x
+        stress -= (mass * u) @ u.T / np.linalg.det(state.box)
         work += np.linalg.det(state.box) * float(np.sum(stress * state.box_rate)) * state.report.dt
     energy = state.report.energy
     assert work == pytest.approx(energy.external, rel=1e-6)
     assert 0.0 < energy.dissipated < energy.external
+
+
+@pytest.mark.parametrize("theta", [1.0, 0.5])
+def test_a_box_works_on_what_flies_in_it(theta):
+    """Squeezed along x and sheared: u' = -L u for velocities relative to the box (SLLOD); its work is their energy.
+
+    For L = ((-a, b), (0, 0)) u_y is constant and u_x = (u_x0 - b u_y / a) exp(a t) + b u_y / a. One of the discs is
+    rigid, and spins.
+    """
+    a, b, until, u = 30.0, 20.0, 0.01, np.array([0.4, 0.3])
+    box = Periodic(20 * R, 10 * R, rate=[[-a, b], [0.0, 0.0]])
+    soft, hard = (disc(x * R, 3 * R, velocity=u) for x in (3.0, 8.0))
+    hard = replace(hard, material=skmpm.Rigid(2000.0), spin=20.0)
+    scene = skmpm.Scene([soft, hard], cell=H, periodic=box)
+    start = skmpm.initial(scene).report.energy
+    *_, state = skmpm.simulate(scene, dt=until / 400, until=until, scheme=skmpm.Scheme(theta=theta))
+    assert state.contacts.gap.size == 0
+    expected = np.array([(u[0] - b * u[1] / a) * np.exp(a * until) + b * u[1] / a, u[1]])
+    for body in (0, 1):
+        own = state.body == body
+        centre, velocity = (np.average(a[:, own], axis=1, weights=state.mass[own]) for a in (state.x, state.v))
+        found = velocity - state.box_rate @ centre
+        assert found == pytest.approx(expected, rel=2e-3)
+    energy, gained = state.report.energy, 0.5 * state.mass.sum() * (expected @ expected - u @ u)
+    assert energy.external == pytest.approx(gained, rel=5e-3)
+    assert energy.kinetic - start.kinetic == pytest.approx(energy.external, rel=1e-9)
+    assert abs(energy.dissipated) < 1e-9 * start.kinetic
 
 
 def test_one_disc_touches_four_images_of_itself():
