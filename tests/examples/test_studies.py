@@ -26,12 +26,14 @@ def run(where, *arguments, cwd):
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_by_path_and_as_a_module(study, tmp_path):
-    """Both know the same options of every command."""
-    for command in STUDIES[study]:
-        by_path = run([ROOT / "examples" / "studies" / study], command, "--help", cwd=tmp_path)
-        as_module = run(["-m", f"examples.studies.{study}"], command, "--help", cwd=ROOT)
-        assert "--" in by_path
-        assert by_path.partition("options:")[2] == as_module.partition("options:")[2]
+    """Both know the same options, and every command its own."""
+    by_path = {
+        name: run([ROOT / "examples" / "studies" / study], name, "--help", cwd=tmp_path) for name in STUDIES[study]
+    }
+    assert all("--" in text for text in by_path.values())
+    assert len(set(by_path.values())) == len(by_path)
+    as_module = run(["-m", f"examples.studies.{study}"], "--help", cwd=ROOT)
+    assert by_path[""].partition("options:")[2] == as_module.partition("options:")[2]
 
 
 def test_processes_that_a_study_starts_find_it_too(tmp_path):

@@ -27,7 +27,7 @@ STEPS = 30  # after which a run that halves its steps again and again is left
 SECONDS = 60  # of the processor for an example, which takes half a second: beyond it something hangs
 SLOW = 900  # the same by amg with mean dilatation, which takes 100 to 400 iterations for every row of a contact
 SEED = {"anchor": 0.0, "contact": contact.shared_grid, "moment_fitting": False}  # Scheme.nezamabadi2017()
-EXAMPLES = settings().max_examples // 2  # of the profile: every one is a run
+EXAMPLES = settings().max_examples // 3  # of the profile: every one is a run
 USUAL = EXAMPLES <= 50
 RANDOM = settings(
     max_examples=EXAMPLES,

@@ -88,17 +88,17 @@ def test_waves_matter_under_a_fast_lid():
 
 @pytest.mark.slow
 def test_a_packing_under_a_slow_lid():
-    """Six packings of twelve discs, steps of 139 h / c against 30: forces to 3 % (root mean square of the six).
+    """Three packings of twelve discs, steps of 139 h / c against 30: forces to 3 % (root mean square of all).
 
     The force of a packing depends on when its discs rearrange, and single packings err by 1 to 5 %: of one, forces
     with steps of 15 and 30 h / c differ by 1.5 %.
     """
-    assert rms(packings()) < 0.03
+    assert rms(packings(3)) < 0.03
 
 
-def packings():
-    """Errors of six packings with long steps."""
-    return [off(twelve(seed), 1e-3, 0.14, (1e-3, 0.03)) for seed in range(3, 9)]
+def packings(count):
+    """Errors of packings with long steps."""
+    return [off(twelve(seed), 1e-3, 0.14, (1e-3, 0.03)) for seed in range(3, 3 + count)]
 
 
 def rms(values):
@@ -135,12 +135,12 @@ def poured(share):
 
 @pytest.mark.slow
 def test_a_pour():
-    """Steps of 128 h / c, which `suggest` gives, and of 19: all comes to rest, walls bear the weight, heights agree.
+    """Steps of 128 h / c, which `suggest` gives, and of 38: all comes to rest, walls bear the weight, heights agree.
 
     The pile of the long steps still rearranges a little, so its weight is that of its balance of momentum.
     """
-    long, short = poured(1.0), poured(0.15)
-    assert long[4] > 100 and short[4] < 20
+    long, short = poured(1.0), poured(0.3)
+    assert long[4] > 100 and short[4] < 40
     for weight, _, speed, _, _ in (long, short):
         assert weight == pytest.approx(1.0, abs=5e-3)
         assert speed < 0.02
@@ -150,7 +150,7 @@ def test_a_pour():
 def rows():
     """Measure the table's line."""
     found = {mach: off(two, mach, 0.14, (1e-3, 0.01)) for mach in (1e-3, 1e-4, 1e-5)}
-    packed = packings()
+    packed = packings(6)
     (weight, height, speed, retries, long), (_, known, _, fewer, short) = poured(1.0), poured(0.15)
     return [
         Row(
