@@ -18,7 +18,7 @@ motion in one iteration and do not enter the residual.
 
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactProblem, KnownForces
-from skmpm.implicit.end import End, end_of_step
+from skmpm.implicit.end import End, carried, end_of_step
 from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge, gauge_of
@@ -45,6 +45,7 @@ __all__ = [
     "StepRejected",
     "Timer",
     "advance",
+    "carried",
     "end_of_step",
     "gauge_of",
     "pair",

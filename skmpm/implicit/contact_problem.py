@@ -72,6 +72,11 @@ class ContactProblem:
         """The scalar unknowns at which the iteration begins, (p,) [m/s]."""
         return np.zeros(0) if self.unknowns is None else self.unknowns.v0
 
+    def carried(self, w: Array, z: Array) -> Array:
+        """A nodal velocity w (2 nodes,) with what a periodic box adds that has scalar unknowns z (p,)."""
+        translation = None if self.unknowns is None else self.unknowns.translation(z)
+        return w if translation is None else w + translation[:, self.increment.grid.node_body].T.ravel()
+
     def constraints(self, w: Array, z: Array) -> Constraints:
         """The constraints about the nodal velocity w (2 nodes,) and scalar unknowns z (p,)."""
         return self.linearise(w) if self.unknowns is None else self.linearise(w, self.unknowns.motions(z))
@@ -185,7 +190,7 @@ def _iterate(
 ) -> ContactIterate:
     """Linearise about w and z, with the known impulses."""
     problem.timer.lap("bulk")
-    increment = problem.increment
+    increment, w = problem.increment, problem.carried(w, z)
     current = problem.candidates(w, z)
     constraints = current.with_frames_of(frozen, w) if frozen is not None and frozen.size else current
     r = u = np.zeros(0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,18 @@ class End:
     impulses: Array  # of contacts, rows of H, with those of impacts at the end (`after_impact`) [N s/m]
     motions: PrescribedVelocities  # all prescribed velocities, with those that the step has found
     internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
+
+
+def carried(increment: Increment, solution: Solution) -> tuple[Increment, Solution]:
+    """A solved step as if the motion that was found of a periodic box had been prescribed.
+
+    Bodies begin, and end, with what it has added to their velocities (`scalar_unknowns`).
+    """
+    contact = solution.contact
+    if contact is None or contact.problem.unknowns is None or contact.problem.unknowns.carrier is None:
+        return increment, solution
+    v0, w = (contact.problem.carried(v, contact.z) for v in (increment.v0, solution.w))
+    return replace(increment, v0=v0, known_start=increment.at_start), replace(solution, w=w)
 
 
 def end_of_step(increment: Increment, solution: Solution, motions: PrescribedVelocities) -> End:

@@ -8,6 +8,10 @@ relative velocity changes by J z. With the contact impulses r,
 The unknowns are eliminated from the contact problem: impulses determine z, and add theta J m^-1 J^T to W. So F is
 exact at the end of the step, whatever the stiffness of what it acts on. Without inertia m = 0 in this balance, and
 `response` takes its place in W, as springs do for floating bodies.
+
+A periodic box carries the bodies in it: inertia resists velocities relative to that of the box at their centres. What
+it adds to them when its rates change in the step (`translation`) changes no stress and no imbalance, only contacts.
+Nodal velocities of the iteration, and unknowns of bodies, are therefore without it until the step is solved.
 """
 
 from __future__ import annotations
@@ -65,6 +69,16 @@ class Unknowns(Protocol):
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
 
+    def carried(self, translation: Array) -> Array:
+        """What velocities (2, bodies) of all bodies add to the unknowns, (p,)."""
+
+
+class Carrier(Unknowns, Protocol):
+    """Unknowns that carry bodies."""
+
+    def translation(self, z: Array) -> Array:
+        """Velocities of bodies, over those at the start of the step, (2, bodies)."""
+
 
 @dataclass(frozen=True)
 class ScalarUnknowns:
@@ -73,6 +87,7 @@ class ScalarUnknowns:
     kinds: Sequence[Unknowns]
     prescribed: PrescribedVelocities
     dt: float
+    carrier: Carrier | None = None  # one of them, the first
 
     @cached_property
     def inertia(self) -> Inertia:
@@ -88,14 +103,26 @@ class ScalarUnknowns:
         ends = np.cumsum([kind.inertia.v0.size for kind in self.kinds])
         return list(zip(self.kinds, np.split(z, ends[:-1]), strict=True))
 
+    def translation(self, z: Array) -> Array | None:
+        """Velocities (2, bodies) that the changes of the carrier's unknowns add to those of bodies."""
+        return None if self.carrier is None else self.carrier.translation(z[: self.carrier.inertia.v0.size])
+
+    def _carried(self, z: Array) -> Array:
+        """What the carrier adds to the unknowns, (p,)."""
+        translation = self.translation(z)
+        if translation is None:
+            return np.zeros_like(z)
+        return np.concatenate([kind.carried(translation) for kind in self.kinds])
+
     def at_end(self, z: Array) -> Array:
         """Velocities at the end of the step without impulses there, (p,)."""
         return np.asarray(self.v0 + (z - self.v0) / self.inertia.theta)
 
     def motions(self, z: Array, at_end: Array | None = None) -> PrescribedVelocities:
         """All prescribed velocities, with those of the unknowns, and with those at the end of the step (p,)."""
-        motions, after = self.prescribed, self.at_end(z) if at_end is None else at_end
-        for (kind, own), (_, end) in zip(self._each(z), self._each(after), strict=True):
+        motions, carried = self.prescribed, self._carried(z)
+        after = self.at_end(z) if at_end is None else at_end
+        for (kind, own), (_, end) in zip(self._each(z + carried), self._each(after + carried), strict=True):
             motions = kind.motions(own, end, motions)
         return motions
 
@@ -105,7 +132,7 @@ class ScalarUnknowns:
 
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
-        blocks = [kind.rows(own, constraints) for kind, own in self._each(z)]
+        blocks = [kind.rows(own, constraints) for kind, own in self._each(z + self._carried(z))]
         return sp.csr_array(sp.hstack(blocks, format="csr"))
 
     def drives(self, z: Array, constraints: Constraints) -> NDArray[np.bool_]:

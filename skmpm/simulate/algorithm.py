@@ -15,6 +15,7 @@ from skmpm.implicit import (
     StepRejected,
     Timer,
     advance,
+    carried,
     end_of_step,
 )
 from skmpm.implicit.errors import SMALLER
@@ -113,7 +114,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
             contact = _contact_problem(scene, state, increment, motions, unknowns, timer, delassus)
-            solution = advance(increment, contact, solver, timer)
+            increment, solution = carried(increment, advance(increment, contact, solver, timer))
             end = end_of_step(increment, solution, motions)
             after = end_state(scene, state, increment, solution, end)
             timer.lap("transfer")

@@ -70,16 +70,39 @@ def test_nothing_depends_on_where_the_box_begins():
     assert forces[1] == pytest.approx(forces[0], rel=1e-6)
 
 
-def test_with_inertia_a_body_and_its_image_move_alike():
-    """Bodies a box away have other velocities and the same motion: to 1e-6 cells after 15 steps of an impact."""
-    x, tight = [], skmpm.Scheme(newton_tol=1e-9, contact_tol=1e-11, gap_tol=1e-9)
+PRESSED = {"rate": [[0.0, 30.0], [0.0, 0.0]], "stress": [[NAN, NAN], [NAN, -2e5]]}
+
+
+@pytest.mark.parametrize("theta", [1.0, 0.5])
+@pytest.mark.parametrize("box", [{"rate": -20.0 * np.eye(2)}, PRESSED], ids=["squeezed", "sheared under a stress"])
+def test_with_inertia_a_body_and_its_image_move_alike(box, theta):
+    """Bodies a box away have other velocities and the same motion: to 5e-6 cells after 15 steps of an impact.
+
+    One of the discs is rigid. If a box did not carry bodies with it as its rate changes, they would differ by cells.
+    """
+    x, tight = [], skmpm.Scheme(newton_tol=1e-9, contact_tol=1e-11, gap_tol=1e-9, theta=theta)
     images = np.array([(0, 0), (1, 0), (0, -1), (2, 3)])
     for k in (None, images):
-        scene = lattice(2, images=k, rate=-20.0 * np.eye(2), friction=0.3)
+        scene = lattice(2, images=k, **box, friction=0.3)
+        bodies = [*scene.bodies[:3], replace(scene.bodies[3], material=skmpm.Rigid(2000.0))]
+        scene = replace(scene, bodies=bodies)
         *_, state = skmpm.simulate(scene, dt=2e-5, until=3e-4, scheme=tight)
         shift = 0.0 if k is None else (state.box @ images.T)[:, state.body]
         x.append(state.x - shift)
-    assert np.abs(x[1] - x[0]).max() < 1e-6 * H
+        assert state.contacts.force[0].max() > 0.0
+    assert np.abs(x[1] - x[0]).max() < 5e-6 * H
+
+
+def test_a_box_carries_a_body_as_its_rate_changes():
+    """A disc at rest in a box whose edges a stress moves stays at its place in the box, wherever that is."""
+    for x in (3 * R, 13 * R):
+        box = Periodic(10 * R, 10 * R, stress=[[-1e4, NAN], [NAN, NAN]])
+        scene = skmpm.Scene([disc(x, 3 * R)], cell=H, periodic=box)
+        *_, state = skmpm.simulate(scene, dt=5e-5, until=2e-3)
+        centre = np.average(state.x, axis=1, weights=state.mass)
+        assert state.box[0, 0] < 9.9 * R
+        assert centre == pytest.approx([x * state.box[0, 0] / (10 * R), 3 * R], rel=1e-6)
+        assert np.abs(state.report.energy.kinetic) < 1e-12 * state.report.energy.largest + 1e-20
 
 
 @pytest.mark.parametrize("component", ["xx", "yy", "xy"])

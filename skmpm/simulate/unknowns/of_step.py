@@ -33,4 +33,5 @@ def scalar_unknowns(
     v0 = box.inertia.v0
     moved = box.motions(v0, v0, motions) if v0.size else motions
     walls, bodies = DrivenWalls.of(scene, state, interval), FreeBodies.of(scene, state, moved, interval)
-    return ScalarUnknowns([kind for kind in (box, walls, bodies) if kind.inertia.v0.size], motions, dt)
+    kinds = [kind for kind in (box, walls, bodies) if kind.inertia.v0.size]
+    return ScalarUnknowns(kinds, motions, dt, box if v0.size and scheme.inertia else None)

@@ -3,9 +3,10 @@
 An unknown is the rate of a component times the length of an edge, so the speed of an edge, whose mass resists changes
 of it. A change of the rate L_e moves the edges at the end of the step by multiples of E_e H, E_e the unit tensor of
 the component, and the stress sigma does the work A sigma_e on it, with A the area of the box at the end of the step.
-The contacts across edges, at images H k of the second body, do the work -f . E_e H k: so the stress of all contacts
-(Love and Weber) is the given one where the bodies are in equilibrium. Bodies have velocities relative to the mean
-motion of the box in a step, which is therefore its velocity at the end: steps of the box are backward Euler's.
+The contacts do the work f . E_e (c1 - c2 - H k), c1 and c2 the centres of the bodies, the second at the image H k: so
+the stress of all contacts (Love and Weber) is the given one. Without inertia bodies are where contacts hold them, and
+only images move: -f . E_e H k, the same where the bodies are in equilibrium. Velocities of bodies are relative to the
+mean motion of the box in a step, which is therefore its velocity at the end: steps of the box are backward Euler's.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
 from skmpm.implicit import Inertia
-from skmpm.scene import Periodic, PrescribedVelocities, Scene, State, deformed
+from skmpm.scene import Periodic, PrescribedVelocities, Scene, State, centres, deformed
 from skmpm.simulate.unknowns.interval import Interval
 
 Array = NDArray[np.float64]
@@ -35,13 +36,14 @@ class StressedBox:
     length: Array  # (q,) of the edges that the unknowns move, at the start of the step [m]
     inertia: Inertia
     dt: float
+    centres: Array  # (2, bodies) of bodies that move with it, zero of others [m]
 
     @staticmethod
     def of(scene: Scene, state: State, interval: Interval) -> StressedBox:
         """The box of a state in a step, without unknowns where no stress is given."""
         periodic, none, dt = scene.periodic, np.zeros(0), interval.dt
         if periodic is None or state.box is None or state.box_rate is None:
-            return StressedBox(None, np.eye(2), np.eye(2), none, none, interval.inertia(none, none), dt)
+            return StressedBox(None, np.eye(2), np.eye(2), none, none, interval.inertia(none, none), dt, none)
         i, j = periodic.components
         length = np.diag(state.box)[j]
         mass = np.full(i.size, scene.mass if periodic.mass is None else float(periodic.mass))
@@ -53,6 +55,7 @@ class StressedBox:
             length,
             replace(interval, theta=1.0).inertia(mass, state.box_rate[i, j] * length),
             dt,
+            centres(state.x, state.mass, state.body) * (scene.movable & interval.inertial),
         )
 
     @property
@@ -83,11 +86,23 @@ class StressedBox:
         """All prescribed velocities with the motion of the box."""
         return replace(prescribed, box=self._edges(z))
 
+    def translation(self, z: Array) -> Array:
+        """Velocities of bodies by the change of the gradient in the step, (2, bodies) [m/s]."""
+        change = (self._edges(z) - self._edges(self.inertia.v0)) @ np.linalg.inv(self.start) / self.dt
+        return np.asarray(change @ self.centres)
+
+    def carried(self, translation: Array) -> Array:
+        """Nothing, (q,)."""
+        return np.zeros_like(self.inertia.v0)
+
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
-        """J (k, q) or (2 k, q): the second body of a contact moves with its image."""
+        """J (k, q) or (2 k, q): bodies move with their centres, the second body of a contact also with its image."""
         assert self.periodic is not None
         i, j = self.periodic.components
+        centre = self._edges(z) @ np.linalg.solve(self.start, self.centres)
+        first, second = (np.where(body < 0, 0.0, centre[:, np.maximum(body, 0)]) for body in constraints.bodies)
+        branch = first - second - constraints.image
         directions = (constraints.normal, constraints.tangent) if constraints.tangential else (constraints.normal,)
-        each = [-d[i] * constraints.image[j] * self._scale(z)[:, None] for d in directions]  # (q, k)
+        each = [d[i] * branch[j] * self._scale(z)[:, None] for d in directions]  # (q, k)
         rows = np.stack([block.T for block in each], axis=1).reshape(-1, i.size)
         return sp.csr_array(rows)

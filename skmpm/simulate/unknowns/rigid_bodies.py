@@ -65,6 +65,11 @@ class FreeBodies:
         v = z.reshape(-1, 3).T
         return np.stack([v[0], v[1], v[2] / self.start.radius])
 
+    def carried(self, translation: Array) -> Array:
+        """The velocities (2, bodies) at their centres, (3 n,)."""
+        own = translation[:, self.bodies]
+        return np.stack([*own, np.zeros_like(own[0])], axis=1).ravel()
+
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J (k, 3 n) or (2 k, 3 n), about the centres at the end of the step, where the contacts are."""
         number = np.full(int(constraints.bodies.max(initial=0)) + 1, -1)

@@ -63,6 +63,10 @@ class DrivenWalls:
         walls, at_end = (self._velocities(v, prescribed.walls) for v in (z, end))
         return replace(prescribed, walls=walls, walls_at_end=at_end)
 
+    def carried(self, translation: Array) -> Array:
+        """Nothing, (p,)."""
+        return np.zeros_like(self.inertia.v0)
+
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J (k, p) or (2 k, p): a wall that moves along its normal closes its contacts."""
         contact, wall = np.nonzero(constraints.bodies[1][:, None] == -1 - self.scene.driven_walls)
