@@ -14,6 +14,7 @@ the tip. Contacts are detected up to a distance, the reach, and kept from step t
 """
 
 from skmpm.contact.boundary import point_to_curve
+from skmpm.contact.closest_points import lasting_force
 from skmpm.contact.constraints import Constraints, ContactFormulation, Linearise, acts_at_grid_nodes
 from skmpm.contact.grid_nodes import shared_grid
 from skmpm.contact.lattice_keys import recut_keys
@@ -25,6 +26,7 @@ __all__ = [
     "Linearise",
     "acts_at_grid_nodes",
     "joined_parts",
+    "lasting_force",
     "may_touch_itself",
     "point_to_curve",
     "recut_keys",

@@ -30,7 +30,7 @@ from skmpm.scene import State
 AnyArray = NDArray[Any]
 
 FORMAT = "skmpm checkpoint"
-SCHEMA = 6  # increased when earlier files can no longer be read
+SCHEMA = 7  # increased when earlier files can no longer be read
 LEFT_OUT = frozenset({"derived"})  # fields that follow from others
 ARRAY = "@array"  # marks an array in the tree; no field is named so
 

@@ -28,6 +28,8 @@ class Contacts:
     point : (k,) boundary point of the first body in contact; -1 at a grid node
     image : (2, k) displacement of the second body to its image that the first one touches [m]; zero but in a
         periodic box. `x` is where the first body is
+    lasting_force : (k,) [N/m] the normal force, or its mean over the steps in which waves cross the contact, where
+        these are short; it tells light contacts from wide ones (`contact.closest_points`)
     """
 
     __repr__ = with_shapes
@@ -40,6 +42,7 @@ class Contacts:
     key: Ints
     point: Ints
     image: Array
+    lasting_force: Array
 
     def at(self, side: int) -> Array:
         """The contact points where the first (0) or the second bodies (1) are, (2, k) [m]."""
@@ -55,4 +58,4 @@ class Contacts:
     def none() -> Contacts:
         """No contacts."""
         ints, floats = np.zeros((2, 0), dtype=np.int64), np.zeros((2, 0))
-        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0], floats)
+        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0], floats, floats[0])

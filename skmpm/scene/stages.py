@@ -142,4 +142,5 @@ def _with_walls(scene: Scene, contacts: Contacts, former: Ints) -> Contacts:
         key=np.where(contacts.key >= 0, contacts.key + shift, contacts.key - shift)[stay],
         point=contacts.point[stay],
         image=contacts.image[:, stay],
+        lasting_force=contacts.lasting_force[stay],
     )

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.contact import lasting_force
 from skmpm.implicit import Configuration, End, Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
@@ -50,7 +51,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
     )
     if prescribed.any():
         x[:, prescribed], v[:, prescribed] = _carried(state, motions, prescribed, dt)
-    contacts, wall_force = _contacts(scene, solution, end, dt)
+    contacts, wall_force = _contacts(scene, state.contacts, solution, end, dt)
     box, contacts = recut_box(scene, motions.box, contacts)
     return replace(
         state,
@@ -140,7 +141,7 @@ def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     return (increment.dt, *options, scene.materials_by_group)
 
 
-def _contacts(scene: Scene, solution: Solution, end: End, dt: float) -> tuple[Contacts, Array]:
+def _contacts(scene: Scene, before: Contacts, solution: Solution, end: End, dt: float) -> tuple[Contacts, Array]:
     """The contacts with their forces (2, k), and the forces on the walls, (walls, 2) [N/m]."""
     wall_force = np.zeros((len(scene.walls), 2))
     if solution.contact is None:
@@ -158,4 +159,5 @@ def _contacts(scene: Scene, solution: Solution, end: End, dt: float) -> tuple[Co
         constraints.key,
         constraints.point,
         constraints.image,
+        lasting_force(before, constraints.key, force[0], dt * scene.fastest_wave / scene.cell),
     ), wall_force
