@@ -7,7 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skmpm import Body, NeoHookean, Scene, SceneError, Scheme, Wall, disc, initial, preflight, simulate, step
+from skmpm import (
+    Body,
+    NeoHookean,
+    Scene,
+    SceneError,
+    Scheme,
+    Wall,
+    disc,
+    initial,
+    load,
+    preflight,
+    save,
+    simulate,
+    step,
+)
 from skmpm.implicit import StepRejected
 from skmpm.material import LinearElastic, Viscous, determinant, inverse, product
 from skmpm.simulate.acceptance import check_step
@@ -101,6 +115,22 @@ def test_energies_add_up_and_viscosity_never_gives_any(law, scheme):
     assert energy[-1].viscous > 0.05 * energy[-1].external
     *_, plain = simulate(squeezed(law(1e6, 0.45, 1000.0)), dt=5e-6, until=1e-5)
     assert plain.report.energy.viscous == 0.0
+
+
+def test_a_run_goes_on_from_a_file_to_the_bit(tmp_path):
+    """After every third of twenty steps; what a state keeps beside what is saved must not show."""
+    scene = squeezed(NeoHookean(1e6, 0.3, 1000.0, viscosity=50.0))
+    dt = 5e-5
+    states = [initial(scene)]
+    for _ in range(20):
+        states.append(step(scene, states[-1], dt))
+    for k in range(0, 18, 3):
+        save(tmp_path / "state", states[k])
+        again, same = load(tmp_path / "state"), states[k + 2]
+        for _ in range(2):
+            again = step(scene, again, dt)
+        for name in ("x", "F", "stress", "nodal_velocity"):
+            assert np.array_equal(getattr(again, name), getattr(same, name)), name
 
 
 def test_what_viscosity_takes_does_not_hide_a_gain_of_energy():
