@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ class Contacts:
     image : (2, k) displacement of the second body to its image that the first one touches [m]; zero but in a
         periodic box. `x` is where the first body is
     lasting_force : (k,) [N/m] the normal force, or its mean over the steps in which waves cross the contact, where
-        these are short; it tells light contacts from wide ones (`contact.closest_points`)
+        these are short; it tells light contacts from wide ones (`contact.closest_points`). By default the former
     """
 
     __repr__ = with_shapes
@@ -42,7 +42,11 @@ class Contacts:
     key: Ints
     point: Ints
     image: Array
-    lasting_force: Array
+    lasting_force: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if self.lasting_force.shape != self.gap.shape:
+            object.__setattr__(self, "lasting_force", self.force[0])
 
     def at(self, side: int) -> Array:
         """The contact points where the first (0) or the second bodies (1) are, (2, k) [m]."""
@@ -58,4 +62,4 @@ class Contacts:
     def none() -> Contacts:
         """No contacts."""
         ints, floats = np.zeros((2, 0), dtype=np.int64), np.zeros((2, 0))
-        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0], floats, floats[0])
+        return Contacts(ints, floats, floats, floats, floats[0], ints[0], ints[0], floats)

@@ -104,9 +104,8 @@ def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
     motions = prescribed_velocities(scene, 0.0, dt, state.box)
     linearise = scheme.contact(scene, state, grid, dt, scheme.theta, motions, scheme.inertia)
     found = linearise(np.zeros(2 * grid.nodes))
-    none = np.zeros((2, found.size))
-    where = found.gap, found.key, found.point, found.image
-    return Contacts(found.bodies, found.x, found.normal, none, *where, none[0])
+    no_force = np.zeros((2, found.size))
+    return Contacts(found.bodies, found.x, found.normal, no_force, found.gap, found.key, found.point, found.image)
 
 
 def check_scheme(name: str, scheme: object) -> None:

@@ -33,7 +33,6 @@ def with_contacts(scene, bodies, x, normal, force, gap=None):
         np.arange(k),
         point,
         np.zeros((2, k)),
-        np.zeros(k),
     )
     return replace(initial(scene), contacts=contacts)
 
