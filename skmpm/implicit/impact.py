@@ -59,19 +59,20 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
         u += J @ (z - contact.z)
         W = sp.csr_array(W + J @ sp.diags_array(light) @ J.T)
     before = contact.lifted[of_chosen]
-    known, tol = W @ before, increment.scheme.contact_tol
-    after, info = coulomb.solve(W, u - known, some.friction, r0=before, tol=tol, pairs=some.pairs)
+    tol = increment.scheme.contact_tol
+    after, info = coulomb.solve(W, u - W @ before, some.friction, r0=before, tol=tol, pairs=some.pairs)
+    rho = after - before
     if not info.converged:
-        worst = int(np.argmax(coulomb.residuals(after, u + W @ after - known, some.friction, W.diagonal())))
+        worst = int(np.argmax(coulomb.residuals(after, u + W @ rho, some.friction, W.diagonal())))
         raise StepRejected(
             pair(some.bodies[:, worst]),
             f"the contact solver did not converge for the velocities of {some.size} contacts at the end of the step:"
             f" residual {info.residual:.2g} (tolerance {tol:g}) here",
         )
-    impulses[of_chosen] = after - before
+    impulses[of_chosen] = rho
     if unknowns is not None:
-        z = z + light * (J.T @ (after - before))
-    return v + inverse(some.at_nodes(some.D.T @ (after - before))), z, impulses
+        z = z + light * (J.T @ rho)
+    return v + inverse(some.at_nodes(some.D.T @ rho)), z, impulses
 
 
 def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
