@@ -12,6 +12,7 @@ mean motion of the box in a step, which is therefore its velocity at the end: st
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -69,6 +70,11 @@ class StressedBox:
         assert self.periodic is not None
         return deformed(self.start, self.rate, self.dt, self.periodic.components, z / self.length)
 
+    @cached_property
+    def _first_edges(self) -> Array:
+        """The edges at the end of the step, if the rates stayed as they are at its start, (2, 2) [m]."""
+        return self._edges(self.inertia.v0)
+
     def _scale(self, z: Array) -> Array:
         """Change of the edges at the end of the step by an unknown, over dt E_e H (`scene.periodic`), (q,) [1/m]."""
         assert self.periodic is not None
@@ -88,7 +94,7 @@ class StressedBox:
 
     def translation(self, z: Array) -> Array:
         """Velocities of bodies by the change of the gradient in the step, (2, bodies) [m/s]."""
-        change = (self._edges(z) - self._edges(self.inertia.v0)) @ np.linalg.inv(self.start) / self.dt
+        change = (self._edges(z) - self._first_edges) @ np.linalg.inv(self.start) / self.dt
         return np.asarray(change @ self.centres)
 
     def carried(self, translation: Array) -> Array:
