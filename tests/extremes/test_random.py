@@ -154,14 +154,10 @@ def parameters(draw, least=1.0):
     return drawn(*by_hypothesis(draw), draw(st.floats(least, 1.0)))
 
 
-@pytest.fixture(autouse=True, scope="module")
-def quiet():
+@pytest.fixture(autouse=True)
+def quiet(same_log_level):
     """Retries are counted, not reported."""
-    logger = logging.getLogger("skmpm")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    yield
-    logger.setLevel(level)
+    logging.getLogger("skmpm").setLevel(logging.ERROR)
 
 
 def check(name, parameters):
