@@ -74,11 +74,16 @@ PRESSED = {"rate": [[0.0, 30.0], [0.0, 0.0]], "stress": [[NAN, NAN], [NAN, -2e5]
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.5])
-@pytest.mark.parametrize("box", [{"rate": -20.0 * np.eye(2)}, PRESSED], ids=["squeezed", "sheared under a stress"])
-def test_with_inertia_a_body_and_its_image_move_alike(box, theta):
-    """Bodies a box away have other velocities and the same motion: to 5e-6 cells after 15 steps of an impact.
+@pytest.mark.parametrize(
+    ("box", "tolerance"),
+    [({"rate": -20.0 * np.eye(2)}, 1e-6), (PRESSED, 5e-6)],
+    ids=["squeezed", "sheared under a stress"],
+)
+def test_with_inertia_a_body_and_its_image_move_alike(box, tolerance, theta):
+    """Bodies a box away have other velocities and the same motion: to 1e-6 cells after 15 steps of an impact.
 
-    One of the discs is rigid. If a box did not carry bodies with it as its rate changes, they would differ by cells.
+    To 5e-6 where the motion of the box is unknown. One of the discs is rigid. If a box did not carry bodies with it
+    as its rate changes, they would differ by cells.
     """
     x, tight = [], skmpm.Scheme(newton_tol=1e-9, contact_tol=1e-11, gap_tol=1e-9, theta=theta)
     images = np.array([(0, 0), (1, 0), (0, -1), (2, 3)])
@@ -90,7 +95,7 @@ def test_with_inertia_a_body_and_its_image_move_alike(box, theta):
         shift = 0.0 if k is None else (state.box @ images.T)[:, state.body]
         x.append(state.x - shift)
         assert state.contacts.force[0].max() > 0.0
-    assert np.abs(x[1] - x[0]).max() < 5e-6 * H
+    assert np.abs(x[1] - x[0]).max() < tolerance * H
 
 
 def test_a_box_carries_a_body_as_its_rate_changes():
