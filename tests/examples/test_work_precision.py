@@ -21,7 +21,18 @@ def study():
     return lambda name: import_module(f"examples.studies.work_precision.{name}")
 
 
-def test_commands(study, monkeypatch, tmp_path):
+@pytest.fixture
+def no_pictures(study, monkeypatch):
+    """Called, lets pages be written without their pictures: drawing them once will do."""
+
+    def leave_out():
+        for name in ("fronts", "parameters", "speeds"):
+            monkeypatch.setattr(study("page").figures, name, lambda *args: None)
+
+    return leave_out
+
+
+def test_commands(study, no_pictures, tmp_path):
     """The study of the cantilever, presets and two of the sample, and the page of it; run again, nothing is done."""
     module, page = study("study"), study("page")
     command = ["--scenes", "cantilever", "--only", "preset", "sample", "--runs", "2", "--processes", "1"]
@@ -45,8 +56,7 @@ def test_commands(study, monkeypatch, tmp_path):
         assert "All with one version of the library, skmpm" in text
         assert text.count("## Presets") == 1
         assert text.endswith(rest)
-        for name in ("fronts", "parameters", "speeds"):  # once will do
-            monkeypatch.setattr(page.figures, name, lambda *args: None)
+        no_pictures()
     assert len((tmp_path / "docs" / "work_precision" / "results.csv").read_text().splitlines()) == 6
 
 
@@ -105,8 +115,9 @@ def test_ends_of_runs(study):
     assert run.status == torn["status"]
 
 
-def test_retiming_keeps_the_shorter_time(study, tmp_path):
+def test_retiming_keeps_the_shorter_time(study, no_pictures, tmp_path):
     """The presets on the cantilever twice, the second time beside the first; the faster counts."""
+    no_pictures()
     module, results = study("study"), study("results")
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())

@@ -105,7 +105,7 @@ def test_a_rebound_converges_with_the_step():
     walls, speed = [Wall((0, 0), (0, 1), friction=0.5)], 0.2
     thrown = Scene([ball(1.01 * R, velocity=(0.0, -speed))], cell=CELL, walls=walls)
     steps = (R / WAVE / n for n in (10, 20, 40))
-    found = [rising(simulate(thrown, until=4e-4, dt=dt)) / speed for dt in steps]
+    found = [rising(simulate(thrown, until=1.3e-4, dt=dt)) / speed for dt in steps]
     assert (np.diff(found) > 0.0).all()
     assert 0.94 < found[2] < 0.97
 
