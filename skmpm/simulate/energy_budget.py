@@ -13,7 +13,7 @@ from skmpm.implicit.internal_variables import dissipated
 from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, centres, velocity_at
 from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
 from skmpm.simulate.forces import external_force, follower_pressure
-from skmpm.simulate.rigid_energy import free_bodies
+from skmpm.simulate.rigid_energy import own_energies
 from skmpm.simulate.springs import energies
 from skmpm.simulate.unbalanced import unbalanced_ratio
 
@@ -97,8 +97,7 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
         external -= float((bulk.assembly.mass * (end.velocity - increment.v0)) @ of_box)
         there = kinetic_energy(bulk.assembly, end.velocity - velocity_of_box(after, after.box_rate))
         external, kinetic[1] = external + there - kinetic[1], there
-    if scene.free_rigid.size:
-        own = free_bodies(scene, state, increment, solution, end, after)
+    for own in own_energies(scene, state, increment, solution, end, after):
         external += own.work
         kinetic = [kinetic[i] + own.kinetic[i] for i in (0, 1)] if inertia else kinetic
     viscous = increment.dissipated(w)

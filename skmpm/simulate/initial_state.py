@@ -32,7 +32,7 @@ from skmpm.simulate.box_motion import velocity_of_box
 from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
-from skmpm.simulate.rigid_energy import kinetic_energy_of_free_bodies
+from skmpm.simulate.rigid_energy import own_kinetic_energy
 from skmpm.simulate.springs import check_explicit_springs
 from skmpm.transfer import to_nodes
 
@@ -88,7 +88,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     weight[deformable] = assembly.volume
     state = replace(state, weight=weight)
     relative = nodal - velocity_of_box(state, state.box_rate)
-    kinetic = kinetic_energy(assembly, relative) + kinetic_energy_of_free_bodies(scene, state)
+    kinetic = kinetic_energy(assembly, relative) + own_kinetic_energy(scene, state)
     at_start = Report(energy=Energy(kinetic=kinetic, springs=spring_energy(scene, x, 0.0)))
     return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
 

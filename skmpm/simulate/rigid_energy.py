@@ -1,7 +1,8 @@
-"""Energies of free rigid bodies in a step."""
+"""Energies of what forces move and has no grid: free rigid bodies and driven walls."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,20 +17,49 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class FreeBodies:
-    """Kinetic energies of all free rigid bodies, relative to a periodic box, and work on them [J/m]."""
+class OwnEnergy:
+    """Kinetic energies, and the work on them that the budget of bodies on grids lacks [J/m].
+
+    That budget takes what they do at contacts for work of prescribed motions.
+    """
 
     kinetic: tuple[float, float]  # at the start and at the end of the step
-    work: float  # of gravity and of the box, and that of the bodies at contacts
+    work: float  # of the forces that move them, and that of contacts on them
 
 
-def free_bodies(
+def own_energies(
     scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State
-) -> FreeBodies:
-    """The energies of a solved step.
+) -> Iterator[OwnEnergy]:
+    """The energies of a solved step."""
+    if scene.free_rigid.size:
+        yield _free_bodies(scene, state, increment, solution, end, after)
+    if scene.driven_walls.size and increment.scheme.inertia:
+        yield _driven_walls(scene, state, end, after)
 
-    The work at contacts is what the budget of all bodies takes for work of prescribed motions.
-    """
+
+def own_kinetic_energy(scene: Scene, state: State) -> float:
+    """Kinetic energy of the free rigid bodies, relative to a periodic box, and of the driven walls [J/m]."""
+    return _kinetic_of_free_bodies(scene, state) + _kinetic_of_walls(scene, state)
+
+
+def _driven_walls(scene: Scene, state: State, end: End, after: State) -> OwnEnergy:
+    """Those of walls: what drives and contacts transfer is the change of momentum times the mean velocity."""
+    change = after.wall_velocity - state.wall_velocity
+    work = scene.wall_masses @ (change * end.motions.walls)[scene.driven_walls].sum(axis=1)
+    return OwnEnergy((_kinetic_of_walls(scene, state), _kinetic_of_walls(scene, after)), float(work))
+
+
+def _kinetic_of_walls(scene: Scene, state: State) -> float:
+    """Kinetic energy of the driven walls of a state [J/m]."""
+    if scene.driven_walls.size == 0:
+        return 0.0
+    return 0.5 * float(scene.wall_masses @ (state.wall_velocity[scene.driven_walls] ** 2).sum(axis=1))
+
+
+def _free_bodies(
+    scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State
+) -> OwnEnergy:
+    """Those of free rigid bodies; the work is of gravity, of the box and at contacts."""
     start, own, motions, dt = rigid_state(scene, state), scene.free_rigid, end.motions, increment.dt
     mean, last = (_with_radius(table[:, own], start.radius) for table in (motions.rigid, motions.rigid_at_end))
     gradient = mean_gradient(state, motions, dt)
@@ -39,14 +69,14 @@ def free_bodies(
     )
     work = dt * float(start.gravity(scene, state, state.t + increment.scheme.theta * dt) @ mean.T.ravel())
     work += _at_contacts(scene, state, solution, end, dt)
-    kinetic = kinetic_energy_of_free_bodies(scene, after)
+    kinetic = _kinetic_of_free_bodies(scene, after)
     if gradient is not None:
         work -= float(start.mass @ ((relative - before)[:2] * (gradient @ start.centre)).sum(axis=0))
         work += kinetic - kinetic_energy(start.mass, relative)  # the velocity of the box is another one there
-    return FreeBodies((kinetic_energy(start.mass, before), kinetic), work)
+    return OwnEnergy((kinetic_energy(start.mass, before), kinetic), work)
 
 
-def kinetic_energy_of_free_bodies(scene: Scene, state: State) -> float:
+def _kinetic_of_free_bodies(scene: Scene, state: State) -> float:
     """Kinetic energy of the free rigid bodies of a state, relative to a periodic box [J/m]."""
     if scene.free_rigid.size == 0:
         return 0.0

@@ -74,6 +74,28 @@ def test_a_wall_and_a_body_that_collide_keep_their_momentum():
     assert momentum == pytest.approx(-0.4, rel=1e-9)
 
 
+@pytest.mark.parametrize("theta", [1.0, 0.5])
+def test_the_external_work_is_that_of_the_force_whatever_the_wall_hits(theta):
+    """A heavy lid falls on a rigid grain on a soft block: F times its path, all of it, and energy is only lost.
+
+    The work of contacts on the lid depended on when in a step it hit the grain, 0.067 of 0.10 J/m here.
+    """
+    force, top = 50.0, 2.2 * R
+    block = Body(box((0.0, 0.0), (R, R), spacing=R / 8), GEL)
+    grain = Body(box((0.0, R), (R, R), spacing=R / 8), Rigid(2000.0))
+    lid = Wall((0.0, top), (0.0, -1.0), force=force, mass=0.5, friction=0.0)
+    scene = Scene([block, grain], cell=R / 4, walls=[replace(FLOOR, friction=0.0), lid])
+    hit, lost = False, [0.0]
+    for state in simulate(scene, dt=2e-4, until=0.02, scheme=Scheme(theta=theta)):
+        energy, hit = state.report.energy, hit or state.wall_force[1, 1] > 0.0
+        assert energy.external == pytest.approx(force * (top - state.walls[1, 1]), rel=1e-12)
+        lost.append(energy.dissipated)
+        if not hit:
+            assert energy.kinetic == pytest.approx(0.25 * state.wall_velocity[1, 1] ** 2, rel=1e-12)
+    assert hit
+    assert np.diff(lost).min() > -1e-3 * energy.external
+
+
 def test_without_inertia_force_and_displacement_are_those_of_a_prescribed_wall():
     """The same equilibrium from both sides: the force that a prescribed wall finds leads to its place."""
     depth = 0.04 * R
