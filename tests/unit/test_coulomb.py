@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 from skmpm import coulomb
+from skmpm.coulomb import search
 from skmpm.coulomb.path import follow
 from skmpm.coulomb.problem import scaled
 
@@ -191,6 +192,24 @@ def test_large_lattice(mu):
         edge = mu * r[::2]
         slips = (np.abs(r[1::2]) == edge) & (edge > 0.0)
         assert slips.any() and ((np.abs(r[1::2]) < edge).sum() > 0) and (np.abs(r[1::2]) <= edge).all()
+
+
+def test_large_problems_begin_again_from_nothing(monkeypatch):
+    """All but proximal problems from zero fail."""
+    W, q, mu = lattice(10)
+    assert q.size > search._MAX_PATH_ROWS
+    proximal, starts = search._proximal, []
+
+    def stalls(p, x, *options):
+        starts.append(x.r.any())
+        return (x, 1) if starts[-1] else proximal(p, x, *options)
+
+    monkeypatch.setattr(search, "full_steps", lambda p, x, tol, limit: (x, 0))
+    monkeypatch.setattr(search, "sweep", lambda p, x, sweeps: x)
+    monkeypatch.setattr(search, "_proximal", stalls)
+    r, info = coulomb.solve(W, q, mu, r0=np.ones_like(q), tol=1e-9)
+    assert starts == [True, False]
+    assert info.converged and certificate(W, q, mu, r) < 1e-9
 
 
 def test_lattice_with_every_contact_doubled():
