@@ -137,7 +137,7 @@ def check_cohesion(name: str, scene: Scene, scheme: Scheme) -> None:
 def initial_motion(scene: Scene) -> tuple[Array, Array]:
     """Velocities (2, n) [m/s] of the points at t = 0 and their gradients (2, 2, n) [1/s], relative to the box."""
     v, C = [], []
-    for body in scene.bodies:
+    for b, body in enumerate(scene.bodies):
         x, weight = body.points.x, body.points.volume
         if isinstance(body.material, Rigid):
             arm = x - (x @ weight / weight.sum())[:, None]
@@ -145,7 +145,8 @@ def initial_motion(scene: Scene) -> tuple[Array, Array]:
             C.append(np.zeros((2, 2, x.shape[1])))
             continue
         field, gradient = _field(body.velocity, x, 1e-4 * scene.cell)
-        arm = x - (x @ weight / weight.sum())[:, None]
+        mass = scene.masses[scene.offsets[b] : scene.offsets[b + 1]]
+        arm = x - (x @ mass / mass.sum())[:, None]
         v.append(field + body.spin * np.stack([-arm[1], arm[0]]))
         C.append(gradient + body.spin * np.array([[0.0, -1.0], [1.0, 0.0]])[:, :, None])
     return np.concatenate(v, axis=1), np.concatenate(C, axis=2)

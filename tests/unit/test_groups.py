@@ -203,6 +203,16 @@ def test_mass_wave_speed_and_compliance_are_those_of_the_parts():
     assert "1 of NeoHookean" in repr(scene)
 
 
+def test_a_spin_is_about_the_centre_of_mass():
+    """A box of halves of densities 2000 and 1000: it spins, and its centre of mass stays where it is."""
+    body = Body(halves(box((0.0, 0.0), (2 * R, R), spacing=CELL / 2)), {"left": CORE, "right": SHELL}, spin=50.0)
+    state = initial(Scene([body], cell=CELL))
+    assert np.abs(state.v @ state.mass).max() < 1e-12 * (np.abs(state.v) @ state.mass).max()
+    arm = state.x - np.average(state.x, axis=1, weights=state.mass)[:, None]
+    momentum = state.mass @ (arm[0] * state.v[1] - arm[1] * state.v[0])
+    assert momentum == pytest.approx(50.0 * state.mass @ (arm**2).sum(axis=0), rel=1e-12)
+
+
 def test_a_driven_wall_has_the_mass_of_the_parts_by_default():
     scene = Scene(squeezed({"core": CORE, "shell": SHELL}).bodies, cell=CELL, walls=[Wall((0, 0), (0, 1), force=1.0)])
     assert scene.wall_masses[0] == pytest.approx(initial(scene).mass.sum())
