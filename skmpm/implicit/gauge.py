@@ -74,9 +74,13 @@ class Gauge:
         """The condition for those of the bodies in a mask (bodies,)."""
         return replace(self, rotation=self.rotation * self._spread(bodies))
 
+    def moments(self, force: Array) -> Array:
+        """Moments (bodies,) [N m/m] of a force (2 nodes,), zero for bodies without the condition."""
+        return self._sums(self.rotation * force)
+
     def without_torque(self, impulse: Array) -> Array:
         """The impulse (2 nodes,) without the multiplier of the condition, which is its torque."""
-        return np.asarray(impulse - self.momentum * self._spread(self._sums(self.rotation * impulse) / self._inertia))
+        return np.asarray(impulse - self.momentum * self._spread(self.moments(impulse) / self._inertia))
 
 
 def gauge_of(grid: BodyGrids, x: Array, mass: Array, bodies: NDArray[np.bool_], dropped: NDArray[np.bool_]) -> Gauge:

@@ -100,7 +100,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         scheme,
         supports,
         motions.supports,
-        gauge=gauge_condition(scene, state, v0, dt, scheme),
+        gauge=gauge_condition(scene, state, v0, force, dt, scheme),
         pressure=follower_pressure(scene, state, state.t + scheme.theta * dt),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
         springs=springs_of(scene, state, state.t + scheme.theta * dt),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,9 +20,10 @@ UNSTABLE = 0.75  # dt^2 virial / J of a body from which on its spin is dropped; 
 # at the start of the step, so that the energy of rotation grows by a quarter of the square of this angle, which is
 # below the tolerance of the energy check (`simulate.acceptance`).
 MAX_ANGLE = 1e-3
+NO_MOMENT = 1e-9  # moment of a force over the sum of its parts: round-off of a force that is uniform
 
 
-def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Scheme) -> Gauge | None:
+def gauge_condition(scene: Scene, state: State, v0: Array, force: Array, dt: float, scheme: Scheme) -> Gauge | None:
     """The condition on the rotation of round bodies that friction acts on nowhere; None where there are none.
 
     In quasi-static steps these bodies do not rotate: nothing determines a rotation of theirs. In dynamic steps the
@@ -28,7 +31,8 @@ def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Sc
     impacts and rotations. A body under pressure p that rotates by phi while its loads keep their directions loses the
     energy p V phi^2, with 2 p V the virial of its contact forces. From dt^2 2 p V = J on that exceeds its rotational
     energy, and its spin is dropped; under less pressure it is kept, and bodies that spin fast do not have the
-    condition. `v0` (2 nodes,) [m/s] are the velocities at the start of the step.
+    condition, nor do those on which `force` (2 nodes,) [N/m], that of gravity, has a moment. `v0` (2 nodes,) [m/s]
+    are the velocities at the start of the step.
     """
     interval = scheme.theta * dt
     if scheme.inertia:
@@ -39,11 +43,20 @@ def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Sc
         return None
     assembly = assembly_of(state)
     x = assembly.grid.position + state.displacement.reshape(-1, 2).T
+    gauge = gauge_of(assembly.grid, x, assembly.mass, held, dropped=held)
+    if callable(scene.gravity):
+        gauge = gauge.among(~_turned(gauge, force))
     if not scheme.inertia:
-        return gauge_of(assembly.grid, x, assembly.mass, held, dropped=held)
+        return gauge
     unstable = _unstable(state, interval)
-    gauge = gauge_of(assembly.grid, x, assembly.mass, held, dropped=unstable)
+    gauge = replace(gauge, dropped=unstable)
     return gauge.among(unstable | (interval * np.abs(gauge.spin(v0)) < MAX_ANGLE))
+
+
+def _turned(gauge: Gauge, force: Array) -> Bools:
+    """Bodies on which a force (2 nodes,) [N/m] has a moment about the centre of mass, (bodies,)."""
+    of_sizes = replace(gauge, rotation=np.abs(gauge.rotation)).moments(np.abs(force))
+    return np.asarray(np.abs(gauge.moments(force)) > NO_MOMENT * of_sizes)
 
 
 def _touching(scene: Scene, state: State) -> Bools:
