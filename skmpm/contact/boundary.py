@@ -27,6 +27,7 @@ from skmpm.contact.constraints import Constraints, Linearise, no_constraints
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, no_contacts
 from skmpm.contact.motion import Motion
 from skmpm.contact.neighbours import Neighbours, Roles, neighbours, pairs_of_bodies
+from skmpm.contact.reach import contact_reach
 from skmpm.contact.rows import combinations
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
@@ -43,11 +44,6 @@ from skmpm.scene import (
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Largest gap of a detected contact [cells]: a point that approaches further within a Newton iteration is detected in
-# the next one.
-DETECTION_DISTANCE = 0.25
-# The same over the range of cohesion: a gap that opens out of range within a step bears its tension to its end.
-COHESION_DETECTION = 1.5
 PUSH_OUT = 0.2  # fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies
 
 
@@ -76,21 +72,21 @@ def point_to_curve(
     boundary = scene.outlines
     interpolation = _boundary_interpolation(scene, state, grid, boundary)
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
-    reach, start = _reach(scene, grid.cell), state.x[:, boundary.point]
+    within, start = contact_reach(scene), state.x[:, boundary.point]
 
     def search(margin: float) -> tuple[Neighbours, Roles] | None:
         """The candidates, complete for motions up to half the margin; None if nothing is near anything."""
-        surfaces = scene.images(start, state.box, reach + margin)
+        surfaces = scene.images(start, state.box, within + margin)
         at, own = surfaces.at(start, state.box), SelfContact.of(scene, state, surfaces.outlines)
-        pairs = pairs_of_bodies(scene, surfaces, at, reach + margin)
+        pairs = pairs_of_bodies(scene, surfaces, at, within + margin)
         if pairs.size + own.bodies.size + len(scene.walls) == 0:
             return None
         initial = scene.initial_positions[:, surfaces.outlines.point]
         curve, roles = outline.curve(surfaces.outlines, initial, at), _roles(scene, surfaces, initial)
-        return neighbours(scene, surfaces, curve, roles, own, at, reach, margin, pairs), roles
+        return neighbours(scene, surfaces, curve, roles, own, at, within, margin, pairs), roles
 
     motion = Motion.of(scene, state, motions, dt)
-    margin = 0.5 * reach + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
+    margin = 0.5 * within + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
     close = search(margin)
     if inertia and close is not None:
         close = (_with_closest_points(scene, state, *close, motion), close[1])
@@ -130,11 +126,6 @@ def _with_closest_points(scene: Scene, state: State, near: Neighbours, roles: Ro
     moved = np.where(scene.deformable[boundary.body], motion.dt * state.v[:, boundary.point], motion.points)
     ahead = near.curve.through(near.start.x + motion.of_surfaces(near.surfaces, moved))
     return replace(near, shifts=closest_points(scene, near, roles, ahead, motion.walls.sum(axis=0), state.contacts))
-
-
-def _reach(scene: Scene, cell: float) -> float:
-    """Largest gap of a detected contact [m]."""
-    return max(DETECTION_DISTANCE * cell, COHESION_DETECTION * scene.cohesion_range if scene.cohesive else 0.0)
 
 
 def _check_outlines(scene: Scene) -> None:

@@ -100,7 +100,8 @@ def _on_bodies(scene: Scene, near: Neighbours, roles: Roles, ahead: Cubics, refe
     ranks = roles.rank[boundary.body[np.stack([c, segment])]]
     chosen = (ranks[0] < ranks[1]) & scene.movable[owner[c]]  # not the corners of the other body
     found, values = np.empty((3, c.size), dtype=np.int64), np.empty((4, c.size))
-    groups = (near.ends, near.point, near.segment, curve.side, chosen, MAX_DEPTH * near.cell)
+    most = max(MAX_DEPTH * near.cell, near.reach)
+    groups = (near.ends, near.point, near.segment, curve.side, chosen, most)
     size = _minima_on_bodies(*groups, ahead.x, ahead.c, curve.loops, reference, found, values)
     (one, other, foot), (*slope, turn, length) = found[:, :size], values[:, :size]
     compliance = scene.compliance[owner[c[one]]] + scene.compliance[owner[foot]]

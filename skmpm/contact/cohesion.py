@@ -55,16 +55,19 @@ def opening(found: ContactPairs, strength: Array) -> Array:
 def contact_length(
     outlines: Outlines, x: Array, found: ContactPairs, rank: Ints, acts: Bools, range_: float
 ) -> Array:
-    """Length of boundary that belongs to each contact, (k,) [m]; contacts that act at a point share its length."""
+    """Length of boundary that belongs to each contact, (k,) [m]; contacts that act at a point share its length.
+
+    Of two parts of one body that which comes first along the outline gives the points (`neighbours`).
+    """
     first, second = found.bodies
-    order = np.where(second < 0, 1, np.sign(rank[second] - rank[first]))
+    order = np.where(first == second, np.sign(found.stencil[1] - found.point), np.sign(rank[second] - rank[first]))
+    order = np.where(second < 0, 1, order)
     length = np.zeros((2, first.size))
-    giving = np.flatnonzero((order >= 0) & acts)
+    giving = np.flatnonzero((order > 0) & acts)
     identity = _Identity(rank.size, -int(second.min()))
     length[:, giving] = outline.half_segments(outlines, x, found.point[giving], found.normal[:, giving])
     if range_ > 0.0:
         length[:, giving] *= _in_range(outlines, x, found, giving, range_, identity)
-    length[:, order == 0] *= 0.5  # both bodies give points
     corners = np.flatnonzero(order < 0)
     if corners.size:
         at, ends = identity.of(found.point, second)[giving], found.stencil[1:3, corners]

@@ -43,7 +43,8 @@ def contacts(
     """
     size, (depth, reach, edge_depth) = 0, limits
     for group in range(ends.size - 1):
-        i, t = nearest_of_group(ends[group], ends[group + 1], point, segment, x, loops.following, depth)
+        most = max(depth, reach)
+        i, t = nearest_of_group(ends[group], ends[group + 1], point, segment, x, loops.following, most)
         if i < 0:
             continue
         at = point[ends[group]]

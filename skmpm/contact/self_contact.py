@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.contact.reach import contact_reach
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, State
 
@@ -35,8 +36,7 @@ MAX_PENETRATION = 0.25
 # [cells] Parts closer than the first share nodes wherever they lie on the grid, parts farther apart than the second
 # do not: the support of a shape function is two cells wide.
 ALWAYS_JOINED, NEVER_JOINED = 1.0, 2.0
-# [cells] Parts farther apart cannot meet in a step, in which points move by a cell at most, within reach of contact.
-MAX_APPROACH = 2.25
+MAX_APPROACH = 2.0  # [cells] of two parts in a step, in which points move by a cell at most
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class SelfContact:
 def may_touch_itself(scene: Scene, state: State) -> bool:
     """Whether any body has parts that may meet in a step from this state."""
     x = state.x[:, scene.outlines.point]
-    return bool(SelfContact.of(scene, state).facing(x, MAX_APPROACH * scene.cell)[0].size)
+    return bool(SelfContact.of(scene, state).facing(x, MAX_APPROACH * scene.cell + contact_reach(scene))[0].size)
 
 
 def joined_parts(scene: Scene, state: State) -> Ints:

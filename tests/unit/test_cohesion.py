@@ -97,6 +97,14 @@ def test_contact_lengths_add_up_to_the_common_length(tilt, spacing, left, width,
             assert found.tensile_strength.sum() == pytest.approx(3.0 * covered, rel=1e-9)
 
 
+@pytest.mark.parametrize("gap", [0.9, 1.0, 3.2])
+def test_a_range_of_several_cells_acts_along_the_whole_gap(gap):
+    """From a gap of one cell on, only the corners of the blocks attracted each other."""
+    bodies = [block(-HEIGHT - gap * CELL), block(0.0)]
+    scene = Scene(bodies, cell=CELL, cohesion=3.0, cohesion_range=1.1 * gap * CELL)
+    assert strengths(scene, initial(scene)).tensile_strength.sum() == pytest.approx(3.0 * WIDTH, rel=1e-9)
+
+
 def test_a_disc_on_a_wall_has_one_spacing_or_the_zone_in_range():
     """Without range the point that touches has its two half segments; with one, the zone of gaps below it.
 

@@ -22,7 +22,7 @@ from skmpm.contact import point_to_curve
 from skmpm.implicit import Increment
 from skmpm.implicit.floating import floating_bodies, rigid_contacts
 from skmpm.scene import prescribed_velocities
-from skmpm.simulate.regrid import bulk_of
+from skmpm.simulate.regrid import assembly_of, bulk_of
 
 STATIC = Scheme(inertia=False)
 SMOOTH = 0.02  # [cells] deepest penetration
@@ -90,6 +90,21 @@ def test_legs_of_a_slotted_block_touch_as_two_bodies_do(slot, friction):
     assert 4 <= closed[0].sum() <= 6
     np.testing.assert_allclose(*force, rtol=0.015)
     assert force[0, -1] / force[0, 13] > 20.0 * 20 / 14
+
+
+@pytest.mark.parametrize("slot", [2, 3])
+def test_legs_attract_each_other_as_two_bodies_do(slot):
+    """In range of cohesion across the slot: c times its depth of 20 cells, of two legs c times their 23 cells.
+
+    The end of the slot, a corner that opens, belongs to no contact, so half a segment is missing. Half of it was
+    taken for the other side's.
+    """
+    for divided, depth in ((False, 20.0 - 0.25), (True, 23.0)):
+        scene = replace(slotted(slot, divided=divided), cohesion=3.0, cohesion_range=0.6 * slot)
+        state = initial(scene, scheme=STATIC)
+        grid = assembly_of(state).grid
+        found = point_to_curve(scene, state, grid, 1e-6)(np.zeros(2 * grid.nodes))
+        assert found.tensile_strength.sum() == pytest.approx(3.0 * depth, rel=1e-9)
 
 
 def test_a_hole_closes():
