@@ -123,7 +123,8 @@ class Support:
     where : positions (2, n) [m] -> (n,) bool
     velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; a component None is free
     displacement : instead of a velocity, a function of time t -> (2,) [m], zero at t = 0; it holds at the ends of
-        steps, whatever their length
+        steps, whatever their length. A support that a later stage adds moves its points by what the function changes
+        from then on
     """
 
     where: Where
