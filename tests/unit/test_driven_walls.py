@@ -86,7 +86,7 @@ def test_the_external_work_is_that_of_the_force_whatever_the_wall_hits(theta):
     lid = Wall((0.0, top), (0.0, -1.0), force=force, mass=0.5, friction=0.0)
     scene = Scene([block, grain], cell=R / 4, walls=[replace(FLOOR, friction=0.0), lid])
     hit, lost = False, [0.0]
-    for state in simulate(scene, dt=2e-4, until=0.02, scheme=Scheme(theta=theta)):
+    for state in simulate(scene, dt=2e-4, until=0.01, scheme=Scheme(theta=theta)):
         energy, hit = state.report.energy, hit or state.wall_force[1, 1] > 0.0
         assert energy.external == pytest.approx(force * (top - state.walls[1, 1]), rel=1e-12)
         lost.append(energy.dissipated)

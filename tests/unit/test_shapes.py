@@ -91,12 +91,12 @@ def test_shapes_come_to_rest_on_each_other():
     """A capsule, an ellipse and a pentagon fall on each other in a box: the floor carries their weight."""
     R = 1e-2
     bodies = [
-        Body(capsule((0.0, R), 2 * R, 0.9 * R, spacing=R / 6), GEL),
-        Body(ellipse((0.2 * R, 3.0 * R), (1.6 * R, R), spacing=R / 6, angle=0.2), GEL),
-        Body(polygon((-0.3 * R, 5.3 * R), 1.2 * R, 5, rounding=0.3 * R, spacing=R / 6), GEL),
+        Body(capsule((0.0, R), 2 * R, 0.9 * R, spacing=R / 5), GEL),
+        Body(ellipse((0.2 * R, 3.0 * R), (1.6 * R, R), spacing=R / 5, angle=0.2), GEL),
+        Body(polygon((-0.3 * R, 5.3 * R), 1.2 * R, 5, rounding=0.3 * R, spacing=R / 5), GEL),
     ]
     sides = [Wall((-2.2 * R, 0), (1, 0), friction=0.4), Wall((2.2 * R, 0), (-1, 0), friction=0.4)]
-    scene = Scene(bodies, cell=R / 4, walls=[Wall((0, 0), (0, 1), friction=0.4), *sides], friction=0.4,
+    scene = Scene(bodies, cell=R / 3.4, walls=[Wall((0, 0), (0, 1), friction=0.4), *sides], friction=0.4,
                   gravity=(0.0, -9.81))  # fmt: skip
     *_, state = simulate(scene, until=0.4)
     weight = 9.81 * state.mass.sum()

@@ -35,7 +35,7 @@ QUICK = {
     "cells": [3.0],
     "single": [300, 1000],
     "steps": 2,
-    "memory_steps": 320,
+    "memory_steps": 160,
     "members": 2,
 }
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
