@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material import Material, has_memory, initial_state, is_linear, poisson_ratio
+from skmpm.material import Material, determinant, has_memory, initial_state, is_linear, poisson_ratio
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
 
@@ -15,7 +17,9 @@ Array = NDArray[np.float64]
 def stress_zz(scene: Scene, state: State) -> Array:
     """Out-of-plane Cauchy stress of plane strain, (n,) [Pa]; nan where a material does not say, 0 in rigid bodies.
 
-    Linear materials: nu (sigma_xx + sigma_yy); others have it from their `stress_zz`.
+    Linear materials: nu (sigma_xx + sigma_yy); others have it from their `stress_zz`. Where dilatation is averaged,
+    the pressure is that of the mean dilatation and not of the deformation gradient of the point: what it adds to the
+    mean stress in the plane it adds to the one out of it.
     """
     out = np.zeros(state.x.shape[1])
     deformable = np.flatnonzero(scene.deformable[scene.owner])
@@ -25,15 +29,18 @@ def stress_zz(scene: Scene, state: State) -> Array:
             out[own] = poisson_ratio(material) * (state.stress[0, 0, own] + state.stress[1, 1, own])
         else:
             known = getattr(material, "stress_zz", None)
-            out[own] = np.nan if known is None else known(*_arguments(material, state, own))
+            out[own] = np.nan if known is None else _by_material(known, material, state, own)
     return out
 
 
-def _arguments(material: Material, state: State, own: NDArray[np.int64]) -> tuple[Array, ...]:
-    """What `stress_zz` of a material is a function of, at some points."""
+def _by_material(known: Callable[..., Array], material: Material, state: State, own: NDArray[np.int64]) -> Array:
+    """The stress that the `stress_zz` of a material knows, at some points."""
+    stress = state.stress[:, :, own]
     if has_memory(material):
-        return state.stress[:, :, own], state.internal[: initial_state(material).shape[0], own]
-    return (state.F[:, :, own],)
+        return known(stress, state.internal[: initial_state(material).shape[0], own])
+    F = state.F[:, :, own]
+    in_plane = np.einsum("ijn,ijn->n", material.stress(F), F) / determinant(F)
+    return np.asarray(known(F) + 0.5 * (stress[0, 0] + stress[1, 1] - in_plane))
 
 
 def mises(stress: Array, zz: Array) -> Array:

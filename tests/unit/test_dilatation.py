@@ -8,11 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skmpm
 from skmpm import MooneyRivlin, Ogden, forms
 from skmpm.assembly import prepare
 from skmpm.grid import build_grids
 from skmpm.implicit import Bulk, Configuration
 from skmpm.material import Anchored, LinearElastic, NeoHookean, determinant, dilatation, product, response
+from skmpm.scene import mises, stress_zz
 
 SEED = st.integers(0, 2**32 - 1)
 CELL = 0.2
@@ -221,3 +223,15 @@ def test_off_nothing_of_it_is_computed(monkeypatch):
     assert at.dilatation is None
     assert np.isfinite(bulk.energy(at)) and np.isfinite(bulk.force(at)).all()
     assert np.isfinite(bulk.stiffness(at, projected=True)).all()
+
+
+def test_the_stress_out_of_the_plane_has_the_averaged_pressure():
+    """A squeezed disc of nu = 0.49: nu (xx + yy) at small strain; with the J of its points 7 times as much."""
+    law = skmpm.NeoHookean(E=1e6, nu=0.49, density=1000.0)
+    body = skmpm.Body(skmpm.disc((0.0, 1.0), 1.0, spacing=0.15), law)
+    walls = [skmpm.Wall((0, 0), (0, 1)), skmpm.Wall((0, 2.0), (0, -1), velocity=(0.0, -0.02))]
+    scene = skmpm.Scene([body], cell=0.2, walls=walls)
+    *_, state = skmpm.simulate(scene, dt=0.5, until=1.0, scheme=skmpm.Scheme(inertia=False))
+    zz, expected = stress_zz(scene, state), 0.49 * (state.stress[0, 0] + state.stress[1, 1])
+    assert np.sqrt(np.mean((zz - expected) ** 2)) < 0.2 * np.sqrt(np.mean(expected**2))
+    assert mises(state.stress, zz).max() == pytest.approx(mises(state.stress, expected).max(), rel=0.05)
