@@ -51,7 +51,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     height = free_height(scene) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * height))
     settling = _settling(scene)
-    drop = fall if fall > settling else 0.0
+    drop, pulled = fall if fall > settling else 0.0, bool(gravity_of(scene).any())
     kind, why, speed = _kind(scene, own, prescribed, drop, name)
     passing = np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1))
     return Loading(
@@ -62,8 +62,8 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
         prescribed,
         float(np.hypot(passing, fall)),
         height,
-        kind == "pressing" and speed == 0.0 and bool(gravity_of(scene).any()),
-        max(settling, _bounce(scene)) if prescribed == 0.0 and height > 0.0 and not _several(scene) else np.inf,
+        kind == "pressing" and speed == 0.0 and pulled,
+        max(settling, _bounce(scene)) if prescribed == 0.0 and pulled and not _several(scene) else np.inf,
     )
 
 

@@ -416,3 +416,28 @@ def test_preflight_tells_the_first_chosen_step_and_does_not_warn_of_it():
     assert f"step      chosen, {0.14 * CELL / 0.1:.3g} s at first" in text
     assert "a step; verified for lids" not in text
     assert "step      chosen" not in preflight(pressed((0.0, -0.1)), 1e-5)
+
+
+def test_a_run_goes_on_from_any_state_as_if_it_had_not_been_interrupted():
+    """A lid that stops at half time: what limits steps is looked at over the whole run, not from the restart on."""
+    walls = [Wall((0, 0), (0, 1)), Wall((0, 2 * R), (0, -1), velocity=lambda t: (0.0, -0.05 * R if t < 0.5 else 0.0))]
+    scene = Scene([ball(R)], cell=CELL, walls=walls)
+    whole = list(simulate(scene, until=2.0))
+    k = next(i for i, state in enumerate(whole) if state.t > 0.8)
+    *_, last = simulate(scene, until=2.0, start=whole[k])
+    assert last.t == whole[-1].t
+    assert np.array_equal(last.x, whole[-1].x)
+
+
+def test_impacts_are_resolved_of_what_rests_on_a_floor_at_the_start():
+    """A block slides down a smooth incline against a stop: it rebounds as one that begins above the floor."""
+    slope, found = np.radians(30.0), []
+    gravity = 9.81 * np.array([np.sin(slope), -np.cos(slope)])
+    for gap in (0.0, 1e-5):
+        soft = NeoHookean(1e5, 0.3, 1000.0)
+        block = Body(box((-0.02, gap), (0.04, 0.02), spacing=5e-3), soft)
+        walls = [Wall((0, 0), (0, 1)), Wall((0.03, 0), (-1, 0))]
+        scene = Scene([block], cell=7e-3, walls=walls, gravity=gravity)
+        found.append(min(np.average(s.v[0], weights=s.mass) for s in simulate(scene, until=0.13)))
+    assert found[0] == pytest.approx(found[1], rel=0.05)
+    assert found[0] < -0.2
