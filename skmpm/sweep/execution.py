@@ -154,7 +154,9 @@ def _advance(
     row, start = records.last_row(), run.start if state is None else state
     scheme = run.scheme if run.scheme.threads is not None else replace(run.scheme, threads=worker.threads)
     saved, seen = perf_counter(), row is None or start is None or row["t"] == start.t
-    ended = state is not None and row is not None and run.stop is not None and run.stop(row)
+    ended = False
+    if state is not None and row is not None and row["t"] == state.t:  # else it is a row of the stage before
+        ended = run.stop is not None and bool(run.stop(row))
     states = () if ended else run.simulate(run.scene, until=run.until, dt=run.dt, scheme=scheme, start=start)
     state = start
     try:

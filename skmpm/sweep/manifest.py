@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import os
+import pickle
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from inspect import getsource
+from itertools import chain
 from pathlib import Path
 from socket import gethostname
 from typing import Any
@@ -78,14 +81,51 @@ def _version(name: str) -> str:
 
 
 def source_of(build: Callable[..., object]) -> dict[str, str]:
-    """Name of a function, and a hash of its source where there is one."""
-    while isinstance(build, partial):
-        build = build.func
-    name = f"{getattr(build, '__module__', '')}.{getattr(build, '__qualname__', type(build).__qualname__)}"
+    """Name of a function, and a hash of its source and of what is bound to it; without one where it has no source."""
+    function: Any = build
+    while isinstance(function, partial):
+        function = function.func
+    name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', type(function).__qualname__)}"
     try:
-        return {"name": name, "source": hashlib.sha256(getsource(build).encode()).hexdigest()}
+        getsource(function)
     except (OSError, TypeError):
-        return {"name": name, "source": ""}
+        if inspect.isroutine(function):
+            return {"name": name, "source": ""}
+    return {"name": name, "source": hashlib.sha256(b"\0".join(_parts(build))).hexdigest()}
+
+
+def _parts(value: object, within: frozenset[int] = frozenset()) -> Iterator[bytes]:
+    """What a value is: of functions their source, what they enclose and their defaults, of others their pickle.
+
+    `within` are the values that it is a part of, which may be a part of it again.
+    """
+    held: Iterable[object] = ()
+    if id(value) in within:
+        return
+    if isinstance(value, partial):
+        held = (value.func, *value.args, *chain(*sorted(value.keywords.items())))
+    elif inspect.isfunction(value):
+        yield _source(value)
+        enclosed = chain(*inspect.getclosurevars(value).nonlocals.items())
+        held = (*(value.__defaults__ or ()), *chain(*(value.__kwdefaults__ or {}).items()), *enclosed)
+    elif inspect.ismethod(value):
+        held = value.__self__, value.__func__
+    else:
+        yield _source(type(value))
+        try:
+            yield pickle.dumps(value)
+        except Exception:  # whatever it is, it is sent by other means: by what it holds
+            yield type(value).__qualname__.encode()
+            held = chain(*sorted(getattr(value, "__dict__", {}).items()))
+    for part in held:
+        yield from _parts(part, within | {id(value)})
+
+
+def _source(of: Any) -> bytes:
+    try:
+        return getsource(of).encode()
+    except (OSError, TypeError):
+        return str(getattr(of, "__qualname__", "")).encode()
 
 
 def session(command: list[str]) -> About:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -587,3 +587,51 @@ def test_one_blas_thread_whatever_is_set(tmp_path, monkeypatch):
 def test_the_library_imports_no_dask():
     code = "import sys, skmpm; print([m for m in ('dask', 'distributed', 'cloudpickle') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout == "[]\n"
+
+
+def test_a_stage_that_goes_on_does_not_ask_the_rows_of_the_one_before_whether_it_ends(tmp_path):
+    """A lid goes down and up again until it is up; the last row of the first stage would end the second."""
+
+    def pressed(speed):
+        body = skmpm.Body(skmpm.disc((0.0, 1.0), 1.0, spacing=0.3), skmpm.NeoHookean(1e6, 0.3, 1000.0))
+        walls = [skmpm.Wall((0, 0), (0, 1)), skmpm.Wall((0, 2.2), (0, -1), velocity=(0, speed))]
+        return skmpm.Scene([body], cell=0.4, walls=walls)
+
+    down, up = pressed(-1.0), pressed(1.0)
+    options = {"dt": 2e-3, "every": 0.01, "observe": lambda scene, state: {"lid": float(state.walls[1, 1])}}
+
+    def then(state):
+        begun = skmpm.continued(down, state, up)
+        return skmpm.Run(up, until=0.05, stop=lambda row: row["lid"] < 2.1901, start=begun, **options)
+
+    def build():
+        return skmpm.Run(down, until=0.01, then=then, **options)
+
+    rows = []
+    for name, steps in (("whole", None), ("interrupted", 7)):
+        member, asked = replace(task(tmp_path / name), parameters={}), iter(range(1000))
+        stopping = execution.Worker(stopping=lambda asked=asked, steps=steps: next(asked) + 1 == steps)
+        first = execution.run_member(build, member, stopping)
+        assert first.status == ("finished" if steps is None else "interrupted")
+        assert execution.run_member(build, member, execution.Worker()).status == "finished"
+        rows.append((member.folder / "table.csv").read_text())
+    assert rows[0] == rows[1]
+    assert len(rows[0].splitlines()) == 6
+
+
+def test_what_is_bound_to_a_build_belongs_to_it():
+    """Values of partials, of closures and of objects that are called: other ones gave the old tables in silence."""
+
+    def enclosed(E):
+        return lambda seed: {"E": E, "seed": seed}
+
+    @dataclass
+    class Built:
+        E: float
+
+        def __call__(self, seed):
+            return {"E": self.E, "seed": seed}
+
+    for bound in (lambda E: partial(dict, E=E), enclosed, Built):
+        one, same, other = (manifest.source_of(bound(E))["source"] for E in (1e6, 1e6, 2e6))
+        assert one == same != other
