@@ -67,7 +67,7 @@ def animate(
     add_legend(axes, pictures[-1], fields[-1], style)
     with writer.saving(picture, str(path), dpi):
         for seen, field in zip(pictures, fields, strict=True):
-            for artist in [*axes.collections, *axes.lines]:
+            for artist in [*axes.collections, *axes.lines, *axes.patches]:
                 artist.remove()
             draw(axes, seen, field, style)
             scale, unit = prefixed("s", seen.t)

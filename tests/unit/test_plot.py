@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib import import_module
 from itertools import pairwise
 
 import matplotlib
@@ -13,6 +14,7 @@ from matplotlib import pyplot
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection, TriMesh
 from PIL import Image
 
+import skmpm
 from skmpm import (
     Body,
     NeoHookean,
@@ -369,3 +371,15 @@ def test_without_matplotlib_the_remedy_is_named(squeezed, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
     with pytest.raises(ImportError, match=r'plot needs matplotlib; install it with: pip install "skmpm\[plot\]"'):
         plot(squeezed[0], squeezed[1][-1])
+
+
+def test_frames_of_a_film_do_not_pile_up(tmp_path, monkeypatch):
+    """What covers the images outside of a periodic box is drawn anew in every frame: it covered bodies in the end."""
+    box = skmpm.Periodic(2.2, 2.2, rate=((0.1, 0.0), (0.0, 0.0)))
+    scene = skmpm.Scene([skmpm.Body(skmpm.disc((1.1, 1.1), 1.0, spacing=0.3), GEL)], cell=0.4, periodic=box)
+    states, patches = [skmpm.initial(scene)] * 3, []
+    film = import_module("skmpm.plot.film")
+    draw = film.draw
+    monkeypatch.setattr(film, "draw", lambda axes, *given: (draw(axes, *given), patches.append(len(axes.patches))))
+    skmpm.animate(states, tmp_path / "film.gif", scene=scene)
+    assert patches[0] == patches[1] == patches[2] > 0
