@@ -37,7 +37,7 @@ def tensile_strength(scene: Scene, surfaces: Images, start: Array, found: Contac
     point at the start of the step, `start` (2, m) [m]: of the boundary of the body of lower `rank` (bodies,), which
     gives the points.
     """
-    bodies = np.where(found.bodies < 0, found.bodies, surfaces.body[found.bodies])
+    bodies = np.where(found.bodies < 0, found.bodies, surfaces.body[np.maximum(found.bodies, 0)])
     c, range_ = scene.cohesion_between(bodies), scene.cohesion_range
     acts = (c > 0.0) & (found.before <= max(range_, CLOSED_GAP * scene.cell))
     strength = np.zeros(c.size)

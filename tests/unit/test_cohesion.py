@@ -377,3 +377,10 @@ def test_preflight_names_cohesion_and_warns_of_what_was_not_verified():
         assert f"cohesion up to {law['cohesion']:g} Pa" in text
         assert all(line in text for line in said)
         assert any(warning in text for warning in ("range covers", "is 0.2 of E", "range is")) == bool(said)
+
+
+def test_more_walls_than_bodies_may_be_cohesive():
+    """Walls have negative numbers, which are no indices of bodies."""
+    walls = [ceiling(cohesion=3.0), Wall((0.0, -9.0), (0.0, 1.0)), Wall((-9.0, 0.0), (1.0, 0.0))]
+    scene = Scene([block(-HEIGHT)], cell=CELL, walls=walls)
+    assert strengths(scene, initial(scene)).tensile_strength.sum() == pytest.approx(3.0 * WIDTH, rel=1e-9)
