@@ -151,7 +151,8 @@ def _roles(scene: Scene, surfaces: outline.Images, x: Array) -> Roles:
     """Rank the bodies by which contributes points: deformable before rigid, finer boundary first, then by position.
 
     In a periodic box the last is their number, and images follow their bodies. The curve of a rigid body does not
-    depend on the solution, and neither do the normals of the forces on it.
+    depend on the solution, and neither do the normals of the forces on it. Held rigid bodies are the last: points of
+    theirs would not shift to the closest points (`closest_points`), and a disc on them would stand on its chords.
     """
     boundary, bodies, number = surfaces.outlines, surfaces.body.size, surfaces.outlines.body
     count = np.maximum(np.bincount(number, minlength=bodies), 1)
@@ -162,7 +163,8 @@ def _roles(scene: Scene, surfaces: outline.Images, x: Array) -> Roles:
     # Positions depend on the box that a body begins in, its number does not.
     place = centre[::-1] if scene.periodic is None else [np.arange(bodies), surfaces.body]
     rank = np.empty(bodies, dtype=np.int64)
-    rank[np.lexsort((*place, rounded, ~scene.deformable[surfaces.body]))] = np.arange(bodies)
+    still = ~scene.deformable[surfaces.body] + 1 * ~scene.movable[surfaces.body]
+    rank[np.lexsort((*place, rounded, still))] = np.arange(bodies)
     rigid = ~scene.deformable[surfaces.owner]
     bend = np.where(rigid, outline.bend(boundary, x), 0.0) if rigid.any() else np.zeros(rigid.size)
     return Roles(rank, spacing, bend)

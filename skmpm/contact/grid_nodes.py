@@ -7,7 +7,7 @@ reproduce the published results and as the reference for point-to-curve contact.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skmpm.contact.constraints import Constraints, Linearise
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescribed_velocities
+from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, centres, prescribed_velocities
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -64,7 +64,7 @@ class SharedGrid:
         nodes = joined(
             [
                 _deformable(grid, state.mass[unknown]),
-                _rigid(scene, state, grid.cell, motions.rigid[:2]),
+                _rigid(scene, state, grid.cell, motions.rigid),
                 _walls(scene, state, grid.cell, motions.walls.T),
             ]
         )
@@ -87,9 +87,15 @@ def _prescribed(x: Array, body: Ints, mass: Array, velocity: Array, cell: float)
     return _Nodes(nodes.index, nodes.body, nodes.outward, np.full(grid.nodes, -1), velocity[:, grid.node_body])
 
 
-def _rigid(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
+def _rigid(scene: Scene, state: State, cell: float, motions: Array) -> _Nodes:
+    """Nodes of rigid bodies that move as `motions` (3, bodies)."""
     chosen = ~scene.deformable[state.body]
-    return _prescribed(state.x[:, chosen], state.body[chosen], state.mass[chosen], velocity, cell)
+    nodes = _prescribed(state.x[:, chosen], state.body[chosen], state.mass[chosen], motions[:2], cell)
+    spin = motions[2, nodes.body]
+    if not spin.any():
+        return nodes
+    arm = cell * nodes.index - centres(state.x, state.mass, state.body)[:, nodes.body]
+    return replace(nodes, prescribed=nodes.prescribed + spin * np.stack([-arm[1], arm[0]]))
 
 
 def _walls(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:

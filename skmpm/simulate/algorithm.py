@@ -33,7 +33,7 @@ from skmpm.simulate.forces import (
     follower_pressure,
     interacting_bodies,
 )
-from skmpm.simulate.grid_to_points import end_state, kept_configuration, kept_solver
+from skmpm.simulate.grid_to_points import end_state, kept_configuration, kept_solver, velocity_at_start
 from skmpm.simulate.initial_state import check_cohesion, check_explicit, check_scheme, touches
 from skmpm.simulate.regrid import (
     assembly_of,
@@ -46,8 +46,8 @@ from skmpm.simulate.regrid import (
 from skmpm.simulate.rigid_edges import indenting_edge_message
 from skmpm.simulate.springs import check_bars_held, check_explicit_springs, springs_of
 from skmpm.simulate.turning import gauge_condition
+from skmpm.simulate.unbalanced import unbalanced_ratio
 from skmpm.simulate.unknowns import scalar_unknowns
-from skmpm.transfer import nodal_velocity
 
 LOAD_STEPS = "apply loads in steps, as functions of time, or use inertia; not a smaller dt"
 SHORTEST = 1e-100  # [s]; with shorter steps, velocities overflow
@@ -74,14 +74,11 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
-    own = scene.deformable_points
     motions = prescribed_velocities(scene, state.t, dt, state.box)
     unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
     if unknowns is not None:
         motions = unknowns.motions(unknowns.v0)
-    of_points = state.mass[own], state.v[:, own], state.C[:, :, own]
-    at_nodes = state.nodal_velocity if scheme.keeps_nodal_velocities else np.zeros(0)
-    v0 = nodal_velocity(assembly_of(state), *of_points, known=at_nodes)
+    v0 = velocity_at_start(scene, state, scheme)
     if state.box is not None:
         v0 -= velocity_of_box(state, state.box_rate)
     if not scheme.inertia:  # the initial guess moves only bodies that contacts or supports act on
@@ -124,7 +121,10 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             timer.lap("overlap")
     except (StepRejected, np.linalg.LinAlgError, ArithmeticError) as error:  # compiled loops: ZeroDivisionError
         raise _failure(scene, start, increment, error) from error
-    report = report_of(start.report.energy, increment, solution, budget, overlap, regridded=regridded)
+    unbalanced = unbalanced_ratio(scene, increment, solution, after)
+    report = report_of(
+        start.report.energy, increment, solution, budget, overlap, unbalanced=unbalanced, regridded=regridded
+    )
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))
 
 

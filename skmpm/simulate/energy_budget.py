@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
+from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import Bulk, End, Increment, Solution
 from skmpm.implicit.internal_variables import dissipated
 from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, centres, velocity_at
 from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
 from skmpm.simulate.forces import external_force, follower_pressure
-from skmpm.simulate.rigid_energy import own_energies
+from skmpm.simulate.rigid_energy import own_energies, power_of_gravity, work_of_turning
 from skmpm.simulate.springs import energies
-from skmpm.simulate.unbalanced import unbalanced_ratio
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -108,6 +108,8 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
     if solution.contact is not None:
         constraints, r, u = solution.contact.constraints, solution.contact.r, solution.contact.u
         external -= float(end.impulses @ constraints.components(constraints.prescribed))  # of walls and rigid bodies
+        if not acts_at_grid_nodes(increment.scheme.contact):
+            external += work_of_turning(scene, state, solution, end, increment.dt)
         push_out = float(constraints.forces(r, increment.dt)[0] @ constraints.pushed_out)
         if constraints.size:
             k = int(np.argmax(constraints.pushed_out))
@@ -190,7 +192,10 @@ def _work_of_loads(increment: Increment, w: Array) -> float:
 def _work_at_start(
     scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities
 ) -> float:
-    """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m]."""
+    """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m].
+
+    Of free rigid bodies it is that of gravity.
+    """
     contacts = state.contacts
     loads = external_force(scene, state, state.t) @ w
     pressure = follower_pressure(scene, state, state.t)
@@ -203,6 +208,8 @@ def _work_at_start(
     gradient = mean_gradient(state, motions, increment.dt)
     if gradient is not None:
         relative -= gradient @ contacts.image
+    if scene.free_rigid.size:
+        loads += power_of_gravity(scene, state, motions, state.t)
     return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
 
 
@@ -219,7 +226,14 @@ def _surface_velocity(scene: Scene, state: State, motions: PrescribedVelocities,
 
 
 def report_of(
-    old: Energy, increment: Increment, solution: Solution, budget: Budget, overlap: float, *, regridded: bool
+    old: Energy,
+    increment: Increment,
+    solution: Solution,
+    budget: Budget,
+    overlap: float,
+    *,
+    unbalanced: float,
+    regridded: bool,
 ) -> Report:
     """The report of a step without wall times; the dissipation closes the energy budget.
 
@@ -237,7 +251,7 @@ def report_of(
         residual=solution.residual,
         imbalance=solution.imbalance,
         frozen_normals=solution.contact is not None and solution.contact.frozen is not None,
-        unbalanced=unbalanced_ratio(increment, solution),
+        unbalanced=unbalanced,
         overlap=overlap,
         energy=Energy(
             kinetic=budget.kinetic,

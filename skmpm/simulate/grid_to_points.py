@@ -23,10 +23,17 @@ from skmpm.scene import (
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate.box_motion import gradient_at_end, recut_box
-from skmpm.simulate.regrid import derived_of
-from skmpm.transfer import apic
+from skmpm.simulate.regrid import assembly_of, derived_of
+from skmpm.transfer import apic, flip, nodal_velocity
 
 Array = NDArray[np.float64]
+
+
+def velocity_at_start(scene: Scene, state: State, scheme: Scheme) -> Array:
+    """Nodal velocities (2 nodes,) of a state [m/s]."""
+    own = scene.deformable_points
+    known = state.nodal_velocity if scheme.keeps_nodal_velocities else np.zeros(0)
+    return nodal_velocity(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own], known=known)
 
 
 def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> State:
@@ -36,7 +43,10 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
     bulk, grid, configuration = increment.bulk, increment.grid, end.configuration
 
     J, transfer = determinant(configuration.F), increment.scheme.transfer if increment.scheme.inertia else apic
-    v, C = transfer(grid, increment.v0, end.velocity, state.v[:, own])
+    # In a periodic box v0 is with what its motion adds, which the change of the velocity has, too.
+    lasting = transfer is flip and state.box is not None
+    before = velocity_at_start(scene, state, increment.scheme) if lasting else increment.v0
+    v, C = transfer(grid, before, end.velocity, state.v[:, own])
     F = configuration.F if bulk.F_anchor is None else product(configuration.F, bulk.F_anchor)
     x, v, F, C, stress, weight = (
         _with_points(old, own, new)

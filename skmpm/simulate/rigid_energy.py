@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit import End, Increment, Solution
-from skmpm.scene import Scene, State, centres, mean_velocity
+from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity, velocity_at
 from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.rigid_state import kinetic_energy, rigid_state
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -61,14 +62,15 @@ def _free_bodies(
 ) -> OwnEnergy:
     """Those of free rigid bodies; the work is of gravity, of the box and at contacts."""
     start, own, motions, dt = rigid_state(scene, state), scene.free_rigid, end.motions, increment.dt
-    mean, last = (_with_radius(table[:, own], start.radius) for table in (motions.rigid, motions.rigid_at_end))
+    last = _with_radius(motions.rigid_at_end[:, own], start.radius)
     gradient = mean_gradient(state, motions, dt)
     before, relative = (
         _relative(start.velocity, start.centre, state.box_rate),
         _relative(last, start.centre, gradient),
     )
-    work = dt * float(start.gravity(scene, state, state.t + increment.scheme.theta * dt) @ mean.T.ravel())
-    work += _at_contacts(scene, state, solution, end, dt)
+    work = dt * power_of_gravity(scene, state, motions, state.t + increment.scheme.theta * dt)
+    is_free = scene.movable & ~scene.deformable
+    work += _at_contacts(scene, state, solution, end, lambda arm, motion: mean_velocity(arm, motion, dt), is_free)
     kinetic = _kinetic_of_free_bodies(scene, after)
     if gradient is not None:
         work -= float(start.mass @ ((relative - before)[:2] * (gradient @ start.centre)).sum(axis=0))
@@ -84,6 +86,13 @@ def _kinetic_of_free_bodies(scene: Scene, state: State) -> float:
     return kinetic_energy(bodies.mass, _relative(bodies.velocity, bodies.centre, state.box_rate))
 
 
+def power_of_gravity(scene: Scene, state: State, motions: PrescribedVelocities, t: float) -> float:
+    """Power of gravity of time t on the free rigid bodies in a step [W/m]."""
+    start = rigid_state(scene, state)
+    mean = _with_radius(motions.rigid[:, scene.free_rigid], start.radius)
+    return float(start.gravity(scene, state, t) @ mean.T.ravel())
+
+
 def _relative(velocity: Array, centre: Array, gradient: Array | None) -> Array:
     """Velocities (3, n) of bodies relative to those of the box at their centres (2, n)."""
     if gradient is None:
@@ -96,13 +105,34 @@ def _with_radius(motions: Array, radius: Array) -> Array:
     return np.stack([motions[0], motions[1], motions[2] * radius])
 
 
-def _at_contacts(scene: Scene, state: State, solution: Solution, end: End, dt: float) -> float:
-    """Work of contact impulses on the displacements of the free rigid bodies [J/m]."""
+def work_of_turning(scene: Scene, state: State, solution: Solution, end: End, dt: float) -> float:
+    """What bodies of prescribed motion that turn do at contacts, over what the budget takes for it [J/m].
+
+    It takes the displacement of their material points, along the chords of their arcs. Contacts stay in place while
+    these pass, so their work is that of the velocities at the end of the step.
+    """
+    held = ~scene.deformable & ~scene.movable & (end.motions.rigid[2] != 0.0)
+    if not held.any():
+        return 0.0
+
+    def passing(arm: Array, motions: Array) -> Array:
+        angle = dt * motions[2]
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turned = np.stack([cosine * arm[0] - sine * arm[1], sine * arm[0] + cosine * arm[1]])
+        return velocity_at(turned, motions) - mean_velocity(arm, motions, dt)
+
+    return -_at_contacts(scene, state, solution, end, passing, held)
+
+
+def _at_contacts(
+    scene: Scene, state: State, solution: Solution, end: End, velocity: Callable[[Array, Array], Array], own: Bools
+) -> float:
+    """Work of contact impulses on some bodies (bodies,), whose points have velocities by arm and motion [J/m]."""
     contact, boundary = solution.contact, scene.outlines
     if contact is None or contact.constraints.size == 0:
         return 0.0
     body = boundary.body
     arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, body]
-    moved = mean_velocity(arm, end.motions.rigid[:, body], dt) * np.isin(body, scene.free_rigid)
+    moved = velocity(arm, end.motions.rigid[:, body]) * own[body]
     relative = (contact.constraints.difference @ moved.T).T
     return float(end.impulses @ contact.constraints.components(relative))

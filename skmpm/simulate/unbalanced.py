@@ -5,28 +5,35 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.implicit import Increment, Solution
+from skmpm.observe.contact_network import among, between, pairs_of
+from skmpm.scene import Scene, State
+from skmpm.simulate.rigid_state import rigid_state
 
 
-def unbalanced_ratio(increment: Increment, solution: Solution) -> float:
+def unbalanced_ratio(scene: Scene, increment: Increment, solution: Solution, after: State) -> float:
     """Largest resultant force on a body over the mean force between two bodies, or body and wall, in contact.
 
     The resultant is that of contact forces, gravity, loads and springs, which accelerates the body. Bodies with
     supports are left out. It is zero if no force acts, and infinite if forces act but none between bodies.
     """
     grid, force, mean = increment.grid, increment.load(solution.w) - increment.spring_force(solution.w), 0.0
-    contact = solution.contact
-    if contact is not None and contact.constraints.size:
-        constraints = contact.constraints
-        force = force + contact.impulse / (increment.scheme.theta * increment.dt)
-        normal, tangential = constraints.forces(contact.r, increment.dt)
-        each = normal * constraints.normal + tangential * constraints.tangent
-        first, second = constraints.bodies
-        least = int(second.min())  # of the numbers of walls, which are negative
-        _, pair = np.unique(first * (int(second.max()) - least + 1) + second - least, return_inverse=True)
-        sums = np.stack([np.bincount(pair.ravel(), component) for component in each])
-        sizes = np.hypot(*sums)
+    if solution.contact is not None and solution.contact.constraints.size:
+        force = force + solution.contact.impulse / (increment.scheme.theta * increment.dt)
+        contacts = among(after.contacts, between(after.contacts))
+        pairs = pairs_of(contacts, after.box)
+        each = np.where(pairs.same, 1.0, -1.0) * contacts.vectors
+        sizes = np.hypot(*(np.bincount(pairs.of, component, pairs.bodies.shape[1]) for component in each))
         mean = float(sizes.sum()) / max(int((sizes > 0.0).sum()), 1)
     resultant = np.hypot(*grid.sums(force.reshape(-1, 2).T))
     resultant[grid.node_body[increment.constrained_dofs // 2]] = 0.0
-    largest = float(resultant.max(initial=0.0))
+    largest = max(float(resultant.max(initial=0.0)), _of_free_rigid_bodies(scene, increment, after))
     return largest / mean if mean > 0.0 else (float("inf") if largest > 0.0 else 0.0)
+
+
+def _of_free_rigid_bodies(scene: Scene, increment: Increment, after: State) -> float:
+    """The largest resultant force on a free rigid body [N/m]."""
+    if scene.free_rigid.size == 0:
+        return 0.0
+    at = after.t - (1.0 - increment.scheme.theta) * increment.dt
+    gravity = rigid_state(scene, after).gravity(scene, after, at).reshape(-1, 3).T[:2]
+    return float(np.hypot(*(gravity + after.body_force[:, scene.free_rigid])).max())

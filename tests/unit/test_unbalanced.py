@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from skmpm.material import NeoHookean
+from skmpm.material import NeoHookean, Rigid
 from skmpm.points import disc
-from skmpm.scene import Body, Load, Scene, Support, Wall
+from skmpm.scene import Body, Load, Periodic, Scene, Support, Wall
+from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 
 R, CELL = 1e-3, 2e-4
@@ -41,3 +42,28 @@ def test_two_discs_that_one_load_accelerates():
 def test_bodies_with_supports_are_left_out():
     held = scene(R, supports=[Support(lambda x: x[1] < 0.3 * R)], gravity=(0.0, -9.81))
     assert step(held, initial(held), 1e-5).report.unbalanced == 0.0
+
+
+def test_a_free_rigid_body_that_falls_is_out_of_balance_as_an_elastic_one_is():
+    """Beside a disc that rests on a floor: its weight over the one force."""
+    found = []
+    for material in (Rigid(990.0), GEL):
+        rests = Body(disc((0.0, R), R, spacing=0.74 * CELL), GEL)
+        falls = Scene(
+            [rests, Body(disc((9.0 * R, 5.0 * R), R, spacing=0.74 * CELL), material)],
+            cell=CELL, walls=[FLOOR], gravity=(0.0, -9.81),
+        )  # fmt: skip
+        *_, state = simulate(falls, dt=1e-4, until=5e-3)
+        found.append(state.report.unbalanced)
+    assert found[0] == pytest.approx(found[1], rel=1e-3)
+    assert found[0] > 0.5
+
+
+def test_a_pair_that_touches_across_a_periodic_box_on_both_sides_has_two_forces():
+    """They cancelled, and two discs squeezed in a box were a thousand times out of balance."""
+    bodies = [Body(disc((x, R), R, spacing=0.74 * CELL), GEL) for x in (R, 3.0 * R)]
+    box = Periodic(4.0 * R, 2.0 * R, rate=((-10.0, 0.0), (0.0, 0.0)))
+    squeezed = Scene(bodies, cell=CELL, periodic=box, friction=0.5)
+    *_, state = simulate(squeezed, dt=1e-4, until=2e-3, scheme=Scheme(inertia=False))
+    assert state.contacts.force[0].sum() > 0.0
+    assert state.report.unbalanced < 1e-2
