@@ -195,15 +195,15 @@ def _check_driven(name: str, wall: Wall, velocity: Array, normal: Array) -> None
 
 
 def check_walls_at_start(scene: Scene) -> None:
-    """Raise SceneError if a wall cuts a deformable body at t = 0."""
+    """Raise SceneError if a wall cuts a body that forces move at t = 0."""
     walls = dict(enumerate(wall.point for wall in scene.walls))
     remedy = "move the wall or the body, or turn its normal; a wall of a later stage begins in skmpm.continued"
     check_walls(scene, scene.initial_positions, walls, remedy)
 
 
 def check_walls(scene: Scene, x: Array, walls: Mapping[int, ArrayLike], remedy: str) -> None:
-    """Raise SceneError if a deformable body, with points x (2, n), lies behind one of the walls at points (2,)."""
-    own = np.flatnonzero(scene.deformable[scene.owner])
+    """Raise SceneError if a body that forces move, with points x (2, n), lies behind one of the walls (2,)."""
+    own = np.flatnonzero(scene.movable[scene.owner])
     for i, point in walls.items():
         behind = scene.normals[:, i] @ (np.asarray(point)[:, None] - x[:, own])
         if behind.max(initial=0.0) > TOUCHING * scene.cell:

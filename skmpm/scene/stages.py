@@ -54,10 +54,20 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
         wall_normals=new_scene.normals.T.copy(),
         wall_force=force,
         wall_velocity=velocity,
-        support_force=np.zeros((len(new_scene.supports), 2)),
+        support_force=_support_forces(scene, state, new_scene),
         contacts=_with_walls(scene, state.contacts, former),
         step_control=StepControl(),
     )
+
+
+def _support_forces(scene: Scene, state: State, new_scene: Scene) -> Array:
+    """Forces on the supports of the new scene, of those that go on: which are of the old scene, too."""
+    former = {id(support): i for i, support in enumerate(scene.supports)}
+    forces = np.zeros((len(new_scene.supports), 2))
+    for i, support in enumerate(new_scene.supports):
+        if id(support) in former:
+            forces[i] = state.support_force[former[id(support)]]
+    return forces
 
 
 def _check_bodies(scene: Scene, new_scene: Scene) -> None:

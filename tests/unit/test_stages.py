@@ -19,6 +19,7 @@ from skmpm import (
     box,
     continued,
     disc,
+    initial,
     preflight,
     simulate,
     step,
@@ -182,3 +183,26 @@ def test_velocities_that_a_quasi_static_stage_leaves_are_spoken_of_where_they_ar
         next(simulate(still, dt=DT, until=state.t + DT, start=start))
         assert [m for m in caplog.messages if "quasi-static step" in m and "from rest" in m] == caplog.messages
         assert bool(caplog.messages) == warned
+
+
+def test_a_support_that_goes_on_keeps_its_force():
+    """Quasi-static work is by the forces at both ends of a step: in two stages as in one."""
+    bar = Body(box((0.0, 0.0), (8 * R, R), spacing=R / 4), GEL)
+    ends = [Support(lambda x: x[0] < 0.01 * R),
+            Support(lambda x: x[0] > 7.99 * R, displacement=lambda t: (0.1 * R * t, 0.0))]  # fmt: skip
+    scene, scheme = Scene([bar], cell=R / 2, supports=ends), Scheme(inertia=False)
+    *_, one = simulate(scene, dt=0.25, until=1.0, scheme=scheme)
+    *_, first = simulate(scene, dt=0.25, until=0.5, scheme=scheme)
+    *_, two = simulate(scene, dt=0.25, until=1.0, scheme=scheme, start=continued(scene, first, replace(scene)))
+    assert two.report.energy == one.report.energy
+
+
+def test_a_new_wall_that_cuts_a_free_rigid_body_is_refused():
+    """It was pushed out at a speed that grew as the step shrank."""
+    bodies = [Body(disc((x, R), R, spacing=R / 5), m) for x, m in ((R, GEL), (4 * R, Rigid(1000.0)))]
+    scene = Scene(bodies, cell=R / 3.5, walls=[FLOOR])
+    cut = replace(scene, walls=[FLOOR, Wall((4.9 * R, 0.0), (-1.0, 0.0))])
+    with pytest.raises(SceneError, match="wall 1 cuts body 1"):
+        continued(scene, step(scene, initial(scene), DT), cut)
+    with pytest.raises(SceneError, match="wall 1 cuts body 1"):
+        initial(cut)
