@@ -161,7 +161,9 @@ def _stress(scene: Scene, state: State, bodies: PerBody, box: Region, interior: 
     """Stress of the contact forces in the box, (2, 2) [Pa]."""
     if not np.isfinite(box.area):
         return np.full((2, 2), np.nan)
-    branches = half_branches(state.contacts, bodies.centre, scene.movable)
+    # A periodic box has no outside: what holds a body in it is a part of the packing.
+    ends = scene.movable | (scene.periodic is not None)
+    branches = half_branches(state.contacts, bodies.centre, ends)
     weight = share_inside(box, branches.centre, branches.x) if interior else 1.0
     return np.asarray(moments(branches, weight, len(scene.bodies)).sum(axis=2) / box.area)
 

@@ -171,6 +171,9 @@ def force_lines(scene: Scene, state: State, pairs: Network) -> Array:
 
 
 def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:
-    """Ends of the branches at bodies (k,): their centres of mass, or `centre` (2, k) at what is prescribed."""
-    own = (body >= 0) & scene.movable[np.maximum(body, 0)]
+    """Ends of the branches at bodies (k,): their centres of mass, or `centre` (2, k) at what is prescribed.
+
+    A periodic box has no outside, so all bodies in it have their centres there.
+    """
+    own = (body >= 0) & (scene.movable[np.maximum(body, 0)] | (scene.periodic is not None))
     return np.where(own, mass_centres(scene, state)[:, np.maximum(body, 0)], centre)

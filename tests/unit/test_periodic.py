@@ -392,3 +392,52 @@ def test_a_mixture_of_rigid_and_soft_grains_under_pressure():
     found = skmpm.observe(scene, state)
     assert found.pressure == pytest.approx(1e5, rel=0.05)
     assert found.overlap < 1e-3
+
+
+@pytest.mark.parametrize("name", ["apic", "pic", "flip"])
+def test_a_body_moves_with_a_box_whose_rate_changes_by_any_transfer(name):
+    """FLIP lost what the change of the box's rate adds to the velocities of bodies, all of it."""
+    free = skmpm.Body(skmpm.disc((0.07, 0.07), 0.01, spacing=2e-3), skmpm.NeoHookean(1e6, 0.3, 1000.0))
+    box = Periodic(0.1, 0.1, rate=lambda t: ((min(t / 0.01, 1.0), 0.0), (0.0, 0.0)))
+    scene = skmpm.Scene([free], cell=2.5e-3, periodic=box)
+    *_, state = skmpm.simulate(
+        scene, dt=5e-4, until=0.02, scheme=skmpm.Scheme(transfer=getattr(skmpm.transfer, name))
+    )
+    speed, centre = (np.average(a[0], weights=state.mass) for a in (state.v, state.x))
+    assert speed == pytest.approx(state.box_rate[0, 0] * centre, rel=1e-9)
+
+
+def test_a_box_that_a_stress_moves_leaves_bodies_to_their_supports():
+    """It moved held points by a third of a cell."""
+    R, gel = 0.02, skmpm.NeoHookean(1e6, 0.3, 1000.0)
+    bodies = [
+        skmpm.Body(skmpm.disc(((1 + 2 * i) * R, (1 + 2 * j) * R), 0.999 * R, spacing=4e-3), gel)
+        for i in (0, 1)
+        for j in (0, 1)
+    ]
+    held = skmpm.Support(lambda x: np.hypot(x[0] - 3 * R, x[1] - 3 * R) < R / 2)
+    box = Periodic(4 * R, 4 * R, stress=((-2e4, np.nan), (np.nan, -2e4)))
+    scene = skmpm.Scene(bodies, cell=5e-3, supports=[held], periodic=box)
+    *_, state = skmpm.simulate(scene, dt=2e-3, until=0.04)
+    own = scene.supported[0].points
+    assert np.abs(state.x[:, own] - scene.initial_positions[:, own]).max() < 0.01 * scene.cell
+
+
+def test_the_stress_of_a_box_is_that_across_its_edges_with_a_held_body_in_it_too():
+    """Held bodies had no branches, as if they were walls."""
+    gel, R = skmpm.NeoHookean(1e6, 0.3, 1000.0, viscosity=2000.0), 1.0
+    bodies = [
+        skmpm.Body(skmpm.disc((1.0 + 2.0 * i, 1.0 + 2.0 * j), R, spacing=0.25), gel)
+        for i in (0, 1)
+        for j in (0, 1)
+        if i + j
+    ]
+    rigid = skmpm.Body(skmpm.disc((1.0, 1.0), R, spacing=0.25), skmpm.Rigid(1000.0), motion=(0.0, 0.0, 0.0))
+    box = Periodic(4.0, 4.0, rate=((-0.02, 0.0), (0.0, -0.02)))
+    scene = skmpm.Scene([rigid, *bodies], cell=0.34, periodic=box, friction=0.5)
+    *_, state = skmpm.simulate(scene, dt=0.1, until=2.0, scheme=skmpm.Scheme(inertia=False))
+    across = np.einsum("ik,jk->ij", state.contacts.vectors, state.contacts.image) / np.linalg.det(state.box)
+    np.testing.assert_allclose(skmpm.observe(scene, state).stress, across, atol=0.01 * np.abs(across).max())
+    pairs = skmpm.network(scene, state)
+    stress = -np.einsum("ik,jk->ij", pairs.force_xy, pairs.branch) / np.linalg.det(state.box)
+    np.testing.assert_allclose(stress, across, atol=0.02 * np.abs(across).max())

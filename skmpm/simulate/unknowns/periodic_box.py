@@ -37,7 +37,7 @@ class StressedBox:
     length: Array  # (q,) of the edges that the unknowns move, at the start of the step [m]
     inertia: Inertia
     dt: float
-    centres: Array  # (2, bodies) of bodies that move with it, zero of others [m]
+    centres: Array  # (2, bodies) of bodies that move with it, zero of others, as those with supports [m]
 
     @staticmethod
     def of(scene: Scene, state: State, interval: Interval) -> StressedBox:
@@ -56,7 +56,7 @@ class StressedBox:
             length,
             replace(interval, theta=1.0).inertia(mass, state.box_rate[i, j] * length),
             dt,
-            centres(state.x, state.mass, state.body) * (scene.movable & interval.inertial),
+            centres(state.x, state.mass, state.body) * (scene.movable & ~_supported(scene) & interval.inertial),
         )
 
     @property
@@ -112,3 +112,10 @@ class StressedBox:
         each = [d[i] * branch[j] * self._scale(z)[:, None] for d in directions]  # (q, k)
         rows = np.stack([block.T for block in each], axis=1).reshape(-1, i.size)
         return sp.csr_array(rows)
+
+
+def _supported(scene: Scene) -> NDArray[np.bool_]:
+    """Bodies that supports hold, (bodies,)."""
+    held = np.zeros(len(scene.bodies), dtype=bool)
+    held[scene.owner[(scene.supporting >= 0).any(axis=0)]] = True
+    return held
