@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skmpm.implicit import Gauge, gauge_of
 from skmpm.scene import Scene, State, centres
 from skmpm.scheme import Scheme
+from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
@@ -60,12 +61,17 @@ def _turned(gauge: Gauge, force: Array) -> Bools:
 
 
 def _touching(scene: Scene, state: State) -> Bools:
-    """Bodies with a contact and without one at a wall with friction, (bodies,)."""
-    touching, frictional = np.zeros((2, len(scene.bodies)), dtype=bool)
-    bodies = state.contacts.bodies
+    """Bodies with a contact, that touch no wall with friction and cannot in a step, (bodies,)."""
+    count = len(scene.bodies)
+    touching, bodies = np.zeros(count, dtype=bool), state.contacts.bodies
     touching[bodies[bodies >= 0]] = True
-    frictional[bodies[0, (bodies[1] < 0) & (scene.frictions.between(bodies) > 0.0)]] = True
-    return touching & ~frictional
+    for i, point in enumerate(state.walls):
+        walls = np.stack([np.arange(count), np.full(count, -1 - i)])
+        frictional = scene.frictions.between(walls) > 0.0
+        if frictional.any():
+            gap = state.wall_normals[i] @ (state.x - point[:, None])
+            touching[state.body[(gap < max_motion(scene)) & frictional[state.body]]] = False
+    return touching
 
 
 def _unstable(state: State, dt: float) -> Bools:

@@ -179,6 +179,19 @@ def test_a_uniform_field_that_varies_in_time_leaves_the_condition():
     assert gauge_condition(scene, step(scene, state, dt), v0, force, dt, Scheme()).bodies.all()
 
 
+def test_a_rough_wall_that_hits_a_disc_within_a_long_step_turns_it():
+    """On a smooth floor: the condition of the step before its first contact took away a third of its spin."""
+    radius, gel = 0.02, NeoHookean(1e8, 0.3, 1000.0)
+    hits = Wall((-radius - 1e-3, 0), (1, 0), velocity=(0.3, 2.0), friction=0.5)
+    scene = Scene(
+        [Body(disc((0.0, radius), radius, spacing=3e-3), gel)],
+        cell=4e-3, walls=[Wall((0, 0), (0, 1)), hits], gravity=(0.0, -9.81),
+    )  # fmt: skip
+    *_, state = simulate(scene, dt=2e-3, until=0.02)
+    speed = np.average(state.v[0], weights=state.mass)
+    assert -spin(state) == pytest.approx(2.0 * 0.5 * speed / radius, rel=0.05)
+
+
 # --- quasi-static steps
 
 
