@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,12 +108,16 @@ def parsed(text: str) -> dict[str, Column]:
     return {name: _column(values) for name, *values in zip(*rows, strict=True)}
 
 
+# Texts that Python reads as numbers, and which no number is written as: "1_000", "007", "+7".
+LABEL = re.compile(r".*_|[+]|-?0[0-9]")
+
+
 def _column(values: list[str]) -> Column:
     if set(values) <= {"True", "False"}:
         return np.array([value == "True" for value in values])
     for kind in (int, float):
         try:
-            if not any("_" in value for value in values):  # which Python would read as a number
+            if not any(LABEL.match(value) for value in values):  # which Python would read as a number
                 return np.array([kind(value) for value in values])
         except ValueError:
             continue

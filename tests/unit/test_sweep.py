@@ -635,3 +635,9 @@ def test_what_is_bound_to_a_build_belongs_to_it():
     for bound in (lambda E: partial(dict, E=E), enclosed, Built):
         one, same, other = (manifest.source_of(bound(E))["source"] for E in (1e6, 1e6, 2e6))
         assert one == same != other
+
+
+def test_texts_of_rows_stay_texts():
+    """Names that look like numbers as no number is written."""
+    columns = records.parsed("a,b,c,d\n007,1e-07,-3,+7\n010,0.5,10,+8\n")
+    assert [column.tolist() for column in columns.values()] == [["007", "010"], [1e-07, 0.5], [-3, 10], ["+7", "+8"]]
