@@ -18,7 +18,7 @@ PAGE = "docs/how_to/warnings.md"
 def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme()) -> str:  # noqa: B008
     """Summary of a run as text: sizes, resolution, motion per step, solver, memory, warnings.
 
-    Without dt [s], motions per step are those of the first step that `simulate` chooses.
+    Without dt [s], motions per step are those of the first step that `simulate` chooses by what acts at t = 0.
 
     Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling. A line
     that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in brackets, the section

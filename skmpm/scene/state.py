@@ -40,8 +40,8 @@ class State:
     t : time [s]
     x : (2, n) positions [m]
     v : (2, n) velocities [m/s]
-    F : (2, 2, n) deformation gradients, [i, j] = dx_i / dX_j
-    C : (2, 2, n) affine velocity (APIC), by anchor position [1/s]
+    F : (2, 2, n) deformation gradients, [i, j] = dx_i / dX_j; I in rigid bodies, however they turn
+    C : (2, 2, n) affine velocity (APIC), by anchor position [1/s]; zero in rigid bodies, whose spin is that of `v`
     stress : (2, 2, n) elastic Cauchy stress [Pa], tension positive; without what viscosity adds
     mass : (n,) [kg/m]
     volume : (n,) current [m2]
