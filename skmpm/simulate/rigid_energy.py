@@ -51,10 +51,12 @@ def _driven_walls(scene: Scene, state: State, end: End, after: State) -> OwnEner
 
 
 def _kinetic_of_walls(scene: Scene, state: State) -> float:
-    """Kinetic energy of the driven walls of a state [J/m]."""
-    if scene.driven_walls.size == 0:
+    """Kinetic energy of the driven walls of a state, which move along their normals [J/m]."""
+    walls = scene.driven_walls
+    if walls.size == 0:
         return 0.0
-    return 0.5 * float(scene.wall_masses @ (state.wall_velocity[scene.driven_walls] ** 2).sum(axis=1))
+    speed = np.einsum("pi,ip->p", state.wall_velocity[walls], scene.normals[:, walls])
+    return 0.5 * float(scene.wall_masses @ speed**2)
 
 
 def _free_bodies(
