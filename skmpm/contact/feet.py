@@ -42,8 +42,8 @@ def contacts(
     and that at the start; `limits` are depth, reach, and depth of edges [m].
     """
     size, (depth, reach, edge_depth) = 0, limits
+    most = max(depth, reach)
     for group in range(ends.size - 1):
-        most = max(depth, reach)
         i, t = nearest_of_group(ends[group], ends[group + 1], point, segment, x, loops.following, most)
         if i < 0:
             continue

@@ -44,14 +44,11 @@ def gauge_condition(scene: Scene, state: State, v0: Array, force: Array, dt: flo
         return None
     assembly = assembly_of(state)
     x = assembly.grid.position + state.displacement.reshape(-1, 2).T
-    gauge = gauge_of(assembly.grid, x, assembly.mass, held, dropped=held)
+    dropped = _unstable(state, interval) if scheme.inertia else held
+    gauge = gauge_of(assembly.grid, x, assembly.mass, held, dropped=dropped)
     if callable(scene.gravity):
         gauge = gauge.among(~_turned(gauge, force))
-    if not scheme.inertia:
-        return gauge
-    unstable = _unstable(state, interval)
-    gauge = replace(gauge, dropped=unstable)
-    return gauge.among(unstable | (interval * np.abs(gauge.spin(v0)) < MAX_ANGLE))
+    return gauge.among(dropped | (interval * np.abs(gauge.spin(v0)) < MAX_ANGLE))
 
 
 def _turned(gauge: Gauge, force: Array) -> Bools:
@@ -62,7 +59,7 @@ def _turned(gauge: Gauge, force: Array) -> Bools:
 
 def _touching(scene: Scene, state: State) -> Bools:
     """Bodies with a contact, that touch no wall with friction and cannot in a step, (bodies,)."""
-    count = len(scene.bodies)
+    count, farthest = len(scene.bodies), max_motion(scene)
     touching, bodies = np.zeros(count, dtype=bool), state.contacts.bodies
     touching[bodies[bodies >= 0]] = True
     for i, point in enumerate(state.walls):
@@ -70,7 +67,7 @@ def _touching(scene: Scene, state: State) -> Bools:
         frictional = scene.frictions.between(walls) > 0.0
         if frictional.any():
             gap = state.wall_normals[i] @ (state.x - point[:, None])
-            touching[state.body[(gap < max_motion(scene)) & frictional[state.body]]] = False
+            touching[state.body[(gap < farthest) & frictional[state.body]]] = False
     return touching
 
 
