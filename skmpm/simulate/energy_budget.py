@@ -11,11 +11,11 @@ from skmpm.assembly import Assembly
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import Bulk, End, Increment, Solution
 from skmpm.implicit.internal_variables import dissipated
-from skmpm.scene import Energy, PrescribedVelocities, Report, Scene, State, centres, velocity_at
+from skmpm.scene import Energy, Report, Scene, State
 from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
-from skmpm.simulate.forces import external_force, follower_pressure
-from skmpm.simulate.rigid_energy import own_energies, power_of_gravity, work_of_turning
+from skmpm.simulate.rigid_energy import own_energies, work_of_turning
 from skmpm.simulate.springs import energies
+from skmpm.simulate.work import work_at_start, work_of_loads
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -92,7 +92,7 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
     ends = (increment.v0, end.velocity) if inertia else ()
     kinetic = [kinetic_energy(bulk.assembly, v - of_box) for v in ends] or [0.0, 0.0]
     swing = _swing(increment, w, end, of_box, elastic, kinetic)
-    external = _work_of_loads(increment, w) - float(end.reaction @ increment.prescribed)
+    external = work_of_loads(increment, w) - float(end.reaction @ increment.prescribed)
     if inertia and after.box is not None:
         external -= float((bulk.assembly.mass * (end.velocity - increment.v0)) @ of_box)
         there = kinetic_energy(bulk.assembly, end.velocity - velocity_of_box(after, after.box_rate))
@@ -123,7 +123,7 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
             else 0.0
         )
     if not inertia:
-        external = 0.5 * (external + _work_at_start(scene, state, increment, w, motions))
+        external = 0.5 * (external + work_at_start(scene, state, increment, w, motions))
     springs = (0.0, 0.0)
     if increment.springs is not None:
         x, moved = state.x.copy(), increment.grid.at_points(end.configuration.displacement)
@@ -174,55 +174,6 @@ def _swing(
         return 0.0
     strained = bulk.energy(bulk.at(increment.start + increment.theta_dt * w)) + _energy_of_reference_stress(bulk)
     return elastic[1] + kinetic[1] - strained - 0.5 * (kinetic[0] + kinetic[1])
-
-
-def _work_of_loads(increment: Increment, w: Array) -> float:
-    """Work of gravity and loads in the step [J/m], of those at its end without inertia.
-
-    That of a pressure is p times the change of an area, which is quadratic in the displacement: so the force halfway
-    gives it exactly.
-    """
-    moved, pressure, scheme = increment.dt * w, increment.pressure, increment.scheme
-    if pressure is None or not scheme.inertia:
-        return float(increment.load(w) @ moved)
-    halfway = increment.start + (0.0 if scheme.explicit else 0.5) * moved
-    return float((increment.force + pressure.force(halfway)) @ moved)
-
-
-def _work_at_start(
-    scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities
-) -> float:
-    """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m].
-
-    Of free rigid bodies it is that of gravity.
-    """
-    contacts = state.contacts
-    loads = external_force(scene, state, state.t) @ w
-    pressure = follower_pressure(scene, state, state.t)
-    if pressure is not None:
-        loads += pressure.force(state.displacement) @ w
-    supports = state.support_force.ravel() @ increment.prescribed
-    tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
-    force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent
-    relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)
-    gradient = mean_gradient(state, motions, increment.dt)
-    if gradient is not None:
-        relative -= gradient @ contacts.image
-    if scene.free_rigid.size:
-        loads += power_of_gravity(scene, state, motions, state.t)
-    return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
-
-
-def _surface_velocity(scene: Scene, state: State, motions: PrescribedVelocities, side: int) -> Array:
-    """Prescribed velocities (2, k) [m/s] of the first or second bodies at the contacts, zero for movable ones."""
-    contacts = state.contacts
-    body = contacts.bodies[side]
-    arm = contacts.at(side) - centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)]
-    prescribed = np.where(scene.movable, 0.0, motions.rigid)
-    of_bodies, walls = velocity_at(arm, prescribed[:, np.maximum(body, 0)]), np.zeros_like(contacts.x)
-    if motions.walls.size:
-        walls = motions.walls[np.maximum(-1 - body, 0)].T
-    return np.where(body >= 0, of_bodies, walls)
 
 
 def report_of(

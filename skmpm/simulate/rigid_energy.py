@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skmpm.implicit import End, Increment, Solution
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity, velocity_at
 from skmpm.simulate.box_motion import mean_gradient
-from skmpm.simulate.rigid_state import kinetic_energy, rigid_state
+from skmpm.simulate.rigid_state import RigidState, kinetic_energy, rigid_state
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -70,7 +70,7 @@ def _free_bodies(
         _relative(start.velocity, start.centre, state.box_rate),
         _relative(last, start.centre, gradient),
     )
-    work = dt * power_of_gravity(scene, state, motions, state.t + increment.scheme.theta * dt)
+    work = dt * power_of_gravity(scene, state, start, motions, state.t + increment.scheme.theta * dt)
     is_free = scene.movable & ~scene.deformable
     work += _at_contacts(scene, state, solution, end, lambda arm, motion: mean_velocity(arm, motion, dt), is_free)
     kinetic = _kinetic_of_free_bodies(scene, after)
@@ -88,9 +88,8 @@ def _kinetic_of_free_bodies(scene: Scene, state: State) -> float:
     return kinetic_energy(bodies.mass, _relative(bodies.velocity, bodies.centre, state.box_rate))
 
 
-def power_of_gravity(scene: Scene, state: State, motions: PrescribedVelocities, t: float) -> float:
-    """Power of gravity of time t on the free rigid bodies in a step [W/m]."""
-    start = rigid_state(scene, state)
+def power_of_gravity(scene: Scene, state: State, start: RigidState, motions: PrescribedVelocities, t: float) -> float:
+    """Power of gravity of time t on the free rigid bodies, at `start` as in the state, in a step [W/m]."""
     mean = _with_radius(motions.rigid[:, scene.free_rigid], start.radius)
     return float(start.gravity(scene, state, t) @ mean.T.ravel())
 
@@ -118,10 +117,8 @@ def work_of_turning(scene: Scene, state: State, solution: Solution, end: End, dt
         return 0.0
 
     def passing(arm: Array, motions: Array) -> Array:
-        angle = dt * motions[2]
-        cosine, sine = np.cos(angle), np.sin(angle)
-        turned = np.stack([cosine * arm[0] - sine * arm[1], sine * arm[0] + cosine * arm[1]])
-        return velocity_at(turned, motions) - mean_velocity(arm, motions, dt)
+        chord = mean_velocity(arm, motions, dt)
+        return velocity_at(arm + dt * (chord - motions[:2]), motions) - chord
 
     return -_at_contacts(scene, state, solution, end, passing, held)
 

@@ -1,0 +1,62 @@
+"""Work in a step: of gravity and loads, and of all that acts on bodies by the forces at its start."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit import Increment
+from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
+from skmpm.simulate.box_motion import mean_gradient
+from skmpm.simulate.forces import external_force, follower_pressure
+from skmpm.simulate.rigid_energy import power_of_gravity
+from skmpm.simulate.rigid_state import rigid_state
+
+Array = NDArray[np.float64]
+
+
+def work_of_loads(increment: Increment, w: Array) -> float:
+    """Work of gravity and loads in the step [J/m], of those at its end without inertia.
+
+    That of a pressure is p times the change of an area, which is quadratic in the displacement: so the force halfway
+    gives it exactly.
+    """
+    moved, pressure, scheme = increment.dt * w, increment.pressure, increment.scheme
+    if pressure is None or not scheme.inertia:
+        return float(increment.load(w) @ moved)
+    halfway = increment.start + (0.0 if scheme.explicit else 0.5) * moved
+    return float((increment.force + pressure.force(halfway)) @ moved)
+
+
+def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities) -> float:
+    """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m].
+
+    Of free rigid bodies it is that of gravity.
+    """
+    contacts = state.contacts
+    loads = external_force(scene, state, state.t) @ w
+    pressure = follower_pressure(scene, state, state.t)
+    if pressure is not None:
+        loads += pressure.force(state.displacement) @ w
+    supports = state.support_force.ravel() @ increment.prescribed
+    tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
+    force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent
+    relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)
+    gradient = mean_gradient(state, motions, increment.dt)
+    if gradient is not None:
+        relative -= gradient @ contacts.image
+    if scene.free_rigid.size:
+        loads += power_of_gravity(scene, state, rigid_state(scene, state), motions, state.t)
+    return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
+
+
+def _surface_velocity(scene: Scene, state: State, motions: PrescribedVelocities, side: int) -> Array:
+    """Prescribed velocities (2, k) [m/s] of the first or second bodies at the contacts, zero for movable ones."""
+    contacts = state.contacts
+    body = contacts.bodies[side]
+    arm = contacts.at(side) - centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)]
+    prescribed = np.where(scene.movable, 0.0, motions.rigid)
+    of_bodies, walls = velocity_at(arm, prescribed[:, np.maximum(body, 0)]), np.zeros_like(contacts.x)
+    if motions.walls.size:
+        walls = motions.walls[np.maximum(-1 - body, 0)].T
+    return np.where(body >= 0, of_bodies, walls)
