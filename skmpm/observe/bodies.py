@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.material import determinant
 from skmpm.observe.contact_length import contact_length, contact_lengths
 from skmpm.observe.contact_network import (
     half_branches,
@@ -40,7 +41,7 @@ class PerBody:
     diameter : (bodies,) of the disc of the initial area [m]
     area : (bodies,) inside the smooth outline [m2]; nan without an outline
     perimeter : (bodies,) of the smooth outline, holes included [m]; nan without an outline
-    volume_ratio : (bodies,) J = sum V0 det F / sum V0
+    volume_ratio : (bodies,) J = sum w / sum (w / det F) with the quadrature weights w of the points
     coordination : (bodies,) bodies and walls that touch it
     coordination_without_rattlers : (bodies,) those that are no rattlers; nan for a rattler
     contact_surface : (bodies,) length in contact over pi diameter
@@ -111,7 +112,8 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
         diameter=diameter,
         area=area,
         perimeter=np.where(scene.outlined, smooth.perimeter(n), np.nan),
-        volume_ratio=volume / initial,
+        volume_ratio=np.add.reduceat(state.weight, start)
+        / np.add.reduceat(state.weight / determinant(state.F), start),
         coordination=neighbours(pairs, n).astype(np.float64),
         coordination_without_rattlers=_without_rattlers(scene, pairs),
         contact_surface=np.where(scene.outlined, contact_length(state.contacts, lengths, n), np.nan)

@@ -13,9 +13,9 @@ from skmpm.observe.regions import area_inside, contains, region, share_inside
 from skmpm.outline import outlines
 from skmpm.points import Points, disc
 from skmpm.points import box as block
-from skmpm.scene import Body, Contacts, Scene, SceneError, Wall
+from skmpm.scene import Body, Contacts, Pressure, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate
+from skmpm.simulate import initial, simulate, step
 
 SOFT = NeoHookean(1e7, 0.45, 990.0)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -489,13 +489,25 @@ def test_squeezed_body():
     scene = Scene([Body(disc((0, 0), 1.0, spacing=0.1), SOFT)], cell=0.2)
     state = initial(scene)
     F = np.diag([1.1, 0.8])
-    squeezed = replace(state, x=F @ state.x, volume=0.88 * state.volume)
+    squeezed = replace(
+        state, x=F @ state.x, F=np.tensordot(F, state.F, 1), volume=0.88 * state.volume, weight=0.88 * state.weight
+    )
     before, o = observe(scene, state).bodies, observe(scene, squeezed).bodies
     np.testing.assert_allclose(o.area, 0.88 * before.area)
     np.testing.assert_allclose(o.volume_ratio, 0.88)
     np.testing.assert_allclose(o.diameter, 2.0)
     np.testing.assert_allclose(o.aspect_ratio, 1.375, rtol=5e-3)
     np.testing.assert_allclose(np.cos(o.angle), 1.0)
+
+
+def test_the_volume_ratio_of_a_nearly_incompressible_body_is_that_of_its_pressure():
+    """Plane strain: 1 - J = 2 (1 + nu) (1 - 2 nu) p / E; by volumes at t = 0 it would be three times that."""
+    pressure, nu = 1e-2, 0.499
+    body = Body(disc((0.03, 0.05), 1.0, spacing=0.148), NeoHookean(E=1.0, nu=nu, density=1.0))
+    scene, scheme = Scene([body], cell=0.2, loads=[Pressure(lambda x: x[0] == x[0], pressure)]), Scheme(inertia=False)
+    state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
+    strain = 2.0 * (1.0 + nu) * (1.0 - 2.0 * nu) * pressure
+    assert 1.0 - observe(scene, state).bodies.volume_ratio[0] == pytest.approx(strain, rel=5e-3)
 
 
 def test_overlap_of_two_squares():
