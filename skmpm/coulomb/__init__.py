@@ -9,7 +9,7 @@ The package depends on matrices and friction coefficients only, not on grids or 
 """
 
 from skmpm.coulomb.law import project, residual, residuals, row_scales
-from skmpm.coulomb.problem import Bilateral
+from skmpm.coulomb.problem import MAX_DENSE_ROWS, Bilateral
 from skmpm.coulomb.search import Info, solve
 
-__all__ = ["Bilateral", "Info", "project", "residual", "residuals", "row_scales", "solve"]
+__all__ = ["MAX_DENSE_ROWS", "Bilateral", "Info", "project", "residual", "residuals", "row_scales", "solve"]

@@ -44,7 +44,7 @@ class Bilateral:
     """
 
     q: Array  # (m,)
-    contact: Ints | None = None  # (m,) the contact that each belongs to, for the `blocks` of a problem
+    contact: Ints | int = -1  # (m,) the contact that each belongs to, for the `blocks` of a problem; -1 for none
     # Number of negative eigenvalues of what W has for s besides the response to s, where W is symmetric. If the
     # solution is a minimum of energy, the matrix of its closed contacts and s has as many (`newton`); Newton steps
     # end where it has fewer. None: they are not counted.
@@ -85,6 +85,18 @@ class Problem:
         if is_sparse(self.W):
             return not _coupled(self.W.indptr, self.W.indices, self.W.data)
         return bool((np.abs(self.W - np.diag(self.W.diagonal())) <= ZERO_ENTRY).all())
+
+    @property
+    def of_contacts(self) -> Problem:
+        """The problem of the contacts alone: bilateral unknowns follow impulses at once."""
+        k = self.contacts
+        if k == self.q.size:
+            return self
+        columns = self.W[:, k:].toarray() if is_sparse(self.W) else self.W[:, k:]
+        rows = self.W[k:, :k].toarray() if is_sparse(self.W) else self.W[k:, :k]
+        response = np.linalg.solve(columns[k:].T, columns[:k].T).T
+        W, slide = np.asarray(self.W[:k, :k] - response @ rows), np.broadcast_to(self.slide, self.q.shape)[:k]
+        return replace(self, W=W, q=self.q[:k] - response @ self.q[k:], slide=slide)
 
     @property
     def independent(self) -> Array:

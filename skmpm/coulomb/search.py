@@ -104,7 +104,7 @@ def solve(
     tol : largest residual relative to ``|q~|``, or to `reference`
     sweeps : of the first round; the second round doubles them
     iterations : largest number of Newton steps; below 150, for problems that need not be solved, only those from r0
-        are tried unless they are damped, and Lemke's method is not used, nor with `bilateral`
+        are tried unless they are damped, and Lemke's method is not used
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of ``|q~|``, as in `residual`
     damped : whether Newton steps are damped; of many solutions, as in quasi-static steps, r is then closer to r0
@@ -160,9 +160,10 @@ def _blocks(pairs: Ints, rows: int, bilateral: Bilateral | None) -> Ints:
     """The labels of all rows, from 0 on: of contacts (rows,), then of the bilateral unknowns."""
     pairs = np.unique(pairs, return_inverse=True)[1]
     of_contacts = np.repeat(pairs, rows // pairs.size)
-    if bilateral is None or bilateral.contact is None:
+    if bilateral is None:
         return of_contacts
-    return np.concatenate([of_contacts, pairs[bilateral.contact]])
+    contact = np.broadcast_to(bilateral.contact, bilateral.q.shape)
+    return np.concatenate([of_contacts, np.where(contact < 0, pairs.max() + 1, pairs[contact])])
 
 
 def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, damped: bool) -> tuple[Iterate, Info]:
@@ -185,7 +186,7 @@ def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, dam
             x, count = _proximal(p, best if impulse is None else p.pressed(impulse), tol, limit - steps, damped)
             best, steps = better(best, x), steps + count
     pieces = 0
-    if best.error > tol and limit >= _STALL_LIMIT and p.contacts == p.q.size <= _MAX_PATH_ROWS:
+    if best.error > tol and limit >= _STALL_LIMIT and p.contacts <= _MAX_PATH_ROWS:
         x, count, pieces = _paths(p, tol)
         best, steps = better(best, x), steps + count
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
@@ -200,12 +201,12 @@ def _restarts(rows: int) -> tuple[float, ...]:
 
 def _paths(p: Problem, tol: float) -> tuple[Iterate, int, int]:
     """Follow paths until one reaches a solution, then take Newton steps; return iterate, steps and pieces."""
-    pieces, work = 0, _MAX_PATH_WORK
+    pieces, work, alone = 0, _MAX_PATH_WORK, p.of_contacts
     for seed, pieces_per_contact in enumerate(_MAX_PIECES):
-        r, count, work = follow(p, seed, pieces_per_contact * p.mu.size, work)
+        r, count, work = follow(alone, seed, pieces_per_contact * p.mu.size, work)
         pieces += count
         if r is not None:
-            return *full_steps(p, p.at(r), tol, _STALL_LIMIT), pieces
+            return *full_steps(p, p.at(np.append(r, np.zeros(p.q.size - r.size))), tol, _STALL_LIMIT), pieces
         if work < 0.0:
             break
     return p.at(np.zeros_like(p.q)), 0, pieces

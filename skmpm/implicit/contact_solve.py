@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import coulomb
+from skmpm.implicit.border import Border, with_scalar_unknowns
 from skmpm.implicit.candidate_contacts import check_response
 from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
@@ -195,16 +196,6 @@ class _Linearised:
             stiffness_failures=contact.stiffness_failures + failures,
         )
 
-    def _with_scalar_unknowns(self, W: sp.csr_array, q: Array, known: Array) -> tuple[sp.csr_array, Array]:
-        """W and the free velocities with the response of the scalar unknowns to their contacts."""
-        contact, constraints, unknowns = self.contact, self.contact.constraints, self.contact.problem.unknowns
-        assert unknowns is not None
-        compliance, k = unknowns.compliance(contact.z, constraints), known.size
-        change = unknowns.rows(contact.z, constraints) @ unknowns.change(contact.z, constraints, contact.r)
-        padded = sp.csr_array((compliance.data, compliance.indices, np.append(
-            compliance.indptr, np.full(W.shape[0] - k, compliance.nnz))), shape=W.shape)  # fmt: skip
-        return sp.csr_array(W + padded), q + change - compliance @ known
-
     def _impulses(self, geometric: ContactStiffness | None, start: Array) -> _Impulses:
         """The new impulses and those of the geometric stiffness; the start has the impulses that cohesion adds."""
         contact, constraints, W = self.contact, self.contact.constraints, self.W
@@ -213,9 +204,10 @@ class _Linearised:
         by_known = W @ np.concatenate([known, np.zeros(W.shape[0] - k)])
         increment_of_points = constraints.at_contact_points(self.with_known)
         q = contact.u + constraints.D @ increment_of_points - by_known[:k]
-        options: dict[str, Any] = {}
+        border: Border | None = None
         if contact.problem.unknowns is not None:
-            W, q = self._with_scalar_unknowns(W, q, known)
+            W, q, border = with_scalar_unknowns(contact, W, q)
+        options: dict[str, Any] = {}
         if geometric is not None:
             p = geometric.Z @ increment_of_points - by_known[k:]
             W = W + _lower_right(geometric.compliance, k)
@@ -225,6 +217,9 @@ class _Linearised:
         elif W.shape[0] > k:
             W = W[:k, :k]
         diagonal = W.diagonal()[:k]
+        if border is not None:
+            diagonal = diagonal + border.diagonal
+            W, options["bilateral"] = border.around(W, options.get("bilateral"), known)
         check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], increment.supports)
         free = q
         if constraints.cohesive:
@@ -237,11 +232,11 @@ class _Linearised:
         contact.problem.timer.lap("contact")
         worst = None
         if not info.converged:
-            u = (W @ np.concatenate([r, np.zeros(W.shape[0] - k)]))[:k] + q
+            u = (W @ np.concatenate([r, info.bilateral]))[:k] + q
             residuals = coulomb.residuals(r, u, constraints.friction, diagonal)
             worst = int(np.argmax(residuals))
-        lowered = constraints.lowered(r, increment.dt)
-        return _Impulses(lowered, info.bilateral, scale, info.iterations, info.residual, worst)
+        lowered, rho = constraints.lowered(r, increment.dt), info.bilateral[: geometric.size if geometric else 0]
+        return _Impulses(lowered, rho, scale, info.iterations, info.residual, worst)
 
 
 def _lower_right(matrix: sp.csr_array, k: int) -> sp.csr_array:

@@ -105,7 +105,7 @@ class ScalarUnknowns:
 
     def translation(self, z: Array) -> Array | None:
         """Velocities (2, bodies) that the changes of the carrier's unknowns add to those of bodies."""
-        return None if self.carrier is None else self.carrier.translation(z[: self.carrier.inertia.v0.size])
+        return None if self.carrier is None else self.carrier.translation(z[: self.carrying])
 
     def _carried(self, z: Array) -> Array:
         """What the carrier adds to the unknowns, (p,)."""
@@ -162,10 +162,15 @@ class ScalarUnknowns:
         farthest = self.inertia.farthest
         return np.asarray(z + np.clip(self.change(z, constraints, r), -farthest, farthest))
 
-    def compliance(self, z: Array, constraints: Constraints) -> sp.csr_array:
-        """What the unknowns add to W, in the rows of the contacts."""
-        rows = self.rows(z, constraints)
-        return sp.csr_array(rows @ sp.diags_array(self.inertia.theta / self.inertia.response) @ rows.T)
+    @property
+    def carrying(self) -> int:
+        """Number of the carrier's unknowns, the first."""
+        return 0 if self.carrier is None else self.carrier.inertia.v0.size
+
+    @property
+    def stiffness(self) -> Array:
+        """Impulses of contacts over the changes of the unknowns that balance them, (p,) [kg/m]."""
+        return np.asarray(self.inertia.response / self.inertia.theta)
 
     def size(self, z: Array) -> float:
         """The norm of the impulses of the driving forces [kg m/s per m]."""

@@ -378,3 +378,39 @@ def test_newton_steps_end_where_a_motion_that_keeps_contacts_closed_lowers_the_e
     assert free.converged, "a saddle is a solution, too"
     assert counted.converged == (not unstable)
     assert counted.iterations == 1
+
+
+@pytest.mark.parametrize("k", [30, 150])
+@pytest.mark.parametrize("mu", [0.0, 0.4])
+def test_bilateral_unknowns_are_what_eliminating_them_gives(k, mu):
+    """Unknowns s with D s = J^T r add J s to the velocities, as J D^-1 J^T in W does: dense and sparse problems."""
+    rng = np.random.default_rng(k)
+    size = 2 * k if mu else k
+    links = sp.random_array((size, size), density=3 / size, rng=rng)
+    W, J, D = (
+        sp.csr_array(links @ links.T + sp.eye_array(size)),
+        rng.normal(size=(size, 3)),
+        np.array([9.0, 20.0, 40.0]),
+    )
+    q, friction = rng.normal(size=size), np.full(k, mu)
+    bordered = sp.block_array([[W, J], [sp.csr_array(J.T), sp.diags_array(-D)]], format="csr")
+    r, info = coulomb.solve(bordered, q, friction, tol=1e-10, bilateral=coulomb.Bilateral(np.zeros(3)))
+    expected, _ = coulomb.solve(W + J / D @ J.T, q, friction, tol=1e-10)
+    assert info.converged
+    np.testing.assert_allclose(r, expected, atol=1e-8)
+    np.testing.assert_allclose(info.bilateral, J.T @ r / D, atol=1e-8)
+
+
+def test_lemkes_method_follows_bilateral_unknowns():
+    """Contacts of four degrees of freedom, with an unknown that responds to all of them."""
+    k = 6
+    rng = np.random.default_rng(3)
+    links = rng.normal(size=(2 * k, 4))
+    W, J, D, mu = links @ links.T + 0.1 * np.eye(2 * k), rng.normal(size=(2 * k, 1)), np.array([5.0]), np.full(k, 0.6)
+    q = rng.normal(size=2 * k)
+    problem, s = scaled(np.block([[W, J], [J.T, -np.diag(D)]]), np.append(q, 0.0), mu, 2 * k)
+    found, _, pieces = search._paths(problem, 1e-10)
+    r = found.r / s
+    assert pieces > 0
+    np.testing.assert_allclose(r[2 * k :], J.T @ r[: 2 * k] / D, atol=1e-9)
+    assert coulomb.residual(r[: 2 * k], W @ r[: 2 * k] + J @ r[2 * k :] + q, mu, np.diag(W)) < 1e-8
