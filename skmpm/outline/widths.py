@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from skmpm.outline.crossings import turns
 from skmpm.outline.curve import CORNER_COSINE
+from skmpm.outline.measures import turning_angles
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
 # Sides at a larger angle form a wedge and no wall; the thickness of an ellipse of 4:1 is 0.89 of its short axis.
@@ -26,7 +27,9 @@ FACING_COSINE = np.cos(np.deg2rad(15.0))
 TIP_COSINE = np.cos(np.deg2rad(150.0))  # of the turn of the boundary at a tip, a wedge of 30 degrees or less
 # Pairs wider than this fraction of the wedge at a tip belong to the tip; a lens has half that width in its middle.
 MIN_WEDGE_FRACTION = 0.5
-MAX_POINTS = 500  # boundary points of a body that double normals begin at, evenly spaced; all edges are used
+# Boundary points of a body that double normals begin at, evenly spaced, and the turn of the boundary to another one,
+# so that none is missed at a corner or a short arc; all edges are used.
+MAX_POINTS, MAX_TURN = 500, np.deg2rad(10.0)
 CHUNK = 500_000  # pairs processed at a time, which take about 100 MB
 LENGTH_TOLERANCE = 1e-9  # relative to the length of an edge
 MAX_SMOOTH_TURN = np.deg2rad(30.0)  # turns beyond it are corners, which take part in all pairs of their body
@@ -96,6 +99,7 @@ class _Edges:
     start: Floats  # (m,) along its loop [m]
     loop: Integers  # (m,)
     around: Floats  # (m,) length of its loop [m]
+    turn: Floats  # (m,) to the left at their starts [rad]
 
 
 def _edges(outlines: Outlines, x: Floats) -> _Edges:
@@ -106,28 +110,28 @@ def _edges(outlines: Outlines, x: Floats) -> _Edges:
     loop = np.cumsum(begins) - 1
     before = np.cumsum(length) - length
     around = np.bincount(loop, length)[loop] if loop.size else length
-    return _Edges(along, np.stack([-along[1], along[0]]), length, before - before[begins][loop], loop, around)
+    across, turn = np.stack([-along[1], along[0]]), turning_angles(outlines, x)
+    return _Edges(along, across, length, before - before[begins][loop], loop, around, turn)
 
 
 def _turned(outlines: Outlines, edges: _Edges) -> NDArray[np.bool_]:
     """Whether boundary points are tips, (m,): corners that stick out, of 30 degrees and less."""
     back = edges.along[:, outlines.previous]
-    return np.asarray(
-        (_dot(back, edges.along) < TIP_COSINE) & (_dot(edges.across[:, outlines.previous], edges.along) > 0.0)
-    )
+    return np.asarray((_dot(back, edges.along) < TIP_COSINE) & (edges.turn > 0.0))
 
 
-def _starts(outlines: Outlines, first: Integers, count: Integers) -> Integers:
+def _starts(outlines: Outlines, edges: _Edges, count: Integers) -> Integers:
     """The boundary points that pairs begin at, of bodies with `count` boundary points or none."""
+    first = np.searchsorted(outlines.body, np.arange(count.size))
     stride = np.maximum(1, -(-count // MAX_POINTS))[outlines.body]
     chosen = (np.arange(outlines.size) - first[outlines.body]) % stride == 0
-    return np.flatnonzero((count[outlines.body] > 0) & chosen)
+    turned = np.floor(np.cumsum(np.abs(edges.turn)) / MAX_TURN)
+    return np.flatnonzero((count[outlines.body] > 0) & (chosen | (np.diff(turned, prepend=0.0) > 0.0)))
 
 
-def _pairs(outlines: Outlines, count: Integers) -> Iterator[tuple[Integers, Integers]]:
+def _pairs(outlines: Outlines, edges: _Edges, count: Integers) -> Iterator[tuple[Integers, Integers]]:
     """Boundary points with every edge of their body, of bodies with `count` boundary points or none, in chunks."""
-    first = np.searchsorted(outlines.body, np.arange(count.size))
-    points = _starts(outlines, first, count)
+    points, first = _starts(outlines, edges, count), np.searchsorted(outlines.body, np.arange(count.size))
     body = outlines.body[points]
     yield from _in_chunks(points, first[body], count[body])
 
@@ -145,8 +149,7 @@ def _steep_pairs(outlines: Outlines, edges: _Edges, count: Integers) -> Iterator
     them, so that those that face a point are consecutive.
     """
     angle = np.arctan2(edges.along[1], edges.along[0]) % (2.0 * np.pi)
-    turn = (angle - angle[outlines.previous] + np.pi) % (2.0 * np.pi) - np.pi
-    points = _starts(outlines, np.searchsorted(outlines.body, np.arange(count.size)), count)
+    turn, points = edges.turn, _starts(outlines, edges, count)
     body, margin = outlines.body[points], np.arccos(FACING_COSINE) + MAX_SMOOTH_TURN
     corner = np.abs(turn[outlines.next]) > MAX_SMOOTH_TURN
     smooth, corners = np.flatnonzero(~corner), np.flatnonzero(corner)
@@ -222,7 +225,7 @@ def _around(edges: _Edges, direction: Floats, at: Integers) -> Floats:
 def _inscribed(outlines: Outlines, x: Floats, edges: _Edges, count: Integers) -> Floats:
     """Diameter (bodies,) [m] of the largest circle that touches the middle of an edge and holds no boundary point."""
     middle, radius = x + 0.5 * edges.length * edges.along, np.full(outlines.size, np.inf)
-    for p, e in _pairs(outlines, count):
+    for p, e in _pairs(outlines, edges, count):
         for place in (x, middle):
             direction = place[:, e] - middle[:, p]
             depth = _dot(direction, edges.across[:, p])

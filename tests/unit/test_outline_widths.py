@@ -5,7 +5,7 @@ import pytest
 from test_outline import build, regular, turn
 
 from skmpm import box, disc, outline
-from skmpm.outline.widths import _pairs
+from skmpm.outline.widths import MAX_POINTS, _pairs
 
 ANGLES = (0.0, 0.3, 1.234)
 SPACINGS = (0.25, 0.1, 0.033)
@@ -169,7 +169,7 @@ def test_pairs_that_cannot_face_each_other_are_left_out_and_no_others(name, monk
         boundary, x, bodies = build([turn(angle) @ loop for loop in SHAPES[name][0](spacing)])
         found = [f(boundary, x, bodies) for f in (outline.thickness, outline.slit_width)]
         with monkeypatch.context() as every:
-            every.setattr("skmpm.outline.widths._steep_pairs", lambda o, edges, count: _pairs(o, count))
+            every.setattr("skmpm.outline.widths._steep_pairs", _pairs)
             assert found == [f(boundary, x, bodies) for f in (outline.thickness, outline.slit_width)]
 
 
@@ -202,3 +202,28 @@ def test_many_pairs_in_chunks_give_the_same(monkeypatch):
     assert measured(loops) == whole
     monkeypatch.setattr("skmpm.outline.widths.MAX_POINTS", 100)  # of about 500: every fifth or sixth
     assert measured(loops) == pytest.approx(whole, rel=0.1)
+
+
+def notched(d):
+    """A bar of 8 by 4 with two opposite notches of 60 degrees that leave a neck of 0.2."""
+    x, depth = 4.1, 1.9
+    half = depth * np.tan(np.pi / 6)
+    below = [(0, 0), (x - half, 0), (x, depth), (x + half, 0), (8, 0)]
+    return sampled(below + [(a, 4.0 - b) for a, b in below[::-1]], d)
+
+
+def lips(d):
+    """A slot of 4 by 2 with a mouth of 0.1 between two pointed lips."""
+    left = [(3.05, 4), (4.05, 3.5), (3.05, 3.0), (3.05, 1)]
+    return sampled([(0, 0), (8, 0), (8, 4), *((8.2 - a, b) for a, b in left), *left[::-1], (0, 4)], d)
+
+
+@pytest.mark.parametrize(
+    ("shape", "width", "expected"), [(notched, outline.thickness, 0.2), (lips, outline.slit_width, 0.1)]
+)
+def test_nothing_depends_on_where_a_long_loop_begins(shape, width, expected):
+    """More points than pairs begin at, and a neck or mouth between two of them."""
+    x = shape(0.04)
+    assert x.shape[1] > MAX_POINTS
+    for shift in range(5):
+        assert width(*build([np.roll(x, shift, axis=1)]))[0] == pytest.approx(expected, rel=1e-6)
