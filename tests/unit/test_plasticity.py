@@ -89,6 +89,18 @@ def test_a_step_dissipates_the_yield_stress_times_the_flow():
     assert np.isinf(METAL.energy(mirrored, state)).all()
 
 
+@pytest.mark.parametrize("J", [3.0, 1.5, 0.5, 0.1])
+def test_the_stress_across_the_plane_follows_from_those_in_it_at_any_change_of_volume(J):
+    """Uniaxial flow without hardening: that of von Mises times J is the yield stress."""
+    metal, F = ElastoPlastic(10.0, 0.3, 1.0, yield_stress=0.3), np.eye(2)[:, :, None].copy()
+    state = np.array(metal.state0)[:, None]
+    for F[1, 1] in np.linspace(1.0, J, 80):
+        stress, state = metal.stress(F, state), metal.update(F, state)
+    cauchy = np.einsum("ikn,jkn->ijn", stress, F) / J
+    limit = mises(cauchy, metal.stress_zz(cauchy, state)) * J
+    assert limit[0] == pytest.approx(0.3, rel=1e-6)
+
+
 def test_others_have_no_memory():
     assert has_memory(METAL) and not has_memory(GEL)
     assert virgin(GEL) is GEL
