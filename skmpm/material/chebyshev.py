@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-NEAR = 0.1  # z up to which the series is summed; its terms fall by z / 2
-TERMS = 15  # (NEAR / 2)^15 = 3e-20
+# Largest z, and z order^2, up to which the series is summed: its terms fall by z / 2, after they have grown with the
+# order like (2 z order^2)^k / (2 k)!, which is 1e-13 of the largest one after so many.
+NEAR, NEAR_OF_ORDER, TERMS = 0.1, 10.0, 15
 
 
 def half_angles(order: float, z: Array) -> tuple[Array, Array, Array]:
@@ -16,8 +17,9 @@ def half_angles(order: float, z: Array) -> tuple[Array, Array, Array]:
 
     (1 - y^2) T'' - y T' + order^2 T = 0 gives the series at y = 1 and T'' beyond.
     """
-    near = z < NEAR
-    y = np.where(near, 1.0 + NEAR, 1.0 + z)
+    limit = min(NEAR, NEAR_OF_ORDER / max(order**2, 1.0))
+    near = z < limit
+    y = np.where(near, 1.0 + limit, 1.0 + z)
     angle = np.arccosh(y)
     t0 = np.cosh(order * angle)
     t1 = order * np.sinh(order * angle) / np.sinh(angle)

@@ -19,7 +19,7 @@ SHAPES: dict[str, tuple[int, ...]] = {"energy": (), "stress": (2, 2), "tangent":
 
 def lacking(material: object) -> str:
     """What keeps an object from being a material, in words; "" if nothing does."""
-    missing = [name for name in NEEDED if not hasattr(material, name)]
+    missing = [name for name in NEEDED if not _has(material, name)]
     missing += [f"{name}(F)" for name in FUNCTIONS if name not in missing and not callable(getattr(material, name))]
     if isinstance(material, type):
         return "it is a class; make one of it by its constants"
@@ -32,6 +32,14 @@ def lacking(material: object) -> str:
     return _misshapen(material)  # type: ignore[arg-type]
 
 
+def _has(material: object, name: str) -> bool:
+    """Whether an object has an attribute; one whose value divides by zero, too."""
+    try:
+        return hasattr(material, name)
+    except ArithmeticError:
+        return True
+
+
 def _misshapen(material: Material) -> str:
     """What is wrong with the numbers of a material at rest."""
     density, viscosity = material.density, getattr(material, "viscosity", 0.0)
@@ -39,7 +47,10 @@ def _misshapen(material: Material) -> str:
         return f"density = {density!r}; give a finite number in kg/m3, greater than zero"
     if not (_is_number(viscosity) and viscosity >= 0.0):
         return f"viscosity = {viscosity!r}; give one in Pa s, zero or more"
-    lame = material.lame
+    try:
+        lame = material.lame
+    except ArithmeticError as error:
+        return f"lame raises {type(error).__name__}: {error}; give 0 <= nu < 0.5 and E > 0, or other moduli"
     lam, mu = lame if np.shape(lame) == (2,) and all(map(_is_number, lame)) else (np.nan, np.nan)
     if not (mu > 0.0 and 3.0 * lam + 2.0 * mu > 0.0):
         return f"lame = {lame!r}; give (lambda, mu) in Pa with mu > 0 and 3 lambda + 2 mu > 0"

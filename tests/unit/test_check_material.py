@@ -234,3 +234,8 @@ def test_equal_materials_are_evaluated_together(monkeypatch):
     next(iter(simulate(scene, dt=1e-6, until=1e-6, start=state)))
     n = BALL.x.shape[1]
     assert set(asked) == {2 * n, n}
+
+
+def test_a_law_whose_moduli_overflow_is_named():
+    with pytest.raises(ValueError, match=r"lame raises ZeroDivisionError.*0 <= nu < 0\.5"):
+        check_material(NeoHookean(1.0, 0.5, 1.0))

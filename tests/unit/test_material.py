@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from skmpm import MooneyRivlin, Ogden, Yeoh, check_material
 from skmpm.material import Anchored, LinearElastic, NeoHookean, determinant, dilatation, product, projected
+from skmpm.material.chebyshev import half_angles
 from skmpm.material.response import curvature
 
 SEED = st.integers(0, 2**32 - 1)
@@ -518,3 +519,14 @@ def test_energies_of_small_strains_are_not_lost_in_round_off(strain):
     at_mean = energy(bar) + mu * (resisted(volume(long)) - resisted(mean))
     for found, exact in ((solid.energy(F), energy(long)), (dilatation.energy(Anchored(solid), F, theta), at_mean)):
         assert np.abs(found - exact).max() < 1e-13 / strain * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("order", [0.5, 4.0, 15.0, 30.0, 75.0])
+def test_functions_of_the_ratio_of_stretches_are_exact_at_any_order(order):
+    """T - 1 = 2 sinh(order arsinh((z / 2)^1/2))^2, near z = 0 and beyond; T' and T'' by its differential equation."""
+    z = np.geomspace(1e-9, 1.0, 400)
+    t0, t1, t2 = half_angles(order, z)
+    np.testing.assert_allclose(t0, 2.0 * np.sinh(order * np.arcsinh(np.sqrt(z / 2.0))) ** 2, rtol=1e-12)
+    angle = 2.0 * np.arcsinh(np.sqrt(z / 2.0))
+    np.testing.assert_allclose(t1, order * np.sinh(order * angle) / np.sinh(angle), rtol=1e-12)
+    np.testing.assert_allclose(z * (2.0 + z) * t2 + (1.0 + z) * t1, order**2 * (1.0 + t0), rtol=1e-12)
