@@ -22,6 +22,7 @@ NOT_AREAS = ("vertex", "line", "line3")
 HIGHEST = 19  # degree of the last rule that scikit-fem has for triangles; its weights are positive
 # Boundaries that turn by less from edge to edge are smooth: circles of twelve edges and more.
 SMOOTH_COSINE = np.cos(np.deg2rad(30.5))
+LARGEST_BULGE = 0.75  # of a midpoint's area that a concave boundary takes from it; in flat cells it has little
 
 Rule = tuple[Integers, Integers, Floats]  # sites (m, cells) of cells, the centre last, their groups, weights
 
@@ -32,10 +33,10 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
     rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of boundary
     corners and midpoints are the outline, the largest first. Midpoints lie on the chord where the boundary turns by
-    30 degrees or more at an end of the edge, else on a smooth curve through the corners: with midpoints on chords a
-    round body would roll as a polygon. The volumes add up to the area of the outlines. A mesh of
-    several parts is not split: call this once per part. Polygons of eight and more sides have a smooth outline: see
-    `Points`.
+    more than 30.5 degrees at an end of the edge, else on a smooth curve through the corners: with midpoints on chords
+    a round body would roll as a polygon. At holes with flat cells they lie between the two. The volumes add up to the
+    area of the outlines. A mesh of several parts is not split: call this once per part. Polygons of eight and more
+    sides have a smooth outline: see `Points`.
 
     Physical groups of cells, as gmsh writes them, sets of cells (`meshio.Mesh.cell_sets`) and subdomains of
     scikit-fem become the groups of the points (`Points.group`), for a body of several materials: see `Body`. An
@@ -66,12 +67,12 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     ends, edges, edge, outer = _edges(blocks)
     centres = [nodes[:, b].mean(axis=1) for b in blocks]
     sites = np.concatenate((nodes, nodes[:, edges].mean(axis=1), *centres), axis=1)
-    middle = nodes.shape[1] + edge
+    midpoint = nodes.shape[1] + edge
 
     cell = nodes.shape[1] + edges.shape[1]
     inner, outermost = [], []
     for b, group, its_middle, its_outer in zip(
-        blocks, groups, _split(middle, blocks), _split(outer, blocks), strict=True
+        blocks, groups, _split(midpoint, blocks), _split(outer, blocks), strict=True
     ):
         boundary = its_outer.any(axis=0)
         site = np.concatenate((b, its_middle, [np.arange(cell, cell + boundary.size)]))[:, boundary]
@@ -80,14 +81,16 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
         inner.append((x, volume, np.repeat(group[~boundary], x.shape[1] // max((~boundary).sum(), 1))))
         cell += boundary.size
 
-    loops = _loops(ends[:, outer], middle[outer], nodes)
+    loops = _loops(ends[:, outer], midpoint[outer], nodes)
     weight, own = _weights(outermost, (sites.shape[1], count), np.concatenate(loops))
     used = weight.ravel() > 0
     number = (np.cumsum(used) - 1).reshape(weight.shape)[np.arange(own.size), own]
     for loop in loops:
         bulge, area = _bulges(nodes[:, loop[::2]])
-        sites[:, loop[1::2]] += bulge
-        weight[loop[1::2], own[loop[1::2]]] += area
+        middle = loop[1::2], own[loop[1::2]]
+        share = np.minimum(1.0, LARGEST_BULGE * weight[middle] / np.maximum(-area, 1e-300))
+        sites[:, middle[0]] += share * bulge
+        weight[middle] += share * area
     loops.sort(key=lambda loop: -abs(signed_area(sites[:, loop])))
     at, of = np.divmod(np.flatnonzero(used), count)
     x = np.concatenate((sites[:, at], *(x for x, _, _ in inner)), axis=1)

@@ -206,6 +206,23 @@ def test_midpoints_of_a_round_mesh_lie_on_its_curve(edges, x_to_y):
     assert 0.0 < missing < 0.3 * (1.0 - np.sin(2.0 * np.pi / edges) / (2.0 * np.pi / edges))
 
 
+@pytest.mark.parametrize("kind", ["triangle", "quad"])
+@pytest.mark.parametrize("height", [0.87, 0.35, 0.15])
+def test_flat_cells_at_a_round_hole_keep_their_volumes_positive(kind, height):
+    """A hole of twelve edges in a layer of cells of `height` edges; midpoints of high ones are on it."""
+    angle = 2.0 * np.pi * np.arange(12) / 12
+    radii = 1.0 + 2.0 * np.sin(np.pi / 12) * height * np.array([0.0, 1.0, 3.0])
+    nodes = np.concatenate([r * np.array([np.cos(angle), np.sin(angle)]) for r in radii], axis=1)
+    inner = [(i + 12 * k, (i + 1) % 12 + 12 * k) for k in (0, 1) for i in range(12)]
+    quads = [[b, a, a + 12, b + 12] for a, b in inner]
+    cells = quads if kind == "quad" else [t for a, b, c, d in quads for t in ([a, b, c], [a, c, d])]
+    points = from_mesh(mesh_of((kind, cells), points=nodes))
+    assert points.volume.min() > 0.0
+    assert sum(polygon_area(points.x[:, loop]) for loop in points.outline) == pytest.approx(points.volume.sum())
+    off = (1.0 - np.hypot(*points.x[:, points.outline[1][1::2]])) / (1.0 - np.cos(np.pi / 12))  # one on the chord
+    assert (off > -0.06).all() and (off < (0.06 if height > 0.5 else 1.0)).all()
+
+
 @pytest.mark.parametrize("edges", [3, 4, 6, 8, 10])
 def test_midpoints_of_a_polygon_lie_on_its_sides(edges):
     points = from_mesh(round_mesh(edges))
