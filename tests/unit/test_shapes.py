@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from skmpm import Body, NeoHookean, Scene, Wall, capsule, ellipse, initial, observe, polygon, simulate
 from skmpm.points import check
+from skmpm.points.convex import CLEARANCE
 from skmpm.preflight.sampling import stress_errors
 
 GEL = NeoHookean(1e6, 0.3, 1000.0)
@@ -67,6 +68,15 @@ def test_regular_polygons_have_no_long_axis(sides):
     seen = observe(scene, initial(scene))
     assert np.isnan(seen.bodies.angle).all()
     assert seen.anisotropy == 0.0 and seen.aspect_ratio == 1.0
+
+
+def test_points_of_a_long_capsule_keep_their_distance_from_its_boundary():
+    """A boundary of 4,400 spacings: all points inside are as far from it as those of short ones."""
+    L, R, h = 110.0, 0.5, 0.05
+    points = capsule((0.0, 0.0), L, R, spacing=h)
+    inner = np.setdiff1d(np.arange(points.size), points.outline[0])
+    x, y = points.x[:, inner]
+    assert (R - np.hypot(np.maximum(np.abs(x) - L / 2.0, 0.0), y)).min() > (CLEARANCE - 0.035) * h
 
 
 def test_second_moments_of_an_ellipse():
