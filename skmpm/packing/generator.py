@@ -187,7 +187,10 @@ def _numbers(shapes: object) -> ArrayLike:
     try:
         return np.asarray(shapes, dtype=float)
     except (TypeError, ValueError):
-        what = f"a list of {type(shapes[0]).__name__}" if isinstance(shapes, Sequence) else type(shapes).__name__
+        what = type(shapes).__name__
+        if isinstance(shapes, Sequence):
+            kinds = dict.fromkeys(type(shape).__name__ for shape in shapes)
+            what = f"a list of {' and '.join(kinds)}"
         raise PackingError(f"shapes: expected radii in metres, or a list of skmpm.Points, got {what}") from None
 
 

@@ -22,6 +22,7 @@ from skmpm.outline import chord_sagitta, outlines
 from skmpm.outline.topology import ranges
 from skmpm.packing.discs import Box
 from skmpm.points import Points
+from skmpm.points.cloud import signed_area
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -68,12 +69,15 @@ def shapes_of(clouds: Sequence[Points], unit: float) -> Shapes:
     for i, (cloud, centre) in enumerate(zip(clouds, centres, strict=True)):
         if not cloud.outline:
             raise ValueError(f"shape {i} has no outline; give the points of a disc, ellipse, polygon, ... or a mesh")
-        loop = np.round((cloud.x[:, cloud.outline[0]] - centre[:, None]) / unit, 10)
+        outer = [loop for loop in cloud.outline if signed_area(cloud.x[:, loop]) > 0.0]
+        if len(outer) != 1:
+            raise ValueError(f"shape {i} has {len(outer)} outer loops; packing takes shapes of one piece")
+        loop = np.round((cloud.x[:, outer[0]] - centre[:, None]) / unit, 10)
         edge = np.roll(loop, -1, axis=1) - loop
         ahead = np.roll(edge, -1, axis=1)
         turn = (edge[0] * ahead[1] - edge[1] * ahead[0]) / (np.hypot(*edge) * np.hypot(*ahead))
         if turn.min() < -STRAIGHT * loop.shape[1]:
-            where = cloud.x[:, cloud.outline[0][(int(turn.argmin()) + 1) % loop.shape[1]]]
+            where = cloud.x[:, outer[0][(int(turn.argmin()) + 1) % loop.shape[1]]]
             raise ValueError(f"shape {i} is not convex at {where}; packing takes convex shapes only")
         loops.append(loop)
     counts = np.array([loop.shape[1] for loop in loops])

@@ -114,6 +114,13 @@ def test_gaps_change_as_the_rows_say():
     np.testing.assert_allclose(change, 0.5 * (plus.gap - minus.gap), atol=1e-3 * np.abs(d).max())
 
 
+def two_pieces():
+    """Two discs side by side as one shape."""
+    one, other = (disc((x, 0.0), 1.0, spacing=0.3) for x in (0.0, 2.5))
+    loops = one.outline[0], one.size + other.outline[0]
+    return Points(np.hstack([one.x, other.x]), np.append(one.volume, other.volume), loops)
+
+
 @pytest.mark.slow
 def test_a_jam_says_at_which_fraction():
     with pytest.raises(
@@ -127,6 +134,8 @@ def test_a_jam_says_at_which_fraction():
     ("shapes", "message"),
     [
         (["disc"], "expected radii in metres, or a list of skmpm.Points, got a list of str"),
+        ([disc((0, 0), 1.0, spacing=0.3), 1.0], "got a list of Points and float"),
+        ([two_pieces()], "shape 0 has 2 outer loops; packing takes shapes of one piece"),
         ([Points(np.random.default_rng(0).random((2, 9)), np.ones(9))], "shape 0 has no outline"),
         (
             [Points(np.array([[0, 2, 1, 2, 0.0], [0, 0, 1, 2, 2]]), np.ones(5), (np.arange(5),))],
