@@ -9,7 +9,7 @@ import numpy as np
 from skmpm import outline
 from skmpm.contact.cohesion import CLOSED_GAP
 from skmpm.material import youngs_modulus
-from skmpm.preflight.limit import Limit, above, below
+from skmpm.preflight.limit import Limit, above, below, rounded_down, rounded_up
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
@@ -29,10 +29,11 @@ def cohesion_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> It
     c = metrics.cohesion
     E, b = min((youngs_modulus(m), b) for b, body in enumerate(scene.bodies) for m in body.materials)
     if above(c / E, COHESION):
-        yield f"body {b}: cohesion = {c:g} Pa is {c / E:.3g} of E; {COHESION.where}; use {COHESION.value * E:.3g} Pa"
+        remedy = f"use {rounded_down(COHESION.value * E)} Pa or less"
+        yield f"body {b}: cohesion = {c:g} Pa is {c / E:.3g} of E; {COHESION.where}; {remedy}"
     range_ = max(scene.cohesion_range / metrics.cell, CLOSED_GAP)  # [cells]
     if below(range_ * E / c, PEELING):
-        remedy = f"use cohesion_range = {PEELING.value * c / E * metrics.cell:.2g} m or more"
+        remedy = f"use cohesion_range = {rounded_up(PEELING.value * c / E * metrics.cell)} m or more"
         yield f"body {b}: range is {range_ * E / c:.2g} of cohesion / E cells; {PEELING.where}; {remedy}"
     boundary, x = scene.outlines, scene.initial_positions[:, scene.outlines.point]
     bodies = len(scene.bodies)

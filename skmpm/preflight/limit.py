@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil, floor, log10
 from typing import NamedTuple
 
 LIMIT_TOLERANCE = 1e-9  # relative excess over a limit that is round-off
@@ -22,3 +23,15 @@ def above(value: float, limit: Limit) -> bool:
 def below(value: float, limit: Limit) -> bool:
     """Whether a value falls below a limit by more than round-off."""
     return value < limit.value * (1.0 - LIMIT_TOLERANCE)
+
+
+def rounded_down(value: float) -> str:
+    """Two digits, rounded down, so that a value that follows the advice causes no warning."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return f"{floor(value / unit) * unit:.2g}"
+
+
+def rounded_up(value: float) -> str:
+    """Two digits, rounded up."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return f"{ceil(value / unit) * unit:.2g}"

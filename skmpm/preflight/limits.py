@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import product
-from math import floor, log10
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from skmpm.implicit.residual import LONG
 from skmpm.material import has_memory, is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.cohesion import cohesion_warnings
 from skmpm.preflight.layers import layer_warnings
-from skmpm.preflight.limit import Limit, above, below
+from skmpm.preflight.limit import Limit, above, below, rounded_down
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.periodic import periodic_warnings
 from skmpm.preflight.rolling import rolling_warnings
@@ -73,12 +72,6 @@ def _text(value: float, limit: Limit) -> str:
     return next(text for text in texts if float(text) != limit.value)
 
 
-def _down(value: float) -> str:
-    """Two digits, rounded down, so that a value that follows the advice causes no warning."""
-    unit = 10.0 ** (floor(log10(value)) - 1)
-    return f"{floor(value / unit) * unit:.2g}"
-
-
 def _worst(metrics: SceneMetrics, values: NDArray[np.float64], beyond: NDArray[np.bool_]) -> str:
     """The deformable body with the smallest value, and the number of bodies beyond the limit."""
     count = int(beyond.sum())
@@ -89,7 +82,7 @@ def _resolution(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     limit = RESOLUTION if metrics.touches else SMALLEST
     R, smallest = metrics.resolution, metrics.resolution.min()
     if below(smallest, limit):
-        remedy = f"use cell = {_down(metrics.cell * smallest / limit.value)} m or less"
+        remedy = f"use cell = {rounded_down(metrics.cell * smallest / limit.value)} m or less"
         yield f"{_worst(metrics, R, limit.value > R)}: R/h = {_text(smallest, limit)}; {limit.where}; {remedy}"
 
 
@@ -97,14 +90,14 @@ def _thin(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     across = np.where(np.isnan(metrics.across), np.inf, metrics.across) + metrics.chords
     if below(least := float(across.min()), THIN):
         who, width = _worst(metrics, across, THIN.value > across), least * metrics.cell
-        remedy = f"use cell = {_down(width / THIN.value)} m or less"
+        remedy = f"use cell = {rounded_down(width / THIN.value)} m or less"
         yield f"{who}: {_text(least, THIN)} cells across its thinnest part of {width:.3g} m; {THIN.where}; {remedy}"
 
 
 def _slit(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if below(least := float((slit := metrics.slit + metrics.chords).min()), SLIT):
         who, width = _worst(metrics, slit, SLIT.value > slit), least * metrics.cell
-        remedy = f"use cell = {_down(width / SLIT.value)} m or less, or close it"
+        remedy = f"use cell = {rounded_down(width / SLIT.value)} m or less, or close it"
         yield f"{who}: {_text(least, SLIT)} cells across its narrowest slit of {width:.3g} m; {SLIT.where}; {remedy}"
 
 
@@ -112,15 +105,17 @@ def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     each, fewest = metrics.points_per_cell, metrics.points_per_cell.min()
     if below(fewest, FEWEST):
         who = _worst(metrics, each, FEWEST.value > each)
-        remedy = f"use a spacing of {_down(0.74 * metrics.cell)} m or less"
+        remedy = f"use a spacing of {rounded_down(0.74 * metrics.cell)} m or less"
         yield f"{who}: {_text(fewest, FEWEST)} points per cell of material; {FEWEST.where}; {remedy}"
 
 
 def _sampling(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     h, whole = metrics.cell, ~np.isin(metrics.own, list(metrics.torn))
     error = np.where(whole, np.nan_to_num(metrics.softening), 0.0)
-    edges, spacing = _down(1.2 * h), _down(0.66 * h)
+    edges, spacing = rounded_down(1.2 * h), rounded_down(0.66 * h)
     remedy = f"use mesh edges of {edges} m (from_mesh, order 2), a spacing of {spacing} m or a larger cell"
+    if not scheme.moment_fitting:
+        remedy = "use moment_fitting=True"
     for b, pieces in metrics.torn.items():
         yield f"body {b}: its cells form {pieces} pieces that share no node; simulate refuses it; {remedy}"
     if above(worst := float(error.max()), SOFTENING):
@@ -132,16 +127,16 @@ def _sampling(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 def _courant(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     limit = EXPLICIT if scheme.explicit else COURANT
     if (scheme.explicit or metrics.waves) and above(metrics.courant, limit):
-        remedy = f"use dt = {_down(limit.value * metrics.cell / metrics.wave)} s or less"
+        remedy = f"use dt = {rounded_down(limit.value * metrics.cell / metrics.wave)} s or less"
         yield f"step: dt c/h = {_text(metrics.courant, limit)}; {limit.where}; {remedy}"
 
 
 def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if metrics.touches and above(metrics.lid, LID):
-        remedy = f"use dt {_down(LID.value / metrics.lid)} times as long"
+        remedy = f"use dt {rounded_down(LID.value / metrics.lid)} times as long"
         yield f"{metrics.lid_name}: moves {_text(metrics.lid, LID)} h a step; {LID.where}; {remedy}"
     if scheme.inertia and above(metrics.approach, APPROACH):
-        remedy = f"use dt {_down(APPROACH.value / metrics.approach)} times as long"
+        remedy = f"use dt {rounded_down(APPROACH.value / metrics.approach)} times as long"
         fallen = f" after falling by {metrics.fall:.3g} m" if metrics.fall else ""
         approach = _text(metrics.approach, APPROACH)
         yield f"bodies: up to {approach} h a step past each other{fallen}; {APPROACH.where}; {remedy}"
@@ -169,7 +164,7 @@ def _confined(scene: Scene, metrics: SceneMetrics) -> Lines:
     nu, b = max(((poisson_ratio(m), b) for b in sparse for m in scene.bodies[b].materials), default=(0.0, 0))
     if metrics.touches and above(nu, CONFINED):
         few = f"nu = {_text(nu, CONFINED)} with fewer than {CONFINED_POINTS:g} points per cell"
-        yield f"body {b}: {few}; {CONFINED.where}; use a spacing of {_down(0.5 * metrics.cell)} m or less"
+        yield f"body {b}: {few}; {CONFINED.where}; use a spacing of {rounded_down(0.5 * metrics.cell)} m or less"
 
 
 def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:

@@ -117,7 +117,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         around=_around(scene),
         own=own,
         points_per_cell=count[own] / area,
-        softening=stress_errors(scene)[own],
+        softening=stress_errors(scene, fitted=scheme.moment_fitting)[own],
         torn={b: int(grid.pieces[b]) for b in torn_bodies(scene, grid).tolist()},
         resolution=np.sqrt(area / np.pi),
         across=scene.thickness[own] / scene.cell,

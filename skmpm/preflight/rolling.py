@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.contact.closest_points import LIGHT
+from skmpm.preflight.limit import rounded_down
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
@@ -41,7 +42,7 @@ def rolling_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Ite
                 f"body {b}: its weight widens contacts to {half_width / segment:.2g} boundary segments on either"
                 f" side; discs rolled on slopes of 1 degree up to {LIGHT:g}, wider contacts stopped them below 6"
                 f" degrees; use a stiffer material or, to average over segments,"
-                f" cell = {half_width / WIDE:.2g} m or less"
+                f" cell = {rounded_down(half_width / WIDE)} m or less"
             )
             return
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, floor, log10
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import poisson_ratio
 from skmpm.outline import slit_width, thickness
+from skmpm.preflight.limit import rounded_up
 from skmpm.preflight.limits import APPROACH, CONFINED, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
 from skmpm.scene import Scene, check_scene
 from skmpm.simulate.initial_state import can_touch
@@ -100,19 +100,13 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
     found = [best for law in laws if (best := _cheapest(law, error)) is not None]
     if not found:
         least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
-        raise ValueError(f"suggest: error = {error!r}; use one between {_up(1.01 * least)} and {LARGEST}")
+        raise ValueError(f"suggest: error = {error!r}; use one between {rounded_up(1.01 * least)} and {LARGEST}")
     _, n, spacing, stride = min(found)
     cell = min(size / n, _coarsest(scene))
     spacing = min(spacing, 0.5) if max(map(poisson_ratio, scene.materials)) > CONFINED.value else spacing
     dt = min(stride * size / loading.speed, _longest(scene, loading, cell))
     paced = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
     return Suggestion(cell, spacing * cell, dt, loading.kind, f"{loading.why}, so {paced}")
-
-
-def _up(value: float) -> str:
-    """Two digits, rounded up, so that the value itself is accepted."""
-    unit = 10.0 ** (floor(log10(value)) - 1)
-    return f"{ceil(value / unit) * unit:.2g}"
 
 
 def _measured_as(scene: Scene, kind: str) -> str:
