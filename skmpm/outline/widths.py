@@ -6,7 +6,8 @@ end is the foot of the perpendicular on an edge, or a vertex whose normal cone c
 line may deviate from the normals by 15 degrees, because strips may taper. The two sides of a sharp convex corner
 (tip) face each other as well; such a pair is excluded while the wedge between them widens. The thickness of a body
 without double normals, for example a triangle, is the diameter of its largest inscribed circle. Slits are the thin
-parts of the complement, found on the reversed loops; a crack, whose sides meet at a tip, has the width of its mouth.
+parts of the complement, found on the reversed loops; a crack, whose sides meet at a tip under up to 15 degrees, has
+the width of its mouth.
 """
 
 from __future__ import annotations
