@@ -13,12 +13,14 @@ from skmpm.preflight.limit import rounded_up
 from skmpm.preflight.limits import APPROACH, CONFINED, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
 from skmpm.scene import Scene, check_scene
 from skmpm.simulate.initial_state import can_touch
-from skmpm.simulate.loading import SEVERAL, Loading, loading_of, smallest_radius
+from skmpm.simulate.loading import SEVERAL, Loading, loading_of, smallest_radii
 
 Array = NDArray[np.float64]
 
 LARGEST = 0.25  # error; coarser resolutions were not measured
 RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
+# Cells across a thin part, and the largest error of its deflection then, which falls by 3 from 4 to 8 (`THIN`).
+THIN_CELLS, THIN_ERROR, THIN_POWER = 8.0, 0.032, 1.57
 WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
 
 
@@ -86,7 +88,8 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
     sizes, gravity and motion at t = 0 are used, not the scene's own cell and points. In impacts, and if nothing is
     driven, dt resolves waves; otherwise it follows from the displacement per step. Where `preflight` would warn, the
     cell or the step is smaller than needed for the error. For four scenes that are not in the study the error is less
-    than twice the wanted one (`examples/studies/work_precision/promises.py`). Points are at most half a cell apart
+    than twice the wanted one (`examples/studies/work_precision/promises.py`). The walls of hollow bodies have cells
+    enough for the error of their bending. Points are at most half a cell apart
     for Poisson's ratios above 0.49.
 
     Raises
@@ -95,14 +98,14 @@ def suggest(scene: Scene, *, error: float) -> Suggestion:
         if the error is larger than those measured, or so small that a body would be 200 cells across
     """
     check_scene("suggest", scene)
-    loading, size = loading_of(scene), smallest_radius(scene)
+    loading, size = loading_of(scene), float(smallest_radii(scene).min())
     laws = LAWS[_measured_as(scene, loading.kind)]
     found = [best for law in laws if (best := _cheapest(law, error)) is not None]
     if not found:
         least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
         raise ValueError(f"suggest: error = {error!r}; use one between {rounded_up(1.01 * least)} and {LARGEST}")
     _, n, spacing, stride = min(found)
-    cell = min(size / n, _coarsest(scene))
+    cell = min(size / n, _coarsest(scene, error))
     spacing = min(spacing, 0.5) if max(map(poisson_ratio, scene.materials)) > CONFINED.value else spacing
     dt = min(stride * size / loading.speed, _longest(scene, loading, cell))
     paced = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
@@ -116,16 +119,23 @@ def _measured_as(scene: Scene, kind: str) -> str:
     return kind
 
 
-def _coarsest(scene: Scene) -> float:
-    """The largest cell without warnings of `preflight` [m]."""
+def _coarsest(scene: Scene, error: float) -> float:
+    """The largest cell without warnings of `preflight`, and in which thin parts bend with at most this error [m].
+
+    Thin parts are those of bodies that are wider, as rings; of beams the law of the kind takes care.
+    """
     boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
     radius = np.sqrt(np.bincount(scene.owner, scene.initial_volumes, count) / np.pi)[own].min()
     across, slit = (
         f(boundary, scene.initial_positions[:, boundary.point], count)[own] for f in (thickness, slit_width)
     )
     limit = (RESOLUTION if can_touch(scene) else SMALLEST).value
-    thinnest = np.min(across[~np.isnan(across)], initial=np.inf)
-    return float(min(radius / limit, thinnest / THIN.value, slit.min() / SLIT.value))
+    thin = across < smallest_radii(scene)
+    cells = np.where(
+        thin, np.maximum(THIN.value, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER)), THIN.value
+    )
+    thinnest = np.min((across / cells)[~np.isnan(across)], initial=np.inf)
+    return float(min(radius / limit, thinnest, slit.min() / SLIT.value))
 
 
 def _longest(scene: Scene, loading: Loading, cell: float) -> float:

@@ -131,8 +131,8 @@ def free_height(scene: Scene) -> float:
     return max(0.0, float(least[scene.movable].max()))
 
 
-def smallest_radius(scene: Scene) -> float:
-    """Radius of the smallest deformable body [m]: twice its smallest radius of gyration, which is a disc's radius."""
+def smallest_radii(scene: Scene) -> Array:
+    """Radii of the deformable bodies [m]: twice their smallest radii of gyration, which is a disc's radius."""
     bodies, body = len(scene.bodies), scene.owner
     volume, x = scene.initial_volumes, scene.initial_positions
 
@@ -143,4 +143,4 @@ def smallest_radius(scene: Scene) -> float:
     arm = x - np.stack([mean(x[0]), mean(x[1])])[:, body]
     xx, xy, yy = mean(arm[0] ** 2), mean(arm[0] * arm[1]), mean(arm[1] ** 2)
     least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
-    return 2.0 * float(np.sqrt(least[scene.deformable].min()))
+    return np.asarray(2.0 * np.sqrt(least[scene.deformable]))

@@ -26,7 +26,7 @@ from skmpm.simulate.driven import Moving
 from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.impacts import normal_speed
 from skmpm.simulate.initial_state import can_touch, driven
-from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radius
+from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radii
 
 Array = NDArray[np.float64]
 
@@ -115,7 +115,7 @@ def pace_of(scene: Scene, scheme: Scheme, until: float) -> Pace:
         raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
     # Where something is driven, collisions of bodies that are loose between others need not be accurate.
     room = max_motion(scene) if loading.driven > 0.0 else MAX_APPROACH * scene.cell
-    return Pace(loading, smallest_radius(scene), scene.fastest_wave, room, functions)
+    return Pace(loading, float(smallest_radii(scene).min()), scene.fastest_wave, room, functions)
 
 
 def next_length(length: float, newton: int, scheme: Scheme) -> float:
