@@ -41,7 +41,8 @@ def contact_lengths(contacts: Contacts, outlines: Outlines, x: Array, cell: floa
     contact = np.flatnonzero(~at_node)
     index = np.zeros(int(outlines.point.max(initial=-1)) + 1, dtype=np.int64)
     index[outlines.point] = np.arange(outlines.size)
-    share = _share(*contacts.bodies[:, contact])
+    first, second = contacts.bodies[:, contact]
+    share = _share(first, second, np.round(contacts.image[:, contact] / cell, 6))
     contact, share = contact[share > 0.0], share[share > 0.0]
     c, second = index[contacts.point[contact]], contacts.bodies[1, contact]
     enclosed = _between(c, second - second.min(initial=0), forced(contacts)[contact], outlines)
@@ -51,19 +52,25 @@ def contact_lengths(contacts: Contacts, outlines: Outlines, x: Array, cell: floa
     return result
 
 
-def _share(first: Ints, second: Ints) -> Array:
+def _share(first: Ints, second: Ints, image: Array) -> Array:
     """1 for contacts at points of the body that gives most points of its pair, 0 for those of the other, (k,).
 
-    All those of a body with itself are 1.
+    A body and its image at a displacement, (2, k) [cells], are a pair, too, and its contacts with the opposite image
+    are those of the other. All those of a body with itself in one place are 1.
     """
     width = int(max(first.max(initial=0), second.max(initial=0))) + 1
-    wall = second < 0
+    wall, itself = second < 0, first == second
     pair, reverse = (np.where(wall, -1, a * width + b) for a, b in ((first, second), (second, first)))
+    if (itself & image.any(axis=0)).any():
+        lattice = np.where(itself, image, 0.0)
+        vectors, there = np.unique(np.concatenate([lattice, -lattice], axis=1), axis=1, return_inverse=True)
+        ahead, back = np.split(there.ravel(), 2)
+        pair, reverse = (np.where(wall, -1, a * vectors.shape[1] + b) for a, b in ((pair, ahead), (reverse, back)))
     there, count = np.unique(pair, return_counts=True)
     at = np.minimum(np.searchsorted(there, reverse), max(there.size - 1, 0))
     own = count[np.searchsorted(there, pair)]
     other = np.where(there[at] == reverse, count[at], 0)
-    return np.where(wall | (first == second), 1.0, 0.5 + 0.5 * np.sign(own - other))
+    return np.where(wall | (pair == reverse), 1.0, 0.5 + 0.5 * np.sign(own - other))
 
 
 def _between(c: Ints, other: Ints, forced: Bools, outlines: Outlines) -> Bools:

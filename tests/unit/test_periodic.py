@@ -467,3 +467,15 @@ def test_a_large_problem_in_a_box_under_stress_stays_sparse(friction, monkeypatc
     assert entries > 0.6 * rows**2
     assert np.abs(sparse.x - dense.x).max() < 1e-8 * H
     assert sparse.box == pytest.approx(dense.box, rel=1e-9)
+
+
+def test_a_block_on_its_own_image_touches_it_over_the_length_of_two_blocks():
+    """Flat sides that slide over each other: corners of the side that gives no points do not count twice."""
+    found = []
+    for n in (1, 2):
+        blocks = [skmpm.Body(skmpm.box((0.6, j), (2.0, 1.0), spacing=0.125), GEL) for j in range(n)]
+        scene = skmpm.Scene(blocks, cell=0.2, periodic=Periodic(4.0, n, rate=[[0.0, 1.0], [0.0, -0.05]]))
+        *_, state = skmpm.simulate(scene, dt=0.01, until=0.3, scheme=STATIC)
+        found.append(skmpm.observe(scene, state).bodies.contact_surface[0])
+        assert skmpm.network(scene, state).length == pytest.approx(1.7, abs=0.0625)
+    assert found[0] == pytest.approx(found[1], rel=1e-3)
