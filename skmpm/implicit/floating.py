@@ -69,11 +69,13 @@ def check_resultants(increment: Increment) -> None:
         dead, following = increment.force[dofs], (load - increment.force)[dofs]
         size = np.abs(load[dofs]).sum()
         resultant = dead @ motions[dofs] + following @ turned[dofs]
-        if np.abs(free.T @ resultant).max(initial=0.0) > 1e-6 * size * np.sqrt(dofs.stop - dofs.start):
+        least = 1e-6 * size * np.sqrt(dofs.stop - dofs.start)
+        if np.abs(free.T @ resultant).max(initial=0.0) > least:
+            force = f"resultant that no support or contact balances: ({resultant[0]:.3g}, {resultant[1]:.3g}) N/m"
+            only_turns = np.abs(resultant[:2]).max() <= least
             raise StepRejected(
                 f"body {b}",
-                "its loads have a resultant that no support or contact balances:"
-                f" ({resultant[0]:.3g}, {resultant[1]:.3g}) N/m",
+                f"its loads have a {'moment that no support or contact balances' if only_turns else force}",
                 "add a Support or a wall, or use inertia",
                 retryable=False,
             )

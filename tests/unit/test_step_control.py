@@ -19,7 +19,7 @@ from skmpm.compiled import compiled
 from skmpm.io import load, save
 from skmpm.material import NeoHookean
 from skmpm.points import Points, disc
-from skmpm.scene import Body, Scene, SceneError, StepFailed, Wall
+from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate, step
 
@@ -102,6 +102,14 @@ def test_what_a_smaller_step_cannot_cure_is_not_tried_again():
     with pytest.raises(StepFailed, match=r"body 0: its loads have a resultant.*add a Support") as failure:
         ended(scene, 4 * DT, scheme=Scheme(inertia=False))
     assert "retries" not in str(failure.value)
+
+
+def test_a_moment_that_nothing_balances_is_named_as_one():
+    pair = [Load(lambda x: x[0] > 0.9, (0.0, 1.0)), Load(lambda x: x[0] < -0.9, (0.0, -1.0))]
+    scene = Scene([Body(disc((0.0, 1.0), 1.0, spacing=0.15), NeoHookean(1e3, 0.3, 1.0))], cell=0.2, loads=pair)
+    static = Scheme(inertia=False)
+    with pytest.raises(StepFailed, match=r"body 0: its loads have a moment that no support or contact balances; add"):
+        step(scene, initial(scene, scheme=static), 0.01, scheme=static)
 
 
 def test_every_retry_is_logged_at_level_info_and_all_of_them_in_one_warning(monkeypatch, caplog):
