@@ -31,7 +31,7 @@ def pair_correlation(
 
     Returns
     -------
-    r : (bins,) mean radii of the rings [m]
+    r : (bins,) root mean square radii of the rings [m]
     g : (bins,)
 
     Raises

@@ -45,7 +45,8 @@ def plot(
     forces : draw the contact network: lines between the centres of bodies that touch, or from a centre to a wall, as
         wide as their normal force
     axes : drawn into; by default those of a new figure
-    limits : of the colour scale, in SI units; by default the range of the values without 1 % at each end
+    limits : of the colour scale, in SI units; by default the range of the values without 1 % at each end, from zero
+        where these have one sign but for little, else symmetric about zero
     legend : add a colour bar and, with forces, a key of their lines
     label : of the colour bar of an array, with the unit in which its values are
 
