@@ -157,13 +157,17 @@ def _solve(
 
 
 def _blocks(pairs: Ints, rows: int, bilateral: Bilateral | None) -> Ints:
-    """The labels of all rows, from 0 on: of contacts (rows,), then of the bilateral unknowns."""
+    """The labels of all rows, from 0 on: of contacts (rows,), then of the bilateral unknowns.
+
+    Those that belong to no contact are blocks of their own.
+    """
     pairs = np.unique(pairs, return_inverse=True)[1]
     of_contacts = np.repeat(pairs, rows // pairs.size)
     if bilateral is None:
         return of_contacts
     contact = np.broadcast_to(bilateral.contact, bilateral.q.shape)
-    return np.concatenate([of_contacts, np.where(contact < 0, pairs.max() + 1, pairs[contact])])
+    alone = pairs.max() + np.cumsum(contact < 0)
+    return np.concatenate([of_contacts, np.where(contact < 0, alone, pairs[contact])])
 
 
 def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, damped: bool) -> tuple[Iterate, Info]:

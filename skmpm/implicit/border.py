@@ -1,4 +1,9 @@
-"""Scalar unknowns in the contact problem: eliminated, or a border of W."""
+"""Unknowns that couple many contacts, in the contact problem: eliminated, or a border of W.
+
+The unknowns s add L s to the velocities of contacts, and follow from the impulses, D s = R^T (r - known): eliminating
+them adds L D^-1 R^T to W. A box under stress moves all contacts, and bars couple those of all bodies that they join,
+so that W would become dense. In large problems they stay bilateral unknowns.
+"""
 
 from __future__ import annotations
 
@@ -10,39 +15,59 @@ from numpy.typing import NDArray
 
 from skmpm import coulomb
 from skmpm.implicit.contact_problem import ContactIterate
+from skmpm.linear import Joined
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Border:
-    """Scalar unknowns that stay in the contact problem: bilateral ones, which add J s to the velocities u.
+    """Unknowns s (p,) that stay in the contact problem."""
 
-    s (p,) is their response to the change of impulses, D s = J^T (r - known).
-    """
+    left: sp.csr_array  # L (m, p), in the rows of W: of contacts, then of the geometric stiffness
+    right: sp.csr_array  # R (m, p)
+    own: sp.csr_array  # D (p, p)
+    positive: int  # number of positive eigenvalues of D
 
-    rows: sp.csr_array  # J (k, p) or (2 k, p)
-    stiffness: Array  # D (p,) [kg/m]
-
-    @property
-    def diagonal(self) -> Array:
-        """What eliminating them would add to the diagonal of W, (k,) or (2 k,)."""
-        return np.asarray(self.rows.multiply(self.rows) @ (1.0 / self.stiffness))
+    def of_contacts(self, k: int) -> Border:
+        """The same without the rows of the geometric stiffness."""
+        return Border(self.left[:k], self.right[:k], self.own, self.positive)
 
     def around(
         self, W: sp.csr_array, inner: coulomb.Bilateral | None, known: Array
     ) -> tuple[sp.csr_array, coulomb.Bilateral]:
-        """W with a border [[W, J], [J^T, -D]], and its bilateral unknowns, those of W first."""
-        size = self.stiffness.size
-        J = _padded(self.rows, (W.shape[0], size))
-        below = sp.hstack([J.T.tocsr(), sp.diags_array(-self.stiffness)], format="csr")
-        bordered = sp.csr_array(sp.vstack([sp.hstack([W, J], format="csr"), below], format="csr"))
-        own = coulomb.Bilateral(-(self.rows.T @ known))
+        """W with a border [[W, L], [R^T, -D]], and its bilateral unknowns, those of W first."""
+        more, size = W.shape[0] - self.left.shape[0], self.own.shape[0]
+        left, right = (_padded(rows, (W.shape[0], size)) if more else rows for rows in (self.left, self.right))
+        below = sp.hstack([sp.csr_array(right.T), -self.own], format="csr")
+        bordered = sp.csr_array(sp.vstack([sp.hstack([W, left], format="csr"), below], format="csr"))
+        own = coulomb.Bilateral(-(self.right[: known.size].T @ known))
         if inner is None:
             return bordered, own
-        negative = None if inner.negative is None else inner.negative + size
-        contact = np.append(inner.contact, np.full(size, -1))
+        negative = None if inner.negative is None else inner.negative + self.positive
+        contact = np.append(np.broadcast_to(inner.contact, inner.q.shape), np.full(size, -1))
         return bordered, coulomb.Bilateral(np.append(inner.q, own.q), contact, negative)
+
+
+def with_bars(
+    W: sp.csr_array,
+    joining: Joined,
+    left: sp.csr_array,
+    right: sp.csr_array,
+    base: sp.csr_array,
+    theta: float,
+    k: int,
+) -> tuple[sp.csr_array, Border | None]:
+    """W of the rows `left` and `right` (m, 2 contact points) with bars, of k rows of contacts; what stays a border.
+
+    The inverse without bars gives W = theta L A^-1 R^T; they take off theta L Z D^-1 (R Z)^T. `base` (contact points,
+    nodes) interpolates the contact points.
+    """
+    at_points = sp.csr_array(sp.kron(base, np.eye(2), format="csr") @ joining.Z)
+    moved, pushed = sp.csr_array(left @ at_points), sp.csr_array(right @ at_points)
+    if k <= coulomb.MAX_DENSE_ROWS:
+        return sp.csr_array(W - sp.csr_array(theta * joining.correction(moved, pushed))), None
+    return W, Border(theta * moved, theta * pushed, sp.csr_array(-theta * joining.D), 0)
 
 
 def with_scalar_unknowns(
@@ -50,8 +75,8 @@ def with_scalar_unknowns(
 ) -> tuple[sp.csr_array, Array, Border | None]:
     """W and the free velocities with the response of the scalar unknowns to their contacts; what stays a border.
 
-    Those that a few contacts move are eliminated. What moves all contacts, as a box under stress does, would make W
-    dense: in large problems it stays an unknown, unless contacts respond above all by it, as between held bodies.
+    Those that a few contacts move are eliminated. A box stays an unknown in large problems, unless contacts respond
+    above all by it, as between held bodies.
     """
     constraints, unknowns = contact.constraints, contact.problem.unknowns
     assert unknowns is not None
@@ -59,10 +84,10 @@ def with_scalar_unknowns(
     q = q + rows @ unknowns.change(contact.z, constraints, contact.r)
     few, border = unknowns.carrying, None
     if few and known.size > coulomb.MAX_DENSE_ROWS:
-        border = Border(rows[:, :few], stiffness[:few])
-        border = border if (W.diagonal()[: known.size] >= border.diagonal).all() else None
-    if border is not None:
-        rows, stiffness = rows[:, few:], stiffness[few:]
+        J = rows[:, :few]
+        if (W.diagonal()[: known.size] >= J.multiply(J) @ (1.0 / stiffness[:few])).all():
+            border = Border(J, J, sp.csr_array(sp.diags_array(stiffness[:few])), few)
+            rows, stiffness = rows[:, few:], stiffness[few:]
     compliance = sp.csr_array(rows @ sp.diags_array(1.0 / stiffness) @ rows.T)
     return sp.csr_array(W + _padded(compliance, W.shape)), q - compliance @ known, border
 

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import coulomb
-from skmpm.implicit.border import Border, with_scalar_unknowns
+from skmpm.implicit.border import Border, with_bars, with_scalar_unknowns
 from skmpm.implicit.candidate_contacts import check_response
 from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
@@ -54,9 +54,9 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
         geometric = contact_stiffness(constraints, contact.r, increment.dt, scheme.theta)
     with_known = solver(contact.impulse - gradient)
     timer.lap("linear")
-    W, delassus = _delassus_matrix(contact, solver, geometric)
+    W, bars, delassus = _delassus_matrix(contact, solver, geometric)
     timer.lap("delassus")
-    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, with_known)
+    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, bars, with_known)
     found = linearised.with_stiffness(geometric)
     timer.lap("linear")
     return found
@@ -64,14 +64,15 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
 
 def _delassus_matrix(
     contact: ContactIterate, solver: Solver, geometric: ContactStiffness | None
-) -> tuple[sp.csr_array, Delassus | None]:
+) -> tuple[sp.csr_array, Border | None, Delassus | None]:
     """W = theta H A^-1 H^T of the contacts, extended by the rows and columns of the geometric stiffness.
 
-    Also returns the Delassus operator with the columns computed so far; none in explicit steps (theta = 1).
+    Also returns the border of it that bars are, and the Delassus operator with the columns computed so far; none in
+    explicit steps (theta = 1).
     """
     constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
     if isinstance(solver, Diagonal):
-        return solver.between_contacts(constraints.shares, *constraints.directions), None
+        return solver.between_contacts(constraints.shares, *constraints.directions), None, None
     joining = solver if isinstance(solver, Joined) else None
     turned = solver if isinstance(solver, Rotated) else None
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver
@@ -88,9 +89,11 @@ def _delassus_matrix(
     if turned:
         left, right = (turned.turned_back(rows, owners) for rows in (left, right))
     W, delassus = delassus.between(left, right)
+    theta, bars = increment.scheme.theta, None
+    W = theta * W
     if joining:
-        W = W - joining.correction(left, right, sp.csr_array(sp.kron(constraints.base, np.eye(2), format="csr")))
-    return increment.scheme.theta * W, delassus
+        W, bars = with_bars(W, joining, left, right, constraints.base, theta, constraints.D.shape[0])
+    return W, bars, delassus
 
 
 def _owners(contact: ContactIterate) -> Ints:
@@ -128,6 +131,7 @@ class _Linearised:
     solver: Solver
     gradient: Array  # (2 nodes,)
     W: sp.csr_array  # of contacts, then of the geometric stiffness
+    bars: Border | None  # of W
     with_known: Array  # (2 nodes,) velocity increment under the known impulses
 
     def with_stiffness(self, geometric: ContactStiffness | None) -> Direction:
@@ -204,9 +208,9 @@ class _Linearised:
         by_known = W @ np.concatenate([known, np.zeros(W.shape[0] - k)])
         increment_of_points = constraints.at_contact_points(self.with_known)
         q = contact.u + constraints.D @ increment_of_points - by_known[:k]
-        border: Border | None = None
+        bars, box = self.bars, None
         if contact.problem.unknowns is not None:
-            W, q, border = with_scalar_unknowns(contact, W, q)
+            W, q, box = with_scalar_unknowns(contact, W, q)
         options: dict[str, Any] = {}
         if geometric is not None:
             p = geometric.Z @ increment_of_points - by_known[k:]
@@ -215,11 +219,11 @@ class _Linearised:
             bilateral = coulomb.Bilateral(p, np.tile(geometric.contacts, 2), negative)
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}
         elif W.shape[0] > k:
-            W = W[:k, :k]
+            W, bars = W[:k, :k], None if bars is None else bars.of_contacts(k)
         diagonal = W.diagonal()[:k]
-        if border is not None:
-            diagonal = diagonal + border.diagonal
-            W, options["bilateral"] = border.around(W, options.get("bilateral"), known)
+        for border in (bars, box):
+            if border is not None:
+                W, options["bilateral"] = border.around(W, options.get("bilateral"), known)
         check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], increment.supports)
         free = q
         if constraints.cohesive:

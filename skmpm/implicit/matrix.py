@@ -54,7 +54,8 @@ def with_bars(increment: Increment, configuration: Configuration, solver: Solver
     springs, interval = increment.springs, increment.theta_dt
     if springs is None or springs.linear:
         return solver
-    return joined(solver, springs.bars, interval**2 * springs.bar_stiffnesses(configuration.displacement))
+    stiffness = interval**2 * springs.bar_stiffnesses(configuration.displacement)
+    return joined(solver, springs.bars, stiffness, increment.grid.blocks)
 
 
 def _modified(

@@ -1,25 +1,31 @@
-"""Bodies joined by a few springs: the inverse of A + B^T K B by Woodbury's formula."""
+"""Bodies joined by springs, few on each: the inverse of A + E^T E by Woodbury's formula, with sparse matrices."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
 
 from skmpm.linear.solver import Solver
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SOFT = 1e-12  # of the stiffness of a spring: what is less, in a direction, is round-off
 
 
 @dataclass(frozen=True)
 class Joined:
-    """The inverse A^-1 - Z G Z^T, Z = A^-1 B^T, which couples the bodies that the rows of B touch."""
+    """The inverse A^-1 - Z D^-1 Z^T, Z = A^-1 E^T and D = I + E Z, which couples the bodies that rows of E touch."""
 
     solver: Solver  # for A
-    Z: Array  # (n, k)
-    G: Array  # (k, k)
+    Z: sp.csr_array  # (n, k)
+    D: sp.csc_array  # (k, k) positive definite, with entries where springs are on the same body
+    divided: Callable[[Array], Array]  # D^-1 b, for b (k,) or (k, m)
 
     @property
     def name(self) -> str:
@@ -28,24 +34,55 @@ class Joined:
 
     def __call__(self, b: Array, /) -> Array:
         """The solution for b (n,) or (n, m)."""
-        return np.asarray(self.solver(b) - self.Z @ (self.G @ (self.Z.T @ b)))
+        return np.asarray(self.solver(b) - self.Z @ self.divided(self.Z.T @ b))
 
     def delassus(self, H: sp.csr_array) -> sp.csr_array:
         """The Delassus operator of rows H, with entries between the bodies that are joined."""
-        every = sp.csr_array(sp.eye_array(H.shape[0]))
-        return sp.csr_array(self.solver.delassus(H) - self.correction(every, every, H))
-
-    def correction(self, left: sp.csr_array, right: sp.csr_array, H: sp.csr_array) -> sp.csr_array:
-        """What the springs take off left H A^-1 H^T right^T, for rows left and right (k, m) of H (m, n)."""
         moved = sp.csr_array(H @ self.Z)
-        return sp.csr_array((left @ moved) @ sp.csr_array(self.G) @ (right @ moved).T)
+        return sp.csr_array(self.solver.delassus(H) - sp.csr_array(self.correction(moved, moved)))
+
+    def correction(self, left: sp.csr_array, right: sp.csr_array) -> Array:
+        """What the springs take off products L A^-1 R^T, from left = L Z (k, m) and right = R Z, dense."""
+        return np.asarray(left @ self.divided(right.T.toarray()))
 
 
-def joined(solver: Solver, B: sp.csr_array, K: Array) -> Joined:
-    """Inverse of A + B^T K B from a solver for A: G = (I + K B Z)^-1 K, for K of blocks (springs, 2, 2), K >= 0."""
-    Z = solver(np.ascontiguousarray(B.T.toarray()))
-    stiffness = np.zeros((B.shape[0], B.shape[0]))
-    for i, block in enumerate(K):
-        stiffness[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = block
-    G = np.linalg.solve(np.eye(B.shape[0]) + stiffness @ (B @ Z), stiffness)
-    return Joined(solver, Z, 0.5 * (G + G.T))
+def joined(solver: Solver, B: sp.csr_array, K: Array, blocks: Ints) -> Joined:
+    """Inverse of A + B^T K B from a solver for A, for K of blocks (springs, 2, 2), K >= 0.
+
+    E has the rows s^(1/2) v^T B of the eigenvalues s of the blocks above round-off; `blocks` (bodies + 1,) are the
+    offsets of the unknowns of bodies.
+    """
+    values, vectors = np.linalg.eigh(K)
+    kept = (values > SOFT * values[:, -1:]).ravel()
+    i = np.arange(K.shape[0])
+    turned = sp.bsr_array(
+        (np.sqrt(np.maximum(values, 0.0))[:, :, None] * vectors.swapaxes(1, 2), i, np.append(i, i.size))
+    )
+    E = sp.csr_array((turned.tocsr() @ B)[kept])
+    Z = _responses(solver, E, blocks)
+    D = sp.csc_array(sp.eye_array(E.shape[0]) + E @ Z)
+    return Joined(solver, Z, D, splu(D).solve if E.shape[0] else lambda b: b)
+
+
+def _responses(solver: Solver, E: sp.csr_array, blocks: Ints) -> sp.csr_array:
+    """A^-1 E^T, sparse: rows of E that touch different bodies share a right-hand side."""
+    body = np.searchsorted(blocks, E.indices, side="right") - 1
+    row = np.repeat(np.arange(E.shape[0]), np.diff(E.indptr))
+    pairs = np.unique(np.stack([row, body]), axis=1)
+    begins = np.searchsorted(pairs[0], np.arange(E.shape[0] + 1))
+    shared, used = np.zeros(E.shape[0], dtype=np.int64), np.zeros((E.shape[1] and blocks.size - 1, 0), dtype=bool)
+    for k in range(E.shape[0]):
+        own = pairs[1, begins[k] : begins[k + 1]]
+        free = np.flatnonzero(~used[own].any(axis=0))
+        if not free.size:
+            used = np.concatenate([used, np.zeros((used.shape[0], 1), dtype=bool)], axis=1)
+            free = np.array([used.shape[1] - 1])
+        shared[k] = free[0]
+        used[own, shared[k]] = True
+    b = np.zeros((E.shape[1], used.shape[1]))
+    b[E.indices, shared[row]] = E.data
+    found = solver(b) if b.size else b
+    size = np.diff(blocks)[pairs[1]]
+    column = np.repeat(pairs[0], size)
+    unknown = np.arange(column.size) - np.repeat(np.cumsum(size) - size - blocks[pairs[1]], size)
+    return sp.csr_array((found[unknown, shared[column]], (unknown, column)), shape=E.shape[::-1])

@@ -12,6 +12,7 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.integer]
 
 
 def check_explicit_springs(name: str, scene: Scene, scheme: Scheme) -> None:
@@ -27,7 +28,7 @@ def springs_of(scene: Scene, state: State, t: float) -> Springs | None:
     assembly, number = assembly_of(state), np.cumsum(scene.deformable[state.body]) - 1
     N, moved = assembly.grid.interpolation, state.x_anchor - scene.initial_positions
     points, stiffness, start = [np.zeros(0, dtype=np.int64)], [np.zeros((2, 0))], [np.zeros((2, 0))]
-    bars = [sp.csr_array((0, 2 * assembly.grid.nodes))]
+    ends_of_bars: list[tuple[Ints, Array, int]] = []  # points, their shares and the bar
     span, bar_stiffness, length = [np.zeros((0, 2))], [0.0][:0], [0.0][:0]
     for i, (spring, ends) in enumerate(zip(scene.springs, scene.sprung, strict=True)):
         k, rest, first = stiffness_of(i, spring), rest_of(scene, i, t), ends.first
@@ -36,10 +37,9 @@ def springs_of(scene: Scene, state: State, t: float) -> Springs | None:
             stiffness.append(k[:, None] * first.share)
             start.append(moved[:, first.points] - rest[:, None])
             continue
-        row = first.share @ N[number[first.points]]
+        ends_of_bars.append((number[first.points], first.share, len(length)))
         if ends.second is not None:
-            row = row - ends.second.share @ N[number[ends.second.points]]
-        bars.append(sp.csr_array(sp.kron(sp.csr_array(row.reshape(1, -1)), np.eye(2), format="csr")))
+            ends_of_bars.append((number[ends.second.points], -ends.second.share, len(length)))
         span.append(ends.span(state.x_anchor)[None])
         bar_stiffness.append(float(k[0]))
         length.append(float(rest))
@@ -48,11 +48,21 @@ def springs_of(scene: Scene, state: State, t: float) -> Springs | None:
         np.concatenate(points),
         np.concatenate(stiffness, axis=1),
         np.concatenate(start, axis=1),
-        sp.csr_array(sp.vstack(bars, format="csr")),
+        _differences(ends_of_bars, len(length), N),
         np.concatenate(span),
         np.array(bar_stiffness, dtype=float),
         np.array(length, dtype=float),
     )
+
+
+def _differences(ends: list[tuple[Ints, Array, int]], bars: int, N: sp.csr_array) -> sp.csr_array:
+    """B (2 bars, 2 nodes), from nodal displacements to those of the first less those of the second ends."""
+    if not ends:
+        return sp.csr_array((0, 2 * N.shape[1]))
+    points, shares = np.concatenate([end[0] for end in ends]), np.concatenate([end[1] for end in ends])
+    bar = np.repeat([end[2] for end in ends], [end[0].size for end in ends])
+    means = sp.csr_array((shares, (bar, points)), shape=(bars, N.shape[0]))
+    return sp.csr_array(sp.kron(means @ N, np.eye(2), format="csr"))
 
 
 def check_bars_held(increment: Increment) -> None:

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 import skmpm
-from skmpm import LinearElastic, NeoHookean, Spring, linear, spring_forces
+from skmpm import LinearElastic, NeoHookean, Spring, coulomb, linear, spring_forces
 from skmpm.points import box, disc
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
@@ -259,7 +259,7 @@ def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solve
     C = STIFF.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
     stiffness = 1e4 * springs.bar_stiffnesses(np.zeros(2 * grid.nodes))
-    joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions()), springs.bars, stiffness)
+    joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions()), springs.bars, stiffness, grid.blocks)
     whole = A.toarray() + springs.bars.T @ (sp.block_diag(list(stiffness)) @ springs.bars.toarray())
     b = rng.normal(size=2 * grid.nodes)
     exact = np.linalg.solve(whole, b)
@@ -267,6 +267,73 @@ def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solve
     rows = sp.csr_array(sp.kron(grid.interpolation[[3, 400, 700]], np.eye(2), format="csr"))
     W = rows @ np.linalg.solve(whole, rows.toarray().T)
     np.testing.assert_allclose(joined.delassus(rows).toarray(), W, atol=1e-6 * np.abs(W).max())
+
+
+def wall_of_blocks(n, friction, **options):
+    """Rows of n blocks in a box whose lid comes down, with a bar between each and the next in its row."""
+    soft, size = NeoHookean(1e6, 0.3, 1000.0), float(n)
+    bodies = [block(float(i), soft, float(j)) for j in range(n) for i in range(n)]
+
+    def at(i, j):
+        return lambda x: (
+            (np.floor(x[0] + 0.5) == i) & (np.abs(x[0] - i - 0.25) < 0.2) & (np.abs(x[1] - j - 0.5) < 0.3)
+        )
+
+    bars = [Spring(at(i, j), 1e5, to=at(i + 1, j)) for j in range(n) for i in range(n - 1)]
+    walls = [Wall((0, 0), (0, 1)), Wall((0, size), (0, -1), velocity=(0.0, -1.0)), Wall((0, 0), (1, 0)),
+             Wall((size, 0), (-1, 0))]  # fmt: skip
+    return Scene(bodies, cell=0.25, walls=walls, springs=bars, friction=friction, **options)
+
+
+@pytest.mark.parametrize("solver", [linear.banded, linear.direct])
+def test_bars_of_different_bodies_share_a_solve(solver):
+    """Nine blocks and six bars: the inverse of the sum, by as few columns as the bars on one block."""
+    scene = wall_of_blocks(3, 0.0)
+    state = initial(scene)
+    springs = springs_of(scene, state, 0.0)
+    assembly, grid = springs.assembly, springs.assembly.grid
+    C = scene.bodies[0].material.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
+    A = assembly.matrix(assembly.stiffness(C), 1e-4)
+    inner, columns = solver(A, grid.blocks, grid.rigid_motions()), []
+
+    def counted(b):
+        columns.append(b.shape[1] if b.ndim == 2 else 1)
+        return inner(b)
+
+    stretched = springs.bar_stiffnesses(0.01 * np.random.default_rng(1).normal(size=2 * grid.nodes))
+    joined = linear.joined(counted, springs.bars, 1e4 * stretched, grid.blocks)
+    assert columns[0] <= 4  # two directions of the two bars on a block
+    whole = A.toarray() + springs.bars.T @ (1e4 * sp.block_diag(list(stretched)) @ springs.bars.toarray())
+    b = np.random.default_rng(2).normal(size=2 * grid.nodes)
+    exact = np.linalg.solve(whole, b)
+    np.testing.assert_allclose(joined(b), exact, atol=1e-7 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_large_problem_with_bars_stays_sparse(friction, monkeypatch):
+    """Bars join rows of blocks to one body each: eliminated, they would fill the rows of W, with the same result."""
+    scene, filled = wall_of_blocks(6, friction), []
+
+    def three_steps():
+        filled.clear()
+        *_, state = simulate(scene, dt=1e-4, until=3e-4, scheme=Scheme(newton_tol=1e-8))
+        return state
+
+    def solve(W, q, *arguments, **options):
+        filled.append((W.nnz, q.size))
+        return original(W, q, *arguments, **options)
+
+    original = coulomb.solve
+    monkeypatch.setattr(coulomb, "solve", solve)
+    sparse, (entries, rows) = three_steps(), filled[-1]
+    assert rows > coulomb.MAX_DENSE_ROWS
+    monkeypatch.setattr(coulomb, "MAX_DENSE_ROWS", 10 * rows)
+    dense, (more, rows) = three_steps(), filled[-1]
+    assert entries < 0.6 * more
+    assert np.abs(sparse.x - dense.x).max() < 1e-8 * scene.cell
+    assert sparse.wall_force[1, 1] > 1e3
+    if friction == 0.0:  # between the sides of blocks friction is not unique
+        assert sparse.wall_force[1, 1] == pytest.approx(dense.wall_force[1, 1], rel=1e-6)
 
 
 def test_forces_and_stiffness_of_springs_are_derivatives_of_their_energy():
