@@ -88,11 +88,11 @@ def newton(p: Problem, x: Iterate, tol: float, limit: int, gain: float, shortest
     Iterates may leave the friction cones, because steps restricted to the cones are far shorter; the iterate returned
     is clipped to them. Contact states are those of r - gain u, with `gain` in units of the largest eigenvalue of W~.
     """
-    r, u, gain = x.r, x.u, gain * p.largest
+    r, u, gain, factor = x.r, x.u, gain * p.largest, None
     natural_residual, count, alpha = p.natural_residual(r, u, gain), 0, 1.0
     while count < limit and alpha >= shortest:
         state = contact_states((r - gain * u + p.slide)[: p.contacts], p.mu)
-        d, _ = _step(p, r, state, ACCURACY * tol * p.reference)
+        d, factor = _step(p, r, state, ACCURACY * tol * p.reference, factor)
         d_u, count, alpha = p.W @ d, count + 1, 1.0
         while alpha >= shortest:
             new = p.natural_residual(r + alpha * d, u + alpha * d_u, gain)
