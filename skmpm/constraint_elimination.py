@@ -37,15 +37,50 @@ class Elimination:
         return np.asarray(self.T @ v + self.prescription @ prescribed)
 
     def factorised(self, linear: Linear, A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-        """The solver `linear` for A on the remaining unknowns; raises LinAlgError if `linear` does."""
-        diagonal, motions = np.zeros(A.shape[0]), rigid_motions.copy()
-        diagonal[self.fixed], motions[self.fixed] = A.diagonal().mean(), 0.0
-        reduced = (sp.csr_array(self.T.T @ A.tocsr() @ self.T) + sp.diags_array(diagonal)).tobsr((2, 2))
-        order = narrowing(reduced, blocks)
+        """The solver `linear` for A on the remaining unknowns; raises LinAlgError if `linear` does.
+
+        Bodies without supports keep their blocks and the order of their unknowns.
+        """
+        motions = rigid_motions.copy()
+        motions[self.fixed] = 0.0
+        bodies = np.unique(np.searchsorted(blocks, self.fixed, side="right") - 1)
+        own = np.zeros(A.shape[0] // 2, dtype=bool)
+        for b in bodies.tolist():
+            own[blocks[b] // 2 : blocks[b + 1] // 2] = True
+        held = np.flatnonzero(np.repeat(own, 2))
+        part, remaining = _of_nodes(A, own).tocsr(), self.T[held][:, held]
+        diagonal = np.zeros(A.shape[0])
+        diagonal[self.fixed] = A.diagonal().mean()
+        reduced = (sp.csr_array(remaining.T @ part @ remaining) + sp.diags_array(diagonal[held])).tobsr((2, 2))
+        order = narrowing(reduced, np.append(0, np.cumsum(np.diff(blocks)[bodies])))
         if order is None:
-            return Supported(self.T, linear(reduced, blocks, motions))
+            return Supported(self.T, linear(_with_nodes(A, own, reduced), blocks, motions))
         reduced = sp.csr_array(reduced.tocsr()[order][:, order]).tobsr((2, 2))
-        return Supported(sp.csr_array(self.T[:, order]), linear(reduced, blocks, motions[order]))
+        every = np.arange(A.shape[0])
+        every[held] = held[order]
+        solver = linear(_with_nodes(A, own, reduced), blocks, motions[every])
+        return Supported(sp.csr_array(self.T[:, every]), solver)
+
+
+def _of_nodes(A: sp.bsr_array, own: NDArray[np.bool_]) -> sp.bsr_array:
+    """The rows and columns of A of some nodes (nodes,), which no entry couples with others."""
+    entries, number = np.repeat(own, np.diff(A.indptr)), np.cumsum(own) - 1
+    indptr = np.append(0, np.cumsum(np.diff(A.indptr)[own]))
+    size = 2 * int(own.sum())
+    return sp.bsr_array((A.data[entries], number[A.indices[entries]], indptr), shape=(size, size))
+
+
+def _with_nodes(A: sp.bsr_array, own: NDArray[np.bool_], part: sp.bsr_array) -> sp.bsr_array:
+    """A with these rows and columns of some nodes (nodes,)."""
+    count, nodes = np.diff(A.indptr), np.flatnonzero(own)
+    others = np.repeat(~own, count)
+    count[own] = np.diff(part.indptr)
+    indptr = np.append(0, np.cumsum(count))
+    data, indices = np.empty((indptr[-1], 2, 2)), np.empty(indptr[-1], dtype=A.indices.dtype)
+    there = np.repeat(own, count)
+    data[there], indices[there] = part.data, nodes[part.indices]
+    data[~there], indices[~there] = A.data[others], A.indices[others]
+    return sp.bsr_array((data, indices, indptr), shape=A.shape)
 
 
 def narrowing(A: sp.bsr_array, blocks: Ints) -> Ints | None:

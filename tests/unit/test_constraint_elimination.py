@@ -123,3 +123,30 @@ def test_a_supported_edge_does_not_widen_the_band(edge):
             moved[name] = state.x - scene.initial_positions
         assert np.abs(moved["banded"] - moved["direct"]).max() < 1e-10 * np.abs(moved["direct"]).max()
     assert widths[1] < 1.3 * widths[0]
+
+
+def test_bodies_without_supports_keep_their_blocks():
+    """Three bars at an angle to the grid, the middle one held at an end: solution, and matrix of the others."""
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    bars = [turn @ box((5.0 * i, 0.3), (2, 8), spacing=0.5).x for i in range(3)]
+    x, body = np.concatenate(bars, axis=1), np.repeat(np.arange(3), bars[0].shape[1])
+    grid = build_grids(x, body, 1.0, 3)
+    assembly = prepare(grid, np.full(body.size, 0.25), np.ones(body.size), np.ones(grid.cells))
+    F = np.repeat(np.eye(2)[:, :, None], body.size, axis=2)
+    inertia = 1e-3 * assembly.mass.reshape(-1, 2, 1) * np.eye(2)
+    A, given = assembly.matrix(assembly.stiffness(SOLID.tangent(F)), 1.0, inertia), []
+    end = np.flatnonzero((body == 1) & ((turn.T @ x)[1] < 0.31))
+
+    def recorded(matrix, *others):
+        given.append(matrix)
+        return linear.banded(matrix, *others)
+
+    found = eliminated(grid, *rows(grid, end))
+    solver = found.factorised(recorded, A, grid.blocks, grid.rigid_motions())
+    b = np.random.default_rng(0).standard_normal(A.shape[0])
+    free = np.setdiff1d(np.arange(A.shape[0]), found.fixed)
+    lift = found.T.toarray()[:, free]
+    exact = lift @ np.linalg.solve(lift.T @ A.toarray() @ lift, lift.T @ b)
+    np.testing.assert_allclose(solver(b), exact, rtol=1e-9, atol=1e-9)
+    for first, last in (grid.blocks[:2], grid.blocks[2:]):
+        np.testing.assert_array_equal(given[0].toarray()[first:last, first:last], A.toarray()[first:last, first:last])
