@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 import scipy.sparse as sp
@@ -54,11 +55,9 @@ def joined(solver: Solver, B: sp.csr_array, K: Array, blocks: Ints) -> Joined:
     """
     values, vectors = np.linalg.eigh(K)
     kept = (values > SOFT * values[:, -1:]).ravel()
-    i = np.arange(K.shape[0])
-    turned = sp.bsr_array(
-        (np.sqrt(np.maximum(values, 0.0))[:, :, None] * vectors.swapaxes(1, 2), i, np.append(i, i.size))
-    )
-    E = sp.csr_array((turned.tocsr() @ B)[kept])
+    roots = np.sqrt(np.maximum(values, 0.0))[:, :, None] * vectors.swapaxes(1, 2)
+    springs = np.arange(K.shape[0] + 1)
+    E = sp.csr_array((sp.bsr_array((roots, springs[:-1], springs)).tocsr() @ B)[kept])
     Z = _responses(solver, E, blocks)
     D = sp.csc_array(sp.eye_array(E.shape[0]) + E @ Z)
     return Joined(solver, Z, D, splu(D).solve if E.shape[0] else lambda b: b)
@@ -69,20 +68,26 @@ def _responses(solver: Solver, E: sp.csr_array, blocks: Ints) -> sp.csr_array:
     body = np.searchsorted(blocks, E.indices, side="right") - 1
     row = np.repeat(np.arange(E.shape[0]), np.diff(E.indptr))
     pairs = np.unique(np.stack([row, body]), axis=1)
-    begins = np.searchsorted(pairs[0], np.arange(E.shape[0] + 1))
-    shared, used = np.zeros(E.shape[0], dtype=np.int64), np.zeros((E.shape[1] and blocks.size - 1, 0), dtype=bool)
-    for k in range(E.shape[0]):
-        own = pairs[1, begins[k] : begins[k + 1]]
-        free = np.flatnonzero(~used[own].any(axis=0))
-        if not free.size:
-            used = np.concatenate([used, np.zeros((used.shape[0], 1), dtype=bool)], axis=1)
-            free = np.array([used.shape[1] - 1])
-        shared[k] = free[0]
-        used[own, shared[k]] = True
-    b = np.zeros((E.shape[1], used.shape[1]))
-    b[E.indices, shared[row]] = E.data
+    side = _sides(pairs, E.shape[0], blocks.size - 1)
+    b = np.zeros((E.shape[1], int(side.max(initial=-1)) + 1))
+    b[E.indices, side[row]] = E.data
     found = solver(b) if b.size else b
     size = np.diff(blocks)[pairs[1]]
     column = np.repeat(pairs[0], size)
     unknown = np.arange(column.size) - np.repeat(np.cumsum(size) - size - blocks[pairs[1]], size)
-    return sp.csr_array((found[unknown, shared[column]], (unknown, column)), shape=E.shape[::-1])
+    return sp.csr_array((found[unknown, side[column]], (unknown, column)), shape=E.shape[::-1])
+
+
+def _sides(pairs: Ints, rows: int, bodies: int) -> Ints:
+    """Right-hand sides (rows,), from pairs (2, m) of rows and bodies that they touch, rows ascending.
+
+    Each row takes the first that no row on its bodies has.
+    """
+    begins = np.searchsorted(pairs[0], np.arange(rows + 1))
+    taken, side = [set[int]() for _ in range(bodies)], np.zeros(rows, dtype=np.int64)
+    for k in range(rows):
+        own = pairs[1, begins[k] : begins[k + 1]].tolist()
+        side[k] = next(j for j in count() if all(j not in taken[b] for b in own))
+        for b in own:
+            taken[b].add(int(side[k]))
+    return side
