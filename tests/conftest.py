@@ -1,4 +1,7 @@
-"""Floating-point errors raise in every test; its log level ends with it; hypothesis is deterministic in CI."""
+"""Floating-point errors raise in every test; its log level ends with it; hypothesis is deterministic in CI.
+
+And `filled`, how many entries the matrices of contact problems have.
+"""
 
 import logging
 import os
@@ -6,6 +9,8 @@ import os
 import numpy as np
 import pytest
 from hypothesis import settings
+
+from skmpm import coulomb
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)
@@ -28,3 +33,16 @@ def same_log_level():
     level = logger.level
     yield
     logger.setLevel(level)
+
+
+@pytest.fixture
+def filled(monkeypatch):
+    """Entries of W and rows of the contacts of every contact problem that is solved, in a list of pairs."""
+    found, original = [], coulomb.solve
+
+    def solve(W, q, *arguments, **options):
+        found.append((W.nnz, q.size))
+        return original(W, q, *arguments, **options)
+
+    monkeypatch.setattr(coulomb, "solve", solve)
+    return found
