@@ -43,16 +43,15 @@ class Elimination:
         """
         motions = rigid_motions.copy()
         motions[self.fixed] = 0.0
-        bodies = np.unique(np.searchsorted(blocks, self.fixed, side="right") - 1)
-        own = np.zeros(A.shape[0] // 2, dtype=bool)
-        for b in bodies.tolist():
-            own[blocks[b] // 2 : blocks[b + 1] // 2] = True
+        supported = np.zeros(blocks.size - 1, dtype=bool)
+        supported[np.searchsorted(blocks, self.fixed, side="right") - 1] = True
+        own = np.repeat(supported, np.diff(blocks) // 2)
         held = np.flatnonzero(np.repeat(own, 2))
         part, remaining = _of_nodes(A, own).tocsr(), self.T[held][:, held]
         diagonal = np.zeros(A.shape[0])
         diagonal[self.fixed] = A.diagonal().mean()
         reduced = (sp.csr_array(remaining.T @ part @ remaining) + sp.diags_array(diagonal[held])).tobsr((2, 2))
-        order = narrowing(reduced, np.append(0, np.cumsum(np.diff(blocks)[bodies])))
+        order = narrowing(reduced, np.append(0, np.cumsum(np.diff(blocks)[supported])))
         if order is None:
             return Supported(self.T, linear(_with_nodes(A, own, reduced), blocks, motions))
         reduced = sp.csr_array(reduced.tocsr()[order][:, order]).tobsr((2, 2))

@@ -37,8 +37,8 @@ class Border:
         self, W: sp.csr_array, inner: coulomb.Bilateral | None, known: Array
     ) -> tuple[sp.csr_array, coulomb.Bilateral]:
         """W with a border [[W, L], [R^T, -D]], and its bilateral unknowns, those of W first."""
-        more, size = W.shape[0] - self.left.shape[0], self.own.shape[0]
-        left, right = (_padded(rows, (W.shape[0], size)) if more else rows for rows in (self.left, self.right))
+        size = self.own.shape[0]
+        left, right = (_padded(rows, (W.shape[0], size)) for rows in (self.left, self.right))
         below = sp.hstack([sp.csr_array(right.T), -self.own], format="csr")
         bordered = sp.csr_array(sp.vstack([sp.hstack([W, left], format="csr"), below], format="csr"))
         own = coulomb.Bilateral(-(self.right[: known.size].T @ known))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil, floor, log10
 from typing import NamedTuple
 
@@ -27,11 +28,14 @@ def below(value: float, limit: Limit) -> bool:
 
 def rounded_down(value: float) -> str:
     """Two digits, rounded down, so that a value that follows the advice causes no warning."""
-    unit = 10.0 ** (floor(log10(value)) - 1)
-    return f"{floor(value / unit) * unit:.2g}"
+    return _two_digits(value, floor)
 
 
 def rounded_up(value: float) -> str:
     """Two digits, rounded up."""
+    return _two_digits(value, ceil)
+
+
+def _two_digits(value: float, whole: Callable[[float], int]) -> str:
     unit = 10.0 ** (floor(log10(value)) - 1)
-    return f"{ceil(value / unit) * unit:.2g}"
+    return f"{whole(value / unit) * unit:.2g}"

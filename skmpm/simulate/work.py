@@ -39,15 +39,13 @@ def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, mo
     if pressure is not None:
         loads += pressure.force(state.displacement) @ w
     supports = state.support_force.ravel() @ increment.prescribed
-    tangent = np.stack([-contacts.normal[1], contacts.normal[0]])
-    force = contacts.force[0] * contacts.normal + contacts.force[1] * tangent
     relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)
     gradient = mean_gradient(state, motions, increment.dt)
     if gradient is not None:
         relative -= gradient @ contacts.image
     if scene.free_rigid.size:
         loads += power_of_gravity(scene, state, rigid_state(scene, state), motions, state.t)
-    return increment.dt * float(loads - supports - np.einsum("ik,ik->", force, relative))
+    return increment.dt * float(loads - supports - np.einsum("ik,ik->", contacts.vectors, relative))
 
 
 def _surface_velocity(scene: Scene, state: State, motions: PrescribedVelocities, side: int) -> Array:
