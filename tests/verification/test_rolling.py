@@ -20,7 +20,7 @@ from skmpm.scene import Body, Scene, Support, Wall
 from skmpm.simulate import simulate
 
 R, DENSITY, G, FRICTION = 1e-3, 1000.0, 9.81, 0.5
-DT, SETTLED, END = 1e-4, 0.01, 0.04
+DT, SETTLED, END = 1e-4, 0.01, 0.03
 SLOPES = (0.5, 1.0, 2.0, 3.0, 6.0, 30.0)  # [degrees]
 CASES = 20  # of the table
 LUMPED = (
@@ -43,7 +43,7 @@ def meshed():
 
 @cache
 def acceleration(slope, placement, young=1e6, cells=5, spacing=8, mesh=False):
-    """Accelerations [g] along the wall and of the spin times R, by least squares over the last 24 ms; (2,)."""
+    """Accelerations [g] along the wall and of the spin times R, by least squares over the last 14 ms; (2,)."""
     turn = np.array(
         [[np.cos(placement.turn), -np.sin(placement.turn)], [np.sin(placement.turn), np.cos(placement.turn)]]
     )

@@ -36,9 +36,12 @@ def own(state):
 
 @cache
 def pressed(cells, friction):
-    """A C-ring pressed until the plates are three thicknesses apart: its scene and states."""
-    scene = c_ring(1.0 / cells, friction)
-    return scene, list(simulate(scene, dt=1.0 / 60.0, until=0.85 if friction else 0.95, scheme=STATIC))
+    """A C-ring pressed until the plates are three thicknesses apart: its scene and states.
+
+    Without friction its arms are closed in the last sixth only, so steps are half as long as with.
+    """
+    scene, (dt, until) = c_ring(1.0 / cells, friction), (1 / 30, 0.85) if friction else (1 / 60, 0.95)
+    return scene, list(simulate(scene, dt=dt, until=until, scheme=STATIC))
 
 
 @cache
