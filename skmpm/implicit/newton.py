@@ -188,7 +188,9 @@ class _Factor:
 def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
     """Factorise the matrix where that pays."""
     increment, iteration = iterate.increment, iterate.iteration
-    due = iterate.refactorisation.due(increment, iteration, balance.norm, iterate.before, balance.distance)
+    touching = iterate.contact is not None and iterate.contact.constraints.size > 0
+    norms = balance.norm, iterate.before, balance.distance
+    due = iterate.refactorisation.due(increment, iteration, *norms, in_contact=touching)
     if iterate.factor.solver is not None and not due:
         return
     iterate.factor = _Factor(None)  # so that only one solver is in memory

@@ -358,12 +358,12 @@ def test_pressed_bodies_in_long_steps_get_inertia_and_no_projected_tangents(monk
     assert "_projected" not in calls
 
 
-def rates(refactorisation, norms, tol=1e-3):
+def rates(refactorisation, norms, tol=1e-3, *, in_contact=True):
     """When a new matrix is made, for out-of-balance norms over the tolerance by iteration."""
     made, before = [], np.inf
     step = SimpleNamespace(linear=False, scheme=SimpleNamespace(newton_tol=tol))
     for i, norm in enumerate(norms):
-        if refactorisation.due(step, i, tol * norm, tol * before, norm):
+        if refactorisation.due(step, i, tol * norm, tol * before, norm, in_contact=in_contact):
             made.append(i)
             refactorisation.made(i)
         before = norm
@@ -382,6 +382,18 @@ def rates(refactorisation, norms, tol=1e-3):
 )
 def test_a_new_matrix_is_made_where_the_present_one_has_become_slow(norms, made):
     assert rates(Refactorisation(), norms) == made
+
+
+@pytest.mark.parametrize(
+    ("norms", "made"),
+    [
+        ((1000.0, 70.0, 0.8), [0]),  # at the rate of the first, two more converge
+        ((1000.0, 200.0, 3.6, 0.4), [0, 1]),  # not three
+        ((1000.0, 100.0, 60.0, 0.5), [0, 2]),  # slower than the first
+    ],
+)
+def test_without_contact_a_matrix_is_kept_for_as_long_as_a_new_one_takes(norms, made):
+    assert rates(Refactorisation(), norms, in_contact=False) == made
 
 
 def test_momentum_is_corrected_against_the_last_contact_solve_or_not_at_all():
