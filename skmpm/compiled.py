@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 from numba import njit
 from numba.core import event
+from numba.core.dispatcher import Dispatcher
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -27,14 +29,26 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     cache would differ by round-off. For the same reason kernels do not call functions of NumPy that sum. Different
     caches may still differ by round-off, since the compiler orders sums as it likes.
     """
-    found: Callable[P, R] = njit(cache=True, nogil=True, fastmath=True, forceinline=True)(kernel)
+    found: Callable[P, R] = _stamped(njit(cache=True, nogil=True, fastmath=True, forceinline=True)(kernel))
     return found
 
 
 def compiled_in_order(kernel: Callable[P, R]) -> Callable[P, R]:
     """The same with sums in the order in which they are written, for small differences of terms near one."""
-    found: Callable[P, R] = njit(cache=True, nogil=True, forceinline=True)(kernel)
+    found: Callable[P, R] = _stamped(njit(cache=True, nogil=True, forceinline=True)(kernel))
     return found
+
+
+def _stamped(kernel: Any) -> Any:
+    """The kernel with a cache that is renewed when a module of kernels changes that its own module calls.
+
+    Numba renews it when the module of the kernel itself changes, but those of other modules are inlined too.
+    """
+    called: list[Any] = [value for value in kernel.py_func.__globals__.values() if isinstance(value, Dispatcher)]
+    kernel._sources = {kernel.py_func.__code__.co_filename}.union(*(other._sources for other in called))
+    stats = [Path(source).stat() for source in sorted(kernel._sources)]
+    kernel._cache._cache_file._source_stamp = tuple((stat.st_mtime, stat.st_size) for stat in stats)
+    return kernel
 
 
 class _Announcement(event.Listener):

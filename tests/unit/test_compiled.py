@@ -28,6 +28,18 @@ def test_the_first_run_after_an_installation_has_the_bits_of_all_others(tmp_path
     assert first.stdout == second.stdout
 
 
+def test_a_loop_is_compiled_again_when_one_of_another_module_that_it_calls_changes(tmp_path):
+    """Numba looks at the module of the loop alone, and kept what had been inlined there."""
+    loop = "from skmpm.compiled import compiled\n@compiled\ndef"
+    (tmp_path / "outer.py").write_text(f"from inner import inner\n{loop} outer(x):\n    return inner(x)\n")
+    found = []
+    for factor in ("2.0", "30.0"):
+        (tmp_path / "inner.py").write_text(f"{loop} inner(x):\n    return {factor} * x\n")
+        command = [sys.executable, "-c", "from outer import outer; print(outer(1.0))"]
+        found.append(subprocess.run(command, cwd=tmp_path, capture_output=True, check=True, text=True).stdout)
+    assert found == ["2.0\n", "30.0\n"]
+
+
 AFTER_WARMUP = """
 import gc, sys
 from pathlib import Path
