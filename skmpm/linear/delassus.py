@@ -20,25 +20,23 @@ Ints = NDArray[np.integer]
 class Delassus:
     """S = R A^-1 R^T of the contact points (boundary points or grid nodes), R = kron(base, I), for a factorised A.
 
-    From iterate to iterate constraints combine different contact points, while these points and A stay the same. S is
-    dense within a body. It is computed for the contact points of a body in use, and computed again when constraints
-    use others. With `whole` it is computed for all contact points of a body at once, so that S does not depend, not
-    even by round-off, on earlier contacts.
+    From iterate to iterate constraints combine different contact points, while these points and A stay the same. S
+    consists of one square for every body. It is computed for the contact points of a body in use, and computed again
+    when constraints use others. With `whole` it is computed for all contact points of a body at once, so that S does
+    not depend, not even by round-off, on earlier contacts.
     """
 
     solver: Solver
     base: sp.csr_array  # (m, nodes)
     owner: Ints  # (m,) body of each contact point
     whole: bool
-    S: sp.csr_array  # (2 m, 2 m) of the contact points in `known`
+    squares: Array  # S of the contact points in `known`, body after body, each row after row
     known: NDArray[np.bool_]  # (m,) whether S contains the contact point
 
     @staticmethod
     def of(solver: Solver, base: sp.csr_array, owner: Ints, *, whole: bool = False) -> Delassus:
         """The Delassus operator for a solver, with S of no contact point yet."""
-        points = base.shape[0]
-        S = sp.csr_array((2 * points, 2 * points))
-        return Delassus(solver, base, owner, whole, S, np.zeros(points, dtype=bool))
+        return Delassus(solver, base, owner, whole, np.zeros(0), np.zeros(base.shape[0], dtype=bool))
 
     def between(self, left: sp.csr_array, right: sp.csr_array) -> tuple[sp.csr_array, Delassus]:
         """The product left S right^T for constraints `left` and `right` on the contact points, both (k, 2 m).
@@ -46,64 +44,71 @@ class Delassus:
         Also returns the operator with S of all contact points in these constraints.
         """
         found = self._extended(left)._extended(right)
-        return _product(left, found.S, right, np.repeat(np.where(found.known, self.owner, -1), 2)), found
+        return _product(left, found.squares, right, np.repeat(np.where(found.known, self.owner, -1), 2)), found
 
     def _extended(self, rows: sp.csr_array) -> Delassus:
         """The operator with S of all contact points in these rows."""
         wanted = np.zeros_like(self.known)
         wanted[rows.indices // 2] = True
-        wanted &= np.diff(self.base.indptr) > 0  # points of rigid bodies do not respond
-        new = np.flatnonzero(wanted & ~self.known)
+        responding = np.diff(self.base.indptr) > 0  # points of rigid bodies do not respond
+        new = np.flatnonzero(wanted & responding & ~self.known)
         if new.size == 0:
             return self
-        known = self.known | wanted
-        bodies = np.zeros(int(self.owner.max()) + 1, dtype=bool)
-        bodies[self.owner[new]] = True
+        again = np.zeros(int(self.owner.max()) + 1, dtype=bool)
+        again[self.owner[new]] = True
+        known = self.known.copy()
+        known[new] = True
         if self.whole:
-            known |= bodies[self.owner] & (np.diff(self.base.indptr) > 0)
-        again = known & bodies[self.owner]
-        S, kept = self._of(np.flatnonzero(again)), _without(self.S, np.repeat(bodies[self.owner], 2))
-        S = S + kept if kept.nnz else S
-        return replace(self, S=S, known=known)
+            known |= again[self.owner] & responding
+        squares = np.empty(int(self._sizes(known).sum()))
+        chosen = np.repeat(again, self._sizes(known))
+        squares[chosen] = self._of(np.flatnonzero(known & again[self.owner]))
+        squares[~chosen] = self.squares[np.repeat(~again, self._sizes(self.known))]
+        return replace(self, squares=squares, known=known)
 
-    def _of(self, points: Ints) -> sp.csr_array:
-        """S of some contact points, with rows and columns of all of them."""
+    def _sizes(self, known: NDArray[np.bool_]) -> Ints:
+        """Entries of the square of each body for known contact points (m,), (bodies,)."""
+        return np.asarray((2 * np.bincount(self.owner[known], minlength=int(self.owner.max()) + 1)) ** 2)
+
+    def _of(self, points: Ints) -> Array:
+        """The squares of some contact points."""
+        points = points[np.argsort(self.owner[points], kind="stable")]
         rows = self.base[np.repeat(points, 2)]
         component = np.repeat(np.tile([0, 1], points.size), np.diff(rows.indptr))
         R = sp.csr_array(
             (rows.data, 2 * rows.indices + component, rows.indptr), shape=(2 * points.size, 2 * rows.shape[1])
         )
-        block = self.solver.delassus(R)
-        chosen = np.stack([2 * points, 2 * points + 1], axis=1).ravel()
-        return _spread(block.data, chosen[block.indices], chosen, np.diff(block.indptr), self.S.shape[0])
+        return _squares(self.solver.delassus(R), np.repeat(self.owner[points], 2))
 
 
-def _without(S: sp.csr_array, rows: NDArray[np.bool_]) -> sp.csr_array:
-    """S without the entries of the rows where `rows` is true."""
-    count = np.where(rows, 0, np.diff(S.indptr))
-    kept = np.repeat(~rows, np.diff(S.indptr))
-    return _spread(S.data[kept], S.indices[kept], np.arange(rows.size), count, rows.size)
+def _squares(S: sp.csr_array, body: Ints) -> Array:
+    """The squares of the bodies of the rows of S (k,), which ascend, each row after row.
+
+    Rows of points that supports hold are empty.
+    """
+    count = np.bincount(body)
+    if S.nnz == int((count**2).sum()):
+        return np.asarray(S.data)
+    begins, first = (np.append(0, np.cumsum(sizes)) for sizes in (count**2, count))
+    row = np.repeat(np.arange(body.size), np.diff(S.indptr))
+    b = body[row]
+    squares = np.zeros(begins[-1])
+    squares[begins[b] + (row - first[b]) * count[b] + S.indices - first[b]] = S.data
+    return squares
 
 
-def _spread(data: Array, column: Ints, rows: Ints, count: Ints, size: int) -> sp.csr_array:
-    """A square matrix with `count` entries in each of the ascending `rows`, and none elsewhere."""
-    counts = np.zeros(size, dtype=np.int64)
-    counts[rows] = count
-    return sp.csr_array((data, column, np.append(0, np.cumsum(counts))), shape=(size, size))
-
-
-def _product(left: sp.csr_array, S: sp.csr_array, right: sp.csr_array, owner: Ints) -> sp.csr_array:
+def _product(left: sp.csr_array, squares: Array, right: sp.csr_array, owner: Ints) -> sp.csr_array:
     """The product left S right^T of rows that touch at most two bodies each, columns ascending; S is symmetric.
 
-    `owner` (2 m,) is the body of every row of S, -1 where that is empty. The products of a body are dense.
+    `owner` (2 m,) is the body of every row of S, -1 where there is none. The products of a body are dense.
     """
     bodies = int(owner.max(initial=-1)) + 1
     pairs = [_bodies_of_rows(rows.indptr, rows.indices, owner) for rows in (left, right)]
     (points, of_left, of_right) = (_by_body(of, bodies) for of in (owner[:, None], *pairs))
     begins = np.append(0, np.cumsum(np.diff(of_left[0]) * np.diff(of_right[0])))
-    blocks = np.zeros(begins[-1])
+    square_begins, blocks = np.append(0, np.cumsum(np.diff(points[0]) ** 2)), np.zeros(begins[-1])
     arguments = (
-        *(left.indptr, left.indices, left.data, S.indptr, S.indices, S.data, right.indptr, right.indices, right.data),
+        *(left.indptr, left.indices, left.data, square_begins, squares, right.indptr, right.indices, right.data),
         *(owner, *points, *of_left, *of_right, begins, blocks),
     )
     over_bodies(lambda first, last: _products(first, last, *arguments), begins)
@@ -155,9 +160,8 @@ def _products(
     left_indptr: Ints,
     left_indices: Ints,
     left: Array,
-    S_indptr: Ints,
-    S_indices: Ints,
-    S: Array,
+    square_begins: Ints,
+    squares: Array,
     right_indptr: Ints,
     right_indices: Ints,
     right: Array,
@@ -181,17 +185,13 @@ def _products(
             continue
         for k in range(own.size):
             position[own[k]] = k
+        S = squares[square_begins[body] : square_begins[body + 1]].reshape((own.size, own.size))
         turned, total = np.empty((own.size, width)), np.empty(own.size)
         for j in range(width):
             total[:] = 0.0
             for e in range(right_indptr[columns[j]], right_indptr[columns[j] + 1]):
                 if owner[right_indices[e]] == body:
-                    begin, end = S_indptr[right_indices[e]], S_indptr[right_indices[e] + 1]
-                    if end - begin == own.size:  # columns ascend as the rows of the body do
-                        _add(right[e], S[begin:end], total)
-                    else:
-                        for k in range(begin, end):
-                            total[position[S_indices[k]]] += right[e] * S[k]
+                    _add(right[e], S[position[right_indices[e]]], total)
             turned[:, j] = total
         block = blocks[begins[body] : begins[body + 1]].reshape((rows.size, width))
         for i in range(rows.size):
