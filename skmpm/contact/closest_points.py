@@ -155,7 +155,10 @@ def _minima_on_bodies(
     found: Ints,
     values: Array,
 ) -> int:
-    """The same of the chosen groups of candidates: those of both ends, and the segment of the foot of the first."""
+    """The same of the chosen groups of candidates: those of both ends, and the segment of the foot of the first.
+
+    The other surface turns as at the feet of both ends, so that mirror images have mirrored shifts.
+    """
     slope, feet, key = np.empty(chosen.size), np.full(chosen.size, -1), np.empty(chosen.size, dtype=np.int64)
     sides = side.max() + 1
     for g in range(chosen.size):
@@ -176,14 +179,17 @@ def _minima_on_bodies(
         other = np.searchsorted(key, wanted)
         if other == key.size or key[other] != wanted or feet[other] < 0 or slope[other] < 0.0:
             continue
-        (turn, length), (turn_of_foot, length_of_foot) = (
-            _turn(at, reference, loops),
+        turn, length = _turn(at, reference, loops)
+        (turn_1, length_1), (turn_2, length_2) = (
             _turn(feet[g], reference, loops),
+            _turn(feet[other], reference, loops),
         )
-        if length > 0.0 and length_of_foot > 0.0 and turn + length * turn_of_foot / length_of_foot > MIN_TURN:
+        if min(length, length_1, length_2) == 0.0:
+            continue
+        turn += length * (turn_1 + turn_2) / (length_1 + length_2)
+        if turn > MIN_TURN:
             found[0, size], found[1, size], found[2, size] = g, other, feet[g]
-            values[0, size], values[1, size] = slope[g], slope[other]
-            values[2, size], values[3, size] = turn + length * turn_of_foot / length_of_foot, length
+            values[0, size], values[1, size], values[2, size], values[3, size] = slope[g], slope[other], turn, length
             size += 1
     return size
 
