@@ -60,7 +60,9 @@ def contact_length(
     Of two parts of one body that which comes first along the outline gives the points (`neighbours`).
     """
     first, second = found.bodies
-    order = np.where(first == second, np.sign(found.stencil[1] - found.point), np.sign(rank[second] - rank[first]))
+    order = np.where(
+        first == second, np.sign(found.stencil[1] - found.point), np.sign(rank[np.maximum(second, 0)] - rank[first])
+    )
     order = np.where(second < 0, 1, order)
     length = np.zeros((2, first.size))
     giving = np.flatnonzero((order > 0) & acts)

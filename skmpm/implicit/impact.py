@@ -52,6 +52,8 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
         return v, z, impulses
     some, inverse = constraints.among(chosen), Diagonal(1.0 / increment.mass)
     of_chosen = np.repeat(chosen, contact.r.size // chosen.size)
+    if contact.constraints.tangential and not some.tangential:
+        of_chosen[1::2] = False
     W = inverse.between_contacts(some.shares, *some.directions)
     u = some.D @ some.at_contact_points(v) + some.components(some.prescribed)
     if unknowns is not None:
@@ -83,6 +85,10 @@ def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
     stride, shares = contact.r.size // constraints.size, constraints.shares
     moves = np.diff(shares.indptr) > 0
     closed = contact.lifted[::stride] > 0.0
+    if constraints.cohesive and contact.known.scale is not None:
+        # Tension across an open gap is the strength up to round-off: such a contact is open by its velocity.
+        response = contact.known.scale.diagonal_of(constraints)[::stride]
+        closed &= contact.lifted[::stride] * response > contact.u[::stride]
     if increment.supports is not None:
         fixed = increment.supports.fixed
         held = np.concatenate([fixed, increment.supports.T[fixed].indices]) // 2

@@ -384,3 +384,26 @@ def test_more_walls_than_bodies_may_be_cohesive():
     walls = [ceiling(cohesion=3.0), Wall((0.0, -9.0), (0.0, 1.0)), Wall((-9.0, 0.0), (1.0, 0.0))]
     scene = Scene([block(-HEIGHT)], cell=CELL, walls=walls)
     assert strengths(scene, initial(scene)).tensile_strength.sum() == pytest.approx(3.0 * WIDTH, rel=1e-9)
+
+
+def test_a_cohesive_wall_may_be_any_of_the_walls():
+    """One of more walls than bodies raised an IndexError, unless it came first."""
+    forces = []
+    for before in range(4):
+        body = Body(disc((0.0, 0.5), 0.5, spacing=CELL / 1.5), SOFT)
+        far = [Wall((0.0, 20.0 + i), (0.0, -1.0)) for i in range(before)]
+        floor = Wall((0.0, 0.0), (0.0, 1.0), cohesion=10.0)
+        *_, state = simulate(Scene([body], cell=CELL, walls=[*far, floor], gravity=(0, -G)), dt=1e-3, until=2e-3)
+        forces.append(state.wall_force[before, 1])
+    assert forces[0] < 0.0
+    assert forces[1:] == pytest.approx([forces[0]] * 3, rel=1e-12)
+
+
+@pytest.mark.parametrize("theta", [0.5, 0.75])
+def test_tension_across_an_open_gap_pulls_with_the_midpoint_rule_too(theta):
+    """Its impulse is the strength up to round-off, and where it was above, the block stopped: 0.6 of its speed."""
+    c, block = 500.0, box((0.0, 0.02), (1.0, 1.0), spacing=0.125)
+    wall = Wall((0, 0), (0, 1), cohesion=c)
+    scene = Scene([Body(block, NeoHookean(1e6, 0.3, 1000.0))], cell=0.25, walls=[wall], cohesion_range=0.05)
+    for state in simulate(scene, dt=1e-3, until=0.03, scheme=Scheme(theta=theta)):
+        assert state.mass @ state.v[1] == pytest.approx(-c * state.t, rel=1e-3)

@@ -496,3 +496,15 @@ def test_points_without_outline_touch_at_shared_nodes():
     rows, _ = rows_of(Scene(bare, cell=0.99 * CELL), SEED)
     with_outline, _ = rows_of(Scene(bodies, cell=0.99 * CELL), SEED)
     same(rows, with_outline)
+
+
+def test_a_closed_contact_without_friction_beside_an_open_one_with_it_at_the_midpoint_rule():
+    """Velocities at the end of the step are found for closed contacts, whose rows were counted with tangents."""
+    found = []
+    for friction in (0.0, 0.5):
+        walls = [Wall((0, 0), (0, 1)), Wall((1.005 * R, 0), (-1, 0), friction=friction)]
+        scene = Scene([Body(disc((0, R), R, spacing=R / 5), GEL)], cell=CELL, walls=walls, gravity=(0.0, -10.0))
+        *_, state = simulate(scene, dt=1e-4, until=2e-3, scheme=Scheme(theta=0.5))
+        found.append(state.wall_force[0])
+    assert found[0][1] < 0.0
+    assert found[1] == pytest.approx(found[0], rel=1e-5)
