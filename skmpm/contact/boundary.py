@@ -122,8 +122,8 @@ def _with_closest_points(scene: Scene, state: State, near: Neighbours, roles: Ro
 
     Only with inertia: a round body on one point has no equilibrium against rotation.
     """
-    boundary = scene.outlines
-    moved = np.where(scene.deformable[boundary.body], motion.dt * state.v[:, boundary.point], motion.points)
+    boundary, v = scene.outlines, state.v + motion.change_of_box_velocity(state)
+    moved = np.where(scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
     ahead = near.curve.through(near.start.x + motion.of_surfaces(near.surfaces, moved))
     return replace(near, shifts=closest_points(scene, near, roles, ahead, motion.walls.sum(axis=0), state.contacts))
 

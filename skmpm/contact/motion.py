@@ -30,6 +30,17 @@ class Motion:
         walls = np.stack([state.walls, dt * motions.walls])
         return Motion(dt, dt * _rigid_velocities(scene, state, motions.rigid, dt), walls, box)
 
+    def change_of_box_velocity(self, state: State) -> Array | float:
+        """What a change of the rate of the periodic box adds to velocities in this step, (2, n) [m/s].
+
+        Bodies move with the box at their centres: then all images of a body have the same motion in the box.
+        """
+        if self.box is None or state.box_rate is None:
+            return 0.0
+        before, after = self.box
+        rate = (after - before) @ np.linalg.inv(before) / self.dt
+        return np.asarray(((rate - state.box_rate) @ centres(state.x, state.mass, state.body))[:, state.body])
+
     def largest(self, moved: Array, start: Array) -> float:
         """The largest displacement of boundary points, from `start` by `moved` (2, m) [m].
 

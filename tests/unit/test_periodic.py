@@ -472,3 +472,21 @@ def test_a_block_on_its_own_image_touches_it_over_the_length_of_two_blocks():
         found.append(skmpm.observe(scene, state).bodies.contact_surface[0])
         assert skmpm.network(scene, state).length == pytest.approx(1.7, abs=0.0625)
     assert found[0] == pytest.approx(found[1], rel=1e-3)
+
+
+def test_a_body_may_be_followed_in_any_image():
+    """Contact points were predicted with the rate of the box in the last step: forces differed by 1 to 10 %."""
+    L, forces = 4.25 * R, []
+    tight = skmpm.Scheme(theta=0.5, newton_tol=1e-8, contact_tol=1e-9, gap_tol=1e-8)
+    for shifts in (np.zeros((4, 2)), np.array([(0, 0), (2, -1), (-3, 1), (0, 4)])):
+        places = zip(((1.05, 1.02), (3.18, 1.11), (1.22, 3.13), (3.29, 3.21)), shifts, strict=True)
+        bodies = [
+            skmpm.Body(skmpm.disc(R * np.array(c) + L * k, (1.0 + 0.005 * i) * R, spacing=R / 5), GEL)
+            for i, (c, k) in enumerate(places)
+        ]
+        box = skmpm.Periodic(L, L, rate=[[-100.0, 0.0], [200.0, -100.0]])
+        scene = skmpm.Scene(bodies, cell=R / 4, periodic=box, friction=0.3)
+        *_, state = skmpm.simulate(scene, dt=1e-4, until=6e-4, scheme=tight)
+        forces.append(np.sort(np.hypot(*state.contacts.force))[-6:])
+    assert forces[0][0] > 0.0
+    np.testing.assert_allclose(forces[1], forces[0], rtol=1e-5)
