@@ -57,7 +57,7 @@ def check(scene: Scene) -> None:
         )
     if callable(scene.gravity):
         X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
-        field_values("gravity(X, t) at t = 0", scene.gravity(X, 0.0), X)
+        field_values("gravity(X, t) at t = 0", scene.gravity(X.copy(), 0.0), X)
     else:
         vector("gravity", scene.gravity)
     for i, wall in enumerate(scene.walls):
@@ -148,7 +148,7 @@ def _check_motion(name: str, body: Body) -> None:
             " prescribed"
         )
     if callable(body.velocity):
-        field_values(f"{name}: velocity(x)", body.velocity(body.points.x), body.points.x)
+        field_values(f"{name}: velocity(x)", body.velocity(body.points.x.copy()), body.points.x)
     else:
         motion(body.velocity, 0.0, f"{name}: velocity")
     spinning = number(f"{name}: spin", body.spin, spin) != 0.0

@@ -60,7 +60,7 @@ def _matching(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> I
     x = scene.initial_positions
     if not callable(where):
         raise SceneError(f"{name}: expected a function of positions (2, n) that returns (n,) booleans, got {where!r}")
-    inside = np.asarray(where(x))
+    inside = np.asarray(where(x.copy()))  # the function may work in place
     if inside.shape != x.shape[1:] or inside.dtype != np.bool_:
         raise SceneError(
             f"{name} returned {inside.dtype} of shape {inside.shape}; return {x.shape[1:]} booleans,"

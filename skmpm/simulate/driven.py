@@ -106,7 +106,7 @@ def _external(scene: Scene, x: Array, t: float) -> Array:
         for k, force_on_first in enumerate((-along[1], along[0])):
             np.add.at(each[k], ends[0], pressure * force_on_first)
     X = scene.initial_positions
-    gravity = scene.gravity(X, t) if callable(scene.gravity) else np.reshape(np.asarray(scene.gravity), (2, 1))
+    gravity = scene.gravity(X.copy(), t) if callable(scene.gravity) else np.reshape(np.asarray(scene.gravity), (2, 1))
     each += scene.masses * np.asarray(gravity, dtype=float)
     return np.stack([np.bincount(owner, component, bodies) for component in each])
 

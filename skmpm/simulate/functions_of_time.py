@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -103,8 +102,9 @@ def _values(f: Function, times: Array) -> Array:
 def _on_bodies(scene: Scene) -> Iterator[Any]:
     """Gravity, loads and the rest lengths of springs, constants and functions of time."""
     if callable(scene.gravity):
-        X = scene.initial_positions[:, scene.deformable[scene.owner]]
-        yield partial(scene.gravity, X[:, :: max(1, X.shape[1] // GRAVITY_POINTS)])
+        gravity, X = scene.gravity, scene.initial_positions[:, scene.deformable[scene.owner]]
+        X = X[:, :: max(1, X.shape[1] // GRAVITY_POINTS)]
+        yield lambda t: gravity(X.copy(), t)  # the function may work in place
     yield from (load.force for load in scene.dead_loads)
     yield from (pressure.value for pressure in scene.pressures)
     yield from (spring.rest for spring in scene.springs)

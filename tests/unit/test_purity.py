@@ -24,6 +24,7 @@ from skmpm import (
     disc,
     initial,
     linear,
+    simulate,
     step,
 )
 
@@ -217,3 +218,22 @@ def test_how_contacts_respond_is_kept_only_with_the_factor_that_says_so():
         state = step(scene, state, 5.0, scheme=scheme)
         kept.append((state.derived.solver is not None, state.derived.delassus is not None))
     assert kept == [(True, True), (False, False)]
+
+
+def test_functions_of_positions_may_work_in_place():
+    """Those of supports, velocities and gravity got the arrays of the scene and moved its points."""
+
+    def moved(x, *_):
+        x -= R
+        return np.zeros_like(x)
+
+    def near(x):
+        x -= R
+        return np.hypot(*x) < 0.3 * R
+
+    body = Body(disc((R, R), R, spacing=CELL), SOFT, velocity=moved)
+    before = body.points.x.copy()
+    scene = Scene([body], cell=CELL, supports=[Support(near)], gravity=moved)
+    state = next(simulate(scene, until=1e-3))
+    assert np.array_equal(scene.initial_positions, before) and np.array_equal(body.points.x, before)
+    np.testing.assert_allclose(state.x, before, atol=1e-12 * R)
