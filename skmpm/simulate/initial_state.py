@@ -160,16 +160,21 @@ def _field(velocity: object, x: Array, interval: float) -> tuple[Array, Array]:
     steps = interval * np.eye(2)
 
     def at(y: Array) -> Array:
-        return field_values("velocity(x)", velocity(y), y)
+        return field_values("velocity(x)", velocity(y.copy()), y)  # it may work in place
 
     columns = [(at(x + s[:, None]) - at(x - s[:, None])) / (2.0 * interval) for s in steps]
     return at(x), np.stack(columns, axis=1)
 
 
-def driven(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
-    """Walls, supports, rigid bodies and edges of the periodic box with their prescribed speeds at time t [m/s]."""
+def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[tuple[str, float]]:
+    """Walls, supports, rigid bodies and edges of the periodic box with their prescribed speeds at time t [m/s].
+
+    The edges (2, 2) of the box are those at the start if not given. Walls that forces drive have a prescribed speed
+    at t = 0 only.
+    """
     for i, v in enumerate(scene.wall_velocities(t)):
-        yield f"wall {i}", float(np.hypot(*v))
+        if t == 0.0 or i not in scene.driven_walls:
+            yield f"wall {i}", float(np.hypot(*v))
     for i, v in enumerate(np.nan_to_num(scene.support_velocities(t))):
         yield f"support {i}", float(np.hypot(*v))
     for i, body in enumerate(scene.bodies):
@@ -179,7 +184,7 @@ def driven(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
             reach = float(np.hypot(*(x - np.average(x, axis=1, weights=body.points.volume)[:, None])).max())
             yield f"rigid body {i}", float(np.hypot(vx, vy) + abs(spin) * reach)
     if scene.periodic is not None:
-        edges = scene.periodic.rate_at(t) @ scene.periodic.box
+        edges = scene.periodic.rate_at(t) @ (scene.periodic.box if box is None else box)
         yield "the periodic box", float(np.hypot(*edges).max())
 
 

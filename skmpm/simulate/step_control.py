@@ -20,6 +20,9 @@ MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
 SUCCESSES_BEFORE_DOUBLING = 4  # steps
 TIME_TOLERANCE = 1e-9  # over a step: round-off of times, by which the last step may miss `until`
+# Of a step: rather than with less of one a run ends with two equal ones. Round-off of gaps over a short step is a
+# large velocity: 5e-12 s after 150 steps of 2 ms took the kinetic energy of a packing from 816 to 3644 J/m.
+SLIVER = 1e-3
 # Divides the length of a chosen step that failed. Fifty discs, compressed slowly from a solid fraction of 0.7 to
 # 0.95, take 299, 438 and 398 steps with 4 (lid of 2 cm/s with friction, of 2 mm/s, of 2 cm/s without friction), of
 # which 8, 13 and 17 fail; 296, 396 and 308 with 16 (5, 10, 8), 294, 514 and 333 with 64 (4, 10, 7).
@@ -116,10 +119,10 @@ def advance_with_chosen_step(
     """
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
-    limit = pace.limit(scene, scheme, state.t, moving(scene, state, state.t), left)
+    limit = pace.limit(scene, scheme, state.t, moving(scene, state, state.t), left, box=state.box)
     if pace.functions.loads:  # which may begin to act in the step
         end = state.t + limit
-        limit = pace.limit(scene, scheme, state.t, moving(scene, state, end), limit, end)
+        limit = pace.limit(scene, scheme, state.t, moving(scene, state, end), limit, forces_at=end, box=state.box)
     limit = pace.during(state, state.contacts, limit)
     length = wanted = min(limit, chosen or limit)
     if length < left < 2.0 * length:  # the last two are equal: forces on what accelerates depend on their ratio
@@ -153,6 +156,8 @@ def _step_of(step_control: StepControl) -> float:
 def _length(state: State, until: float) -> tuple[float, bool]:
     """Length of the next step [s], and whether it ends at `until`."""
     dt, left = _step_of(state.step_control), until - state.t
+    if (1.0 + TIME_TOLERANCE) * dt < left < (1.0 + SLIVER) * dt:
+        return 0.5 * left, False
     return (left if left < (1.0 - TIME_TOLERANCE) * dt else dt), left <= (1.0 + TIME_TOLERANCE) * dt
 
 

@@ -54,21 +54,34 @@ class Pace:
     functions: FunctionsOfTime
 
     def limit(
-        self, scene: Scene, scheme: Scheme, t: float, now: Moving, left: float, forces_at: float | None = None
+        self,
+        scene: Scene,
+        scheme: Scheme,
+        t: float,
+        now: Moving,
+        left: float,
+        *,
+        forces_at: float | None = None,
+        box: Array | None = None,
     ) -> float:
-        """The longest step from time t, at most `left` [s]; `forces_at` is the time of gravity, by default t."""
+        """The longest step from time t, at most `left` [s].
+
+        `forces_at` is the time of gravity, by default t, and `box` (2, 2) the edges of a periodic box, by default
+        those at the start.
+        """
         limits = [left]
         if scheme.inertia and self.loading.waves and not self.loading.settles:
             limits.append(self.resolving)
         if scheme.inertia and can_touch(scene):
-            every = np.concatenate([now.v, scene.wall_velocities(t).T], axis=1)
+            others = np.delete(scene.wall_velocities(t), scene.driven_walls, axis=0)
+            every = np.concatenate([now.v, others.T], axis=1)
             speed = float(np.hypot(*np.ptp(every, axis=1)))
             limits.append(
                 _time(self.room, speed, float(np.hypot(*gravity_of(scene, t if forces_at is None else forces_at))))
             )
         if scheme.inertia:
             limits.append(_time(STROKE * scene.cell, now.speed, now.acceleration))
-        return _within_stroke(scene, t, self.functions.followed(t, float(min(limits)), self.resolving))
+        return _within_stroke(scene, t, self.functions.followed(t, float(min(limits)), self.resolving), box)
 
     @property
     def resolving(self) -> float:
@@ -88,12 +101,12 @@ def _time(distance: float, speed: float, acceleration: float) -> float:
     return 2.0 * distance / rate if rate > 0.0 else np.inf
 
 
-def _within_stroke(scene: Scene, t: float, dt: float) -> float:
+def _within_stroke(scene: Scene, t: float, dt: float, box: Array | None) -> float:
     """The longest step from t up to dt [s] in which nothing driven moves farther than `STROKE`."""
     stroke = STROKE * scene.cell
     while True:
         times = t + SAMPLES * dt if np.isfinite(dt) else [t]
-        fastest = max((speed for time in times for _, speed in driven(scene, float(time))), default=0.0)
+        fastest = max((speed for time in times for _, speed in driven(scene, float(time), box)), default=0.0)
         if fastest * dt <= stroke * (1.0 + 1e-9) or fastest == 0.0:
             return dt
         dt = max(0.5 * dt if np.isfinite(dt) else 0.0, stroke / fastest)

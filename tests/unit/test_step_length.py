@@ -11,7 +11,19 @@ from skmpm.io import load, save
 from skmpm.material import NeoHookean, Rigid
 from skmpm.points import box, disc
 from skmpm.preflight import preflight
-from skmpm.scene import Body, Contacts, Load, Pressure, Scene, SceneError, Spring, StepFailed, Support, Wall
+from skmpm.scene import (
+    Body,
+    Contacts,
+    Load,
+    Periodic,
+    Pressure,
+    Scene,
+    SceneError,
+    Spring,
+    StepFailed,
+    Support,
+    Wall,
+)
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate
 from skmpm.simulate.functions_of_time import FunctionsOfTime
@@ -441,3 +453,22 @@ def test_impacts_are_resolved_of_what_rests_on_a_floor_at_the_start():
         found.append(min(np.average(s.v[0], weights=s.mass) for s in simulate(scene, until=0.13)))
     assert found[0] == pytest.approx(found[1], rel=0.05)
     assert found[0] < -0.2
+
+
+def test_edges_of_a_box_that_grows_move_by_the_stroke_whatever_its_size():
+    """Taken from the edges at the start, steps of a box four times as large were four times too long."""
+    discs = [Body(disc((x, 1.05), 1.0, spacing=0.25), NeoHookean(1e6, 0.3, 1000.0)) for x in (1.05, 3.2)]
+    box = Periodic(4.25, 2.125, rate=[[10.0, 0.0], [0.0, 0.0]])
+    widths = np.array([4.25, *(s.box[0, 0] for s in simulate(Scene(discs, cell=0.4, periodic=box), until=0.1))])
+    assert widths[-1] > 2.5 * widths[0]
+    assert 0.13 < np.diff(widths).max() / 0.4 < 0.16
+
+
+def test_a_thrown_lid_limits_steps_by_its_present_speed():
+    """Its velocity at the start limited all steps of the run: 215 instead of 39."""
+    gel = NeoHookean(1e6, 0.3, 1000.0, viscosity=2e4)
+    floor = Wall((0, 0), (0, 1))
+    lid = Wall((0, 2.01), (0, -1), force=2e4, velocity=(0.0, -5.0))
+    scene = Scene([Body(disc((0.0, 1.0), 1.0, spacing=0.25), gel)], cell=0.4, walls=[floor, lid])
+    *_, last = simulate(scene, until=0.6)
+    assert last.report.dt > 3.0 * 0.14 * scene.cell / 5.0
