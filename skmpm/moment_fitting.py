@@ -9,9 +9,9 @@ from skmpm.grid import BodyGrids
 
 Array = NDArray[np.float64]
 
-# Bounds of the ratio of weight to volume. Larger weights would let points on an edge represent all of a sliver;
-# tighter bounds lose area in slivers with boundary points only and first moments elsewhere
-# (docs/developers/architecture.md).
+# Bounds of the ratio of weight to volume; the upper one is that of the mean of a cell. Larger weights would let
+# points on an edge represent all of a sliver; tighter bounds lose area in slivers with boundary points only and
+# first moments elsewhere (docs/developers/architecture.md).
 MIN_WEIGHT, MAX_WEIGHT = 0.02, 5.0
 RESOLVED_SPREAD = 1e-3  # variance [cells^2] above which the points of a cell resolve the moment along a direction
 

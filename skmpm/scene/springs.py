@@ -106,7 +106,7 @@ def rest_of(scene: Scene, i: int, t: float) -> Array:
 
 def spring_forces(scene: Scene, state: State) -> Array:
     """Forces of the springs on the points of their `where`, (springs, 2) [N/m], at the time of a state."""
-    forces = [-_pull(scene, i, state.x, state.t, state.t) for i in range(len(scene.springs))]
+    forces = [-_pull(scene, i, state.x, state.t) for i in range(len(scene.springs))]
     return np.array([f if f.ndim == 1 else f.sum(axis=1) for f in forces]).reshape(-1, 2)
 
 
@@ -114,14 +114,14 @@ def forces_of_springs(scene: Scene, x: Array, t: float) -> Array:
     """Forces of the springs at time t on points at x (2, n) [m], (2, n) [N/m]."""
     forces = np.zeros_like(x)
     for i, ends in enumerate(scene.sprung):
-        pull = _pull(scene, i, x, t, t)
+        pull = _pull(scene, i, x, t)
         forces[:, ends.first.points] -= pull if ends.bed else pull[:, None] * ends.first.share
         if ends.second is not None:
             forces[:, ends.second.points] += pull[:, None] * ends.second.share
     return forces
 
 
-def _pull(scene: Scene, i: int, x: Array, at: float, t: float) -> Array:
+def _pull(scene: Scene, i: int, x: Array, t: float) -> Array:
     """Derivative of the energy of spring i by its displacement: of a bed by those of its points, (2, m) [N/m]."""
     ends, k, rest = scene.sprung[i], stiffness_of(i, scene.springs[i]), rest_of(scene, i, t)
     if ends.bed:

@@ -23,11 +23,6 @@ class RigidState:
     centre: Array  # (2, n) of mass [m]
     velocity: Array  # (3, n) of the centre, and spin times radius of gyration [m/s]
 
-    @property
-    def kinetic_energy(self) -> float:
-        """Of translation and rotation [J/m]."""
-        return kinetic_energy(self.mass, self.velocity)
-
     def gravity(self, scene: Scene, state: State, t: float) -> Array:
         """Forces of gravity and moments over radii of gyration at time t, body after body (3 n,) [N/m]."""
         at = np.flatnonzero(np.isin(state.body, self.bodies))
