@@ -36,6 +36,21 @@ def with_balanced_momentum(
     return None
 
 
+def without_neutral_translation(increment: Increment, w: Array) -> Array:
+    """The velocity w of a quasi-static step without contact, with the centres of mass of free bodies at rest.
+
+    Neither loads, which have no resultant, nor the stress of a body change as it is translated; the nodes at which
+    springs hold it in the iteration would stay where they are otherwise.
+    """
+    free = increment.floating & ~increment.held_motions.any(axis=(1, 2))
+    if increment.springs is not None or not free.any():
+        return w
+    grid, mass = increment.grid, increment.bulk.assembly.mass
+    momentum = grid.sums(np.stack([(mass * w)[::2], (mass * w)[1::2]]))
+    mean = np.where(free, momentum / np.maximum(grid.sums(mass[None, ::2]), 1e-300), 0.0)
+    return np.asarray(w - mean.T[grid.node_body].ravel())
+
+
 def drift(increment: Increment, w: Array, contact_impulse: Array, last_impulse: Array) -> Array:
     """The smaller of the displacements of bodies by these corrections, (bodies,) [cells]."""
     impulses = _balanced_by(increment, contact_impulse, last_impulse)

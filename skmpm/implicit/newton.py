@@ -34,7 +34,7 @@ from skmpm.implicit.iteration import (
     with_contact,
 )
 from skmpm.implicit.line_search import move
-from skmpm.implicit.momentum import drift, missing_spin, with_balanced_momentum
+from skmpm.implicit.momentum import drift, missing_spin, with_balanced_momentum, without_neutral_translation
 from skmpm.implicit.remedies import Remedies
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.rotation import matrix_turns, turned_solver
@@ -242,6 +242,8 @@ def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
     w = with_balanced_momentum(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
     if w is None:
         return None
+    if iterate.contact is None:
+        w = without_neutral_translation(increment, w)
     reaction = increment.reaction(balance.out_of_balance)
     spin = missing_spin(increment, w, balance.out_of_balance)
     numbers = balance.iteration, iterate.refactorisation.count, balance.contact, balance.norm

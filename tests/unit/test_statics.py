@@ -3,10 +3,25 @@
 import logging
 from functools import cache
 
+import meshio
 import numpy as np
 import pytest
 
-from skmpm import Body, LinearElastic, Load, NeoHookean, Scene, Scheme, StepFailed, Support, Wall, box, disc
+from skmpm import (
+    Body,
+    LinearElastic,
+    Load,
+    NeoHookean,
+    Pressure,
+    Scene,
+    Scheme,
+    StepFailed,
+    Support,
+    Wall,
+    box,
+    disc,
+    from_mesh,
+)
 from skmpm.implicit import floating, statics
 from skmpm.simulate import initial, simulate, step
 from skmpm.simulate.forces import equilibrium_depends_on_dt
@@ -282,3 +297,19 @@ def test_a_viscous_step_under_a_constant_load_is_retried():
     with pytest.raises(StepFailed) as failed:
         next(simulate(elastic, dt=100.0, until=100.0, scheme=scheme))
     assert not failed.value.retryable
+
+
+def test_a_free_body_under_loads_without_a_resultant_stays_where_it_is():
+    """A ring under pressure from inside: the nodes that hold it in the iteration stayed, and its centre moved."""
+    angle = 2.0 * np.pi * np.arange(48) / 48
+    x = np.concatenate([r * np.array([np.cos(angle), np.sin(angle)]) for r in np.linspace(1.0, 2.0, 6)], axis=1)
+    quads = [
+        (i + j, i + 48 + j, i + 48 + (j + 1) % 48, i + (j + 1) % 48) for i in range(0, 240, 48) for j in range(48)
+    ]
+    ring = from_mesh(meshio.Mesh(1e-3 * x.T, [("quad", quads)]))
+    inside = Pressure(lambda x: np.hypot(*x) < 1.02e-3, lambda t: 2e3 * t)
+    scene = Scene([Body(ring, NeoHookean(1e6, 0.3, 1000.0))], cell=0.2e-3, loads=[inside])
+    *_, state = simulate(scene, until=1.0, dt=0.5, scheme=Scheme(inertia=False))
+    moved = state.x - ring.x
+    assert np.hypot(*moved).max() > 2e-6
+    assert np.abs(moved @ state.mass).max() < 1e-12 * state.mass.sum()
