@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.contact.closest_points import LIGHT
+from skmpm.outline.curve import CORNER_COSINE
 from skmpm.preflight.limit import rounded_down
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
@@ -17,26 +18,34 @@ from skmpm.simulate.loading import gravity_of
 
 WIDE = 1.3  # [cells] half-width from which on the boundary points in contact average their chords out; test_rolling
 STEEP = np.radians(6.0)  # slope from which on discs roll to 12 % at any width
+STRAIGHT = 1e-6  # [rad] turn of an outline that is round-off
+
+Array = NDArray[np.float64]
 
 
 def rolling_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Iterator[str]:
     """Bodies on a gentle slope whose contacts under their own weight are too wide to glide and too narrow to average.
 
     A contact of a half-width of more than `LIGHT` segments acts at boundary points, so that the body stands on the
-    chords between them. The half-width is that of Hertz's theory for a disc on a plane.
+    chords between them. The half-width is that of Hertz's theory for a disc on a plane. Slopes are walls and the
+    straight sides of bodies that a motion or a support holds.
     """
     gravity = gravity_of(scene)
     weight = float(np.hypot(*gravity))
-    if not (scheme.inertia and weight > 0.0 and _gently_sloped(scene, gravity)) or acts_at_grid_nodes(scheme.contact):
+    if not (scheme.inertia and weight > 0.0) or acts_at_grid_nodes(scheme.contact):
         return
-    for b in np.flatnonzero(scene.round).tolist():
-        if not scene.deformable[b]:
+    slopes = _gentle_slopes(scene, gravity)
+    for b in np.flatnonzero(scene.round & scene.movable).tolist():
+        under = slopes[slopes != b]
+        under = under[scene.frictions.between(np.stack([np.full_like(under, b), under])) > 0.0]
+        if under.size == 0:
             continue
-        R = metrics.resolution[np.searchsorted(metrics.own, b)] * metrics.cell
-        segment = 2.0 * np.pi * R / max(map(len, scene.bodies[b].points.outline))
+        compliance = scene.compliance[b] + float(np.where(under < 0, 0.0, scene.compliance[under]).max())
         own = slice(scene.offsets[b], scene.offsets[b + 1])
+        R = np.sqrt(scene.initial_volumes[own].sum() / np.pi)
+        segment = 2.0 * np.pi * R / max(map(len, scene.bodies[b].points.outline))
         density = float(np.average(scene.densities[own], weights=scene.initial_volumes[own]))
-        half_width = 2.0 * R * np.sqrt(density * weight * R * scene.compliance[b])
+        half_width = 2.0 * R * np.sqrt(density * weight * R * compliance)
         if half_width > LIGHT * segment and half_width < WIDE * metrics.cell:
             yield (
                 f"body {b}: its weight widens contacts to {half_width / segment:.2g} boundary segments on either"
@@ -47,9 +56,30 @@ def rolling_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Ite
             return
 
 
-def _gently_sloped(scene: Scene, gravity: NDArray[np.float64]) -> bool:
-    """Whether a frictional wall is inclined against gravity, but less than `STEEP`."""
-    friction = np.array([scene.frictions.at_wall(i).max() for i in range(len(scene.walls))])
-    along = np.abs(gravity[0] * scene.normals[1] - gravity[1] * scene.normals[0])
-    across = -gravity @ scene.normals
-    return bool(np.any((friction > 0.0) & (along > 1e-9 * across) & (along < np.tan(STEEP) * across)))
+def _gentle_slopes(scene: Scene, gravity: Array) -> NDArray[np.int64]:
+    """Walls, as -1, -2, ..., and held bodies that have a side inclined against gravity by less than `STEEP`, (k,)."""
+    walls = -1 - np.flatnonzero(_gentle(scene.normals, gravity))
+    held = [np.flatnonzero(~scene.movable), *(scene.owner[place.points] for place in scene.supported)]
+    bodies = [b for b in np.unique(np.concatenate(held)).tolist() if _gentle(_sides(scene, b), gravity).any()]
+    return np.concatenate([walls, np.array(bodies, dtype=np.int64)])
+
+
+def _gentle(normals: Array, gravity: Array) -> NDArray[np.bool_]:
+    """Whether planes of such outward normals (2, k) are inclined against gravity, but less than `STEEP`, (k,)."""
+    along = np.abs(gravity[0] * normals[1] - gravity[1] * normals[0])
+    across = -gravity @ normals
+    return np.asarray((along > 1e-9 * across) & (along < np.tan(STEEP) * across))
+
+
+def _sides(scene: Scene, b: int) -> Array:
+    """Outward normals of the segments of a body beyond which its outline goes straight on or has a corner, (2, k)."""
+    normals = [np.zeros((2, 0))]
+    for loop in scene.bodies[b].points.outline:
+        x = scene.bodies[b].points.x[:, loop]
+        t = np.roll(x, -1, axis=1) - x
+        t /= np.hypot(*t)
+        before = np.roll(t, 1, axis=1)
+        turn = np.arctan2(before[0] * t[1] - before[1] * t[0], (before * t).sum(axis=0))
+        ends = (np.abs(turn) < STRAIGHT) | (np.cos(turn) < CORNER_COSINE)
+        normals.append(np.stack([t[1], -t[0]])[:, ends & np.roll(ends, -1)])
+    return np.concatenate(normals, axis=1)
