@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import reprlib
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -37,10 +39,17 @@ def pair_correlation(
     Raises
     ------
     SceneError
-        if no centre is that far from the walls, the walls do not enclose the bodies, or the state belongs to another
-        scene
+        if `bins` or `largest` is no number above zero, no centre is that far from the walls, the walls do not enclose
+        the bodies, or the state belongs to another scene
     """
     check_fits(scene, state, "pair_correlation")
+    if not isinstance(bins, int | np.integer) or bins < 1:
+        raise SceneError(f"pair_correlation: bins = {reprlib.repr(bins)}; give a number of rings, 1 or more")
+    if largest is not None and not (isinstance(largest, int | float | np.number) and 0.0 < largest < np.inf):
+        raise SceneError(
+            f"pair_correlation: largest = {reprlib.repr(largest)}; give a radius in metres above zero, or None for"
+            f" {DIAMETERS:g} mean diameters"
+        )
     own = scene.movable
     if largest is None:
         area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]

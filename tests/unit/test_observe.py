@@ -786,3 +786,19 @@ def test_pair_correlation_is_refused_where_every_centre_is_near_a_wall():
     scene = lattice(2)
     with pytest.raises(SceneError, match=r"no centre of a body is farther than largest = .* m from all walls"):
         pair_correlation(scene, initial(scene))
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"largest": -1}, r"largest = -1; give a radius in metres above zero"),
+        ({"largest": np.inf}, r"largest = inf; give a radius"),
+        ({"largest": "wide"}, r"largest = 'wide'; give a radius"),
+        ({"bins": 0}, r"bins = 0; give a number of rings, 1 or more"),
+        ({"bins": 2.5}, r"bins = 2.5; give a number of rings"),
+    ],
+)
+def test_pair_correlation_refuses_rings_that_are_none(options, match):
+    scene = lattice(12)
+    with pytest.raises(SceneError, match="pair_correlation: " + match):
+        pair_correlation(scene, initial(scene), **options)
