@@ -137,8 +137,10 @@ def open_file(path: Path, mode: str) -> Any:
         # No lock: ParaView can read the file while it grows.
         return h5py.File(path, mode, locking=False)
     except OSError as error:
-        if mode == "w" or isinstance(error, FileNotFoundError):
+        if mode == "w":
             raise
+        if isinstance(error, FileNotFoundError):
+            raise FileNotFoundError(f"{path}: there is no such file; give a file of `record`") from error
         done, remedy = "read", "give a file of `record`"
         if mode == "r+":
             done, remedy = "continued", "record to a new file with append=False"

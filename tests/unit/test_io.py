@@ -503,7 +503,7 @@ def test_read_returns_what_was_written(tmp_path, states):
 
 
 def test_what_cannot_be_read_is_explained(tmp_path, tiny):
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match="none: there is no such file; give a file of `record`"):
         read(tmp_path / "none")
     (tmp_path / "text").write_text("hello")
     with pytest.raises(ValueError, match=r"text: cannot be read .*; give a file of `record`"):
