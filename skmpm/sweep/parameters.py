@@ -28,8 +28,13 @@ def plain(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(name: str, value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, np.ndarray):
+        raise SweepError(
+            f"the parameter {name!r} is an array of shape {value.shape}; give a member for each of its values or, as"
+            f" one value, the list {name}.tolist()"
+        )
     if isinstance(value, list | tuple):
         return [_plain(name, item) for item in value]
     if isinstance(value, Mapping):

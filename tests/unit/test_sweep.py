@@ -440,7 +440,7 @@ def test_names_of_directories():
     found = [parameters.directory(parameters.plain(each)) for each in odd]
     assert len({name.casefold() for name in found}) == len(odd)
     assert all(len(name) < 140 and "/" not in name for name in found)
-    assert parameters.plain({"b": np.float64(0.5), "a": np.arange(2), "c": (1, 2)}) == {
+    assert parameters.plain({"b": np.float64(0.5), "a": [0, np.int64(1)], "c": (1, 2)}) == {
         "a": [0, 1],
         "b": 0.5,
         "c": [1, 2],
@@ -454,6 +454,10 @@ def test_members_that_are_refused(tmp_path):
         skmpm.sweep(ensembles.squeezed, [{"t": 1.0}], out=tmp_path)
     with pytest.raises(skmpm.SweepError, match="the parameter 'gel' is a NeoHookean; parameters are numbers"):
         skmpm.sweep(ensembles.squeezed, [{"gel": ensembles.GEL}], out=tmp_path)
+    with pytest.raises(skmpm.SweepError, match=r"'speed' is an array of shape \(2,\); give a member for each"):
+        skmpm.sweep(ensembles.squeezed, [{"speed": np.array([1.0, 2.0])}], out=tmp_path)
+    with pytest.raises(skmpm.SweepError, match=r"'speed' is an array"):
+        skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}, {"speed": [np.array([1.0])]}], out=tmp_path)
     with pytest.raises(skmpm.SweepError, match=r"a member is 1.0; give a dict"):
         skmpm.sweep(ensembles.squeezed, [1.0], out=tmp_path)
     assert not list(tmp_path.iterdir())
