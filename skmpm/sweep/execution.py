@@ -18,7 +18,7 @@ from skmpm.sweep.errors import Interrupted, SweepError
 from skmpm.sweep.lock import locked
 from skmpm.sweep.parameters import RESERVED, TIME
 from skmpm.sweep.records import Records
-from skmpm.sweep.run import Row, Rows, Run, checked, row_due
+from skmpm.sweep.run import Row, Rows, Run, Value, checked, row_due
 
 Build = Callable[..., Run | Row | Rows]
 FAILURE = "error.txt"
@@ -156,7 +156,7 @@ def _advance(
     saved, seen = perf_counter(), row is None or start is None or row["t"] == start.t
     ended = False
     if state is not None and row is not None and row["t"] == state.t:  # else it is a row of the stage before
-        ended = run.stop is not None and bool(run.stop(row))
+        ended = _stops(run, row)
     states = () if ended else run.simulate(run.scene, until=run.until, dt=run.dt, scheme=scheme, start=start)
     state = start
     try:
@@ -186,7 +186,22 @@ def _observe(run: Run, records: Records, state: State, reserved: frozenset[str])
     row = {TIME: state.t, **checked(run.observe(run.scene, state), reserved | {TIME})}
     for name, wanted in run.keep.items():
         path = records.folder / f"{name}.checkpoint"
-        if not path.exists() and wanted(row):
+        if not path.exists() and wanted(_Columns(row, f"keep[{name!r}]")):
             save(path, state)
     records.add(row)
-    return run.stop is not None and bool(run.stop(row))
+    return _stops(run, row)
+
+
+def _stops(run: Run, row: Row) -> bool:
+    return run.stop is not None and bool(run.stop(_Columns(row, "stop")))
+
+
+class _Columns(dict[str, Value]):
+    """A row as `stop` and `keep` see it: a missing column is named, with those that there are."""
+
+    def __init__(self, row: Row, asked_by: str) -> None:
+        super().__init__(row)
+        self._asked_by = asked_by
+
+    def __missing__(self, name: str) -> Value:
+        raise KeyError(f"Run: {self._asked_by} asks for a column {name!r}; the columns are {', '.join(self)}")

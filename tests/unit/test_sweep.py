@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -176,6 +177,21 @@ def test_stop_and_keep(tmp_path):
     manifest.write(cut.folder, about | {"status": "running"})  # killed just before this was changed
     assert execution.run_member(build, cut, execution.Worker()).status == "finished"
     assert records.read_table(cut.folder, finished=True)["force"].tolist() == force.tolist()
+
+
+@pytest.mark.parametrize(
+    ("asked", "by"),
+    [
+        ({"stop": lambda row: row["zzz"] > 0.0}, "stop"),
+        ({"keep": {"a": lambda row: row["zzz"] > 0.0}}, r"keep\['a'\]"),
+    ],
+)
+def test_a_column_that_does_not_exist_is_named_with_those_that_do(tmp_path, asked, by):
+    ended = execution.run_member(
+        lambda speed: replace(ensembles.squeezed(speed), **asked), task(tmp_path), execution.Worker()
+    )
+    assert ended.status == "failed"
+    assert re.search(rf"{by} asks for a column 'zzz'; the columns are t, force, steps, newton", ended.error)
 
 
 def staged(speed):
