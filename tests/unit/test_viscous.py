@@ -96,6 +96,21 @@ def test_the_stress_of_a_slow_step_is_twice_viscosity_times_the_rate_of_deformat
     assert linear or errors[1] == pytest.approx(0.1 * errors[0], rel=0.1)
 
 
+@pytest.mark.parametrize("e", [0.014, 0.0036])
+def test_the_error_of_the_stress_is_of_first_order_in_the_strain_of_a_step(e):
+    """2.5 e in uniaxial strain; of simple shear normal stresses eta rate e and twice that. `docs/limits.md`."""
+
+    def cauchy(F):
+        return product(Viscous(RESISTANCE, np.eye(2)[:, :, None], linear=False).stress(F), F.swapaxes(0, 1))[..., 0]
+
+    pressed, sheared = np.eye(2)[:, :, None], np.eye(2)[:, :, None]
+    pressed[1, 1], sheared[0, 1] = 1.0 - e, e
+    exact = -2.0 * ETA * e / (DT * (1.0 - e))  # by the rate of deformation at the end
+    assert cauchy(pressed)[1, 1] / (1.0 - e) / exact - 1.0 == pytest.approx(-2.5 * e, rel=0.02)
+    shear = ETA * e / DT
+    assert cauchy(sheared) == pytest.approx(shear * np.array([[2.0 * e, 1.0], [1.0, e]]), rel=2.0 * e)
+
+
 def squeezed(material, **options):
     walls = [Wall((0, 2 * R), (0, -1), velocity=(0, -1.0)), Wall((0, 0), (0, 1))]
     return Scene([Body(disc((0.0, R), R, spacing=R / 8), material, **options)], cell=R / 4, walls=walls)
