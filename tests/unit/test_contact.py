@@ -145,6 +145,17 @@ def test_the_finer_boundary_gives_the_points():
         assert (rows.point < bodies[0].points.size).all() == (order == 1)
 
 
+@pytest.mark.parametrize(("spacings", "giver"), [((2, 2), 0), ((2, 3), 1), ((3, 2), 0)])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_mirror_image_swaps_the_roles_of_equally_fine_bodies_alone(spacings, giver, mirrored):
+    """As `docs/limits.md` says; a spacing of CELL over the number."""
+    sign = -1.0 if mirrored else 1.0
+    places = zip((0.0, 2.02 * sign * R), spacings, strict=True)
+    rows, _ = rows_of(Scene([round_body((x, 0.0), spacing=CELL / k) for x, k in places], cell=CELL))
+    equal = spacings[0] == spacings[1]
+    assert (rows.bodies[0] == (1 if equal and mirrored else giver)).all() and rows.size > 0
+
+
 def test_gaps_to_walls_are_distances_along_their_normals():
     normal = polar(1.0, 0.9)
     start, speed = -(R + 0.1 * CELL) * normal, 0.05 * CELL / DT
