@@ -37,9 +37,8 @@ class Motion:
         """
         if self.box is None or state.box_rate is None:
             return 0.0
-        before, after = self.box
-        rate = (after - before) @ np.linalg.inv(before) / self.dt
-        return np.asarray(((rate - state.box_rate) @ centres(state.x, state.mass, state.body))[:, state.body])
+        change = self._stretch(*self.box) / self.dt - state.box_rate
+        return np.asarray((change @ centres(state.x, state.mass, state.body))[:, state.body])
 
     def largest(self, moved: Array, start: Array) -> float:
         """The largest displacement of boundary points, from `start` by `moved` (2, m) [m].
@@ -47,10 +46,14 @@ class Motion:
         In a periodic box it is relative to the box and to the mean, since images move with the bodies.
         """
         if self.box is not None and moved.size:
-            before, after = self.box
-            moved = moved - (after @ np.linalg.inv(before) - np.eye(2)) @ start
+            moved = moved - self._stretch(*self.box) @ start
             moved = moved - moved.mean(axis=1, keepdims=True)
         return float(np.abs(moved).max(initial=0.0))
+
+    @staticmethod
+    def _stretch(before: Array, after: Array) -> Array:
+        """Displacement gradient (2, 2) of the periodic box in the step."""
+        return np.asarray((after - before) @ np.linalg.inv(before))
 
     def lattice_vectors(self, k: Ints, end: int) -> Array:
         """Lattice vectors (2, c) [m] at the start (0) or the end (1) of the step; zero without a periodic box."""

@@ -52,7 +52,7 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
         return v, z, impulses
     some, inverse = constraints.among(chosen), Diagonal(1.0 / increment.mass)
     of_chosen = np.repeat(chosen, contact.r.size // chosen.size)
-    if contact.constraints.tangential and not some.tangential:
+    if constraints.tangential and not some.tangential:
         of_chosen[1::2] = False
     W = inverse.between_contacts(some.shares, *some.directions)
     u = some.D @ some.at_contact_points(v) + some.components(some.prescribed)

@@ -139,7 +139,7 @@ def _run(
     saved, retried, watch = perf_counter(), RetrySummary(), PressureWatch(scene, scheme)
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
-            while until - state.t > TIME_TOLERANCE * _step_of(state):
+            while until - state.t > TIME_TOLERANCE * _usual_step(state):
                 if pace is None:
                     state, failures = advance_with_retries(scene, state, until, scheme)
                 else:
@@ -160,7 +160,7 @@ def _run(
             _log.log(logging.WARNING if notable else logging.INFO, "%s", retried)
 
 
-def _step_of(state: State) -> float:
+def _usual_step(state: State) -> float:
     """The length of steps at a state [s], given or chosen; before the first step zero where it will be chosen."""
     return float(max(state.step_control.dt, state.step_control.chosen, state.report.dt))
 
