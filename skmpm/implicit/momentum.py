@@ -45,10 +45,8 @@ def without_neutral_translation(increment: Increment, w: Array) -> Array:
     free = increment.floating & ~increment.held_motions.any(axis=(1, 2))
     if increment.springs is not None or not free.any():
         return w
-    grid, mass = increment.grid, increment.bulk.assembly.mass
-    momentum = grid.sums(np.stack([(mass * w)[::2], (mass * w)[1::2]]))
-    mean = np.where(free, momentum / np.maximum(grid.sums(mass[None, ::2]), 1e-300), 0.0)
-    return np.asarray(w - mean.T[grid.node_body].ravel())
+    mean = np.where(free, _over_mass(increment, increment.bulk.assembly.lumped * w), 0.0)
+    return np.asarray(w - mean.T[increment.grid.node_body].ravel())
 
 
 def drift(increment: Increment, w: Array, contact_impulse: Array, last_impulse: Array) -> Array:
@@ -95,5 +93,11 @@ def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
         return np.zeros((2, grid.bodies))
     force = increment.theta_dt * (increment.load(w) - increment.spring_force(w))
     imbalance = assembly.lumped * (w - increment.inertial_velocity) - force - contact_impulse
-    resultant, mass = (grid.sums(a.reshape(-1, 2).T) for a in (imbalance, assembly.lumped))
+    return _over_mass(increment, imbalance)
+
+
+def _over_mass(increment: Increment, impulse: Array) -> Array:
+    """Resultants of nodal impulses (2 nodes,) over the masses of bodies, (2, bodies) [m/s]."""
+    lumped = increment.bulk.assembly.lumped
+    resultant, mass = (increment.grid.sums(a.reshape(-1, 2).T) for a in (impulse, lumped))
     return np.asarray(resultant / np.maximum(mass, 1e-300))
