@@ -21,7 +21,6 @@ class AndersonAcceleration:
     """
 
     mass: Array  # (n,) weights of the least-squares problem
-    depth: int = ANDERSON_DEPTH
     count: int = 0  # directions so far
     iterates: list[Array] = field(default_factory=list)
     directions: list[Array] = field(default_factory=list)
@@ -34,10 +33,8 @@ class AndersonAcceleration:
         accelerated and the others are the direction times the factor (alternating Anderson-Richardson; Pratapa,
         Suryanarayana & Pask, J. Comput. Phys. 306, 2016).
         """
-        self.iterates, self.directions = (
-            [*self.iterates, w][-self.depth :],
-            [*self.directions, direction][-self.depth :],
-        )
+        self.iterates = [*self.iterates, w][-ANDERSON_DEPTH:]
+        self.directions = [*self.directions, direction][-ANDERSON_DEPTH:]
         self.count += 1
         if len(self.iterates) == 1 or not wanted:
             return None

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import reprlib
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm.observe.contact_network import mass_centres
+from skmpm.observe.histogram import check_bins
 from skmpm.observe.regions import contains, periodic_region, region
 from skmpm.scene import Scene, SceneError, State, check_fits
 
@@ -43,13 +42,8 @@ def pair_correlation(
         the bodies, or the state belongs to another scene
     """
     check_fits(scene, state, "pair_correlation")
-    if not isinstance(bins, int | np.integer) or bins < 1:
-        raise SceneError(f"pair_correlation: bins = {reprlib.repr(bins)}; give a number of rings, 1 or more")
-    if largest is not None and not (isinstance(largest, int | float | np.number) and 0.0 < largest < np.inf):
-        raise SceneError(
-            f"pair_correlation: largest = {reprlib.repr(largest)}; give a radius in metres above zero, or None for"
-            f" {DIAMETERS:g} mean diameters"
-        )
+    remedy = f"a radius in metres above zero, or None for {DIAMETERS:g} mean diameters"
+    check_bins("pair_correlation", bins, 1.0 if largest is None else largest, remedy)
     own = scene.movable
     if largest is None:
         area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]

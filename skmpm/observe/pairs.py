@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.observe.contact_length import contact_lengths
 from skmpm.observe.contact_network import among, between, mass_centres, pairs_of, touching
+from skmpm.observe.histogram import check_bins
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
 
@@ -83,7 +84,13 @@ class Network:
         -------
         f : (bins,) centres of the bins, between 0 and `largest`
         density : (bins,) its integral is the fraction of forces up to `largest`; nan without forces
+
+        Raises
+        ------
+        SceneError
+            if `bins` is not a whole number above zero, or `largest` not a number above zero
         """
+        check_bins("force_distribution", bins, largest, "a multiple of the mean force above zero")
         force, edges = self.force[0][self.force[0] > 0.0], np.linspace(0.0, largest, bins + 1)
         centre = 0.5 * (edges[1:] + edges[:-1])
         if force.size == 0:

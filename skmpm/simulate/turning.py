@@ -77,8 +77,7 @@ def _unstable(state: State, dt: float) -> Bools:
     centre = centres(state.x, state.mass, state.body)
     arm = state.x - centre[:, state.body]
     inertia = np.bincount(state.body, state.mass * (arm**2).sum(axis=0), count)
-    virial, n = np.zeros(count), state.contacts.normal
-    force = state.contacts.force[0] * n + state.contacts.force[1] * np.stack([-n[1], n[0]])
+    virial, force = np.zeros(count), state.contacts.vectors
     for end, sign in enumerate((-1.0, 1.0)):
         side = state.contacts.bodies[end]
         on = np.flatnonzero(side >= 0)

@@ -227,3 +227,12 @@ def test_the_force_distribution_is_a_density_of_forces_over_their_mean():
     assert density.sum() * 0.1 == pytest.approx(np.mean(force[0, :-1] / force[0, :-1].mean() < 6.0), abs=1e-12)
     assert density[f < 3.0] == pytest.approx(np.exp(-f[f < 3.0]), abs=0.03)
     assert np.isnan(replace(one, force=np.zeros((2, 1))).force_distribution()[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [({"bins": 0}, "bins = 0; give a whole"), ({"largest": np.nan}, "largest = nan; give a multiple")],
+)
+def test_the_force_distribution_refuses_bins_that_are_none(options, match):
+    with pytest.raises(SceneError, match="force_distribution: " + match):
+        network(row(), touch(row())).force_distribution(**options)

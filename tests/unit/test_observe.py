@@ -794,8 +794,8 @@ def test_pair_correlation_is_refused_where_every_centre_is_near_a_wall():
         ({"largest": -1}, r"largest = -1; give a radius in metres above zero"),
         ({"largest": np.inf}, r"largest = inf; give a radius"),
         ({"largest": "wide"}, r"largest = 'wide'; give a radius"),
-        ({"bins": 0}, r"bins = 0; give a number of rings, 1 or more"),
-        ({"bins": 2.5}, r"bins = 2.5; give a number of rings"),
+        ({"bins": 0}, r"bins = 0; give a whole number, 1 or more"),
+        ({"bins": 2.5}, r"bins = 2.5; give a whole number"),
     ],
 )
 def test_pair_correlation_refuses_rings_that_are_none(options, match):
