@@ -3,6 +3,7 @@
 from skmpm.scene.check import TOUCHING, check_walls_at_start
 from skmpm.scene.contacts import Contacts
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
+from skmpm.scene.gravity import gravity_at
 from skmpm.scene.materials import initial_internal, material_at, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
@@ -53,6 +54,7 @@ __all__ = [
     "field_values",
     "fitted_motions",
     "forces_of_springs",
+    "gravity_at",
     "initial_internal",
     "into_box",
     "material_at",

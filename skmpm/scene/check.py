@@ -16,6 +16,7 @@ from skmpm.points.cloud import signed_area
 from skmpm.scene.check_functions import check_functions
 from skmpm.scene.check_groups import check_groups
 from skmpm.scene.check_loading import check_loads, check_supports
+from skmpm.scene.gravity import gravity_at
 from skmpm.scene.objects import (
     Body,
     SceneError,
@@ -57,7 +58,7 @@ def check(scene: Scene) -> None:
         )
     if callable(scene.gravity):
         X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
-        field_values("gravity(X, t) at t = 0", scene.gravity(X.copy(), 0.0), X)
+        gravity_at(scene, X, 0.0)
     else:
         vector("gravity", scene.gravity)
     for i, wall in enumerate(scene.walls):

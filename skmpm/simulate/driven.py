@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.observe.regions import region
-from skmpm.scene import Contacts, Scene, SceneError, State, forces_of_springs
+from skmpm.scene import Contacts, Scene, SceneError, State, forces_of_springs, gravity_at
 from skmpm.scheme import Scheme
 from skmpm.simulate.forces import add_dead_loads
 
@@ -105,9 +105,7 @@ def _external(scene: Scene, x: Array, t: float) -> Array:
         along = x[:, ends[1]] - x[:, ends[0]]
         for k, force_on_first in enumerate((-along[1], along[0])):
             np.add.at(each[k], ends[0], pressure * force_on_first)
-    X = scene.initial_positions
-    gravity = scene.gravity(X.copy(), t) if callable(scene.gravity) else np.reshape(np.asarray(scene.gravity), (2, 1))
-    each += scene.masses * np.asarray(gravity, dtype=float)
+    each += scene.masses * gravity_at(scene, scene.initial_positions, t)
     return np.stack([np.bincount(owner, component, bodies) for component in each])
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit import FollowerPressure
 from skmpm.material import viscosity_of
-from skmpm.scene import Scene, State, field_values, prescribed_motions
+from skmpm.scene import Scene, State, gravity_at, prescribed_motions
 from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
@@ -19,10 +19,11 @@ def external_force(scene: Scene, state: State, t: float) -> Array:
     assembly = assembly_of(state)
     if not (_has_gravity(scene) or scene.dead_loads):
         return np.zeros(2 * assembly.grid.nodes)
-    deformable = scene.deformable[state.body]
-    at_points = state.mass * _gravity(scene, deformable, t) if _has_gravity(scene) else np.zeros_like(state.x)
+    at_points, own = np.zeros_like(state.x), scene.deformable_points
+    if _has_gravity(scene):
+        at_points[:, own] = state.mass[own] * gravity_at(scene, scene.initial_positions[:, own], t)
     add_dead_loads(scene, t, at_points)
-    return np.asarray(assembly.grid.interpolation.T @ at_points[:, scene.deformable_points].T).ravel()
+    return np.asarray(assembly.grid.interpolation.T @ at_points[:, own].T).ravel()
 
 
 def add_dead_loads(scene: Scene, t: float, at_points: Array) -> None:
@@ -48,17 +49,6 @@ def follower_pressure(scene: Scene, state: State, t: float) -> FollowerPressure 
 def _has_gravity(scene: Scene) -> bool:
     """Whether the scene has gravity."""
     return callable(scene.gravity) or bool(np.any(scene.gravity))
-
-
-def _gravity(scene: Scene, deformable: NDArray[np.bool_], t: float) -> Array:
-    """Acceleration of the points of deformable bodies, (2, n) [m/s2]."""
-    g = np.zeros((2, deformable.size))
-    if callable(scene.gravity):
-        X = scene.initial_positions[:, deformable]
-        g[:, deformable] = field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X, t), X)
-    else:
-        g[:, deformable] = np.asarray(scene.gravity, dtype=float)[:, None]
-    return g
 
 
 def equilibrium_depends_on_dt(scene: Scene) -> bool:

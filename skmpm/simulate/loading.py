@@ -16,7 +16,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Scene, field_values
+from skmpm.scene import Scene, gravity_at
 from skmpm.simulate.driven import driven_by_force
 from skmpm.simulate.initial_state import can_touch, driven, initial_motion
 
@@ -110,8 +110,7 @@ def gravity_of(scene: Scene, t: float = 0.0) -> Array:
     """Gravity at time t, (2,) [m/s2]; of a field, its mean over deformable bodies."""
     if not callable(scene.gravity):
         return np.asarray(scene.gravity, dtype=float)
-    X = scene.initial_positions[:, scene.deformable[scene.owner]]
-    return np.asarray(field_values(f"gravity(X, t) at t = {t:g} s", scene.gravity(X, t), X).mean(axis=1))
+    return np.asarray(gravity_at(scene, scene.initial_positions[:, scene.deformable[scene.owner]], t).mean(axis=1))
 
 
 def free_height(scene: Scene) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Scene, State, field_values
+from skmpm.scene import Scene, State, gravity_at
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,12 +27,8 @@ class RigidState:
         """Forces of gravity and moments over radii of gyration at time t, body after body (3 n,) [N/m]."""
         at = np.flatnonzero(np.isin(state.body, self.bodies))
         own = np.searchsorted(self.bodies, state.body[at])
-        X = scene.initial_positions[:, at]
-        if callable(scene.gravity):
-            g = field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X, t), X)
-        else:
-            g = np.zeros_like(X) + np.asarray(scene.gravity, dtype=float)[:, None]
-        force, arm = state.mass[at] * g, (state.x[:, at] - self.centre[:, own]) / self.radius[own]
+        force = state.mass[at] * gravity_at(scene, scene.initial_positions[:, at], t)
+        arm = (state.x[:, at] - self.centre[:, own]) / self.radius[own]
         parts = (force[0], force[1], arm[0] * force[1] - arm[1] * force[0])
         return np.stack([_sums(own, part, self.bodies.size) for part in parts], axis=1).ravel()
 
