@@ -44,7 +44,9 @@ from skmpm.scene import (
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-PUSH_OUT = 0.2  # fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies
+# Fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies. In dynamic steps
+# shorter than waves take to cross a cell it is as much smaller: velocities would be overlaps over dt.
+PUSH_OUT = 0.2
 
 
 def point_to_curve(
@@ -60,8 +62,9 @@ def point_to_curve(
 
     The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
     u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of
-    the step may keep 0.8 of this overlap (`PUSH_OUT`). With `inertia`, light contacts act at the closest points of
-    smooth outlines. `motions` are the prescribed velocities of the step, evaluated here if not given.
+    the step may keep 0.8 of this overlap, more in very short steps (`PUSH_OUT`). With `inertia`, light contacts act
+    at the closest points of smooth outlines. `motions` are the prescribed velocities of the step, evaluated here if
+    not given.
 
     Raises
     ------
@@ -73,6 +76,7 @@ def point_to_curve(
     interpolation = _boundary_interpolation(scene, state, grid, boundary)
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
     within, start = contact_reach(scene), state.x[:, boundary.point]
+    kept = 1.0 - PUSH_OUT * (min(1.0, dt * scene.fastest_wave / scene.cell) if inertia else 1.0)
 
     def search(margin: float) -> tuple[Neighbours, Roles] | None:
         """The candidates, complete for motions up to half the margin; None if nothing is near anything."""
@@ -103,7 +107,7 @@ def point_to_curve(
         pairs = no_contacts() if found is None else _contacts(scene, found[0], motion, moved, theta)
         if found is None or pairs.gap.size == 0:
             return no_constraints(interpolation)
-        return _constraints(scene, pairs, *found, motion, moved, interpolation, velocity)
+        return _constraints(scene, pairs, *found, motion, moved, interpolation, velocity, kept)
 
     return linearise
 
@@ -179,10 +183,11 @@ def _constraints(
     moved: Array,
     interpolation: sp.csr_array,
     velocity: Array,
+    kept: float,
 ) -> Constraints:
     """Constraints of the contact pairs, linearised about a motion of the boundary points by `moved` (2, m) [m].
 
-    `velocity` (2, m) [m/s] is the part of it that the nodes cause.
+    `velocity` (2, m) [m/s] is the part of it that the nodes cause. Of an initial overlap a share is `kept`.
     """
     surfaces, start, dt = near.surfaces, near.start.x, motion.dt
     strength = tensile_strength(scene, surfaces, start, found, roles.rank) if scene.cohesive else 0.0 * found.gap
@@ -195,12 +200,11 @@ def _constraints(
     found = _of_bodies(found, surfaces)
     columns = np.concatenate([found.own, found.stencil])
     relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), moved.shape[1])
-    prescribed = (relative @ motion.points.T).T / dt if motion.points.any() else np.zeros((2, found.gap.size))
+    moving = (before - image) / dt
     on_wall = found.bodies[1] < 0
-    prescribed[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
-    prescribed -= (image - before) / dt
+    moving[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
     now = np.einsum("ik,ki->k", found.normal, relative @ velocity.T)
-    allowed = np.maximum(np.minimum((1.0 - PUSH_OUT) * found.before, -found.kept), np.minimum(found.before, 0.0))
+    allowed = np.maximum(np.minimum(kept * found.before, -found.kept), np.minimum(found.before, 0.0))
     return Constraints(
         bodies=found.bodies,
         x=at - home,
@@ -213,7 +217,8 @@ def _constraints(
         difference=relative,
         tangent_shares=combinations(found.stencil, found.tangent_shares, moved.shape[1]),
         curvature=found.curvature,
-        prescribed=prescribed,
+        rigid=motion.points.T / dt,
+        surfaces=moving,
         offset_normal=(found.gap - allowed) / dt - now,
         pushed_out=np.where(found.before < 0.0, np.maximum(np.minimum(found.gap, 0.0) - found.before, 0.0), 0.0),
         tensile_strength=strength,

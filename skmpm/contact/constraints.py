@@ -41,7 +41,8 @@ class Constraints:
     difference: sp.csr_array  # (k, m) first body minus second body
     tangent_shares: sp.csr_array  # (k, m) weights of contact points in the second surface's unit tangent [1/m]
     curvature: Array  # (k,) of the second surface, negative where it is convex [1/m]
-    prescribed: Array  # (2, k) prescribed part of the relative velocity [m/s]
+    rigid: Array  # (m, 2) velocities of the contact points on rigid bodies, zero on others [m/s]
+    surfaces: Array  # (2, k) relative velocity by the motion of walls and of periodic images [m/s]
     offset_normal: Array  # (k,) [m/s]
     pushed_out: Array  # (k,) part of an initial overlap that this step removes [m]
     tensile_strength: Array  # (k,) largest tension c l that the contact bears in this step [N/m]
@@ -60,6 +61,13 @@ class Constraints:
         first = int(low.min(initial=0))
         number = (high - first) * (int(high.max(initial=0)) - first + 1) + low - first
         return np.asarray(np.unique(number, return_inverse=True)[1])
+
+    @cached_property
+    def prescribed(self) -> Array:
+        """Part of the relative velocity that prescribed motions contribute, (2, k) [m/s]."""
+        if not self.rigid.any():
+            return self.surfaces
+        return np.asarray(self.surfaces + (self.difference @ self.rigid).T)
 
     @property
     def tangential(self) -> bool:
@@ -147,6 +155,8 @@ class Constraints:
     def with_frames_of(self, earlier: Constraints, w: Array) -> Constraints:
         """These constraints about w with the normals and contact points of `earlier` constraints of the same key.
 
+        Motions of rigid bodies, walls and images are the present ones: those that forces drive change with w.
+
         When contact of a corner with a side becomes contact of two corners, the two may exchange their roles: then
         another body comes first, or of one body another point.
         """
@@ -166,7 +176,6 @@ class Constraints:
             self,
             normal=normal,
             difference=difference,
-            prescribed=np.where(found, sign * earlier.prescribed[:, where], self.prescribed),
             offset_normal=self.offset_normal + rotated,
         )
 
@@ -175,7 +184,8 @@ class Constraints:
         if chosen.all():
             return self
         kept = np.flatnonzero(chosen)
-        some = {f.name: _some(getattr(self, f.name), kept) for f in fields(self) if f.name != "base"}
+        of_contacts = (f.name for f in fields(self) if f.name not in ("base", "rigid"))
+        some = {name: _some(getattr(self, name), kept) for name in of_contacts}
         return replace(self, **some)
 
     def lifted(self, r: Array, dt: float) -> Array:
@@ -219,7 +229,8 @@ def no_constraints(base: sp.csr_array) -> Constraints:
     none, two, rows = np.zeros(0), np.zeros((2, 0)), sp.csr_array((0, base.shape[0]))
     no_index, no_pair = np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
     return Constraints(
-        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none, two, none, none, none, none, two)
+        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none),
+        *(np.zeros((base.shape[0], 2)), two, none, none, none, none, two),
     )
 
 
