@@ -23,6 +23,7 @@ from skmpm import coulomb
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.residual import Increment
+from skmpm.implicit.scalar_unknowns import SMALL
 from skmpm.linear import Diagonal
 
 Array = NDArray[np.float64]
@@ -98,5 +99,5 @@ def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
         moved = abs(unknowns.rows(contact.z, constraints)[::stride])
         midpoint = unknowns.inertia.theta < 1.0
         moves |= moved @ midpoint > 0.0
-        closed &= moved @ ~midpoint == 0.0
+        closed &= moved @ (~midpoint).astype(float) <= SMALL
     return np.asarray(closed & moves)

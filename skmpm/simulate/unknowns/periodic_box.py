@@ -37,7 +37,7 @@ class StressedBox:
     length: Array  # (q,) of the edges that the unknowns move, at the start of the step [m]
     inertia: Inertia
     dt: float
-    centres: Array  # (2, bodies) of bodies that move with it, zero of others, as those with supports [m]
+    centres: Array  # (2, bodies) of bodies that move with it, zero of others, as those with supports or springs [m]
 
     @staticmethod
     def of(scene: Scene, state: State, interval: Interval) -> StressedBox:
@@ -56,7 +56,7 @@ class StressedBox:
             length,
             replace(interval, theta=1.0).inertia(mass, state.box_rate[i, j] * length),
             dt,
-            centres(state.x, state.mass, state.body) * (scene.movable & ~_supported(scene) & interval.inertial),
+            centres(state.x, state.mass, state.body) * (scene.movable & ~_held(scene) & interval.inertial),
         )
 
     @property
@@ -114,8 +114,12 @@ class StressedBox:
         return sp.csr_array(rows)
 
 
-def _supported(scene: Scene) -> NDArray[np.bool_]:
-    """Bodies that supports hold, (bodies,)."""
+def _held(scene: Scene) -> NDArray[np.bool_]:
+    """Bodies that supports or springs hold, (bodies,): moving with the box would change the forces of springs."""
     held = np.zeros(len(scene.bodies), dtype=bool)
     held[scene.owner[(scene.supporting >= 0).any(axis=0)]] = True
+    for ends in scene.sprung:
+        for place in (ends.first, ends.second):
+            if place is not None:
+                held[scene.owner[place.points]] = True
     return held
