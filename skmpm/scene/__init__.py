@@ -15,6 +15,7 @@ from skmpm.scene.scene import Scene
 from skmpm.scene.springs import (
     Spring,
     forces_of_springs,
+    rest_in_step,
     rest_of,
     spring_energy,
     spring_forces,
@@ -65,6 +66,7 @@ __all__ = [
     "prescribed_motions",
     "prescribed_velocities",
     "recut",
+    "rest_in_step",
     "rest_of",
     "rigid_motion",
     "spring_energy",

@@ -149,18 +149,27 @@ def spring_energy(scene: Scene, x: Array, t: float) -> float:
     return total
 
 
-def work_of_ends(scene: Scene, x: Array, times: tuple[float, float, float]) -> float:
-    """Work done by ends that move from times[0] to times[2] with the forces at times[1], x (2, n) [J/m]."""
+def rest_in_step(scene: Scene, i: int, times: tuple[float, float], theta: float) -> Array:
+    """What spring i has without a force a part theta of a step after its start, with ends that move uniformly in it.
+
+    So the work of the ends is what the springs store, exactly, whatever their motion in time.
+    """
+    before, after = (rest_of(scene, i, t) for t in times)
+    return np.asarray(before + theta * (after - before))
+
+
+def work_of_ends(scene: Scene, x: Array, times: tuple[float, float], theta: float) -> float:
+    """Work of the ends in a step between two times, by the forces at x (2, n) a part theta after its start [J/m]."""
     total = 0.0
     for i, (spring, ends) in enumerate(zip(scene.springs, scene.sprung, strict=True)):
         if not callable(spring.rest):
             continue
-        before, middle, after = (rest_of(scene, i, t) for t in times)
-        k = stiffness_of(i, spring)
+        moved = rest_of(scene, i, times[1]) - rest_of(scene, i, times[0])
+        k, middle = stiffness_of(i, spring), rest_in_step(scene, i, times, theta)
         if ends.bed:
-            total -= float((k * (after - before)) @ (_stretch(scene, ends, x, middle) @ ends.first.share))
+            total -= float((k * moved) @ (_stretch(scene, ends, x, middle) @ ends.first.share))
         else:
-            total -= float(k[0] * (after - before)) * float(np.hypot(*ends.span(x)) - middle)
+            total -= float(k[0] * moved) * float(np.hypot(*ends.span(x)) - middle)
     return total
 
 

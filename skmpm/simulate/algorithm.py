@@ -100,7 +100,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         gauge=gauge_condition(scene, state, v0, force, dt, scheme),
         pressure=follower_pressure(scene, state, state.t + scheme.theta * dt),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
-        springs=springs_of(scene, state, state.t + scheme.theta * dt),
+        springs=springs_of(scene, state, dt, scheme.theta),
         known_start=known,
     )
     timer.lap("transfer")

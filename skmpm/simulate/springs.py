@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.implicit import Increment, Springs, StepRejected
-from skmpm.scene import Scene, SceneError, State, rest_of, spring_energy, stiffness_of, work_of_ends
+from skmpm.scene import Scene, SceneError, State, rest_in_step, spring_energy, stiffness_of, work_of_ends
 from skmpm.scheme import Scheme
 from skmpm.simulate.regrid import assembly_of
 
@@ -21,8 +21,8 @@ def check_explicit_springs(name: str, scene: Scene, scheme: Scheme) -> None:
         raise SceneError(f"{name}: spring 0 in explicit steps, which do not know springs; use Scheme(explicit=False)")
 
 
-def springs_of(scene: Scene, state: State, t: float) -> Springs | None:
-    """The springs of a step with the ends that they have at time t; None without springs."""
+def springs_of(scene: Scene, state: State, dt: float, theta: float) -> Springs | None:
+    """The springs of a step with the ends that they have a part theta after its start; None without springs."""
     if not scene.springs:
         return None
     assembly, number = assembly_of(state), np.cumsum(scene.deformable[state.body]) - 1
@@ -31,7 +31,7 @@ def springs_of(scene: Scene, state: State, t: float) -> Springs | None:
     ends_of_bars: list[tuple[Ints, Array, int]] = []  # points, their shares and the bar
     span, bar_stiffness, length = [np.zeros((0, 2))], [0.0][:0], [0.0][:0]
     for i, (spring, ends) in enumerate(zip(scene.springs, scene.sprung, strict=True)):
-        k, rest, first = stiffness_of(i, spring), rest_of(scene, i, t), ends.first
+        k, rest, first = stiffness_of(i, spring), rest_in_step(scene, i, (state.t, state.t + dt), theta), ends.first
         if ends.bed:
             points.append(number[first.points])
             stiffness.append(k[:, None] * first.share)
@@ -90,6 +90,5 @@ def energies(
     stored = spring_energy(scene, before, t), spring_energy(scene, after, t + dt)
     if increment.scheme.inertia:
         at = before + theta * (after - before)
-        return stored, work_of_ends(scene, at, (t, t + theta * dt, t + dt))
-    each = [work_of_ends(scene, x, (t, s, t + dt)) for x, s in ((before, t), (after, t + dt))]
-    return stored, 0.5 * sum(each)
+        return stored, work_of_ends(scene, at, (t, t + dt), theta)
+    return stored, 0.5 * sum(work_of_ends(scene, x, (t, t + dt), end) for x, end in ((before, 0.0), (after, 1.0)))

@@ -122,6 +122,22 @@ def test_a_bed_whose_end_moves_pulls_a_block_and_its_work_is_counted():
     assert abs(energy.dissipated) < 1e-3 * energy.external
 
 
+@pytest.mark.parametrize("steps", [10, 100])
+@pytest.mark.parametrize("to", [None, (1.0, 0.5)], ids=["bed", "bar"])
+def test_the_midpoint_rule_keeps_energy_while_ends_start_smoothly(to, steps):
+    """Forces at rest((t0 + t1) / 2) gained half of all energy in the first step, and dt was blamed."""
+
+    def rest(t):
+        moved = 0.01 * (1.0 - np.cos(2.0 * np.pi * t / PERIOD))
+        return (moved, 0.0) if to is None else 0.5 - moved
+
+    scene = Scene([block()], cell=CELL, springs=[Spring(everywhere, K, to=to, rest=rest)])
+    energy = run(scene, PERIOD, steps, replace(MIDPOINT, newton_tol=1e-10)).report.energy
+    assert total(energy) > 1e-3 * K * 0.02**2
+    assert energy.external == pytest.approx(total(energy), rel=1e-6)
+    assert abs(energy.dissipated) < 1e-6 * energy.external
+
+
 def test_backward_euler_dissipates_the_energy_of_a_bed_and_counts_it():
     scene = Scene([block(velocity=(1.0, 0.0))], cell=CELL, springs=[Spring(everywhere, K)])
     energy = run(scene, PERIOD, 50, Scheme()).report.energy
@@ -254,7 +270,7 @@ def test_newtons_method_knows_stiff_bars_with_and_without_contact(friction):
 def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solver):
     rng, scene = np.random.default_rng(0), pair()
     state = initial(scene)
-    springs = springs_of(scene, state, 0.0)
+    springs = springs_of(scene, state, 1.0, 0.0)
     assembly, grid = springs.assembly, springs.assembly.grid
     C = STIFF.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
@@ -290,7 +306,7 @@ def test_bars_of_different_bodies_share_a_solve(solver):
     """Nine blocks and six bars: the inverse of the sum, by as few columns as the bars on one block."""
     scene = wall_of_blocks(3, 0.0)
     state = initial(scene)
-    springs = springs_of(scene, state, 0.0)
+    springs = springs_of(scene, state, 1.0, 0.0)
     assembly, grid = springs.assembly, springs.assembly.grid
     C = scene.bodies[0].material.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
@@ -333,7 +349,7 @@ def test_forces_and_stiffness_of_springs_are_derivatives_of_their_energy():
     rng = np.random.default_rng(3)
     springs = [Spring(lambda x: x[0] < 0.2, (K, 3 * K)), Spring(left, K, to=right, rest=1.7)]
     scene = replace(pair(), springs=springs)
-    found = springs_of(scene, initial(scene), 0.0)
+    found = springs_of(scene, initial(scene), 1.0, 0.0)
     nodes = found.assembly.grid.nodes
     U, d = 0.05 * rng.normal(size=2 * nodes), 1e-6 * rng.normal(size=2 * nodes)
     slope = (found.energy(U + d) - found.energy(U - d)) / 2
