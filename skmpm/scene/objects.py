@@ -258,10 +258,13 @@ def not_negative(name: str, value: object, what: str) -> float:
 
 
 def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
-    """The value as an array of floats; SceneError if it cannot be converted, or is text."""
+    """A copy of the value as an array of floats; SceneError if it cannot be converted, or is text.
+
+    A user's function may return the same array again, with other values.
+    """
     try:
         if np.asarray(value).dtype.kind in "US":
             raise TypeError("text")
-        return np.asarray(value, dtype=float)
+        return np.array(value, dtype=float)
     except (TypeError, ValueError):
         raise SceneError(f"{name} = {value!r} is not a number or an array of numbers; {remedy}") from None

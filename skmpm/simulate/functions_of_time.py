@@ -95,7 +95,7 @@ def _relative(error: Array, values: Array, size: Array) -> float:
 
 def _values(f: Function, times: Array) -> Array:
     """The values of a function at some times, (times, k); components that it leaves free are zero."""
-    each = [np.ravel(np.asarray(f(float(t)), dtype=float)) for t in times]
+    each = [np.array(f(float(t)), dtype=float).ravel() for t in times]
     return np.asarray(np.nan_to_num(np.array(each)), dtype=np.float64)
 
 

@@ -309,3 +309,24 @@ def test_what_takes_a_scene_says_so(name, tmp_path):
                     name, {}
                 ),
             )
+
+
+def test_functions_may_return_the_same_array_again():
+    """With other values: two loads that write to one array had the force of the last, two walls its velocity."""
+    shared = np.zeros(2)
+
+    def writing(x, y):
+        def value(t):
+            shared[:] = x, y
+            return shared
+
+        return value
+
+    walls = [
+        Wall((0.0, -R), (0.0, 1.0), velocity=writing(1.0, 0.0)),
+        Wall((0.0, R), (0.0, -1.0), velocity=writing(2.0, 0.5)),
+    ]
+    loads = [Load(lambda x: x[1] > 0.0, writing(1.0, 0.0)), Load(lambda x: x[1] > 0.0, writing(0.0, 5.0))]
+    loaded = Scene([Body(ROUND, GEL)], cell=CELL, walls=walls, loads=loads)
+    np.testing.assert_array_equal(loaded.forces(0.0), [[1.0, 0.0], [0.0, 5.0]])
+    np.testing.assert_array_equal(loaded.wall_velocities(0.0), [[1.0, 0.0], [2.0, 0.5]])
