@@ -1,7 +1,18 @@
 """Checkpoints (`save`, `load`) and time series for ParaView (`record`, `read`)."""
 
-from skmpm.io.checkpoint import CheckpointError, load, save, writable
+from skmpm.io.checkpoint import PARTIAL, CheckpointError, load, save, writable
 from skmpm.io.reading import Frame, Recording, read
 from skmpm.io.recording import Recorder, record
 
-__all__ = ["CheckpointError", "Frame", "Recorder", "Recording", "load", "read", "record", "save", "writable"]
+__all__ = [
+    "PARTIAL",
+    "CheckpointError",
+    "Frame",
+    "Recorder",
+    "Recording",
+    "load",
+    "read",
+    "record",
+    "save",
+    "writable",
+]

@@ -30,6 +30,7 @@ from skmpm.scene import State
 AnyArray = NDArray[Any]
 
 FORMAT = "skmpm checkpoint"
+PARTIAL = ".skmpm-"  # begin of the names of files that are being written
 SCHEMA = 7  # increased when earlier files can no longer be read
 LEFT_OUT = frozenset({"derived"})  # fields that follow from others
 ARRAY = "@array"  # marks an array in the tree; no field is named so
@@ -206,7 +207,7 @@ def writable(path: str | Path) -> Path:
 def _replacing(path: Path) -> Iterator[IO[bytes]]:
     """Yield a file that replaces `path` once it is written to disk; it is removed on failure."""
     path = writable(path)
-    temporary = path.parent / f".skmpm-{uuid4().hex}.tmp"
+    temporary = path.parent / f"{PARTIAL}{uuid4().hex}.tmp"
     try:
         with temporary.open("xb") as file:
             yield file

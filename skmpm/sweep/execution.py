@@ -5,12 +5,12 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
-from skmpm.io import load, save
+from skmpm.io import PARTIAL, load, save
 from skmpm.linear import one_thread
 from skmpm.scene import State
 from skmpm.sweep import manifest
@@ -82,7 +82,8 @@ def _locked(build: Build, task: Task, worker: Worker) -> Outcome:
         "sessions": [*(before or {}).get("sessions", []), manifest.session(list(task.command))],
     }
     manifest.write(folder, about)
-    for left in (folder / FAILURE, *folder.glob(".*")):  # by a process killed while it wrote
+    unfinished = chain.from_iterable(folder.glob(f"{begin}*") for begin in (manifest.PARTIAL, PARTIAL))
+    for left in (folder / FAILURE, *unfinished):  # by a process killed while it wrote
         left.unlink(missing_ok=True)
     began, spent = perf_counter(), process_time()
     status, text = "finished", ""

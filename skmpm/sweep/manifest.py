@@ -19,8 +19,10 @@ from socket import gethostname
 from typing import Any
 
 from skmpm.sweep.errors import SweepError
+from skmpm.sweep.parameters import same
 
 FILE = "manifest.json"
+PARTIAL = f".{FILE}."  # while it is written, then the process
 PACKAGES = ("numpy", "scipy", "numba", "scikit-fem", "pyamg")
 About = dict[str, Any]
 
@@ -40,7 +42,7 @@ def read(folder: Path) -> About | None:
 
 def write(folder: Path, about: Mapping[str, Any]) -> None:
     """Replace the manifest of a directory."""
-    partial = folder / f".{FILE}.{os.getpid()}"
+    partial = folder / f"{PARTIAL}{os.getpid()}"
     partial.write_text(json.dumps(about, indent=1) + "\n")
     partial.replace(folder / FILE)
 
@@ -51,7 +53,7 @@ def check(folder: Path, about: Mapping[str, Any], parameters: Mapping[str, Any])
     A run that has not finished goes on only with the same versions of all that its results depend on.
     """
     remedy = "give another out, or delete the directory"
-    if about.get("parameters") != parameters:
+    if not same(about.get("parameters"), parameters):
         raise SweepError(f"{folder} was made with other parameters, {about.get('parameters')}; {remedy}")
     then, now = about.get("versions", {}), library() if about.get("status") == "finished" else versions()
     other = [name for name in now if then.get(name) != now[name]]

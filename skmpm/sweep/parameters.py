@@ -47,6 +47,11 @@ def _plain(name: str, value: Any) -> Any:
     )
 
 
+def same(one: Any, other: Any) -> bool:
+    """Whether two plain parameters, or dicts of them, are equal; nan is equal to nan."""
+    return bool(one == other) or json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)
+
+
 def check_names(parameters: Mapping[str, Any]) -> None:
     """SweepError if a parameter has the name of a column that every table has."""
     for name in sorted(parameters.keys() & (RESERVED | {TIME})):

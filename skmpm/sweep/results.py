@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from skmpm.representation import line
 from skmpm.scene import State
 from skmpm.sweep import manifest
 from skmpm.sweep.errors import SweepError
-from skmpm.sweep.parameters import plain
+from skmpm.sweep.parameters import plain, same
 from skmpm.sweep.records import LAST, Column, read_table
 
 
@@ -105,8 +105,12 @@ class Sweep:
             if not any(name in member.parameters for member in self.members):
                 known = sorted({key for member in self.members for key in member.parameters})
                 raise SweepError(f"where: no member has a parameter {name!r}; they have {', '.join(known) or 'none'}")
-        wanted = plain(parameters).items()
-        return Sweep(tuple(m for m in self.members if all(m.parameters.get(key) == value for key, value in wanted)))
+        wanted = plain(parameters)
+
+        def chosen(own: Mapping[str, Any]) -> bool:
+            return all(name in own and same(own[name], value) for name, value in wanted.items())
+
+        return Sweep(tuple(member for member in self.members if chosen(member.parameters)))
 
     def table(self) -> dict[str, Column]:
         """Columns (rows,) of all members below each other by name, as `pandas.DataFrame` takes them.
@@ -117,10 +121,10 @@ class Sweep:
         sizes = [next(iter(member.columns.values())).size if member.columns else 0 for member in self.members]
         first: list[dict[str, Any]] = [{"member": m.name, "finished": m.status == "finished"} for m in self.members]
         constant = [about | m.parameters for about, m in zip(first, self.members, strict=True)]
+        every = [_repeated(about, n) | m.columns for about, n, m in zip(constant, sizes, self.members, strict=True)]
         names = dict.fromkeys(key for about in constant for key in about)
-        found = {name: _repeated([about.get(name) for about in constant], sizes) for name in names}
-        columns = dict.fromkeys(key for member in self.members for key in member.columns)
-        return found | {name: _joined([m.columns.get(name) for m in self.members], sizes) for name in columns}
+        names |= dict.fromkeys(key for member in self.members for key in member.columns)
+        return {name: _joined([columns.get(name) for columns in every], sizes) for name in names}
 
     def __repr__(self) -> str:
         facts: dict[str, object] = {"": f"{len(self.members)} members"}
@@ -139,9 +143,9 @@ def read_member(folder: Path, status: str = "", error: str = "") -> Member:
     return Member(folder, about["parameters"], status, error, columns)
 
 
-def _repeated(values: Sequence[Any], sizes: Sequence[int]) -> Column:
-    """A parameter, for every row of its member."""
-    return _joined([None if v is None else np.full(n, _cell(v)) for v, n in zip(values, sizes, strict=True)], sizes)
+def _repeated(values: Mapping[str, Any], rows: int) -> dict[str, Column]:
+    """Parameters as columns with the same value in every row; None has none."""
+    return {name: np.full(rows, _cell(value)) for name, value in values.items() if value is not None}
 
 
 def _cell(value: Any) -> Any:

@@ -430,6 +430,34 @@ def test_directories_of_other_parameters_or_versions_are_refused(tmp_path):
         skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
 
 
+def counted(a=None, k=0, x=None):
+    """One row, with a column of the name of a parameter where that is not given."""
+    return {"n": 1} if x is not None else {"n": 1, "x": 5.0}
+
+
+def test_a_parameter_that_is_nan_is_that_of_the_run_before(tmp_path):
+    for _ in range(2):
+        found = skmpm.sweep(counted, [{"a": float("nan")}], out=tmp_path)
+        assert found["a=nan"].status == "finished"
+    assert len(found.where(a=float("nan"))) == 1
+
+
+def test_a_column_with_the_name_of_a_parameter_of_another_member(tmp_path):
+    """The parameter was lost; members without a parameter are not those in which it is None."""
+    found = skmpm.sweep(counted, [{"k": 1, "x": 2.0}, {"k": 2}], out=tmp_path)
+    np.testing.assert_array_equal(found.table()["x"], [2.0, 5.0])
+    assert [len(found.where(x=value)) for value in (2.0, None)] == [1, 0]
+
+
+def test_hidden_directories_and_files_of_the_user_stay(tmp_path):
+    folder = tmp_path / "k=1"
+    (folder / ".ipynb_checkpoints").mkdir(parents=True)
+    (folder / ".note").write_text("mine")
+    (folder / f"{manifest.PARTIAL}1").write_text("{")
+    assert skmpm.sweep(counted, [{"k": 1}], out=tmp_path)["k=1"].status == "finished"
+    assert sorted(path.name for path in folder.glob(".*")) == [".ipynb_checkpoints", ".note"]
+
+
 @pytest.mark.parametrize(("source", "warned"), [("0" * 64, True), ("", False)], ids=["other", "unknown"])
 def test_a_build_that_has_changed_is_warned_of(tmp_path, caplog, source, warned):
     finished = replace(task(tmp_path / "speed=1.0"), build={"name": "ensembles.squeezed", "source": source})
