@@ -35,13 +35,12 @@ class Roles:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Candidate points and segments: complete if no boundary point moves by more than half the margin."""
+    """Candidate points and segments, all if no boundary point moves by more than half the margin of the search."""
 
     surfaces: Images  # what they are numbered by
     start: Cubics  # the outlines at the start of the step
     cell: float  # [m]
     reach: float  # detection distance [m]
-    margin: float  # [m]
     point: Ints  # (n,) sorted by point, then by side
     segment: Ints  # (n,)
     begins: Ints  # (groups,) first candidate of each group, those of a point on one side
@@ -125,7 +124,6 @@ def neighbours(
         start=curve.through(x),
         cell=scene.cell,
         reach=reach,
-        margin=margin,
         point=point,
         segment=segment,
         begins=np.flatnonzero(begins),

@@ -50,10 +50,6 @@ class Friction:
         """Coefficients of pairs of bodies' and walls' surfaces."""
         return self.coefficient[: self.of_bodies, self.of_bodies :]
 
-    def at_wall(self, i: int) -> Array:
-        """Coefficients at wall i by the bodies' surfaces."""
-        return self.coefficient[: self.of_bodies, self.surface[-1 - i]]
-
     @property
     def largest(self) -> float:
         """The largest coefficient."""

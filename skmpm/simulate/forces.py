@@ -68,13 +68,14 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
 
 
 def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
-    """The bodies that contact forces of the last step or supports act on, (bodies,).
+    """The bodies that contact forces of the last step, supports or springs act on, (bodies,).
 
     In a quasi-static step the initial guess of the velocities of other bodies is zero; they may move all the same.
     """
     interacting = np.zeros(len(scene.bodies), dtype=bool)
     loaded = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
     interacting[loaded[loaded >= 0]] = True
-    for supported in (*scene.supported, *(ends.first for ends in scene.sprung)):
-        interacting[state.body[supported.points]] = True
+    springs = (end for ends in scene.sprung for end in (ends.first, ends.second) if end is not None)
+    for held in (*scene.supported, *springs):
+        interacting[state.body[held.points]] = True
     return interacting
