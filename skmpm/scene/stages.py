@@ -61,12 +61,14 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
 
 
 def _support_forces(scene: Scene, state: State, new_scene: Scene) -> Array:
-    """Forces on the supports of the new scene, of those that go on: which are of the old scene, too."""
-    former = {id(support): i for i, support in enumerate(scene.supports)}
+    """Forces on the supports of the new scene that hold the same components of the same points as old ones."""
     forces = np.zeros((len(new_scene.supports), 2))
-    for i, support in enumerate(new_scene.supports):
-        if id(support) in former:
-            forces[i] = state.support_force[former[id(support)]]
+    for i, place in enumerate(new_scene.supported):
+        for axis, (held, holds) in enumerate(zip(scene.supporting, new_scene.supporting, strict=True)):
+            former = np.unique(held[place.points])
+            if former.size == 1 and former[0] >= 0 and holds[place.points[0]] == i:
+                same = scene.supported[former[0]].points.size == place.points.size
+                forces[i, axis] = state.support_force[former[0], axis] if same else 0.0
     return forces
 
 

@@ -130,6 +130,31 @@ def test_supports_are_released_and_loads_added():
     assert stretch == pytest.approx(10.0 / R * (1 - 0.3**2) / 1e6, rel=0.05)  # plane strain
 
 
+def test_supports_that_are_described_anew_go_on():
+    """Work of supports in the first quasi-static step of a stage is that of the mean of forces at both its ends."""
+    bar = Body(box((0.0, 0.0), (8 * R, R), spacing=R / 8), LinearElastic(1e6, 0.3, 1000.0))
+
+    def scene():
+        roller, pin = lambda x: x[0] < 0.01 * R, lambda x: np.hypot(*x) < 0.01 * R
+        pull = Support(lambda x: x[0] > 7.99 * R, velocity=(0.1 * R, None))
+        ends = [Support(roller, velocity=(0.0, None)), Support(pin, velocity=(None, 0.0)), pull]
+        return Scene([bar], cell=R / 4, supports=ends)
+
+    scheme, first, second = Scheme(inertia=False), scene(), scene()
+    *_, state = simulate(first, dt=1.0, until=1.0, scheme=scheme)
+    begun = continued(first, state, second)
+    np.testing.assert_array_equal(begun.support_force, state.support_force)
+    np.testing.assert_array_equal(
+        continued(first, state, replace(second, supports=second.supports[::-1])).support_force,
+        state.support_force[::-1],
+    )
+    *_, after = simulate(second, dt=1.0, until=2.0, start=begun, scheme=scheme)
+    energy = after.report.energy
+    assert energy.external - state.report.energy.external == pytest.approx(
+        energy.elastic - state.report.energy.elastic, rel=1e-6
+    )
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
