@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from skmpm.implicit import Increment, Solution
@@ -17,9 +19,11 @@ def unbalanced_ratio(scene: Scene, increment: Increment, solution: Solution, aft
     supports are left out. It is zero if no force acts, and infinite if forces act but none between bodies.
     """
     grid, force, mean = increment.grid, increment.load(solution.w) - increment.spring_force(solution.w), 0.0
-    if solution.contact is not None and solution.contact.constraints.size:
-        force = force + solution.contact.impulse / (increment.scheme.theta * increment.dt)
-        contacts = among(after.contacts, between(after.contacts))
+    contact = solution.contact
+    if contact is not None and contact.constraints.size:
+        force = force + contact.impulse / (increment.scheme.theta * increment.dt)
+        without_impacts = replace(after.contacts, force=contact.constraints.forces(contact.r, increment.dt))
+        contacts = among(without_impacts, between(after.contacts))
         pairs = pairs_of(contacts, after.box)
         each = np.where(pairs.same, 1.0, -1.0) * contacts.vectors
         sizes = np.hypot(*(np.bincount(pairs.of, component, pairs.bodies.shape[1]) for component in each))

@@ -67,3 +67,14 @@ def test_a_pair_that_touches_across_a_periodic_box_on_both_sides_has_two_forces(
     *_, state = simulate(squeezed, dt=1e-4, until=2e-3, scheme=Scheme(inertia=False))
     assert state.contacts.force[0].sum() > 0.0
     assert state.report.unbalanced < 1e-2
+
+
+@pytest.mark.parametrize("theta", [1.0, 0.5])
+def test_two_discs_that_collide_are_out_of_balance_by_the_force_between_them(theta):
+    """Impacts, at the end of steps of the midpoint rule, are left out of resultants and of the mean force."""
+    places = [(0.0, 1.0), (2.05 * R, -1.0)]
+    bodies = [Body(disc((0.0, y), R, spacing=0.74 * CELL), GEL, velocity=(0.0, v)) for y, v in places]
+    states = simulate(Scene(bodies, cell=CELL), dt=1e-6, until=1e-4, scheme=Scheme(theta=theta))
+    found = [state.report.unbalanced for state in states if state.contacts.force[0].any()]
+    assert len(found) > 20
+    assert found == pytest.approx([1.0] * len(found), rel=1e-3)
