@@ -156,7 +156,7 @@ def test_frozen_constraints_do_not_depend_on_the_order_of_bodies(friction):
     rng = np.random.default_rng(0)
     at, later = 0.02 * rng.standard_normal((2, unknowns))
     kept, rows = linearise(at), linearise(later)
-    exchanged = {name: -getattr(kept, name) for name in ("normal", "difference", "prescribed")}
+    exchanged = {name: -getattr(kept, name) for name in ("normal", "difference", "surfaces")}
     expected = rows.with_frames_of(kept, later)
     found = rows.with_frames_of(replace(kept, bodies=kept.bodies[::-1], **exchanged), later)
     assert np.array_equal(kept.key, rows.key) and rows.size > 0
