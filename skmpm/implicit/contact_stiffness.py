@@ -98,9 +98,11 @@ def _compliance(
     gap, kappa = constraints.gap[chosen], constraints.curvature[chosen]
     c = 1.0 / np.maximum(1.0 - gap * kappa, MIN_CURVATURE_FACTOR)
     factor = theta / (theta**2 * dt * normal * c * (gap * kappa - 1.0))
-    friction = 1.0 / (1.0 + friction_ratio**2)
-    entries = ((gap * friction, -np.ones_like(gap)), (-friction, kappa))
-    return sp.block_array([[sp.diags_array(factor * e) for e in row] for row in entries], format="csr")
+    friction, l = 1.0 / (1.0 + friction_ratio**2), chosen.size  # noqa: E741
+    entries = factor * np.array([[gap * friction, -np.ones(l)], [-friction, kappa]])  # (row, column, contact)
+    columns = np.tile(np.arange(2 * l, dtype=np.int32).reshape(2, l).T.ravel(), 2)
+    rows = 2 * np.arange(2 * l + 1, dtype=np.int32)
+    return sp.csr_array((entries.transpose(0, 2, 1).ravel(), columns, rows), shape=(2 * l, 2 * l))
 
 
 def loaded(constraints: Constraints, r: Array) -> Ints:
