@@ -393,7 +393,7 @@ def test_without_loads_and_supports_no_point_set_is_found(option, names):
 
 def test_without_gravity_and_loads_no_force_is_brought_to_the_nodes():
     """Neither is evaluated in any step, nor gravity because there are loads."""
-    force = "skmpm.simulate.forces._gravity"
+    force = "skmpm.scene.gravity.gravity_at"
     calls, states = run(alone())
     assert calls[force] == calls["skmpm.scene.scene.Scene.forces"] == 0
     assert states[-1].report.energy.external == 0.0

@@ -269,7 +269,7 @@ def test_zero_gravity_forms_nothing(monkeypatch):
     def never(*arguments):
         raise AssertionError("gravity was formed")
 
-    monkeypatch.setattr(import_module("skmpm.simulate.forces"), "_gravity", never)
+    monkeypatch.setattr(import_module("skmpm.simulate.forces"), "gravity_at", never)
     still, falling = (Scene([round_body((0, 0))], cell=CELL, gravity=g) for g in ((0, 0.0), (0.0, -1e-9)))
     step(still, initial(still), DT)
     with pytest.raises(AssertionError, match="gravity was formed"):

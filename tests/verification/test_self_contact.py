@@ -243,7 +243,7 @@ def test_frozen_frames_of_parts_that_exchange_roles():
     grid = state.derived.assembly.grid
     linearise = point_to_curve(scene, state, grid, dt, 1.0, prescribed_velocities(scene, state.t, dt))
     kept, rows = linearise(np.zeros(2 * grid.nodes)), linearise(np.full(2 * grid.nodes, 1e-3))
-    exchanged = {name: -getattr(kept, name) for name in ("normal", "difference", "prescribed")}
+    exchanged = {name: -getattr(kept, name) for name in ("normal", "difference", "surfaces")}
     expected = rows.with_frames_of(kept, np.zeros(2 * grid.nodes))
     found = rows.with_frames_of(replace(kept, point=kept.point + 1, **exchanged), np.zeros(2 * grid.nodes))
     np.testing.assert_array_equal(rows.key, kept.key)
