@@ -13,6 +13,7 @@ from skmpm import (
     Load,
     NeoHookean,
     Pressure,
+    Rigid,
     Scene,
     Scheme,
     StepFailed,
@@ -313,3 +314,30 @@ def test_a_free_body_under_loads_without_a_resultant_stays_where_it_is():
     moved = state.x - ring.x
     assert np.hypot(*moved).max() > 2e-6
     assert np.abs(moved @ state.mass).max() < 1e-12 * state.mass.sum()
+
+
+@pytest.mark.parametrize("held", [0.125, 1.0])
+def test_a_step_in_which_nothing_moves_changes_nothing(held):
+    """A rigid disc, pressed on a block and turned, is held: the step's normals were 0.05 rad off those of the disc.
+
+    The force along the block changed by 12 % and the energy by a tenth; both depended on the length of the step.
+    """
+    points = disc((0.0, 2 * R), R, spacing=R / 7)
+    block = Body(box((-2 * R, 0.0), (4 * R, R), spacing=R / 7), GEL)
+
+    def scene(motion):
+        foot = Support(lambda x: x[1] < 1e-9)
+        return Scene([block, Body(points, Rigid(1.0), motion=motion)], cell=R / 5, supports=[foot], friction=0.9)
+
+    def pressing(t):
+        return (0.0, -0.15 * R * np.pi * np.sin(np.pi * t), -1.2 if t > 0.25 else 0.0)
+
+    *_, before = simulate(scene(pressing), until=0.5, dt=1 / 16, scheme=STATIC)
+    after = step(scene((0.0, 0.0, 0.0)), before, held, scheme=STATIC)
+    assert after.report.energy.elastic == pytest.approx(before.report.energy.elastic, rel=2e-3)
+    assert after.body_force[:, 1] == pytest.approx(before.body_force[:, 1], rel=5e-3)
+    pressed = after.contacts.force[0] > 0.0
+    centre = after.x[:, after.body == 1].mean(axis=1)
+    radial = (after.contacts.x - centre[:, None])[:, pressed] / R
+    across = radial[0] * after.contacts.normal[1, pressed] - radial[1] * after.contacts.normal[0, pressed]
+    assert np.abs(across).max() < 0.01
