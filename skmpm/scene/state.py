@@ -62,7 +62,8 @@ class State:
     support_force : (supports, 2) the same on each support [N/m]
     box : (2, 2) edges of the periodic box as columns [m]; None without one. The second one is replaced by that of the
         same lattice that leans least, so a shear strain follows from `box_rate`, not from the edges
-    box_rate : (2, 2) its velocity gradient [1/s]; None without one
+    box_rate : (2, 2) its velocity gradient at the end of the last step [1/s], whose deformation gradient is
+        (1 - dt box_rate)^-1 whatever its length; None without one
     contacts : those at the end of the last step, `Contacts`
     report : cost and residuals of the last step, a `Report`
     step_control : what `simulate` continues with
