@@ -31,12 +31,11 @@ from skmpm.simulate.forces import (
     equilibrium_depends_on_dt,
     external_force,
     follower_pressure,
-    interacting_bodies,
 )
 from skmpm.simulate.grid_to_points import end_state, kept_configuration, kept_solver, velocity_at_start
+from skmpm.simulate.initial_guess import continued_motion
 from skmpm.simulate.initial_state import check_cohesion, check_explicit, check_scheme, touches
 from skmpm.simulate.regrid import (
-    assembly_of,
     bulk_of,
     check_connected,
     check_parts_apart,
@@ -81,8 +80,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     v0 = velocity_at_start(scene, state, scheme)
     if state.box is not None:
         v0 -= velocity_of_box(state, state.box_rate)
-    if not scheme.inertia:  # the initial guess moves only bodies that contacts or supports act on
-        v0 *= np.repeat(interacting_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
+    if not scheme.inertia:
+        v0 = continued_motion(scene, state, motions, dt, v0)
     if state.box is not None:
         v0 += velocity_of_box(state, mean_gradient(state, motions, dt))
     force = external_force(scene, state, state.t + scheme.theta * dt)
