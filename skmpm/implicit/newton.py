@@ -4,8 +4,8 @@ Every iteration computes the gaps at the current w and solves the contact proble
 includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity; it is
 factorised again where convergence is slow. Near a limit point of the contacts the contact problem may have no
 solution: that iteration then goes without geometric stiffness. In a quasi-static step, which such iterations do not
-solve, the contact geometry is frozen (`frozen_geometry`), and replaced by that of a later iterate which it
-does not fit.
+solve, the contact geometry is frozen (`frozen_geometry`), and replaced by that of a later iterate where it makes a
+moment.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import check_resultants
-from skmpm.implicit.frozen_geometry import geometry_fits, unmet_geometry
+from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
     SLOW_RATE,
     STALLED_RATE,
@@ -144,11 +144,11 @@ class _Balance:
 
 
 def _evaluate(iterate: _Iterate) -> _Balance:
-    """The residuals; at a solution that its frozen contact geometry does not fit, those with the present one."""
+    """The residuals; at a solution whose frozen contact geometry makes a moment, those with the present geometry."""
     balance, contact = _balance(iterate), iterate.contact
     if contact is None or contact.frozen is None or not balance.converged:
         return balance
-    if geometry_fits(iterate.increment, contact, iterate.w):
+    if frozen_geometry_moment(iterate.increment, contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
         return balance
     iterate.contact, iterate.before = contact.with_frozen_geometry(contact.current).at(iterate.w), np.inf
     if iterate.remedies:
@@ -255,4 +255,4 @@ def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:
     increment, contact = iterate.increment, iterate.contact
     moved = drift(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
     unmet = unmet_criteria(increment, contact, balance.out_of_balance, balance.norm, balance.contact, moved)
-    return not_converged(balance.iteration, unmet + unmet_geometry(increment, contact, iterate.w))
+    return not_converged(balance.iteration, unmet + unmet_moment(increment, contact, iterate.w))

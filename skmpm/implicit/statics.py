@@ -20,7 +20,7 @@ from skmpm.implicit.floating import (
     floating_bodies,
     limited,
 )
-from skmpm.implicit.frozen_geometry import geometry_fits, unmet_geometry
+from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
 from skmpm.implicit.iteration import (
     SLOW_RATE,
     STALLED_RATE,
@@ -86,7 +86,7 @@ def _newton(iterate: Iterate, start: tuple[Array, Configuration], timer: Timer) 
             balance = restart(iterate, start, iteration)
         check_step_motion(increment, bodies, iterate.w)
         if converged(iterate, balance):
-            if geometry_fits(iterate.increment, iterate.contact, iterate.w):
+            if frozen_geometry_moment(iterate.increment, iterate.contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
                 return _solution(iterate, balance)
             balance = _renew_geometry(iterate, iteration)
             if converged(iterate, balance):
@@ -101,7 +101,7 @@ def _unmet(iterate: Iterate, balance: OutOfBalance) -> list[tuple[str, str]]:
     unmet = unmet_criteria(
         iterate.increment, iterate.contact, out_of_balance, balance.without_proximal, balance.residual, no_drift
     )
-    return unmet + unmet_geometry(iterate.increment, iterate.contact, iterate.w)
+    return unmet + unmet_moment(iterate.increment, iterate.contact, iterate.w)
 
 
 def _renew_geometry(iterate: Iterate, iteration: int) -> OutOfBalance:

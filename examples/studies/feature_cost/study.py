@@ -104,7 +104,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "factorisations": lambda c: c.reported("factorisations"),
     "solves": lambda c: c.named("Banded.__call__", "Amg.__call__"),
     "line searches": lambda c: c.named("line_search._search"),
-    "gravity evaluated": lambda c: c.named("forces._gravity"),
+    "gravity evaluated": lambda c: c.named("gravity.gravity_at"),
     "loads evaluated": lambda c: c.named("Scene.forces"),
     "body grids built": lambda c: c.named("building.build_grids"),
     "weights fitted": lambda c: c.named("moment_fitting.fitted_weights"),
