@@ -59,6 +59,11 @@ class Ends(NamedTuple):
         """Whether it is a bed."""
         return self.second is None and self.point is None
 
+    @property
+    def sets(self) -> tuple[PointSet, ...]:
+        """The sets of points, one or two."""
+        return (self.first,) if self.second is None else (self.first, self.second)
+
     def span(self, x: Array) -> Array:
         """The vector from the other end of a bar to its first, (2,) [m], with points at x (2, n)."""
         first = x[:, self.first.points] @ self.first.share

@@ -46,7 +46,7 @@ def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
         for body in scene.bodies
     ]
     found = scene.round & np.array(symmetric)
-    ends = [place for ends in scene.sprung for place in (ends.first, ends.second) if place is not None]
+    ends = [place for ends in scene.sprung for place in ends.sets]
     for place in (*scene.supported, *scene.loaded, *ends):
         found[scene.owner[place.points]] = False
     for segments in scene.pressed:

@@ -85,7 +85,7 @@ def _with_loaded_bodies(
 def _loaded(scene: Scene) -> NDArray[np.bool_]:
     """Which bodies have loads or springs and no supports, (bodies,)."""
     loaded = scene.movable & callable(scene.gravity)
-    springs = [end for ends in scene.sprung for end in (ends.first, ends.second) if end is not None]
+    springs = [place for ends in scene.sprung for place in ends.sets]
     for place in (*scene.loaded, *springs):
         loaded[scene.owner[place.points]] = True
     for segments in scene.pressed:

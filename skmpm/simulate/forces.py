@@ -75,7 +75,7 @@ def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
     interacting = np.zeros(len(scene.bodies), dtype=bool)
     loaded = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
     interacting[loaded[loaded >= 0]] = True
-    springs = (end for ends in scene.sprung for end in (ends.first, ends.second) if end is not None)
+    springs = (place for ends in scene.sprung for place in ends.sets)
     for held in (*scene.supported, *springs):
         interacting[state.body[held.points]] = True
     return interacting

@@ -36,9 +36,11 @@ def _prescribed(
     each = zip(scene.supported, motions.supports.reshape(-1, 2), scene.free_components, strict=True)
     for place, velocity, free in each:
         yield velocity[~free], state.v[:, place.points].mean(axis=1)[~free]
-    for b in np.flatnonzero(~scene.movable).tolist():
+    held = np.flatnonzero(~scene.movable).tolist()
+    centre = centres(state.x, state.mass, state.body) if held else np.zeros((2, 0))
+    for b in held:
         own = slice(scene.offsets[b], scene.offsets[b + 1])
-        arm = state.x[:, own] - centres(state.x, state.mass, state.body)[:, b : b + 1]
+        arm = state.x[:, own] - centre[:, b : b + 1]
         points = np.sqrt(arm.shape[1])
         yield velocity_at(arm, motions.rigid[:, b : b + 1]).ravel() / points, state.v[:, own].ravel() / points
     gradient = mean_gradient(state, motions, dt)

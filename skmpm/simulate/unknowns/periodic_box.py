@@ -119,7 +119,6 @@ def _held(scene: Scene) -> NDArray[np.bool_]:
     held = np.zeros(len(scene.bodies), dtype=bool)
     held[scene.owner[(scene.supporting >= 0).any(axis=0)]] = True
     for ends in scene.sprung:
-        for place in (ends.first, ends.second):
-            if place is not None:
-                held[scene.owner[place.points]] = True
+        for place in ends.sets:
+            held[scene.owner[place.points]] = True
     return held
