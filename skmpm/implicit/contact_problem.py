@@ -150,6 +150,15 @@ class ContactIterate:
         return coulomb.residual(self.lifted, self.u, constraints.friction, diagonal, reference=scale.reference)
 
     @property
+    def frozen_angle(self) -> float:
+        """Mean angle between frozen normals and those at w, weighted with the contact forces [rad]."""
+        if self.frozen is None or self.constraints.size == 0:
+            return 0.0
+        size = np.hypot(*self.constraints.forces(self.r, 1.0))
+        angle = np.hypot(*(self.constraints.normal - self.current.normal))
+        return float(size @ angle) / max(float(size.sum()), 1e-300)
+
+    @property
     def impulse_round_off(self) -> float:
         """Size of the contact impulse of round-off in gap velocities [kg m/s per m]; zero before the first solve."""
         scale = self.known.scale

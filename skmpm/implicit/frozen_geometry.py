@@ -1,23 +1,52 @@
-"""Frozen contact geometry, and the moments due to it.
+"""Frozen contact geometry, the moments due to it, and solutions without it.
 
 Where Newton's method does not converge with the contact geometry of every iterate, normals and contact points, and so
 the contact Jacobian, are kept from one iterate (lagged contact kinematics). They are frozen; gaps are still computed
 at every iterate. Where contacts have slid since, the two forces of a contact no longer act on one line: equal and
-opposite, they make a couple.
+opposite, they make a couple. Where contacts have turned since, the solution is that of other normals; from it,
+Newton's method mostly converges with the geometry of every iterate.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.contact_problem import ContactIterate
+from skmpm.implicit.errors import StepRejected
+from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import Increment
 
 Array = NDArray[np.float64]
 
 # Largest moment due to frozen contact geometry, over the radius of gyration and half the sum of the forces on a body.
 MAX_FROZEN_MOMENT = 2e-3
+
+# Mean angle between frozen normals and those at the solution, weighted with forces, from which on a solution without
+# frozen geometry is looked for [rad]: forces are off by as much as by the largest moment. It is 1e-4 in most steps,
+# and up to 0.2 where a prescribed motion changes under friction.
+SMALL_ANGLE = MAX_FROZEN_MOMENT
+
+
+def with_present_geometry(solution: Solution, again: Callable[[], Solution]) -> Solution:
+    """The solution, or the one that `again` finds from it if the frozen normals of the first are off.
+
+    `again` goes on from the solution without frozen geometry, for as many iterations as led to the first one: what
+    more of them find is another equilibrium, farther away. It may fail or freeze the geometry once more, and is
+    repeated as long as normals are off by less than half as much. Beside sharp edges, where normals alternate, they
+    are not, and the solution is one with normals that are off.
+    """
+    while solution.frozen_angle > SMALL_ANGLE:
+        try:
+            found = again()
+        except StepRejected:
+            break
+        if found.frozen_angle > 0.5 * solution.frozen_angle:
+            break
+        solution = found
+    return solution
 
 
 def frozen_geometry_moment(increment: Increment, contact: ContactIterate | None, w: Array) -> Array:

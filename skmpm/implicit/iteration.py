@@ -95,6 +95,11 @@ class Solution:
         """The contact impulse at the nodes, (2 nodes,) [kg m/s per m]; None where nothing can touch."""
         return None if self.contact is None else self.contact.impulse
 
+    @property
+    def frozen_angle(self) -> float:
+        """Mean angle between frozen contact normals and those at w, weighted with forces [rad]; 0 without any."""
+        return 0.0 if self.contact is None else self.contact.frozen_angle
+
 
 def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
     """The velocity at which Newton's method starts, with its configuration.

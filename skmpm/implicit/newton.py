@@ -20,7 +20,12 @@ from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import check_resultants
-from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
+from skmpm.implicit.frozen_geometry import (
+    MAX_FROZEN_MOMENT,
+    frozen_geometry_moment,
+    unmet_moment,
+    with_present_geometry,
+)
 from skmpm.implicit.iteration import (
     SLOW_RATE,
     STALLED_RATE,
@@ -56,7 +61,18 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
     """
     if problem is None:
         check_resultants(increment)
-    iterate, persistence = _first(increment, problem, kept), _Persistence.of(increment, problem)
+    iterate = _first(increment, problem, kept)
+    solution = _newton(iterate, _Persistence.of(increment, problem), timer)
+
+    def again() -> Solution:
+        _thaw(iterate)
+        return _newton(iterate, _Persistence(2 * solution.newton, solution.newton), timer)
+
+    return with_present_geometry(solution, again)
+
+
+def _newton(iterate: _Iterate, persistence: _Persistence, timer: Timer) -> Solution:
+    """Newton's method from an iterate."""
     while True:
         balance = _evaluate(iterate)
         if balance.converged and (solution := _solution(iterate, balance)):
@@ -141,6 +157,14 @@ class _Balance:
     def converged(self) -> bool:
         """Whether the iterate is a solution; the initial guess is none."""
         return (self.small and self.iteration > 0) or self.exact
+
+
+def _thaw(iterate: _Iterate) -> None:
+    """Go on without frozen contact geometry."""
+    assert iterate.contact is not None
+    iterate.contact, iterate.before = iterate.contact.with_frozen_geometry(None).at(iterate.w), np.inf
+    if iterate.remedies:
+        iterate.remedies.restart()
 
 
 def _evaluate(iterate: _Iterate) -> _Balance:

@@ -20,7 +20,12 @@ from skmpm.implicit.floating import (
     floating_bodies,
     limited,
 )
-from skmpm.implicit.frozen_geometry import MAX_FROZEN_MOMENT, frozen_geometry_moment, unmet_moment
+from skmpm.implicit.frozen_geometry import (
+    MAX_FROZEN_MOMENT,
+    frozen_geometry_moment,
+    unmet_moment,
+    with_present_geometry,
+)
 from skmpm.implicit.iteration import (
     SLOW_RATE,
     STALLED_RATE,
@@ -72,15 +77,21 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
     remedies, of_centre = Remedies(mass), AndersonAcceleration(mass)
     iterate = Iterate(increment, problem.at(start[0]), bodies, *start, kept, remedies, of_centre)
     try:
-        return _newton(iterate, start, timer)
+        solution = _newton(iterate, start, timer, range(increment.scheme.max_newton + 1))
     except StepRejected as error:
         raise diagnose(increment, iterate.contact, bodies, error) from error
 
+    def again() -> Solution:
+        _thaw(iterate)
+        return _newton(iterate, start, timer, range(solution.newton, 2 * solution.newton + 1))
 
-def _newton(iterate: Iterate, start: tuple[Array, Configuration], timer: Timer) -> Solution:
-    """Newton's method from the initial guess, a velocity and its configuration."""
+    return with_present_geometry(solution, again)
+
+
+def _newton(iterate: Iterate, start: tuple[Array, Configuration], timer: Timer, iterations: range) -> Solution:
+    """Newton's method in so many iterations; a restart is from `start`, a velocity and its configuration."""
     increment, bodies = iterate.increment, iterate.bodies
-    for iteration in range(increment.scheme.max_newton + 1):
+    for iteration in iterations:
         balance = evaluate(iterate, iteration)
         if drifts_on_springs(iterate):
             balance = restart(iterate, start, iteration)
@@ -92,7 +103,13 @@ def _newton(iterate: Iterate, start: tuple[Array, Configuration], timer: Timer) 
             if converged(iterate, balance):
                 return _solution(iterate, balance)
         _iterate(iterate, update_proximal_term(iterate, balance), timer)
-    raise not_converged(increment.scheme.max_newton, _unmet(iterate, balance))
+    raise not_converged(iterations[-1], _unmet(iterate, balance))
+
+
+def _thaw(iterate: Iterate) -> None:
+    """Go on without frozen contact geometry."""
+    iterate.contact, iterate.before = iterate.contact.with_frozen_geometry(None), np.inf
+    iterate.remedies.restart()
 
 
 def _unmet(iterate: Iterate, balance: OutOfBalance) -> list[tuple[str, str]]:

@@ -81,6 +81,7 @@ class Report:
     residual : natural-map residual of the contact law at the end of the step
     imbalance : residual of the momentum balance over the largest of its terms
     frozen_normals : whether contact normals are those of an earlier Newton iteration
+    frozen_angle : mean angle between these and the normals at the end of the step, weighted with forces [rad]
     unbalanced : largest resultant force on a body over the mean contact force (`simulate.unbalanced`)
     overlap : area shared by bodies / area of all bodies
     energy : energy budget, an `Energy`
@@ -96,6 +97,7 @@ class Report:
     residual: float = 0.0
     imbalance: float = 0.0
     frozen_normals: bool = False
+    frozen_angle: float = 0.0
     unbalanced: float = 0.0
     overlap: float = 0.0
     energy: Energy = Energy()

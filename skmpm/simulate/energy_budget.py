@@ -206,6 +206,7 @@ def report_of(
         residual=solution.residual,
         imbalance=solution.imbalance,
         frozen_normals=solution.contact is not None and solution.contact.frozen is not None,
+        frozen_angle=solution.frozen_angle,
         unbalanced=unbalanced,
         overlap=overlap,
         energy=Energy(

@@ -19,7 +19,6 @@ from skmpm.progress import Progress
 from skmpm.scene import Scene, SceneError, State, check_fits, check_initial_positions, check_scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.confinement import PressureWatch
 from skmpm.simulate.initial_state import check_scheme, initial
 from skmpm.simulate.regrid import check_connected
 from skmpm.simulate.step_control import (
@@ -30,6 +29,7 @@ from skmpm.simulate.step_control import (
     with_step,
 )
 from skmpm.simulate.step_length import Pace, pace_of
+from skmpm.simulate.watches import NormalsWatch, PressureWatch
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
 SLOW = 1e-3  # kinetic over elastic energy, below which a packing counts as quasi-static
@@ -136,7 +136,7 @@ def _run(
     checkpoint: Path | None,
 ) -> Iterator[State]:
     """The loop of `simulate`."""
-    saved, retried, watch = perf_counter(), RetrySummary(), PressureWatch(scene, scheme)
+    saved, retried, watches = perf_counter(), RetrySummary(), (PressureWatch(scene, scheme), NormalsWatch())
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * _usual_step(state):
@@ -145,7 +145,7 @@ def _run(
                 else:
                     state, failures = advance_with_chosen_step(scene, state, until, scheme, pace)
                 retried = retried.after(state, failures)
-                if warning := watch.warning(state):
+                for warning in filter(None, (watch.warning(state) for watch in watches)):
                     _log.warning("%s", warning)
                 if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:
                     save(checkpoint, state)

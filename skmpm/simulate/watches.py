@@ -1,4 +1,4 @@
-"""A warning of pressures under which points leave the volumes of their cells."""
+"""What `simulate` warns of once in a run: states in which forces may be far off."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from skmpm.scheme import Scheme, averages_dilatation
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
 # their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
 MAX_PRESSURE = 1.0
+
+# Of frozen contact normals, `Report.frozen_angle` [rad]: forces may be off by so much, a third of what contacts of
+# R/h = 5 are (docs/limits.md).
+MAX_ANGLE = 0.05
 
 
 class PressureWatch:
@@ -38,4 +42,23 @@ class PressureWatch:
             f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
             " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
             " small: press less, or compare with points half a cell apart"
+        )
+
+
+class NormalsWatch:
+    """Finds the first step of a run in which contact normals are far from those at its end."""
+
+    def __init__(self) -> None:
+        self._warned = False
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state, once in a run; empty for nothing."""
+        angle = state.report.frozen_angle
+        if self._warned or angle <= MAX_ANGLE:
+            return ""
+        self._warned = True
+        return (
+            f"the step to t = {state.t:.6g} s: no equilibrium was found but with contact normals that are off by"
+            f" {angle:.2g} rad on average (report.frozen_angle), and forces may be off by as much: shorter steps, or"
+            " use inertia; where edges touch edges, whose normals are not unique, it need not matter"
         )
