@@ -40,8 +40,10 @@ class Scheme:
         True for all, False for none, None for those with a Poisson's ratio of 0.4 or more (`NEARLY_INCOMPRESSIBLE`)
         and those with memory, since plastic flow conserves volume
     newton_tol : largest imbalance of momentum, relative to the largest term of the balance
-    contact_tol : largest natural-map residual of a contact solve
-    gap_tol : largest natural-map residual of the contact law at the end of the step, with the final gaps
+    contact_tol : largest natural-map residual of a contact solve, relative to the velocities at which contacts would
+        close without their forces
+    gap_tol : the same of the contact law at the end of the step, with the final gaps: without inertia gaps are to be
+        so small beside the deformation by the contact forces, with it also beside the motion that they prevent
     explicit : use the forces at the start of the step; A is the lumped mass, with no node lighter than 5 % of a full
         one; dt must stay below about 0.7 h/c
     linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by size

@@ -16,6 +16,7 @@ from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.implicit.errors import StepRejected, pair
+from skmpm.implicit.residual import SPRING_STIFFNESS
 from skmpm.linear import Delassus, Diagonal, Joined, Rotated, Solver
 
 Array = NDArray[np.float64]
@@ -200,6 +201,17 @@ class _Linearised:
             stiffness_failures=contact.stiffness_failures + failures,
         )
 
+    def _elastic_share(self) -> Array | float:
+        """Of the response of each contact, the share that is not that of the springs of a quasi-static step, (k,)."""
+        contact, increment = self.contact, self.contact.increment
+        if increment.scheme.inertia or increment.scheme.explicit:
+            return 1.0
+        constraints, unknowns = contact.constraints, contact.problem.unknowns
+        on_springs = increment.floating & (increment.proximal is None)
+        soft = ((constraints.bodies >= 0) & on_springs[np.maximum(constraints.bodies, 0)]).any(axis=0)
+        driven = False if unknowns is None else unknowns.drives(contact.z, constraints)
+        return np.where(soft | driven, SPRING_STIFFNESS, 1.0)
+
     def _impulses(self, geometric: ContactStiffness | None, start: Array) -> _Impulses:
         """The new impulses and those of the geometric stiffness; the start has the impulses that cohesion adds."""
         contact, constraints, W = self.contact, self.contact.constraints, self.W
@@ -229,7 +241,8 @@ class _Linearised:
         if constraints.cohesive:
             free = q + (W @ np.concatenate([known - contact.r, np.zeros(W.shape[0] - k)]))[:k]
         round_off = contact.problem.speed_round_off / scheme.gap_tol
-        scale = contact_scale(constraints, diagonal, free, round_off, increment.dt)
+        soft = self._elastic_share(), scheme.contact_tol
+        scale = contact_scale(constraints, diagonal, free, round_off, increment.dt, *soft)
         options |= {"tol": scheme.contact_tol, "reference": scale.reference, "damped": not scheme.inertia}
         options |= {"pairs": constraints.pairs if scheme.inertia else None}
         r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)
