@@ -36,8 +36,8 @@ class Periodic:
         at the middle of each step; zero by default
     stress : mean stress (2, 2) of the packing [Pa], tension positive, or a function of time, taken at t + theta dt
         of each step from t on; nan where the rate is given instead. The rates of these components are unknowns of
-        the contact problem, in which the stress is exact at the end of every step. A shear stress determines the
-        rate [0, 1], so that the lower edge keeps its direction
+        the contact problem, in which the stress is exact at the end of every step. It is symmetric: a shear stress
+        stands in both places, and determines the rate [0, 1], so that the lower edge keeps its direction
     mass : of an edge whose motion a stress determines [kg/m], in steps of backward Euler with any theta; by default
         that of all bodies. Without inertia it has none
     """
@@ -100,8 +100,9 @@ class Periodic:
         if self.stress is not None:
             stress = _tensor("stress", self.stress, 0.0)
             if not np.array_equal(stress[0, 1], stress[1, 0], equal_nan=True):
+                at = " at t = 0" if callable(self.stress) else ""
                 raise SceneError(
-                    f"periodic: stress = {stress.tolist()} is not symmetric; give the same shear stress twice, or nan"
+                    f"periodic: stress{at} = {stress.tolist()} is not symmetric; give the same shear stress twice, or nan"
                 )
             self.stress_at(0.0)
             if self.components.size == 0:

@@ -74,6 +74,18 @@ def test_a_disc_under_pressure_is_in_hydrostatic_stress(value):
     assert stress == pytest.approx(-value, rel=0.01)
 
 
+@pytest.mark.parametrize(("spacing", "most"), [(0.74, 0.2), (0.5, 0.04), (0.33, 0.012)])
+def test_the_stress_at_points_under_a_uniform_pressure(spacing, most):
+    """-p I, with errors of 0.15, 0.027 and 0.009 p (rms): weights in cells of few points integrate constants only."""
+    disc, p = skmpm.disc((0.01 * R, 0.023 * R), R, spacing=spacing * R / 10), 1e4
+    scene = skmpm.Scene([skmpm.Body(disc, GEL)], cell=R / 10, loads=[skmpm.Pressure(everywhere, p)])
+    (state,) = skmpm.simulate(scene, dt=1.0, until=1.0, scheme=STATIC)
+    error = state.stress / p + np.eye(2)[:, :, None]
+    rms = np.sqrt(np.average((error**2).sum(axis=(0, 1)) / 2.0, weights=state.weight))
+    assert 0.5 * most < rms < most
+    assert np.average(state.stress, axis=2, weights=state.weight) == pytest.approx(-p * np.eye(2), abs=1e-3 * p)
+
+
 @pytest.mark.parametrize("inside", [True, False])
 def test_ring_under_pressure_follows_lame(inside):
     """Displacements of both boundaries in plane strain (Lame), within 2 %: the ring is five cells thick."""

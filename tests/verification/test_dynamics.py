@@ -182,6 +182,17 @@ def backward_euler_losses(steps, count=20):
     return np.array(turns), np.array(lost)
 
 
+@pytest.mark.parametrize("cells", [4, 5, 10])
+def test_a_disc_has_the_moment_of_inertia_of_its_lumped_nodes(cells):
+    """(2 / 3)(h / R)^2 more than m R^2 / 2: in the mean, shape functions add h^2 / 6 a direction to the square of arms."""
+    radius, spin = 1.0, 1e-3
+    points = disc((0.13, 0.07), radius, spacing=0.5 / cells)
+    body = Body(points, NeoHookean(1e6, 0.3, 1000.0), spin=spin)
+    state = next(simulate(Scene([body], cell=1.0 / cells), dt=1e-6, until=1e-6, scheme=Scheme(theta=0.5)))
+    exact = 0.25 * state.mass.sum() * (radius * spin) ** 2
+    assert state.report.energy.kinetic / exact - 1.0 == pytest.approx(2.0 / 3.0 / cells**2, rel=0.1)
+
+
 def test_backward_euler_loses_the_square_of_the_turn_per_step():
     """Omega dt = 0.1 to 0.0125: the closed form of a rigid disc within 1e-3; order 1 in (omega dt)^2 within 0.01.
 
