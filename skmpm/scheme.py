@@ -39,12 +39,12 @@ class Scheme:
     mean_dilatation : average the change of volume over cells, so that nearly incompressible bodies do not lock:
         True for all, False for none, None for those with a Poisson's ratio of 0.4 or more (`NEARLY_INCOMPRESSIBLE`)
         and those with memory, since plastic flow conserves volume
-    newton_tol : largest imbalance of momentum, relative to the largest term of the balance, both norms over all nodes:
+    newton_tol : largest imbalance of momentum, relative to its largest term, both norms over all nodes:
         the force on a body may be off by more than this share, where it is small beside the forces in the bodies
     contact_tol : largest natural-map residual of a contact solve, relative to the velocities at which contacts would
         close without their forces
-    gap_tol : the same of the contact law at the end of the step, with the final gaps: without inertia gaps are to be
-        so small beside the deformation by the contact forces, with it also beside the motion that they prevent
+    gap_tol : the same of the contact law at the end of the step, with the final gaps, which are to be so small
+        beside the motion that contact prevents or, where forces drive walls without inertia, beside the deformation
     explicit : use the forces at the start of the step; A is the lumped mass, with no node lighter than 5 % of a full
         one; dt must stay below about 0.7 h/c
     linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by size

@@ -41,14 +41,14 @@ def contact_scale(
     q: Array,
     round_off: float,
     dt: float,
-    elastic: Array | float = 1.0,
     tol: float = 1.0,
+    elastic: Array | float = 1.0,
 ) -> ContactScale:
     """The scale of a contact problem with diag W and right-hand side q; `round_off` is the smallest speed [m/s].
 
-    Without inertia bodies move freely on soft springs in W: of the velocity q of a contact only the share `elastic`
-    (k,) is what it would be if they were held, and gaps are to be small beside the deformation. Residuals of `tol`
-    times the reference must be more than round-off.
+    Residuals of `tol` times the reference must be more than round-off. Where forces drive walls without inertia,
+    bodies would move far on soft springs in W without contact: of q only the share `elastic` (k,) deforms them, and
+    gaps are to be small beside that.
 
     Open contacts do not count, since their gaps are not related to the size of the forces. Sliding speeds count as
     far as friction can change them: not at all where a support prescribes the tangential velocity. Cohesive contacts

@@ -202,15 +202,16 @@ class _Linearised:
         )
 
     def _elastic_share(self) -> Array | float:
-        """Of the response of each contact, the share that is not that of the springs of a quasi-static step, (k,)."""
-        contact, increment = self.contact, self.contact.increment
-        if increment.scheme.inertia or increment.scheme.explicit:
+        """Of the response of each contact the share that is not that of soft springs, where forces drive (k,).
+
+        Between walls of prescribed motion gaps are a millionth of it anyway. Springs move no body against itself.
+        """
+        contact, increment, unknowns = self.contact, self.contact.increment, self.contact.problem.unknowns
+        if unknowns is None or increment.scheme.inertia:
             return 1.0
-        constraints, unknowns = contact.constraints, contact.problem.unknowns
-        on_springs = increment.floating & (increment.proximal is None)
-        soft = ((constraints.bodies >= 0) & on_springs[np.maximum(constraints.bodies, 0)]).any(axis=0)
-        driven = False if unknowns is None else unknowns.drives(contact.z, constraints)
-        return np.where(soft | driven, SPRING_STIFFNESS, 1.0)
+        on_springs, bodies = increment.floating & (increment.proximal is None), contact.constraints.bodies
+        soft = ((bodies >= 0) & on_springs[np.maximum(bodies, 0)]).any(axis=0) & (bodies[0] != bodies[1])
+        return np.where(soft | unknowns.drives(contact.z, contact.constraints), SPRING_STIFFNESS, 1.0)
 
     def _impulses(self, geometric: ContactStiffness | None, start: Array) -> _Impulses:
         """The new impulses and those of the geometric stiffness; the start has the impulses that cohesion adds."""
@@ -241,8 +242,8 @@ class _Linearised:
         if constraints.cohesive:
             free = q + (W @ np.concatenate([known - contact.r, np.zeros(W.shape[0] - k)]))[:k]
         round_off = contact.problem.speed_round_off / scheme.gap_tol
-        soft = self._elastic_share(), scheme.contact_tol
-        scale = contact_scale(constraints, diagonal, free, round_off, increment.dt, *soft)
+        limits = round_off, increment.dt, scheme.contact_tol, self._elastic_share()
+        scale = contact_scale(constraints, diagonal, free, *limits)
         options |= {"tol": scheme.contact_tol, "reference": scale.reference, "damped": not scheme.inertia}
         options |= {"pairs": constraints.pairs if scheme.inertia else None}
         r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)

@@ -101,9 +101,8 @@ class Periodic:
             stress = _tensor("stress", self.stress, 0.0)
             if not np.array_equal(stress[0, 1], stress[1, 0], equal_nan=True):
                 at = " at t = 0" if callable(self.stress) else ""
-                raise SceneError(
-                    f"periodic: stress{at} = {stress.tolist()} is not symmetric; give the same shear stress twice, or nan"
-                )
+                given = f"periodic: stress{at} = {stress.tolist()}"
+                raise SceneError(f"{given} is not symmetric; give the same shear stress twice, or nan")
             self.stress_at(0.0)
             if self.components.size == 0:
                 raise SceneError("periodic: stress has no component that is not nan; give one, or only a rate")

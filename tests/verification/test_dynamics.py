@@ -184,7 +184,7 @@ def backward_euler_losses(steps, count=20):
 
 @pytest.mark.parametrize("cells", [4, 5, 10])
 def test_a_disc_has_the_moment_of_inertia_of_its_lumped_nodes(cells):
-    """(2 / 3)(h / R)^2 more than m R^2 / 2: in the mean, shape functions add h^2 / 6 a direction to the square of arms."""
+    """(2 / 3)(h / R)^2 more than m R^2 / 2: in the mean, shape functions add h^2 / 6 a direction to squared arms."""
     radius, spin = 1.0, 1e-3
     points = disc((0.13, 0.07), radius, spacing=0.5 / cells)
     body = Body(points, NeoHookean(1e6, 0.3, 1000.0), spin=spin)
