@@ -1,5 +1,6 @@
 """The work-precision study at small size: its commands, resumption, records, and rules of comparison."""
 
+import shutil
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
@@ -32,15 +33,28 @@ def no_pictures(study, monkeypatch):
     return leave_out
 
 
-def test_commands(study, no_pictures, tmp_path):
-    """The study of the cantilever, presets and two of the sample, and the page of it; run again, nothing is done."""
+CANTILEVER = ["--scenes", "cantilever", "--only", "preset", "sample", "--runs", "2", "--processes", "1"]
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """The study of the cantilever, presets and two of the sample, and the page of it with all pictures."""
+    folder = tmp_path_factory.mktemp("study")
+    (folder / "docs").mkdir()
+    (folder / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
+    module = import_module("examples.studies.work_precision.study")
+    where = ["--out", str(folder / "out"), "--docs", str(folder / "docs")]
+    module.main(module.parser().parse_args([*CANTILEVER, *where]))
+    return folder
+
+
+def test_commands(study, no_pictures, ran, tmp_path):
+    """The study and the page of it; run again, nothing is done; and the page alone."""
+    shutil.copytree(ran, tmp_path, dirs_exist_ok=True)
+    no_pictures()
     module, page = study("study"), study("page")
-    command = ["--scenes", "cantilever", "--only", "preset", "sample", "--runs", "2", "--processes", "1"]
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
     where = ["--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
-    options = module.parser().parse_args([*command, *where])
-    module.main(options)
+    options = module.parser().parse_args([*CANTILEVER, *where])
     found = skmpm.Sweep.read(tmp_path / "out")
     assert len(found) == 5
     balanced = [m for m in found if m.parameters["setting"]["newton_tol"] == 1e-3]
@@ -56,7 +70,6 @@ def test_commands(study, no_pictures, tmp_path):
         assert "All with one version of the library, skmpm" in text
         assert text.count("## Presets") == 1
         assert text.endswith(rest)
-        no_pictures()
     assert len((tmp_path / "docs" / "work_precision" / "results.csv").read_text().splitlines()) == 6
 
 
@@ -115,18 +128,16 @@ def test_ends_of_runs(study):
     assert run.status == torn["status"]
 
 
-def test_retiming_keeps_the_shorter_time(study, no_pictures, tmp_path):
-    """The presets on the cantilever twice, the second time beside the first; the faster counts."""
+def test_retiming_keeps_the_shorter_time(study, no_pictures, ran, tmp_path):
+    """The presets on the cantilever once more, beside the first time; the faster counts."""
     no_pictures()
     module, results = study("study"), study("results")
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
+    shutil.copytree(ran, tmp_path, dirs_exist_ok=True)
     where = ["--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
     command = ["--scenes", "cantilever", "--only", "preset", "--processes", "1", *where]
-    for options in ([], ["--retime"]):
-        module.main(module.parser().parse_args([*command, *options]))
+    module.main(module.parser().parse_args([*command, "--retime"]))
     found = skmpm.Sweep.read(tmp_path / "out")
-    assert sorted(member.parameters.get("again", 0) for member in found) == [0] * 3 + [1] * 3
+    assert sorted(member.parameters.get("again", 0) for member in found) == [0] * 5 + [1] * 3
     runs = results.load(tmp_path / "out").why("cantilever", "preset")
     assert len(runs) == 3
     for run in runs:
