@@ -13,6 +13,7 @@ from .results import LIDS, SCENES, Found, dial_runs, front, of_steps
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
+from matplotlib.ticker import LogFormatterSciNotation
 
 MARKS = {"fast": "v", "balanced": "o", "accurate": "^"}
 STEERED = {"cells": "C0", "spacing": "C1", "pace": "C2"}
@@ -24,7 +25,8 @@ def fronts(found: Found, path: Path) -> None:
     """Error against cost: all runs, what no other beats, and the presets."""
     fig, axes = plt.subplots(2, 2, figsize=(11, 8), layout="constrained")
     for axis, scene in zip(axes.ravel(), SCENES, strict=True):
-        runs = [r for r in found.runs.get(scene, {}).values() if np.isfinite(r.error) and "reference" not in r.whys]
+        every = found.runs.get(scene, {}).values()
+        runs = [r for r in every if np.isfinite(r.error) and not r.whys & {"reference", "second"}]
         for why, colour, size in (("sample", "0.75", 9), ("one", "C0", 14), ("slope", "C4", 9)):
             chosen = [r for r in runs if why in r.whys and not r.setting["explicit"]]
             axis.scatter(*of(chosen), s=size, color=colour, label=LABELS[why], zorder=2)
@@ -54,8 +56,9 @@ def finish(axis: Any, scene: str, floor: float) -> None:
     axis.set(title=scene, xlabel="processor time [s]", ylabel="relative error")
     if np.isfinite(axis.dataLim.minpos).all():  # something was run
         axis.set(xscale="log", yscale="log")
+        axis.xaxis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(0.9, 0.3)))
     axis.grid(which="both", lw=0.2)
-    if floor > 0.0:
+    if floor > 0.1 * axis.dataLim.y0:  # else it would take most of the picture
         axis.axhline(floor, color="0.5", ls=":", lw=1.0)
 
 
