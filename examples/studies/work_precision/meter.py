@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -24,13 +25,17 @@ class TooLong(Exception):  # noqa: N818  (says what happened, as `StepFailed` do
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Raise `TooLong` once so much processor time of this process has gone; 0: never."""
+    """Raise `TooLong` once so much processor time of this process has gone; 0: never.
+
+    What is raised in a callback of a weak reference is lost, so it is raised a little later there.
+    """
 
     def stop(number: int, frame: FrameType | None) -> None:
-        raise TooLong(f"more than {seconds:g} s")
+        if frame is None or frame.f_code.co_filename != weakref.__file__:
+            raise TooLong(f"more than {seconds:g} s")
 
     before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    signal.setitimer(signal.ITIMER_PROF, seconds, 0.01)
     try:
         yield
     finally:
