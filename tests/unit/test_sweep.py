@@ -295,7 +295,7 @@ def test_a_killed_process_is_replaced(tmp_path):
     assert [entry["process"] == killed[0] for entry in sessions] == [True, False]
 
 
-def test_a_killed_first_process_takes_its_workers_along(tmp_path, monkeypatch):
+def test_a_killed_first_process_takes_its_workers_along(tmp_path):
     """Workers write checkpoints, free their locks and end; the sweep goes on from there."""
     process, out = script(tmp_path), tmp_path / "out"
     folder, deadline = out / "slow=True,speed=1.0", time.monotonic() + 300.0
@@ -306,7 +306,6 @@ def test_a_killed_first_process_takes_its_workers_along(tmp_path, monkeypatch):
     while json.loads((folder / manifest.FILE).read_text())["status"] == "running" and time.monotonic() < deadline:
         time.sleep(0.05)
     assert json.loads((folder / manifest.FILE).read_text())["status"] == "interrupted"
-    monkeypatch.setenv(ensembles.HURRY, "1")
     found = skmpm.sweep(ensembles.squeezed, [{"speed": 1.0, "slow": True}], out=out, processes=1)
     assert text(found["slow=True,speed=1.0"].folder) == ensembles.by_hand(1.0)
 
@@ -325,14 +324,14 @@ import sys
 import ensembles, skmpm
 if {guard}:
     members = [dict(speed=speed, slow=True) for speed in (1.0, 2.0, 0.5)]
-    print(skmpm.sweep(ensembles.squeezed, members, out="out", processes={processes}))
+    print(skmpm.sweep(ensembles.squeezed, members, out="out", processes=2))
 """
 
 
-def script(folder, guard="__name__ == '__main__'", *paths, processes=2, **environment):
-    (folder / "script.py").write_text(SCRIPT.format(guard=guard, processes=processes))
+def script(folder, guard="__name__ == '__main__'", *paths):
+    (folder / "script.py").write_text(SCRIPT.format(guard=guard))
     places = [*paths, Path(__file__).parent, Path(skmpm.__file__).parents[1]]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, places))} | environment
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, places))}
     options = {"cwd": folder, "env": environment, "stdout": -1, "stderr": -1, "text": True}
     return subprocess.Popen([sys.executable, "script.py"], preexec_fn=heed_interrupts, **options)
 
@@ -343,7 +342,7 @@ def heed_interrupts():
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_writes_checkpoints_and_the_sweep_goes_on_from_them(tmp_path, monkeypatch, number):
+def test_a_signal_writes_checkpoints_and_the_sweep_goes_on_from_them(tmp_path, number):
     """To the first process only: both members that run are interrupted, the third is not begun; nothing is lost."""
     process, out = script(tmp_path), tmp_path / "out"
     running = [out / "slow=True,speed=1.0", out / "slow=True,speed=2.0"]
@@ -360,29 +359,23 @@ def test_a_signal_writes_checkpoints_and_the_sweep_goes_on_from_them(tmp_path, m
         assert 0.0 < skmpm.load(folder / records.LAST).t < STEPS * DT
     assert not (out / "slow=True,speed=0.5" / manifest.FILE).exists()
     members = [{"speed": speed, "slow": True} for speed in (1.0, 2.0)]
-    monkeypatch.setenv(ensembles.HURRY, "1")
-    found = skmpm.sweep(ensembles.squeezed, members, out=out, processes=1)
+    found = skmpm.sweep(ensembles.squeezed, members, out=out, processes=2)
     for member in found:
         assert text(member.folder) == ensembles.by_hand(member.parameters["speed"])
         assert len(member.manifest["sessions"]) == 2
 
 
 def test_a_script_needs_a_guard_only_without_cloudpickle(tmp_path):
-    """Then it is told of it; else workers import no script, which may come from a terminal as well.
-
-    One worker process will do; its members do not wait.
-    """
-    options = {"processes": 1, ensembles.HURRY: "1"}
-    found, errors = script(tmp_path, "True", **options).communicate(timeout=300)
+    """Then it is told of it; else workers import no script, which may come from a terminal as well."""
+    found, errors = script(tmp_path, "True").communicate(timeout=300)
     assert found == f"Sweep(3 members, rows {3 * STEPS})\n", errors
     (tmp_path / "without").mkdir()
     (tmp_path / "without" / "cloudpickle.py").write_text("raise ImportError")
     shutil.rmtree(tmp_path / "out")
-    _, errors = script(tmp_path, "True", tmp_path / "without", **options).communicate(timeout=300)
+    _, errors = script(tmp_path, "True", tmp_path / "without").communicate(timeout=300)
     assert "SweepError: sweep is called by a script that a worker process imports; call it below" in errors
     assert "ended with exit code 1 before it began" in errors
-    guarded = script(tmp_path, "__name__ == '__main__'", tmp_path / "without", **options)
-    found, errors = guarded.communicate(timeout=300)
+    found, errors = script(tmp_path, "__name__ == '__main__'", tmp_path / "without").communicate(timeout=300)
     assert found == f"Sweep(3 members, rows {3 * STEPS})\n", errors
 
 
