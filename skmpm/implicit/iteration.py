@@ -1,4 +1,4 @@
-"""Parts of Newton's method for dynamic and quasi-static steps: initial guess, refactorisation, convergence."""
+"""Parts of Newton's method for dynamic and quasi-static steps: initial guess, refactorisation, when it ends."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from skmpm.implicit.momentum import MAX_DRIFT
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
+from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,10 @@ STALLED_RATE = 0.8  # above it, the iteration has stalled, as near a limit point
 # much better than those that follow. A packing of 300 discs at a solid fraction of 0.75 took 77 iterations for 2.1
 # cells of stroke, and 359 with the old matrix wherever less than twenty tolerances were left.
 BEST_RATE = 0.05
+
+# Iterations of a dynamic step with contacts after which it is given up unless one of them came closer to convergence:
+# two to four are usual; contacts that snap by a cell take 20 to 30, most of them on a plateau of up to eight.
+PATIENCE = 20
 
 # Iterations with an old matrix that take as long as a new one: of 300 free discs one iteration takes 15 to 20 ms, the
 # matrix with its factors 60 to 75 ms.
@@ -71,6 +76,29 @@ class Refactorisation:
             return distance * rate**WORTH > 1.0
         far = imbalance * BEST_RATE > increment.scheme.newton_tol
         return far or (rate > self.rate and distance * max(rate, BEST_RATE) > 1.0)
+
+
+@dataclass
+class Persistence:
+    """When an iteration is given up: after so many iterations, or so many in a row without progress."""
+
+    most: int
+    patience: int
+    closest: float = np.inf  # distance from convergence
+    progress: int = 0  # the iteration in which it was reached
+
+    @classmethod
+    def of(cls, scheme: Scheme, *, in_contact: bool) -> Persistence:
+        """Of dynamic steps with contacts patience is limited, since shorter steps help."""
+        most = scheme.max_newton
+        return cls(most, PATIENCE if in_contact and scheme.inertia else most)
+
+    def ends(self, iteration: int, distance: float) -> bool:
+        """Whether it ends; a full step more balances the momentum of a converged iterate."""
+        if distance < self.closest:
+            self.closest, self.progress = distance, iteration
+        converged = distance <= 1.0
+        return iteration >= self.most + converged or iteration - self.progress >= self.patience
 
 
 @dataclass(frozen=True)

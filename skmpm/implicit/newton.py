@@ -29,6 +29,7 @@ from skmpm.implicit.frozen_geometry import (
 from skmpm.implicit.iteration import (
     SLOW_RATE,
     STALLED_RATE,
+    Persistence,
     Refactorisation,
     Solution,
     factorise,
@@ -48,36 +49,33 @@ from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
 
-# Iterations of a dynamic step with contacts after which it is given up unless one of them came closer to convergence:
-# two to four are usual; contacts that snap by a cell take 20 to 30, most of them on a plateau of up to eight.
-PATIENCE = 20
-
 
 def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
     """Solve one step from the initial guess, v0 unless that inverts points (`first_velocity`).
 
-    StepRejected is raised after `max_newton` iterations, in a dynamic step with contacts after `PATIENCE` iterations
-    without progress, and if the contact solver or the line search fails.
+    StepRejected is raised after `max_newton` iterations, in a dynamic step with contacts after some without progress
+    (`Persistence`), and if the contact solver or the line search fails.
     """
     if problem is None:
         check_resultants(increment)
     iterate = _first(increment, problem, kept)
-    solution = _newton(iterate, _Persistence.of(increment, problem), timer)
+    persistence = Persistence.of(increment.scheme, in_contact=problem is not None)
+    solution = _newton(iterate, persistence, timer)
 
     def again() -> Solution:
         _thaw(iterate)
-        return _newton(iterate, _Persistence(2 * solution.newton, solution.newton), timer)
+        return _newton(iterate, Persistence(2 * solution.newton, solution.newton), timer)
 
     return with_present_geometry(solution, again)
 
 
-def _newton(iterate: _Iterate, persistence: _Persistence, timer: Timer) -> Solution:
+def _newton(iterate: _Iterate, persistence: Persistence, timer: Timer) -> Solution:
     """Newton's method from an iterate."""
     while True:
         balance = _evaluate(iterate)
         if balance.converged and (solution := _solution(iterate, balance)):
             return solution
-        if persistence.ends(balance):
+        if persistence.ends(balance.iteration, balance.distance):
             raise _not_converged(iterate, balance)
         _factorise(iterate, balance, timer)
         direction = _direction(iterate, balance)
@@ -98,29 +96,6 @@ class _Iterate:
     refactorisation: Refactorisation = field(default_factory=Refactorisation)
     iteration: int = 0
     before: float = np.inf  # out-of-balance norm of the iteration before
-
-
-@dataclass
-class _Persistence:
-    """When an iteration is given up: after so many iterations, or so many in a row without progress."""
-
-    most: int
-    patience: int
-    closest: float = np.inf  # distance from convergence
-    progress: int = 0  # the iteration in which it was reached
-
-    @classmethod
-    def of(cls, increment: Increment, problem: ContactProblem | None) -> _Persistence:
-        """Of dynamic steps with contacts patience is limited, since shorter steps help."""
-        most = increment.scheme.max_newton
-        return cls(most, PATIENCE if problem and increment.scheme.inertia else most)
-
-    def ends(self, balance: _Balance) -> bool:
-        """Whether it ends; a full step more balances the momentum of a converged iterate."""
-        if balance.distance < self.closest:
-            self.closest, self.progress = balance.distance, balance.iteration
-        waited = balance.iteration - self.progress
-        return balance.iteration >= self.most + balance.small or waited >= self.patience
 
 
 def _first(increment: Increment, problem: ContactProblem | None, kept: Solver | None) -> _Iterate:
