@@ -85,7 +85,9 @@ class Assembly:
         arguments = (*of_cells, *self._gradients, self.volume, C.reshape(4, 4, -1), K)
         over_bodies(lambda first, last: loops.add_stiffness(points[first], points[last], *arguments), points)
         if added is not None:
-            loops.add_rank_two(self.block_of_cell[added[0]], added[1], K)
+            block, body = self.block_of_cell[added[0]], grid.cell_body[added[0]]
+            own = np.searchsorted(body, np.arange(grid.bodies + 1))
+            over_bodies(lambda first, last: loops.add_rank_two(own[first], own[last], block, added[1], K), own)
         return K
 
     @cached_property

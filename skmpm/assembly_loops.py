@@ -124,10 +124,10 @@ def scale_and_add(factor: float, K: Array, diagonal: Ints, added: Array) -> None
 
 
 @compiled
-def add_rank_two(block_of_cell: Ints, vectors: Array, K: Array) -> None:
-    """Add B D' + D B' of every cell, `vectors` (cells, 2, 4, 2), to the blocks K (blocks, 2, 2)."""
+def add_rank_two(first: int, last: int, block_of_cell: Ints, vectors: Array, K: Array) -> None:
+    """Add B D' + D B' of cells first:last, `vectors` (cells, 2, 4, 2), to the blocks K (blocks, 2, 2)."""
     flat = K.reshape(-1)
-    for c in range(block_of_cell.shape[0]):
+    for c in range(first, last):
         B, D, block = vectors[c, 0], vectors[c, 1], block_of_cell[c]
         for I in range(4):  # noqa: E741
             for J in range(4):

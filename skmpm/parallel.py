@@ -1,4 +1,4 @@
-"""Ranges of bodies in threads.
+"""Ranges of bodies, and of what else is independent of each other, in threads.
 
 Bodies are independent of each other until contact couples them, and whatever is computed for one body is computed in
 the same order in any range, so that results do not depend on the number of threads. Only loops that hold no lock gain
@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 # Ranges per thread, so that threads end together although one of them waits for a core. Less work than that of a
 # range of this size is not worth a thread: handing it over takes 30 us, its factorisation a millisecond.
 RANGES = 4
-SMALLEST_RANGE = 3_000  # unknowns
+SMALLEST_RANGE = 3_000  # unknowns, or points
 
 _threads: ContextVar[int] = ContextVar("threads", default=1)
 
@@ -41,17 +42,35 @@ def available() -> int:
 
 
 def over_bodies(work: Callable[[int, int], None], offsets: NDArray[np.int64]) -> None:
-    """Call work(first, last) for ranges of bodies that together are all; body b has offsets[b]:offsets[b + 1].
+    """Call work(first, last) for ranges of bodies that together are all; body b has offsets[b]:offsets[b + 1]."""
+    bodies, size = offsets.size - 1, int(offsets[-1] - offsets[0])
+    count = min(_ranges(size), bodies)
+    cuts = np.searchsorted(offsets, offsets[0] + size * np.arange(1, count) / count).tolist() if count > 1 else []
+    _divide(work, [0, *cuts, bodies])
+
+
+def over_points(work: Callable[[int, int], None], size: int) -> None:
+    """Call work(first, last) for ranges that together are 0:size, of points or others that take the same work.
+
+    They begin at multiples of 64: compiled loops take several points at once, and what is left at their end alone.
+    """
+    count = _ranges(size)
+    _divide(work, [*(64 * (size * k // (64 * count)) for k in range(count)), size])
+
+
+def _ranges(size: int) -> int:
+    return max(1, min(RANGES * _threads.get(), size // SMALLEST_RANGE)) if _threads.get() > 1 else 1
+
+
+def _divide(work: Callable[[int, int], None], cuts: list[int]) -> None:
+    """Call work(first, last) for the ranges between cuts.
 
     The calling thread works, too, and waits for no thread that has not begun: on a busy machine it does everything.
     """
-    bodies, size = offsets.size - 1, int(offsets[-1] - offsets[0])
-    count = min(RANGES * _threads.get(), bodies, size // SMALLEST_RANGE) if _threads.get() > 1 else 1
-    if count <= 1:
-        work(0, bodies)
+    if len(cuts) <= 2:
+        work(cuts[0], cuts[-1])
         return
-    cuts = np.searchsorted(offsets, offsets[0] + size * np.arange(1, count) / count).tolist()
-    ranges = iter(list(zip([0, *cuts], [*cuts, bodies], strict=True)))
+    ranges = iter(list(pairwise(cuts)))
 
     def drain() -> None:
         for first, last in ranges:

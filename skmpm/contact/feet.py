@@ -21,6 +21,8 @@ END_TOLERANCE = 1e-6  # [segments] a point beyond the end of a side by less is s
 
 @compiled
 def contacts(
+    first: int,
+    last: int,
     ends: Ints,
     point: Ints,
     segment: Ints,
@@ -35,15 +37,16 @@ def contacts(
     parameter: Array,
     place: Array,
     beside: Bools,
-) -> int:
-    """Write the contacts of groups of candidates, and return their number.
+) -> None:
+    """Write the contacts of groups first:last of candidates.
 
-    `chosen` are the group, the segment of the foot, and that at the start of the step; `place` the normal, the gap
-    and that at the start; `limits` are depth, reach, and depth of edges [m].
+    `chosen` are the segment of the foot, -1 where there is no contact, and that at the start of the step; `place` the
+    normal, the gap and that at the start; `limits` are depth, reach, and depth of edges [m].
     """
-    size, (depth, reach, edge_depth) = 0, limits
+    depth, reach, edge_depth = limits
     most = max(depth, reach)
-    for group in range(ends.size - 1):
+    for group in range(first, last):
+        chosen[0, group] = -1
         i, t = nearest_of_group(ends[group], ends[group + 1], point, segment, x, loops.following, most)
         if i < 0:
             continue
@@ -54,11 +57,9 @@ def contacts(
         i_before, _, x_before, y_before, gap_before, off_before = foot_of(at, shift[group], i, t, start_c, loops)
         if not _faces(at, (x_before, y_before), start_x, loops, edge_depth):
             continue
-        chosen[0, size], chosen[1, size], chosen[2, size], parameter[size] = group, i, i_before, t
-        place[0, size], place[1, size], place[2, size], place[3, size] = x_normal, y_normal, gap, gap_before
-        beside[size] = off_before
-        size += 1
-    return size
+        chosen[0, group], chosen[1, group], parameter[group] = i, i_before, t
+        place[0, group], place[1, group], place[2, group], place[3, group] = x_normal, y_normal, gap, gap_before
+        beside[group] = off_before
 
 
 @compiled

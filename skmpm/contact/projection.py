@@ -23,6 +23,7 @@ from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.shifts import guard_keys
 from skmpm.contact.tables import among, joined
 from skmpm.outline import Cubics, Curve
+from skmpm.parallel import over_points
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -86,26 +87,26 @@ class _Before:
 def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]:
     """Contacts with sides within reach, and their segments (k,) and gaps at the start of the step."""
     groups, start = near.begins.size, near.start
-    chosen, s, place = np.empty((3, groups), dtype=np.int64), np.empty(groups), np.empty((4, groups))
+    chosen, s, place = np.empty((2, groups), dtype=np.int64), np.empty(groups), np.empty((4, groups))
     beside = np.empty(groups, dtype=bool)
     candidates = (near.ends, near.point, near.segment, near.shift)
     limits = (MAX_DEPTH * near.cell, near.reach, feet.MAX_EDGE_DEPTH * near.cell)
-    size = feet.contacts(
-        *candidates, now.x, now.c, start.x, start.c, near.curve.loops, limits, chosen, s, place, beside
-    )
-    group, segment, segment_before = chosen[:, :size]
+    arguments = (*candidates, now.x, now.c, start.x, start.c, near.curve.loops, limits, chosen, s, place, beside)
+    over_points(lambda first, last: feet.contacts(first, last, *arguments), groups)
+    group = np.flatnonzero(chosen[0] >= 0)
+    (segment, segment_before), place = chosen[:, group], place[:, group]
     found = FootPoints(
         point=near.point[near.begins[group]],
         shift=near.shift[group],
         segment=segment,
-        s=s[:size],
-        corner_pair=np.zeros(size, dtype=bool),
-        normal=place[:2, :size],
-        gap=place[2, :size],
-        beside=np.zeros(size, dtype=bool),
+        s=s[group],
+        corner_pair=np.zeros(group.size, dtype=bool),
+        normal=place[:2],
+        gap=place[2],
+        beside=np.zeros(group.size, dtype=bool),
         key=near.key[group],
     )
-    return found, segment_before, _Before(place[3, :size], beside[:size])
+    return found, segment_before, _Before(place[3], beside[group])
 
 
 def project(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:

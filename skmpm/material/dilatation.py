@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from skmpm.compiled import compiled, compiled_in_order
 from skmpm.material.anchored import Anchored, Points
 from skmpm.material.anchored import projected as without_negative
-from skmpm.material.invariants import TURN, cofactor
+from skmpm.material.invariants import cofactor
 from skmpm.material.law import determinant
 from skmpm.material.memory import InStep
 from skmpm.material.response import curvature
@@ -114,8 +114,11 @@ def _slopes(mu: float, F: Array, theta: Array, rest: Array, s: Array, P: Array, 
         by_theta[p] = (0.5 * q - mu * rest[p] * (theta[p] - 1.0)) / theta[p]
 
 
-def curvatures(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array, Array]:
-    """W_FF (4, 4, n), W_Ftheta (4, n) and W_thetatheta (n,) [Pa]."""
+def curvatures(law: Anchored, F: Array, theta: Array, tension: Array) -> tuple[Array, Array, Array]:
+    """W_FF (4, 4, n), W_Ftheta (4, n) and W_thetatheta (n,) [Pa], W_FF that of W + `tension` J, (n,) [Pa].
+
+    Of a linear material, in which tension times the change of volume has no curvature, that of W alone.
+    """
     mu, (F_bar, s) = _resistance(law), _bar(law, F, theta)
     C = law.tangent(F_bar).reshape(4, 4, -1)
     if law.linear:
@@ -125,7 +128,7 @@ def curvatures(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array, Arr
         return by_F + mu * (ONE * ONE.T)[:, :, None], mixed, 0.25 * of_one[[0, 3]].sum(axis=0) - mu
     P, f, rest = law.stress(F_bar).reshape(4, -1), F_bar.reshape(4, -1), law.rest(theta.size)
     by_F, mixed, by_theta = np.empty_like(C), np.empty_like(P), np.empty_like(theta)
-    _chain_rule(mu, determinant(F), theta, rest, s, f, P, C, by_F, mixed, by_theta)
+    _chain_rule(mu, determinant(F), theta, rest, s, f, P, C, tension, by_F, mixed, by_theta)
     return by_F, mixed, by_theta
 
 
@@ -139,11 +142,12 @@ def _chain_rule(
     f: Array,
     P: Array,
     C: Array,
+    tension: Array,
     by_F: Array,
     mixed: Array,
     by_theta: Array,
 ) -> None:
-    """Second derivatives of W(F, theta) from P (4, n) and C (4, 4, n) at F-bar, f (4, n)."""
+    """Second derivatives of W(F, theta) + `tension` J from P (4, n) and C (4, 4, n) at F-bar, f (4, n)."""
     for p in range(J.size):
         J_bar = f[0, p] * f[3, p] - f[1, p] * f[2, p]
         a = (f[3, p] / J_bar, -f[2, p] / J_bar, -f[1, p] / J_bar, f[0, p] / J_bar)
@@ -160,7 +164,7 @@ def _chain_rule(
             for k in range(i, 4):
                 outer = 2.0 * factor * a[i] * a[k] - 0.5 * (mixed[i, p] * a[k] + a[i] * mixed[k, p])
                 by_F[i, k, p] = by_F[k, i, p] = square * (C[i, k, p] + outer)
-        turn = mu * (1.0 - rest[p] / J[p]) - 0.5 * q / J[p]
+        turn = tension[p] + mu * (1.0 - rest[p] / J[p]) - 0.5 * q / J[p]
         by_F[0, 3, p] += turn
         by_F[3, 0, p] += turn
         by_F[1, 2, p] -= turn
@@ -173,16 +177,15 @@ def _chain_rule(
 def tangents(
     law: Anchored, F: Array, theta: Array, tension: Array, *, projected: Points
 ) -> tuple[Array, Array, Array]:
-    """What the stiffness of a cell is made of: `curvatures`, the first with what the mean tension (n,) [Pa] adds.
+    """What the stiffness of a cell is made of: `curvatures` with the mean tension of the cell (n,) [Pa].
 
-    `tension` is the derivative of the cell's energy by its volume, which is curved in F itself, by `TURN`. Where
-    `projected`, the three are those of the nearest positive semi-definite matrix (5, 5, n) of F and theta at
-    the point: the quadratic form of the cell is a sum of theirs.
+    `tension` is the derivative of the cell's energy by its volume, which is curved in F itself. Where `projected`,
+    the three are those of the nearest positive semi-definite matrix (5, 5, n) of F and theta at the point: the
+    quadratic form of the cell is a sum of theirs.
     """
-    by_F, mixed, by_theta = curvature(law, F, theta) or curvatures(law, F, theta)
+    by_F, mixed, by_theta = curvature(law, F, theta, tension) or curvatures(law, F, theta, tension)
     if law.linear:
         return by_F, mixed, by_theta
-    _add_turn(tension, by_F)
     if projected is not False:
         chosen = np.flatnonzero(np.broadcast_to(projected, theta.shape))
         H = np.empty((5, 5, chosen.size))
@@ -191,14 +194,6 @@ def tangents(
         H = without_negative(H)
         by_F[..., chosen], mixed[:, chosen], by_theta[chosen] = H[:4, :4], H[:4, 4], H[4, 4]
     return by_F, mixed, by_theta
-
-
-@compiled
-def _add_turn(tension: Array, by_F: Array) -> None:
-    """Add tension times `TURN` to by_F (4, 4, n)."""
-    for p in range(tension.size):
-        for i in range(4):
-            by_F[i, 3 - i, p] += TURN[i, 3 - i] * tension[p]
 
 
 def seen(law: Anchored, F: Array, theta: Array) -> Array:

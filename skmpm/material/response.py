@@ -14,6 +14,7 @@ from skmpm.compiled import compiled, compiled_in_order
 from skmpm.material.anchored import Anchored
 from skmpm.material.linear import LinearElastic
 from skmpm.material.neohookean import NeoHookean
+from skmpm.parallel import over_points
 
 Array = NDArray[np.float64]
 
@@ -37,16 +38,26 @@ def response(law: Anchored, F: Array, theta: Array | None) -> Response | None:
     anchor = law.stress_anchor if kind is LinearElastic else law.F_anchor
     flat = np.zeros((4, 0)) if anchor is None else anchor.reshape(4, n)
     mean, by_F, loop = np.zeros(0) if theta is None else theta, out.by_F.reshape(4, n), _LOOPS[kind]
-    loop(lam, mu, F.reshape(4, n), flat, mean, out.energy, by_F, out.by_theta)
+    arguments = (lam, mu, F.reshape(4, n), flat, mean, out.energy, by_F, out.by_theta)
+    over_points(lambda first, last: loop(first, last, *arguments), n)
     return out
 
 
 @compiled_in_order
 def _linear_elastic(
-    lam: float, mu: float, F: Array, stress: Array, theta: Array, W: Array, by_F: Array, by_theta: Array
+    first: int,
+    last: int,
+    lam: float,
+    mu: float,
+    F: Array,
+    stress: Array,
+    theta: Array,
+    W: Array,
+    by_F: Array,
+    by_theta: Array,
 ) -> None:
     """Small strain, `stress` (4, n) that of the anchor; F-bar has the trace theta, the point resists its own."""
-    for p in range(W.size):
+    for p in range(first, last):
         x, y, shear = F[0, p] - 1.0, F[3, p] - 1.0, 0.5 * (F[1, p] + F[2, p])
         own = x + y
         mean = theta[p] if theta.size else own
@@ -67,13 +78,22 @@ def _linear_elastic(
 
 @compiled_in_order
 def _neo_hookean(
-    lam: float, mu: float, F: Array, anchor: Array, theta: Array, W: Array, by_F: Array, by_theta: Array
+    first: int,
+    last: int,
+    lam: float,
+    mu: float,
+    F: Array,
+    anchor: Array,
+    theta: Array,
+    W: Array,
+    by_F: Array,
+    by_theta: Array,
 ) -> None:
     """At F-bar = s F of undeformed volumes 1 / det G, G = `anchor` (4, n), ln J-bar is ln theta.
 
     So W = (mu / 2 shear(F-bar G) + mu (J - 1 - ln J) + lambda / 2 (ln theta)^2) / det G, J that of the point.
     """
-    for p in range(W.size):
+    for p in range(first, last):
         a, b, c, d = F[0, p], F[1, p], F[2, p], F[3, p]
         t, u, v, w = a, b, c, d
         rest, J = 1.0, a * d - b * c
@@ -108,27 +128,41 @@ def _neo_hookean(
             by_theta[p] = (0.5 * q - mu * rest * (mean - 1.0)) / mean
 
 
-def curvature(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array, Array] | None:
-    """W_FF (4, 4, n), W_Ftheta (4, n) and W_thetatheta (n,) [Pa] of NeoHookean, None for other laws."""
+def curvature(law: Anchored, F: Array, theta: Array, tension: Array) -> tuple[Array, Array, Array] | None:
+    """W_FF (4, 4, n), W_Ftheta (4, n) and W_thetatheta (n,) [Pa] of NeoHookean, None for other laws.
+
+    W_FF is that of W + `tension` J, (n,) [Pa].
+    """
     kind: Any = type(law.material)
     if kind is not NeoHookean:
         return None
     n, (lam, mu) = theta.size, law.material.lame
     by_F, mixed, by_theta = np.empty((4, 4, n)), np.empty((4, n)), np.empty(n)
     anchor = np.zeros((4, 0)) if law.F_anchor is None else law.F_anchor.reshape(4, n)
-    _neo_hookean_curvature(lam, mu, F.reshape(4, n), anchor, theta, by_F, mixed, by_theta)
+    arguments = (lam, mu, F.reshape(4, n), anchor, theta, tension, by_F, mixed, by_theta)
+    over_points(lambda first, last: _neo_hookean_curvature(first, last, *arguments), n)
     return by_F, mixed, by_theta
 
 
 @compiled
 def _neo_hookean_curvature(
-    lam: float, mu: float, F: Array, anchor: Array, theta: Array, by_F: Array, mixed: Array, by_theta: Array
+    first: int,
+    last: int,
+    lam: float,
+    mu: float,
+    F: Array,
+    anchor: Array,
+    theta: Array,
+    tension: Array,
+    by_F: Array,
+    mixed: Array,
+    by_theta: Array,
 ) -> None:
     """Second derivatives of W = (mu (theta Q / 2 J - theta + J - 1 - ln J) + lambda / 2 (ln theta)^2) / det G.
 
     Q = |F G|^2 has the derivatives 2 F B and 2 B, B = G G^T.
     """
-    for p in range(theta.size):
+    for p in range(first, last):
         a, b, c, d = F[0, p], F[1, p], F[2, p], F[3, p]
         xx, xy, yy, rest = 1.0, 0.0, 1.0, 1.0  # of B
         if anchor.size:
@@ -149,7 +183,7 @@ def _neo_hookean_curvature(
             by_F[i + 1, i + 1, p] += factor * yy
             by_F[i, i + 1, p] += factor * xy
             by_F[i + 1, i, p] += factor * xy
-        second = mu * (1.0 - inverse) - 0.5 * factor * size * inverse / rest
+        second = tension[p] + mu * (1.0 - inverse) - 0.5 * factor * size * inverse / rest
         by_F[0, 3, p] += second
         by_F[3, 0, p] += second
         by_F[1, 2, p] -= second

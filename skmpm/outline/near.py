@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from skmpm.compiled import compiled
 from skmpm.outline.overlaps import box_pairs, boxes
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
+from skmpm.parallel import over_bodies
 
 CHUNK = 1_000_000  # pairs processed at a time, which take about 100 MB
 
@@ -69,7 +70,14 @@ def candidates(
     bend = np.zeros(outlines.size) if bend is None else bend
     least = np.full(pairs.shape[1], -1.0) if least is None else least
     ends = np.searchsorted(outlines.body, np.arange(bodies + 1))
-    found = _pairs(x, outlines.next, ends, low, high, reach, pairs, bend, least)
+    first_pair, parts = np.searchsorted(pairs[0], np.arange(bodies + 1)), {}
+
+    def search(first: int, last: int) -> None:
+        own = slice(first_pair[first], first_pair[last])
+        parts[first] = _pairs(x, outlines.next, ends, low, high, reach, pairs[:, own].copy(), bend, least[own])
+
+    over_bodies(search, ends)
+    found = np.concatenate([parts[first] for first in sorted(parts)], axis=1)
     return found[0], found[1]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from skmpm.compiled import compiled, compiled_in_order
 from skmpm.outline.topology import Floats, Integers, Outlines
+from skmpm.parallel import over_bodies
 
 
 def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Floats]:
@@ -24,7 +25,9 @@ def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Float
     low, high = boxes(outlines, x, bodies)
     pairs = box_pairs(low, high)
     area, ends = np.zeros(pairs.shape[1]), np.searchsorted(outlines.body, np.arange(bodies + 1))
-    _shared_areas(pairs, low, high, x, outlines.next, ends, area)
+    work = np.append(0, np.cumsum(np.diff(ends)[pairs].sum(axis=0)))
+    arguments = (pairs, low, high, x, outlines.next, ends, area)
+    over_bodies(lambda first, last: _shared_areas(first, last, *arguments), work)
     return pairs, np.maximum(area, 0.0)
 
 
@@ -80,14 +83,22 @@ def _sharing(order: Integers, low: Floats, high: Floats) -> Integers:
 
 @compiled
 def _shared_areas(
-    pairs: Integers, low: Floats, high: Floats, x: Floats, following: Integers, ends: Integers, area: Floats
+    first: int,
+    last: int,
+    pairs: Integers,
+    low: Floats,
+    high: Floats,
+    x: Floats,
+    following: Integers,
+    ends: Integers,
+    area: Floats,
 ) -> None:
-    """Add the shared areas of pairs (2, p) of bodies with boxes `low` to `high` to `area` (p,), zero before."""
+    """Add the shared areas of pairs first:last of bodies with boxes `low` to `high` to `area` (p,), zero before."""
     most = 0
     for b in range(ends.size - 1):
         most = max(most, ends[b + 1] - ends[b])
     edges = np.empty((2, most, 4))
-    for p in range(pairs.shape[1]):
+    for p in range(first, last):
         a, b = pairs[0, p], pairs[1, p]
         corner_x, corner_y = max(low[0, a], low[0, b]), max(low[1, a], low[1, b])
         size_x, size_y = min(high[0, a], high[0, b]) - corner_x, min(high[1, a], high[1, b]) - corner_y

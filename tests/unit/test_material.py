@@ -369,6 +369,7 @@ def test_slopes_and_curvatures_at_a_given_dilatation_are_derivatives(solid, regr
     )
     theta = rng.uniform(0.6, 1.6, N) if not law.linear else rng.uniform(-0.3, 0.3, N)
     P, C, slope, mixed = (np.zeros((4, N)), np.zeros((4, 4, N)), np.zeros((4, N)), np.zeros((4, N)))
+    curved = np.zeros((4, 4, N))
     for k, (i, j) in enumerate(np.ndindex(2, 2)):
         moved = F.astype(complex)
         moved[i, j] += 1j * STEP
@@ -376,10 +377,13 @@ def test_slopes_and_curvatures_at_a_given_dilatation_are_derivatives(solid, regr
         by_F, by_theta = dilatation.slopes(law, moved, theta)
         C[:, k], mixed[k] = by_F.reshape(4, -1).imag / STEP, by_theta.imag / STEP
         slope[k] = dilatation.volumes(law, moved)[0].imag / STEP
+        curved[:, k] = dilatation.volume_slope(law, moved).reshape(4, -1).imag / STEP
     grown = theta + 1j * STEP
     by_F, by_theta = dilatation.slopes(law, F, theta)
-    exact = dilatation.curvatures(law, F, theta)
-    for found, expected in zip(curvature(law, F, theta) or (), exact, strict=False):
+    tension = rng.normal(size=N) * solid.lame[1]
+    exact, tense = (dilatation.curvatures(law, F, theta, one) for one in (np.zeros(N), tension))
+    assert_close(tense[0] - exact[0], tension * curved, 1e-11)
+    for found, expected in zip(curvature(law, F, theta, tension) or (), tense, strict=False):
         assert_close(found, expected, 1e-11)
     size = np.abs(C).max()
     assert_close(dilatation.volume_slope(law, F).reshape(4, -1), slope, 1e-12)

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from itertools import pairwise
 from multiprocessing import get_context
 
 import numpy as np
@@ -21,6 +22,17 @@ def test_every_body_is_in_exactly_one_range(sizes, count):
     with parallel.threads(count):
         parallel.over_bodies(lambda first, last: seen.extend(range(first, last)), offsets)
     assert sorted(seen) == list(range(len(sizes)))
+
+
+@given(st.integers(0, 50_000), st.integers(1, 5))
+def test_every_point_is_in_exactly_one_range_and_ranges_begin_at_whole_vectors(size, count):
+    seen = []
+    with parallel.threads(count):
+        parallel.over_points(lambda first, last: seen.append((first, last)), size)
+    seen.sort()
+    assert seen[0][0] == 0 and seen[-1][1] == size
+    assert all(last == first for (_, last), (first, _) in pairwise(seen))
+    assert all(first % 64 == 0 for first, _ in seen)
 
 
 def test_other_threads_work_while_one_is_busy():
