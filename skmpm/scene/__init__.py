@@ -2,6 +2,7 @@
 
 from skmpm.scene.check import TOUCHING, check_walls_at_start
 from skmpm.scene.contacts import Contacts
+from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
 from skmpm.scene.gravity import gravity_at
 from skmpm.scene.materials import initial_internal, material_at, plastic_strain
@@ -62,6 +63,7 @@ __all__ = [
     "mean_velocity",
     "mises",
     "motion",
+    "normal_speeds",
     "plastic_strain",
     "prescribed_motions",
     "prescribed_velocities",
@@ -76,5 +78,6 @@ __all__ = [
     "velocity_at",
     "view_of",
     "wall_lines",
+    "with_normal_speeds",
     "work_of_ends",
 ]

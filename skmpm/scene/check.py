@@ -171,25 +171,18 @@ def _check_wall(name: str, wall: Wall) -> None:
     length = float(np.linalg.norm(normal))
     if abs(length - 1.0) > 1e-9:
         raise SceneError(f"{name}: normal = {normal} has length {length:.6g}; divide it by its length")
-    velocity = motion(wall.velocity, 0.0, f"{name}: velocity")
+    motion(wall.velocity, 0.0, f"{name}: velocity")
     if wall.driven:
-        _check_driven(name, wall, velocity, normal)
+        _check_driven(name, wall)
     elif wall.mass is not None:
         raise SceneError(f"{name}: mass = {wall.mass} without force or pressure; give one, or no mass")
     not_negative(f"{name}: cohesion", wall.cohesion, "a stress in Pa")
 
 
-def _check_driven(name: str, wall: Wall, velocity: Array, normal: Array) -> None:
+def _check_driven(name: str, wall: Wall) -> None:
     """Raise SceneError unless a force or a pressure, and nothing else, drives a wall."""
     if wall.force is not None and wall.pressure is not None:
         raise SceneError(f"{name}: force = {wall.force} and pressure = {wall.pressure}; give one of them")
-    if callable(wall.velocity):
-        raise SceneError(f"{name}: velocity is a function of time, and a force drives it; give its velocity at t = 0")
-    if abs(normal[0] * velocity[1] - normal[1] * velocity[0]) > 1e-9 * np.hypot(*velocity):
-        raise SceneError(
-            f"{name}: velocity = {velocity}; give one along its normal, in which the force drives it"
-            "; to shear a packing under a given pressure, use Periodic(stress=...)"
-        )
     if wall.mass is not None:
         positive(f"{name}: mass", wall.mass, "a mass per metre of thickness in kg/m, or None")
     scalar(wall.force if wall.pressure is None else wall.pressure, 0.0, f"{name}: driving force or pressure")

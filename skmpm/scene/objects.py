@@ -79,15 +79,16 @@ class Body:
 class Wall:
     """A rigid half-plane through `point`; the unit `normal` points to the free side.
 
-    It moves with a given velocity or, along its normal, by a force or a pressure; its velocity is then an unknown of
-    the contact problem, in which the force is exact at the end of every step.
+    It moves with a given velocity or, along its normal, by a force or a pressure; its velocity along the normal is
+    then an unknown of the contact problem, in which the force is exact at the end of every step. Across the normal it
+    slides with the given velocity, as in tests of friction and of direct shear.
 
     Parameters
     ----------
     point : (2,) [m] at t = 0
     normal : (2,)
-    velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; of a driven wall that at
-        t = 0, along the normal
+    velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; its part along the normal
+        of a driven wall counts at t = 0 only
     force : that drives the wall towards the bodies [N/m], a number or a function of time, taken at t + theta dt of
         each step from t on
     pressure : the same over the length of the wall between the other walls [Pa]

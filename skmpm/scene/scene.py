@@ -279,7 +279,10 @@ class Scene:
         return forces
 
     def wall_velocities(self, t: float) -> Array:
-        """Velocities of the walls at time t, of driven ones at t = 0, (walls, 2) [m/s]; SceneError if not finite."""
+        """Given velocities of the walls at time t, (walls, 2) [m/s]; SceneError if not finite.
+
+        Those of driven walls hold along the wall, and along their normals at t = 0.
+        """
         each = [motion(wall.velocity, t, f"wall {i}: velocity") for i, wall in enumerate(self.walls)]
         return np.array(each).reshape(-1, 2)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.contacts import Contacts
+from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
 from skmpm.scene.fits import check_fits
 from skmpm.scene.objects import Body, SceneError, Wall
 from skmpm.scene.report import StepControl
@@ -45,7 +46,9 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     force, velocity = np.zeros_like(walls), new_scene.wall_velocities(state.t)
     force[kept] = state.wall_force[former[kept]]
     going = kept & np.isin(np.arange(kept.size), new_scene.driven_walls)
-    velocity[going] = state.wall_velocity[former[going]]
+    going_on = velocity.copy()
+    going_on[going] = state.wall_velocity[former[going]]
+    velocity = with_normal_speeds(new_scene, velocity, normal_speeds(new_scene, going_on))
     new = {i: walls[i] for i in np.flatnonzero(~kept).tolist()}
     check_walls(new_scene, state.x, new, f"at t = {state.t:.6g} s; move the new wall")
     return replace(

@@ -26,6 +26,7 @@ from skmpm.scene import (
     rigid_motion,
     spring_energy,
     velocity_at,
+    with_normal_speeds,
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate.box_motion import velocity_of_box
@@ -170,11 +171,13 @@ def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[t
     """Walls, supports, rigid bodies and edges of the periodic box with their prescribed speeds at time t [m/s].
 
     The edges (2, 2) of the box are those at the start if not given. Walls that forces drive have a prescribed speed
-    at t = 0 only.
+    along their normals at t = 0 only.
     """
-    for i, v in enumerate(scene.wall_velocities(t)):
-        if t == 0.0 or i not in scene.driven_walls:
-            yield f"wall {i}", float(np.hypot(*v))
+    walls = scene.wall_velocities(t)
+    if t != 0.0:
+        walls = with_normal_speeds(scene, walls, np.zeros(scene.driven_walls.size))
+    for i, v in enumerate(walls):
+        yield f"wall {i}", float(np.hypot(*v))
     for i, v in enumerate(np.nan_to_num(scene.support_velocities(t))):
         yield f"support {i}", float(np.hypot(*v))
     for i, body in enumerate(scene.bodies):

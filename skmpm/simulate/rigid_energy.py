@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit import End, Increment, Solution
-from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity, velocity_at
+from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity, normal_speeds, velocity_at
 from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.rigid_state import RigidState, kinetic_energy, rigid_state
 
@@ -45,18 +45,15 @@ def own_kinetic_energy(scene: Scene, state: State) -> float:
 
 def _driven_walls(scene: Scene, state: State, end: End, after: State) -> OwnEnergy:
     """Those of walls: what drives and contacts transfer is the change of momentum times the mean velocity."""
-    change = after.wall_velocity - state.wall_velocity
-    work = scene.wall_masses @ (change * end.motions.walls)[scene.driven_walls].sum(axis=1)
-    return OwnEnergy((_kinetic_of_walls(scene, state), _kinetic_of_walls(scene, after)), float(work))
+    velocities = (state.wall_velocity, end.motions.walls, after.wall_velocity)
+    before, mean, last = (normal_speeds(scene, v) for v in velocities)
+    work = float(scene.wall_masses @ ((last - before) * mean))
+    return OwnEnergy((_kinetic_of_walls(scene, state), _kinetic_of_walls(scene, after)), work)
 
 
 def _kinetic_of_walls(scene: Scene, state: State) -> float:
-    """Kinetic energy of the driven walls of a state, which move along their normals [J/m]."""
-    walls = scene.driven_walls
-    if walls.size == 0:
-        return 0.0
-    speed = np.einsum("pi,ip->p", state.wall_velocity[walls], scene.normals[:, walls])
-    return 0.5 * float(scene.wall_masses @ speed**2)
+    """Kinetic energy of the driven walls of a state by their motion along their normals [J/m]."""
+    return 0.5 * float(scene.wall_masses @ normal_speeds(scene, state.wall_velocity) ** 2)
 
 
 def _free_bodies(

@@ -220,6 +220,58 @@ def test_an_inclined_wall_moves_along_its_normal_only():
     assert (state.walls[1] + R * n) @ n > 1e-3 * R
 
 
+def pressed_block(velocity, friction=0.3):
+    """A soft block on a rough floor under a lid of 20 N/m."""
+    block = Body(box((0.0, 0.0), (4e-3, 2e-3), spacing=1.25e-4), NeoHookean(1e5, 0.45, 1000.0))
+    lid = Wall((0.0, 2e-3), (0.0, -1.0), velocity=velocity, force=20.0, friction=friction)
+    return Scene([block], cell=2.5e-4, walls=[replace(FLOOR, friction=0.8), lid])
+
+
+def test_a_pressed_lid_that_slides_drags_by_coulombs_law_and_does_the_work_of_it():
+    scheme = Scheme(inertia=False)
+    states = list(simulate(pressed_block((0.5, 0.0)), dt=1e-4, until=4e-3, scheme=scheme))
+    last = states[-1]
+    assert last.wall_force == pytest.approx(np.array([[6.0, -20.0], [-6.0, 20.0]]), rel=1e-5)
+    assert last.walls[1, 0] == pytest.approx(0.5 * 4e-3, rel=1e-12)
+    begin = states[19]
+    along, down = last.walls[1] - begin.walls[1]
+    work = last.report.energy.external - begin.report.energy.external
+    assert work == pytest.approx(6.0 * along - 20.0 * down, rel=1e-5)
+
+
+@pytest.mark.parametrize("inertia", [True, False])
+def test_sliding_as_a_function_of_time_is_sliding(inertia):
+    """What the function says along the normal after t = 0 is not taken."""
+    scheme = Scheme(inertia=inertia)
+    one, two = (
+        list(simulate(pressed_block(v), dt=1e-4, until=1e-3, scheme=scheme))[-1]
+        for v in ((0.5, 0.0), lambda t: (0.5, 7.0 * t))
+    )
+    assert np.array_equal(one.x, two.x) and np.array_equal(one.walls, two.walls)
+
+
+def test_sliding_without_friction_changes_nothing():
+    slid, pressed = (
+        list(simulate(pressed_block(v, friction=0.0), dt=1e-4, until=1e-3))[-1] for v in ((0.5, 0.0), (0.0, 0.0))
+    )
+    assert slid.x == pytest.approx(pressed.x, abs=1e-9 * 2.5e-4)
+    assert slid.report.energy.external == pytest.approx(pressed.report.energy.external, rel=1e-9)
+    assert slid.report.energy.kinetic == pytest.approx(pressed.report.energy.kinetic, rel=1e-6)
+
+
+def test_chosen_steps_follow_the_sliding():
+    times = np.array([0.0, *(s.t for s in simulate(pressed_block((0.5, 0.0)), until=2e-3))])
+    assert np.diff(times).max() <= 0.14 * 2.5e-4 / 0.5 * (1.0 + 1e-9)
+
+
+def test_a_stage_begins_another_sliding():
+    scene, stopped = pressed_block((0.5, -0.1)), pressed_block((-0.2, -0.1))
+    *_, state = simulate(scene, dt=1e-4, until=3e-4)
+    down = state.wall_velocity[1, 1]
+    assert state.wall_velocity[1, 0] == pytest.approx(0.5) and down != pytest.approx(-0.1)
+    assert continued(scene, state, stopped).wall_velocity[1] == pytest.approx([-0.2, down])
+
+
 @pytest.mark.parametrize("scheme", [Scheme(), Scheme(inertia=False)])
 def test_a_restart_is_bit_exact(tmp_path, scheme):
     scene, dt = cushions(1e4), 1e-3
@@ -259,8 +311,6 @@ def test_scenes_without_them_do_not_know_them(monkeypatch):
     ("options", "message"),
     [
         ({"force": 1.0, "pressure": 2.0}, "wall 1: force = 1.0 and pressure = 2.0; give one of them"),
-        ({"force": 1.0, "velocity": lambda t: (0, t)}, "wall 1: velocity is a function of time.*velocity at t = 0"),
-        ({"force": 1.0, "velocity": (1.0, 0.0)}, "wall 1: velocity = .* along its normal"),
         ({"mass": 1.0}, "wall 1: mass = 1.0 without force or pressure"),
         ({"force": 1.0, "mass": 0.0}, "wall 1: mass = 0.0; give a mass"),
         ({"force": np.nan}, "wall 1: driving force or pressure = nan; give a finite number"),

@@ -1,4 +1,4 @@
-"""Walls driven by a force: one unknown each, their velocity along the normal."""
+"""Walls driven by a force: one unknown each, their velocity along the normal. Across it they move as given."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skmpm.contact import Constraints
 from skmpm.implicit import Inertia
 from skmpm.observe.regions import region
-from skmpm.scene import PrescribedVelocities, Scene, State
+from skmpm.scene import PrescribedVelocities, Scene, State, normal_speeds, with_normal_speeds
 from skmpm.simulate.unknowns.interval import Interval
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ class DrivenWalls:
 
     scene: Scene
     points: Array  # (walls, 2) of all walls at the start of the step [m]
-    velocity: Array  # (walls, 2) of those that are not driven [m/s]
+    velocity: Array  # (walls, 2) that are given [m/s]
     inertia: Inertia
     t: float  # at which forces are taken [s]
     dt: float
@@ -32,8 +32,7 @@ class DrivenWalls:
     @staticmethod
     def of(scene: Scene, state: State, interval: Interval) -> DrivenWalls:
         """The walls of a state in a step."""
-        walls = scene.driven_walls
-        v0 = np.einsum("pi,ip->p", state.wall_velocity[walls], scene.normals[:, walls])
+        v0 = normal_speeds(scene, state.wall_velocity)
         return DrivenWalls(
             scene,
             state.walls,
@@ -48,19 +47,14 @@ class DrivenWalls:
         """The walls."""
         return [f"wall {i}" for i in self.scene.driven_walls]
 
-    def _velocities(self, z: Array, others: Array) -> Array:
-        walls, velocity = self.scene.driven_walls, others.copy()
-        velocity[walls] = z[:, None] * self.scene.normals.T[walls]
-        return velocity
-
     def load(self, z: Array) -> Array:
         """Forces towards the bodies, (p,) [N/m]: those of pressures act on lengths at the end of the step."""
-        ends = self.points + self.dt * self._velocities(z, self.velocity)
+        ends = self.points + self.dt * with_normal_speeds(self.scene, self.velocity, z)
         return self.scene.driving_forces(self.t, region(self.scene.normals, ends.T).length)
 
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with those of the walls."""
-        walls, at_end = (self._velocities(v, prescribed.walls) for v in (z, end))
+        walls, at_end = (with_normal_speeds(self.scene, prescribed.walls, v) for v in (z, end))
         return replace(prescribed, walls=walls, walls_at_end=at_end)
 
     def carried(self, translation: Array) -> Array:
