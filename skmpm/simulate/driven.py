@@ -16,13 +16,34 @@ from skmpm.simulate.forces import add_dead_loads
 
 Array = NDArray[np.float64]
 
+NOTHING = np.zeros((2, 0))
+
 
 class Moving(NamedTuple):
     """What moves at the start of a step."""
 
     v: Array  # (2, k) of points, relative to a periodic box, and driven walls [m/s]
     speed: float  # of the fastest wall, edge of the box or loaded body [m/s]
-    acceleration: float  # the largest of these [m/s2]
+    accelerations: Array  # (2, q) of these [m/s2]
+
+    @property
+    def acceleration(self) -> float:
+        """The largest of them [m/s2]."""
+        return float(np.hypot(*self.accelerations).max(initial=0.0))
+
+    def held_further(self, now: Moving, before: Moving, growth: float) -> Moving:
+        """The same at the end of a step, with contacts that go on to hold what they held in the last one.
+
+        All are with the forces of contacts now: `before` at the start of the last step, so that what forces gained
+        since, less the acceleration now, is what contacts took up in it. They may take up `growth` times as much.
+        """
+        gained, last = (
+            np.hypot(*change)
+            for change in (self.accelerations - now.accelerations, now.accelerations - before.accelerations)
+        )
+        held = growth * np.maximum(last - np.hypot(*now.accelerations), 0.0)
+        share = np.clip(held / np.where(gained > 0.0, gained, 1.0), 0.0, 1.0)
+        return self._replace(accelerations=self.accelerations - share * (self.accelerations - now.accelerations))
 
 
 def moving(scene: Scene, state: State, t: float) -> Moving:
@@ -36,14 +57,13 @@ def _moving(scene: Scene, state: State, t: float) -> Moving:
         return _moving_with_box(scene, state, t)
     walls = scene.driven_walls
     if walls.size == 0:
-        return Moving(state.v, 0.0, 0.0)
+        return Moving(state.v, 0.0, NOTHING)
     velocity, normal = state.wall_velocity[walls], scene.normals.T[walls]
     force = scene.driving_forces(t, region(scene.normals, state.walls.T).length)
     net = force + np.einsum("pi,pi->p", state.wall_force[walls], normal)
     fastest = float(np.hypot(*velocity.T).max())
-    return Moving(
-        np.concatenate([state.v, velocity.T], axis=1), fastest, float(np.abs(net / scene.wall_masses).max())
-    )
+    every = np.concatenate([state.v, velocity.T], axis=1)
+    return Moving(every, fastest, net / scene.wall_masses * scene.normals[:, walls])
 
 
 def _moving_with_box(scene: Scene, state: State, t: float) -> Moving:
@@ -51,12 +71,12 @@ def _moving_with_box(scene: Scene, state: State, t: float) -> Moving:
     assert scene.periodic is not None and state.box is not None and state.box_rate is not None
     relative, (i, j) = state.v - state.box_rate @ state.x, scene.periodic.components
     if i.size == 0:
-        return Moving(relative, 0.0, 0.0)
+        return Moving(relative, 0.0, NOTHING)
     length, mass = np.diag(state.box)[j], scene.periodic.mass or scene.mass
     pressed = np.einsum("qk,qk->q", state.contacts.vectors[i], state.contacts.image[j])
     force = abs(float(np.linalg.det(state.box))) * scene.periodic.stress_at(t) - pressed
     speed = float(np.abs(state.box_rate[i, j] * length).max())
-    return Moving(relative, speed, float(np.abs(force / length).max()) / mass)
+    return Moving(relative, speed, np.stack([force / length / mass, np.zeros(i.size)]))
 
 
 def _with_loaded_bodies(
@@ -78,8 +98,10 @@ def _with_loaded_bodies(
             force[k] += np.bincount(one, pushed, bodies) - of_two
     mass = np.bincount(owner, scene.masses, bodies)[loaded]
     momentum = np.stack([np.bincount(owner, scene.masses * component, bodies)[loaded] for component in v])
-    speed, acceleration = (float(np.hypot(*each / mass).max()) for each in (momentum, force[:, loaded]))
-    return others._replace(speed=max(others.speed, speed), acceleration=max(others.acceleration, acceleration))
+    accelerations = np.concatenate([others.accelerations, force[:, loaded] / mass], axis=1)
+    return others._replace(
+        speed=max(others.speed, float(np.hypot(*momentum / mass).max())), accelerations=accelerations
+    )
 
 
 def _loaded(scene: Scene) -> NDArray[np.bool_]:
@@ -120,12 +142,12 @@ def _moving_at_start(scene: Scene, v: Array) -> Moving:
     if periodic is not None and periodic.components.size:
         length = np.diag(periodic.box)[periodic.components[1]]
         force = np.abs(periodic.stress_at(0.0)) * periodic.width * periodic.height / length
-        return Moving(v, 0.0, float(force.max()) / (periodic.mass or scene.mass))
+        return Moving(v, 0.0, np.stack([force, np.zeros(force.size)]) / (periodic.mass or scene.mass))
     if walls.size == 0:
-        return Moving(v, 0.0, 0.0)
+        return Moving(v, 0.0, NOTHING)
     velocity, acceleration = scene.wall_velocities(0.0)[walls], _forces(scene, 0.0) / scene.wall_masses
     fastest = float(np.hypot(*velocity.T).max())
-    return Moving(np.concatenate([v, velocity.T], axis=1), fastest, float(np.abs(acceleration).max()))
+    return Moving(np.concatenate([v, velocity.T], axis=1), fastest, acceleration * scene.normals[:, walls])
 
 
 def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:

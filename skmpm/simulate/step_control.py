@@ -14,7 +14,7 @@ from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
 from skmpm.simulate.driven import moving
-from skmpm.simulate.step_length import Pace, next_length
+from skmpm.simulate.step_length import MAX_CHANGE, Pace, moves_too_far, next_length
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
@@ -119,10 +119,7 @@ def advance_with_chosen_step(
     """
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
-    limit = pace.limit(scene, scheme, state.t, moving(scene, state, state.t), left, box=state.box)
-    if pace.functions.loads:  # which may begin to act in the step
-        end = state.t + limit
-        limit = pace.limit(scene, scheme, state.t, moving(scene, state, end), limit, forces_at=end, box=state.box)
+    limit, unheld = _limits(scene, state, left, scheme, pace)
     limit = pace.during(state, state.contacts, limit)
     length = wanted = min(limit, chosen or limit)
     if length < left < 2.0 * length:  # the last two are equal: forces on what accelerates depend on their ratio
@@ -133,6 +130,9 @@ def advance_with_chosen_step(
             after = step(scene, state, length, scheme=scheme)
             if (shorter := pace.during(state, after.contacts, length)) < length:  # an impact begins in this step
                 limit, length = shorter, max(shorter, length / CUT)
+                continue
+            if length > unheld and moves_too_far(scene, after, length):  # what contacts held begins to move
+                limit = length = unheld
                 continue
         except StepFailed as failure:
             if not failure.retryable or length <= SHORTEST_SHARE * limit:
@@ -147,6 +147,25 @@ def advance_with_chosen_step(
         chosen = (chosen or wanted) if by_end else next_length(length, report.newton, scheme)
         t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
         return replace(after, t=t, report=report, step_control=StepControl(chosen=chosen)), failures
+
+
+def _limits(scene: Scene, state: State, left: float, scheme: Scheme, pace: Pace) -> tuple[float, float]:
+    """The longest next step [s], and the longest one if contacts held no more of loads than they do now.
+
+    Loads that are functions of time may begin to act in the step, or grow in it.
+    """
+    now, chosen = moving(scene, state, state.t), state.step_control.chosen
+    limit = pace.limit(scene, scheme, state.t, now, left, box=state.box)
+    if not pace.functions.loads:
+        return limit, limit
+    end = state.t + min(limit, chosen or limit)
+    then = moving(scene, state, end)
+    before = moving(scene, state, state.t - state.report.dt) if chosen else now
+    held, unheld = (
+        pace.limit(scene, scheme, state.t, each, end - state.t, forces_at=end, box=state.box)
+        for each in (then.held_further(now, before, MAX_CHANGE), then)
+    )
+    return held, unheld
 
 
 def _step_of(step_control: StepControl) -> float:

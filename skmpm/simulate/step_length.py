@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from skmpm.scene import Contacts, Scene, SceneError, State
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
-from skmpm.simulate.driven import Moving
+from skmpm.simulate.driven import Moving, moving
 from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.impacts import normal_speed
 from skmpm.simulate.initial_state import can_touch, driven
@@ -93,6 +93,11 @@ class Pace:
         if self.loading.impact == np.inf or normal_speed(state, contacts) <= self.loading.impact:
             return length
         return min(length, self.resolving)
+
+
+def moves_too_far(scene: Scene, after: State, length: float) -> bool:
+    """Whether something that forces drive moves farther than `STROKE` in a step of this length [s]."""
+    return moving(scene, after, after.t).speed * length > STROKE * scene.cell
 
 
 def _time(distance: float, speed: float, acceleration: float) -> float:

@@ -26,6 +26,7 @@ from skmpm.scene import (
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate
+from skmpm.simulate.driven import Moving
 from skmpm.simulate.functions_of_time import FunctionsOfTime
 from skmpm.simulate.impacts import normal_speed
 
@@ -295,6 +296,35 @@ def test_a_small_component_beside_a_large_one_is_followed():
     load = Load(everywhere, lambda t: (1e-16 * np.sin(1e5 * t), -1.0))  # round-off, as of a direction that is turned
     functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, 0.2)
     assert functions.followed(0.0, 0.2, 1e-6) == 0.2
+
+
+def test_a_load_that_contacts_hold_sets_no_pace_until_they_slip():
+    """A block held by friction under a slow ramp; of its slip F' t^3 / 6 m no step takes more than a stroke."""
+    gel, ramp = NeoHookean(1e6, 0.3, 1000.0), 24.0  # of the force [N/m/s]; 12 N/m are held
+    lid = Wall((0, 1e-3), (0, -1), force=20.0)
+    block = Body(box((0, 0), (2e-3, 1e-3), spacing=0.5 * CELL), gel)
+    loads = [Load(everywhere, lambda t: (ramp * t, 0.0))]
+    scene = Scene([block], cell=CELL, friction=0.3, walls=[Wall((0, 0), (0, 1)), lid], loads=loads)
+    duration = np.cbrt(6.0 * 2e-3 * 2e-3 / ramp)  # in which it slides 2 mm
+    states = list(simulate(scene, until=0.5 + duration))
+    times = np.array([state.t for state in states])
+    assert np.count_nonzero(times < 0.5) < 100  # 876 if contacts held no more than at the start of a step
+    motion = np.array([state.v[0].mean() * state.report.dt for state in states])
+    assert motion.max() <= 0.14 * CELL * (1.0 + 1e-3)
+    assert np.count_nonzero(motion > 0.1 * CELL) > 40
+    assert states[-1].x[0].mean() - 1e-3 == pytest.approx(2e-3, rel=0.12)  # backward Euler in some sixty steps
+
+
+def test_contacts_hold_as_much_more_as_they_took_up_in_the_last_step():
+    """Of three bodies the first is held, the second moves freely, the third was not loaded before."""
+    now = Moving(np.zeros((2, 0)), 0.0, np.array([[0.0, 3.0, 0.0], [0.0, 0.0, 0.0]]))
+    before = now._replace(accelerations=np.array([[-2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+    then = now._replace(accelerations=np.array([[4.0, 6.0, 0.0], [0.0, 0.0, 5.0]]))
+    assert then.held_further(now, before, 2.0).accelerations == pytest.approx(
+        np.array([[0.0, 6.0, 0.0], [0.0, 0.0, 5.0]])
+    )
+    farther = now._replace(accelerations=np.array([[0.0, 3.0, 0.0], [10.0, 0.0, 0.0]]))
+    assert farther.held_further(now, before, 2.0).accelerations[1, 0] == pytest.approx(6.0)
 
 
 def test_the_last_two_steps_are_equal():
