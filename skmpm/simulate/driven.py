@@ -84,24 +84,28 @@ def _with_loaded_bodies(
 ) -> Moving:
     """What moves, with bodies that have loads or springs and no supports, whose points move at v from x (2, n).
 
-    Their acceleration is that by loads, springs, gravity and the forces of contacts. Gravity that is a function is a
-    load of all bodies.
+    Gravity that is a function is a load of all bodies.
     """
     loaded = _loaded(scene)
     if not loaded.any():
         return others
-    bodies, owner, force = loaded.size, scene.owner, _external(scene, x, t)
+    own = accelerations(scene, x, t, contacts)[:, loaded]
+    mean = np.stack([np.bincount(scene.owner, scene.masses * component, loaded.size)[loaded] for component in v])
+    speed = float(np.hypot(*mean / np.bincount(scene.owner, scene.masses, loaded.size)[loaded]).max())
+    return others._replace(
+        speed=max(others.speed, speed), accelerations=np.concatenate([others.accelerations, own], axis=1)
+    )
+
+
+def accelerations(scene: Scene, x: Array, t: float, contacts: Contacts | None) -> Array:
+    """Those of the centres of bodies by loads, springs, gravity and contacts, (2, bodies) [m/s2]."""
+    bodies, force = len(scene.bodies), _external(scene, x, t)
     if contacts is not None:
         one, two = contacts.bodies
         for k, pushed in enumerate(contacts.vectors):
             of_two = np.bincount(np.maximum(two, 0), pushed * (two >= 0), bodies)
             force[k] += np.bincount(one, pushed, bodies) - of_two
-    mass = np.bincount(owner, scene.masses, bodies)[loaded]
-    momentum = np.stack([np.bincount(owner, scene.masses * component, bodies)[loaded] for component in v])
-    accelerations = np.concatenate([others.accelerations, force[:, loaded] / mass], axis=1)
-    return others._replace(
-        speed=max(others.speed, float(np.hypot(*momentum / mass).max())), accelerations=accelerations
-    )
+    return force / np.bincount(scene.owner, scene.masses, bodies)
 
 
 def _loaded(scene: Scene) -> NDArray[np.bool_]:

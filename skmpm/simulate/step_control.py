@@ -120,7 +120,7 @@ def advance_with_chosen_step(
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
     limit, unheld = _limits(scene, state, left, scheme, pace)
-    limit = pace.during(state, state.contacts, limit)
+    limit = pace.during(scene, state, state.contacts, limit)
     length = wanted = min(limit, chosen or limit)
     if length < left < 2.0 * length:  # the last two are equal: forces on what accelerates depend on their ratio
         length = 0.5 * left
@@ -128,7 +128,9 @@ def advance_with_chosen_step(
     while True:
         try:
             after = step(scene, state, length, scheme=scheme)
-            if (shorter := pace.during(state, after.contacts, length)) < length:  # an impact begins in this step
+            if (
+                shorter := pace.during(scene, state, after.contacts, length)
+            ) < length:  # an impact begins in this step
                 limit, length = shorter, max(shorter, length / CUT)
                 continue
             if length > unheld and moves_too_far(scene, after, length):  # what contacts held begins to move

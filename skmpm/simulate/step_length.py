@@ -24,7 +24,7 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.driven import Moving, moving
 from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
-from skmpm.simulate.impacts import normal_speed
+from skmpm.simulate.impacts import normal_speed, pushed_away
 from skmpm.simulate.initial_state import can_touch, driven
 from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radii
 
@@ -88,11 +88,15 @@ class Pace:
         """The longest step that resolves waves [s]."""
         return WAVES * self.radius / self.wave
 
-    def during(self, state: State, contacts: Contacts, length: float) -> float:
-        """A length [s], or that which resolves waves if some contacts are impacts at the velocities of a state."""
-        if self.loading.impact == np.inf or normal_speed(state, contacts) <= self.loading.impact:
+    def during(self, scene: Scene, state: State, contacts: Contacts, length: float) -> float:
+        """A length [s], or that which resolves waves if some contacts are impacts at the velocities of a state.
+
+        Or if contacts push a body away, as one that was compressed and is released.
+        """
+        if self.loading.impact == np.inf:
             return length
-        return min(length, self.resolving)
+        impact = normal_speed(state, contacts) > self.loading.impact
+        return min(length, self.resolving) if impact or pushed_away(scene, state) else length
 
 
 def moves_too_far(scene: Scene, after: State, length: float) -> bool:

@@ -23,6 +23,7 @@ from skmpm.scene import (
     StepFailed,
     Support,
     Wall,
+    continued,
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate
@@ -483,6 +484,25 @@ def test_impacts_are_resolved_of_what_rests_on_a_floor_at_the_start():
         found.append(min(np.average(s.v[0], weights=s.mass) for s in simulate(scene, until=0.13)))
     assert found[0] == pytest.approx(found[1], rel=0.05)
     assert found[0] < -0.2
+
+
+@pytest.mark.parametrize("squeeze", [0.02, 0.1])
+def test_a_body_that_is_released_jumps_as_with_short_steps(squeeze):
+    """A lid that has compressed a disc under gravity is removed; no contact moves then, but stored energy is free."""
+    floor, gel = Wall((0, 0), (0, 1)), NeoHookean(1e6, 0.3, 1000.0)
+    lid = Wall((0, 2 * R), (0, -1), velocity=(0, -10.0 * squeeze * R))
+    body = Body(disc((0, R), R, spacing=0.65 * CELL), gel)
+    scene = Scene([body], cell=CELL, walls=[floor, lid], gravity=(0, -9.81))
+    *_, pressed = simulate(scene, until=0.1)
+    opened = replace(scene, walls=[floor])
+    start = continued(scene, pressed, opened)
+    fine, chosen = (
+        [float(state.v[1].mean()) for state in simulate(opened, until=0.1006, dt=dt, start=start)]
+        for dt in (2e-6, None)
+    )
+    assert max(fine) > 0.1  # a hundredth to a tenth of it if steps follow gravity
+    assert max(chosen) == pytest.approx(max(fine), rel=0.12)
+    assert len(chosen) < 0.2 * len(fine)
 
 
 def test_edges_of_a_box_that_grows_move_by_the_stroke_whatever_its_size():
