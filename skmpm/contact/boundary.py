@@ -62,9 +62,9 @@ def point_to_curve(
 
     The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
     u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of
-    the step may keep 0.8 of this overlap, more in very short steps (`PUSH_OUT`). With `inertia`, light contacts act
-    at the closest points of smooth outlines. `motions` are the prescribed velocities of the step, evaluated here if
-    not given.
+    the step may keep 0.8 of this overlap, more in very short steps (`PUSH_OUT`). Light contacts act at the closest
+    points of smooth outlines, without `inertia` those of bodies that nothing keeps from rotating. `motions` are the
+    prescribed velocities of the step, evaluated here if not given.
 
     Raises
     ------
@@ -92,8 +92,10 @@ def point_to_curve(
     motion = Motion.of(scene, state, motions, dt)
     margin = 0.5 * within + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
     close = search(margin)
-    if inertia and close is not None:
-        close = (_with_closest_points(scene, state, *close, motion), close[1])
+    free = scene.indifferent_to_rotation & (not scene.frictions.at_walls.any())
+    shifted = scene.movable if inertia else free
+    if close is not None and shifted.any():
+        close = (_with_closest_points(scene, state, *close, motion, shifted), close[1])
 
     def linearise(w: Array, motions: PrescribedVelocities = motions) -> Constraints:
         motion = Motion.of(scene, state, motions, dt)
@@ -121,15 +123,21 @@ def _contacts(scene: Scene, near: Neighbours, motion: Motion, moved: Array, thet
     return joined([between, *on_walls])
 
 
-def _with_closest_points(scene: Scene, state: State, near: Neighbours, roles: Roles, motion: Motion) -> Neighbours:
+def _with_closest_points(
+    scene: Scene, state: State, near: Neighbours, roles: Roles, motion: Motion, shifted: NDArray[np.bool_]
+) -> Neighbours:
     """The candidates with contact points shifted to the closest points at the end of a step of constant velocities.
 
-    Only with inertia: a round body on one point has no equilibrium against rotation.
+    Those of the bodies `shifted` (bodies,): without inertia, a round body on one point has no equilibrium against
+    rolling, unless nothing opposes its rotation.
     """
     boundary, v = scene.outlines, state.v + motion.change_of_box_velocity(state)
     moved = np.where(scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
-    ahead = near.curve.through(near.start.x + motion.of_surfaces(near.surfaces, moved))
-    return replace(near, shifts=closest_points(scene, near, roles, ahead, motion.walls.sum(axis=0), state.contacts))
+    ahead, walls = (
+        near.curve.through(near.start.x + motion.of_surfaces(near.surfaces, moved)),
+        motion.walls.sum(axis=0),
+    )
+    return replace(near, shifts=closest_points(scene, near, roles, ahead, walls, state.contacts, shifted))
 
 
 def _check_outlines(scene: Scene) -> None:

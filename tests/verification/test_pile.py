@@ -162,6 +162,24 @@ def test_how_fast_a_frictionless_floor_slides_below_grains_does_not_matter():
     assert borne(20.0) == pytest.approx(borne(0.0), rel=1e-6)
 
 
+@pytest.mark.parametrize("inertia", [True, False])
+@pytest.mark.parametrize("apart", [2.2, 2.6])
+def test_three_frictionless_discs_push_the_side_walls_along_their_lines_of_centres(apart, inertia):
+    """Two on a floor between walls, one on them: W tan(angle) / 2; contact at boundary points alone is 12 % off."""
+    r, gel, h = 0.01, NeoHookean(1e7, 0.3, 1000.0), 0.002
+    centres = [(-apart * r / 2, r), (apart * r / 2, r), (0.0, r * (1.0 + np.sqrt(4.0 - apart**2 / 4)))]
+    side = r * (1.0 + apart / 2)
+    walls = [Wall((0, 0), (0, 1)), Wall((-side, 0), (1, 0)), Wall((side, 0), (-1, 0))]
+    bodies = [Body(disc(c, r, spacing=0.66 * h), gel) for c in centres]
+    scene = Scene(bodies, cell=h, walls=walls, gravity=(0.0, -9.81))
+    *_, state = simulate(scene, until=0.5, dt=None if inertia else 0.25, scheme=Scheme(inertia=inertia))
+    left, right, top = (state.x[:, state.body == b].mean(axis=1) for b in range(3))
+    weight = 9.81 * state.mass[state.body == 2].sum()
+    for wall, below in ((1, left), (2, right)):
+        across, up = np.abs(top - below)
+        assert abs(state.wall_force[wall, 0]) == pytest.approx(0.5 * weight * across / up, rel=5e-3)
+
+
 # The table and its figures.
 
 PILES, BURDENS = range(4), 20
