@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ def rigid_initial_guess(
     StepRejected
         if the contacts cannot carry the loads after a motion of `MAX_FALL`
     """
-    w = increment.prescribed_only()
+    w, visited = increment.prescribed_only(), list[Constraints]()
     for detections in range(MAX_DETECTIONS if bodies.loaded else 0):
         constraints = contact.linearise(w) if detections else constraints
         contacts = rigid_contacts(increment, bodies, constraints)
@@ -47,13 +48,27 @@ def rigid_initial_guess(
         if q is None:
             return None if detections == 0 else w
         if float(np.abs(bodies.excess_motion(increment.dt * w)).max()) > MAX_FALL * increment.grid.cell:
-            error = no_equilibrium(increment, bodies, constraints)
+            error = _unstopped(increment, bodies, [*visited, constraints])
             if error is not None:
                 raise error
+        visited.append(constraints)
         velocity = bodies.modes @ q
         length = DETECTION_INTERVAL * increment.grid.cell / increment.dt
         w = w + length / float(np.abs(velocity).max()) * velocity
     return None
+
+
+def _unstopped(increment: Increment, bodies: FloatingBodies, visited: Sequence[Constraints]) -> StepRejected | None:
+    """The error of the last contacts visited along mechanisms, None if they carry the loads.
+
+    A body that slides on the first ones it has is described by these: where friction is associated, sliding lifts it,
+    and in the end it has lost them.
+    """
+    *before, last = (_collapse(increment, bodies, constraints) for constraints in visited)
+    if last is None:
+        return None
+    first = next((each for each in before if each is not None and each.body == last.body and each.touches), last)
+    return (first if first.slips else last).error()
 
 
 def _carried(
@@ -74,19 +89,27 @@ def diagnose(
     """The error that describes the mechanism of the last iteration's contacts, or `error` if there is none."""
     if not bodies.loaded:
         return error
-    verdict, retryable = "no equilibrium was found", increment.depends_on_dt
-    return no_equilibrium(increment, bodies, contact.constraints, verdict, retryable=retryable) or error
+    found = _collapse(increment, bodies, contact.constraints)
+    return error if found is None else found.error("no equilibrium was found", retryable=increment.depends_on_dt)
 
 
-def no_equilibrium(
-    increment: Increment,
-    bodies: FloatingBodies,
-    constraints: Constraints,
-    verdict: str = "there is no equilibrium",
-    *,
-    retryable: bool = False,
-) -> StepRejected | None:
-    """The error that describes the mechanism of the closest contacts; None if they can carry the loads."""
+@dataclass(frozen=True)
+class _Collapse:
+    """How a body moves in a mechanism."""
+
+    body: int
+    motion: str
+    touches: bool  # whether it is not off what it moves on
+    slips: bool  # whether contacts that cannot slip would carry the loads
+    remedy: str
+
+    def error(self, verdict: str = "there is no equilibrium", *, retryable: bool = False) -> StepRejected:
+        """As an error."""
+        return StepRejected(f"body {self.body}", f"{verdict}: it {self.motion}", self.remedy, retryable=retryable)
+
+
+def _collapse(increment: Increment, bodies: FloatingBodies, constraints: Constraints) -> _Collapse | None:
+    """The mechanism of the closest contacts; None if they can carry the loads."""
     closest = _closest(constraints, GAP_MARGIN * increment.grid.cell)
     contacts = rigid_contacts(increment, bodies, closest)
     rough = replace(contacts, friction=np.full(closest.size, NO_SLIP_FRICTION))
@@ -100,12 +123,9 @@ def no_equilibrium(
         verb = "topples" if _at_corner(increment, closest, found.contact, b) else "rolls"
     where = "" if found.contact < 0 else f" {_on(closest, found.contact, b, increment.grid.cell)}"
     force = bodies.resultant[3 * found.body : 3 * found.body + 2]
-    return StepRejected(
-        f"body {b}",
-        f"{verdict}: it {verb}{where}; its load is ({force[0]:.3g}, {force[1]:.3g}) N/m",
-        f"add a Support, a wall{remedy}, or use inertia",
-        retryable=retryable,
-    )
+    motion = f"{verb}{where}; its load is ({force[0]:.3g}, {force[1]:.3g}) N/m"
+    touches = found.contact >= 0 and bool(closest.gap[found.contact] <= GAP_MARGIN * increment.grid.cell)
+    return _Collapse(b, motion, touches, without_slip is None, f"add a Support, a wall{remedy}, or use inertia")
 
 
 def _closest(constraints: Constraints, margin: float) -> Constraints:

@@ -79,6 +79,15 @@ def test_a_box_on_a_smooth_slope_slides(gravity, iterations):
     assert not iterations
 
 
+@pytest.mark.parametrize("width", [2.0, 2.5])
+def test_a_flat_box_slides_on_a_slope_steeper_than_friction(width, iterations):
+    """Mechanisms of associated friction lift it, so that it seemed to roll, or to fall with no contact nearby."""
+    message = failure(slope(box((0.0, 0.0), (width, 1.0), spacing=0.66 * H), 0.35, 0.3))
+    assert "body 0: there is no equilibrium: it slides on wall 0 at (0, 0) m" in message
+    assert "friction" in message.split(";")[-1]
+    assert not iterations
+
+
 def test_a_tall_box_topples_whatever_the_friction(iterations):
     """Width over height 0.4, slope 0.5; it names the corner, and that friction does not help."""
     message = failure(slope(box((0.0, 0.0), (0.8, 2.0), spacing=0.75 * H), 0.5, 2.0))
