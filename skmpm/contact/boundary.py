@@ -95,7 +95,7 @@ def point_to_curve(
     free = scene.indifferent_to_rotation & (not scene.frictions.at_walls.any())
     shifted = scene.movable if inertia else free
     if close is not None and shifted.any():
-        close = (_with_closest_points(scene, state, *close, motion, shifted), close[1])
+        close = (_with_closest_points(scene, state, *close, motion, theta, shifted), close[1])
 
     def linearise(w: Array, motions: PrescribedVelocities = motions) -> Constraints:
         motion = Motion.of(scene, state, motions, dt)
@@ -124,19 +124,27 @@ def _contacts(scene: Scene, near: Neighbours, motion: Motion, moved: Array, thet
 
 
 def _with_closest_points(
-    scene: Scene, state: State, near: Neighbours, roles: Roles, motion: Motion, shifted: NDArray[np.bool_]
+    scene: Scene,
+    state: State,
+    near: Neighbours,
+    roles: Roles,
+    motion: Motion,
+    theta: float,
+    shifted: NDArray[np.bool_],
 ) -> Neighbours:
-    """The candidates with contact points shifted to the closest points at the end of a step of constant velocities.
+    """The candidates with contact points shifted to the closest points in a step of constant velocities.
+
+    They are those at t + theta dt: impulses have no moment about the axis of a body that rolls if their points pass
+    below it then.
 
     Those of the bodies `shifted` (bodies,): without inertia, a round body on one point has no equilibrium against
     rolling, unless nothing opposes its rotation.
     """
     boundary, v = scene.outlines, state.v + motion.change_of_box_velocity(state)
     moved = np.where(scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
-    ahead, walls = (
-        near.curve.through(near.start.x + motion.of_surfaces(near.surfaces, moved)),
-        motion.walls.sum(axis=0),
-    )
+    ahead = near.curve.through(near.start.x + theta * motion.of_surfaces(near.surfaces, moved))
+    start, displacement = motion.walls
+    walls = start + theta * displacement
     return replace(near, shifts=closest_points(scene, near, roles, ahead, walls, state.contacts, shifted))
 
 

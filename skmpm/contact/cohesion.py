@@ -97,16 +97,18 @@ def _in_range(
     """Factors (2, k) on the half segments after and before boundary points, for segments that are partly in range.
 
     The gap is linear along a segment. Of a segment whose other end is out of range, the part in range belongs to the
-    point. Where no contact is detected at the other end, its gap is that to the tangent plane at the point.
+    point. The gap at that end is estimated from the curvature of the other surface at the point, since detection may
+    find it in one iterate and not in the next.
     """
     c, second, gap = found.point[giving], found.bodies[1, giving], found.before[giving]
     known = identity.of(found.point, found.bodies[1])
     factors = []
     for neighbour in (outlines.next, outlines.previous):
         edge = x[:, neighbour[c]] - x[:, c]
-        beside = gap + np.einsum("ik,ik->k", found.normal[:, giving], edge)
-        detected = lookup(known, found.before, identity.of(neighbour[c], second), np.nan)
-        end = np.where(np.isnan(detected), np.maximum(beside, range_), detected)
+        away = np.einsum("ik,ik->k", found.normal[:, giving], edge)
+        beside = gap + away - 0.5 * found.curvature[giving] * ((edge**2).sum(axis=0) - away**2)
+        detected = lookup(known, found.before, identity.of(neighbour[c], second), np.inf)
+        end = np.where(detected <= range_, detected, np.maximum(beside, range_))
         part = (range_ - gap) / np.maximum(end - gap, 1e-300)
         factors.append(np.where(end <= range_, 1.0, 2.0 * part))
     return np.stack(factors)

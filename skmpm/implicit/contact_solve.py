@@ -15,7 +15,7 @@ from skmpm.implicit.candidate_contacts import check_response
 from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness
-from skmpm.implicit.errors import StepRejected, pair
+from skmpm.implicit.errors import NOTHING_DEFORMS, SMALLER, StepRejected, pair
 from skmpm.implicit.residual import SPRING_STIFFNESS
 from skmpm.linear import Delassus, Diagonal, Joined, Rotated, Solver
 
@@ -174,10 +174,13 @@ class _Linearised:
         """The direction of impulses without the geometric stiffness, after iterations and failures of the solver."""
         constraints = self.contact.constraints
         if found.worst is not None:
+            bodies, tol = constraints.bodies[:, found.worst], self.contact.increment.scheme.contact_tol
+            rigid = np.append(np.diff(self.contact.increment.grid.blocks) == 0, True)[np.maximum(bodies, -1)].all()
             raise StepRejected(
-                pair(constraints.bodies[:, found.worst]),
+                pair(bodies),
                 f"the contact solver did not converge for {constraints.size} contacts: residual"
-                f" {found.residual:.2g} (tolerance {self.contact.increment.scheme.contact_tol:g}) here",
+                f" {found.residual:.2g} (tolerance {tol:g}) here",
+                NOTHING_DEFORMS if rigid else SMALLER,
             )
         contact = self._after(found.r, found.scale, iterations + found.iterations, failures)
         return Direction(contact, self._direction(contact.impulse), contact.impulse)

@@ -9,6 +9,10 @@ from skmpm.grid import BodyGrids
 from skmpm.linear import NotPositiveDefinite
 
 SMALLER = "use a smaller dt"
+NOTHING_DEFORMS = (
+    "use a smaller dt, or, where prescribed motions squeeze rigid bodies, a force for one of the motions or a body"
+    " that deforms"
+)
 
 
 class StepRejected(RuntimeError):  # noqa: N818

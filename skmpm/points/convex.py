@@ -73,7 +73,8 @@ def polygon(
     ----------
     centre : (2,) [m]
     radius : of the circle through the corners before rounding [m]
-    sides : three or more
+    sides : three or more; the corners of ten and more, which turn by less than 50 degrees, are smooth in contact, and
+        with arcs shorter than a spacing the polygon rolls like a round body
     rounding : radius of the arcs that replace the corners [m]; contact is smooth if it is a spacing or more
     spacing : approximate distance between neighbouring points [m]
     angle : rotation about the centre, counter-clockwise [rad]; at zero a corner lies at (radius, 0)

@@ -20,7 +20,8 @@ class Energy:
     external : work of gravity, loads, supports, moving ends of springs; of walls, or of the force or pressure that
         drives them; of a periodic box, by contacts across its edges and on bodies that move relative to it. With
         inertia, by the forces at t + theta dt, on which the step is based: with long steps of slow motion and
-        theta = 1 larger than by the trapezoidal rule, by a tenth in 15 steps, over cycles of loading by more
+        theta = 1 larger than by the trapezoidal rule, by a tenth in 15 steps, by a third to a half in three, over
+        cycles of loading by more
     push_out : work of contacts that remove an overlap of an earlier step
     cohesion : work of cohesive contacts on gaps that close, negative where they open
     regridding : change of the points' energy by regridding

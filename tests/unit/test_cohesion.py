@@ -407,3 +407,18 @@ def test_tension_across_an_open_gap_pulls_with_the_midpoint_rule_too(theta):
     scene = Scene([Body(block, NeoHookean(1e6, 0.3, 1000.0))], cell=0.25, walls=[wall], cohesion_range=0.05)
     for state in simulate(scene, dt=1e-3, until=0.03, scheme=Scheme(theta=theta)):
         assert state.mass @ state.v[1] == pytest.approx(-c * state.t, rel=1e-3)
+
+
+def test_cohesive_discs_that_turn_about_each_other_hold_together():
+    """Two discs with a range of a tenth of a cell: no step fails because a gap beside them is detected or not."""
+    r, h, spin = 1e-2, 2e-3, 5.0
+    gel = NeoHookean(1e5, 0.3, 1000.0)
+    turning = [
+        Body(disc((x, 0.0), r, spacing=0.65 * h), gel, velocity=lambda X: spin * np.stack([-X[1], X[0] - r]))
+        for x in (0.0, 2.0 * r)
+    ]
+    scene = Scene(turning, cell=h, friction=0.5, cohesion=3e3, cohesion_range=2e-4)
+    states = list(simulate(scene, until=0.06))
+    assert sum(state.report.retries for state in states) <= 0.05 * len(states)
+    centres = [states[-1].x[:, states[-1].body == b].mean(axis=1) for b in range(2)]
+    assert np.hypot(*(centres[1] - centres[0])) == pytest.approx(2.0 * r, rel=0.01)

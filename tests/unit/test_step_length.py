@@ -289,6 +289,17 @@ def test_what_begins_where_a_step_ends_moves_by_the_stroke(options, path):
     assert x[-1] - x[0] == pytest.approx(path, rel=0.1)  # backward Euler: 8 % after two cells
 
 
+def test_a_body_that_falls_from_rest_is_too_far_at_first():
+    """By 37 % after 0.4 cells and by 11 % after two, as docs/limits.md says."""
+    scene = Scene([BLOCK], cell=SIDE / 7, walls=[Wall((0, -1.0), (0, 1))], gravity=(0, -9.81))
+    start = mean_over_points(initial(scene), initial(scene).x[1])
+    states = list(simulate(scene, until=0.06))
+    exact = np.array([0.5 * 9.81 * state.t**2 for state in states])
+    found = np.array([start - mean_over_points(state, state.x[1]) for state in states])
+    error = np.interp([0.44, 2.2], exact / (SIDE / 7), found / exact - 1.0)
+    assert error == pytest.approx([0.37, 0.11], abs=0.03)
+
+
 def test_a_small_component_beside_a_large_one_is_followed():
     """A horizontal force of half a per cent of the weight, which was lost within a step."""
     load = Load(everywhere, lambda t: (0.005 * np.sin(2.0 * np.pi * t / 0.01), -1.0))

@@ -253,6 +253,24 @@ def test_lasting_contact_does_not_chatter_with_the_midpoint_rule(monkeypatch):
     assert chatter(scene, start, scheme=scheme) > 0.04
 
 
+@pytest.mark.parametrize("cells", [5, 10])
+def test_the_normal_force_of_an_impact_turns_a_disc_by_little(cells):
+    """A frictionless disc hits a wall at 1 cm per radius and some angle in the grid: docs/limits.md says 1 to 2 %."""
+    r, largest = 1e-2, 0.0
+    for tilt in (0.0, 0.15, 0.3):
+        turn = rotation(tilt)
+        points = disc(turn @ (0.0, 1.02 * r), r, spacing=0.66 * r / cells)
+        body = Body(points, NeoHookean(1e7, 0.3, 1000.0), velocity=turn @ (1.0, -1.0))
+        scene = Scene([body], cell=r / cells, walls=[Wall((0.0, 0.0), turn @ (0.0, 1.0))])
+        *_, state = simulate(scene, until=0.03 * r + 0.08 * r)
+        share = state.mass / state.mass.sum()
+        arm, v = state.x - (state.x @ share)[:, None], turn.T @ state.v @ share
+        moment = state.mass @ (arm[0] * state.v[1] - arm[1] * state.v[0])
+        largest = max(largest, abs(moment) / (state.mass.sum() * (1.0 + v[1]) * r))
+        assert v[1] > 0.8
+    assert 1e-3 < largest < 0.02
+
+
 def test_walls_bear_the_impulses_at_the_ends_of_steps():
     """A disc rebounds obliquely from a wall with friction, midpoint rule: it gains what the wall reports."""
     scene, _ = squeezed()

@@ -10,7 +10,7 @@ from ledger import Row, numbers
 from skmpm import linear
 from skmpm.material import NeoHookean
 from skmpm.points import disc
-from skmpm.scene import Body, Scene, Wall
+from skmpm.scene import Body, Scene, StepFailed, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, simulate
 
@@ -178,6 +178,24 @@ def test_three_frictionless_discs_push_the_side_walls_along_their_lines_of_centr
     for wall, below in ((1, left), (2, right)):
         across, up = np.abs(top - below)
         assert abs(state.wall_force[wall, 0]) == pytest.approx(0.5 * weight * across / up, rel=5e-3)
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.7, False), (1.15, True)])
+@pytest.mark.parametrize("spacing", [0.625, 0.66])
+def test_a_pile_without_inertia_needs_about_the_friction_of_its_limit(spacing, share, stands):
+    """Two discs on a floor, one on them: tan(angle / 2). On chords it may do with 0.8 of it (docs/limits.md)."""
+    r, h, half = 0.01, 0.002, 1.1
+    height = np.sqrt(4.0 - half**2)
+    centres = [(-half * r, r), (half * r, r), (0.0, r * (1.0 + height))]
+    bodies = [Body(disc(c, r, spacing=spacing * h), NeoHookean(1e7, 0.3, 1000.0)) for c in centres]
+    friction = share * np.tan(0.5 * np.arctan2(half, height))
+    scene = Scene(bodies, cell=h, walls=[Wall((0, 0), (0, 1))], friction=friction, gravity=(0.0, -9.81))
+    try:
+        *_, state = simulate(scene, dt=0.3, until=0.6, scheme=Scheme(inertia=False))
+        found = state.x[1, state.body == 2].mean() > 2.45 * r
+    except StepFailed:
+        found = False
+    assert found == stands
 
 
 # The table and its figures.
