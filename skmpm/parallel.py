@@ -63,10 +63,11 @@ def _ranges(size: int) -> int:
 
 
 def _divide(work: Callable[[int, int], None], cuts: list[int]) -> None:
-    """Call work(first, last) for the ranges between cuts.
+    """Call work(first, last) for the ranges between cuts that are not empty.
 
     The calling thread works, too, and waits for no thread that has not begun: on a busy machine it does everything.
     """
+    cuts = [cuts[0], *(end for begin, end in pairwise(cuts) if end > begin)]
     if len(cuts) <= 2:
         work(cuts[0], cuts[-1])
         return

@@ -92,8 +92,7 @@ def point_to_curve(
     motion = Motion.of(scene, state, motions, dt)
     margin = 0.5 * within + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
     close = search(margin)
-    free = scene.indifferent_to_rotation & (not scene.frictions.at_walls.any())
-    shifted = scene.movable if inertia else free
+    shifted = scene.movable if inertia else scene.free_to_turn
     if close is not None and shifted.any():
         close = (_with_closest_points(scene, state, *close, motion, theta, shifted), close[1])
 

@@ -64,9 +64,10 @@ def _unstopped(increment: Increment, bodies: FloatingBodies, visited: Sequence[C
     A body that slides on the first ones it has is described by these: where friction is associated, sliding lifts it,
     and in the end it has lost them.
     """
-    *before, last = (_collapse(increment, bodies, constraints) for constraints in visited)
+    last = _collapse(increment, bodies, visited[-1])
     if last is None:
         return None
+    before = (_collapse(increment, bodies, constraints) for constraints in visited[:-1])
     first = next((each for each in before if each is not None and each.body == last.body and each.touches), last)
     return (first if first.slips else last).error()
 

@@ -74,7 +74,8 @@ def candidates(
 
     def search(first: int, last: int) -> None:
         own = slice(first_pair[first], first_pair[last])
-        parts[first] = _pairs(x, outlines.next, ends, low, high, reach, pairs[:, own].copy(), bend, least[own])
+        chosen = np.ascontiguousarray(pairs[:, own])
+        parts[first] = _pairs(x, outlines.next, ends, low, high, reach, chosen, bend, least[own])
 
     over_bodies(search, ends)
     found = np.concatenate([parts[first] for first in sorted(parts)], axis=1)

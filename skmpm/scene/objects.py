@@ -88,7 +88,7 @@ class Wall:
     point : (2,) [m] at t = 0
     normal : (2,)
     velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; its part along the normal
-        of a driven wall counts at t = 0 only
+        of a driven wall counts only where the wall begins, at t = 0 or in a stage
     force : that drives the wall towards the bodies [N/m], a number or a function of time, taken at t + theta dt of
         each step from t on
     pressure : the same over the length of the wall between the other walls [Pa]

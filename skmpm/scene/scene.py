@@ -205,6 +205,11 @@ class Scene:
         return indifferent_to_rotation(self)
 
     @cached_property
+    def free_to_turn(self) -> NDArray[np.bool_]:
+        """Which of them nothing turns wherever they touch, (bodies,): none where a wall is rough."""
+        return self.indifferent_to_rotation & (not self.frictions.at_walls.any())
+
+    @cached_property
     def crossing_times(self) -> Array:
         """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones."""
         return crossing_times(self)
@@ -281,7 +286,7 @@ class Scene:
     def wall_velocities(self, t: float) -> Array:
         """Given velocities of the walls at time t, (walls, 2) [m/s]; SceneError if not finite.
 
-        Those of driven walls hold along the wall, and along their normals at t = 0.
+        Those of driven walls hold along the wall, and along their normals where the wall begins.
         """
         each = [motion(wall.velocity, t, f"wall {i}: velocity") for i, wall in enumerate(self.walls)]
         return np.array(each).reshape(-1, 2)

@@ -12,8 +12,9 @@ from skmpm.simulate.loading import gravity_of
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Of gravity: net acceleration by more than this is not that of a body that settles, which is at most gravity's.
+# Of gravity: net accelerations up to this are those of a body that settles, under up to twice its weight.
 PUSHED = 2.0
+ONE_SIDED = 0.5  # share of the forces of contacts on a body that nothing balances from which on it is released
 
 
 def normal_speed(state: State, contacts: Contacts) -> float:
@@ -34,15 +35,31 @@ def normal_speed(state: State, contacts: Contacts) -> float:
     return float(np.abs(approach).max())
 
 
-def pushed_away(scene: Scene, state: State) -> bool:
-    """Whether contacts accelerate a body without supports much more than gravity would."""
-    one, two = state.contacts.bodies
-    touched = np.zeros(len(scene.bodies), dtype=bool)
-    touched[one], touched[two[two >= 0]] = True, True
-    for place in scene.supported:
-        touched[scene.owner[place.points]] = False
-    touched &= scene.movable
-    if not touched.any():
+def pushed_away(scene: Scene, state: State, t: float, speed: float, time: float) -> bool:
+    """Whether contacts push a body without supports away, as one that was compressed, with the loads of time t.
+
+    They do if at least half of their forces on it are unbalanced, if they accelerate it more than gravity does and to
+    more than `speed` [m/s] in a `time` [s], and if in that time they stop what it approaches with.
+    """
+    contacts, bodies = state.contacts, len(scene.bodies)
+    if contacts.gap.size == 0:
         return False
-    net = accelerations(scene, state.x, state.t, state.contacts)[:, touched]
-    return float(np.hypot(*net).max()) > PUSHED * float(np.hypot(*gravity_of(scene, state.t)))
+    one, two = contacts.bodies
+    size, resultant = np.zeros(bodies), np.zeros((2, bodies))
+    each, second = contacts.vectors, two >= 0
+    for body, sign, chosen in ((one, 1.0, slice(None)), (two[second], -1.0, second)):
+        size += np.bincount(body, np.hypot(*each)[chosen], bodies)
+        resultant += sign * np.stack([np.bincount(body, component[chosen], bodies) for component in each])
+    free = scene.movable & (size > 0.0)
+    for place in scene.supported:
+        free[scene.owner[place.points]] = False
+    if not free.any():
+        return False
+    net, mass = accelerations(scene, state.x, t, contacts), np.bincount(scene.owner, scene.masses, bodies)
+    momentum = np.stack([np.bincount(scene.owner, scene.masses * component, bodies) for component in state.v])
+    along = mass * (net * resultant).sum(axis=0) > ONE_SIDED * np.hypot(*resultant) * size
+    weight = max(float(np.hypot(*gravity_of(scene, each))) for each in (0.0, t))
+    gained = time * np.hypot(*net)
+    away = (momentum * resultant).sum(axis=0) >= -gained * mass * np.hypot(*resultant)
+    fast = gained > max(speed, PUSHED * weight * time)
+    return bool((free & along & away & fast).any())

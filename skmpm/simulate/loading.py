@@ -40,12 +40,15 @@ class Loading:
     fall: float  # free height [m]
     settles: bool  # whether nothing but gravity moves bodies, which rest on something
     impact: float  # normal speed at contacts from which on waves matter to falling bodies [m/s]
+    release: float  # speed that contacts give a body in the time of a wave, from which on it is released [m/s]
 
 
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""
     v, _ = initial_motion(scene)
-    every = chain(*(chain(driven_by_force(scene, t), driven(scene, t)) for t in times))
+    each = [(list(driven_by_force(scene, t)), list(driven(scene, t))) for t in times]
+    given = max((speed for _, moved in each for _, speed in moved), default=0.0)
+    every = chain(*(chain(*both) for both in each))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max())
     height = free_height(scene) if can_touch(scene) else 0.0
@@ -63,7 +66,8 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
         float(np.hypot(passing, fall)),
         height,
         kind == "pressing" and speed == 0.0 and pulled,
-        max(settling, _bounce(scene)) if prescribed == 0.0 and pulled and not _several(scene) else np.inf,
+        max(settling, _bounce(scene), 2.0 * given) if pulled and not _several(scene) else np.inf,
+        np.inf if _several(scene) else max(settling, _bounce(scene), given),
     )
 
 

@@ -93,10 +93,13 @@ class Pace:
 
         Or if contacts push a body away, as one that was compressed and is released.
         """
-        if self.loading.impact == np.inf:
+        if length <= self.resolving:
             return length
-        impact = normal_speed(state, contacts) > self.loading.impact
-        return min(length, self.resolving) if impact or pushed_away(scene, state) else length
+        impact = self.loading.impact < np.inf and normal_speed(state, contacts) > self.loading.impact
+        if not impact and self.loading.release < np.inf:
+            criterion = (self.loading.release, self.radius / self.wave)
+            impact = any(pushed_away(scene, state, t, *criterion) for t in (state.t, state.t + length))
+        return self.resolving if impact else length
 
 
 def moves_too_far(scene: Scene, after: State, length: float) -> bool:

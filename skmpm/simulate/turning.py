@@ -39,7 +39,7 @@ def gauge_condition(scene: Scene, state: State, v0: Array, force: Array, dt: flo
     if scheme.inertia:
         held = scene.indifferent_to_rotation & (interval > scene.crossing_times) & _touching(scene, state)
     else:  # any frictional wall may come into contact in the step
-        held = scene.indifferent_to_rotation & (not scene.frictions.at_walls.any())
+        held = scene.free_to_turn
     if scheme.explicit or not held.any():
         return None
     assembly = assembly_of(state)

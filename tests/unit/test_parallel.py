@@ -35,6 +35,13 @@ def test_every_point_is_in_exactly_one_range_and_ranges_begin_at_whole_vectors(s
     assert all(first % 64 == 0 for first, _ in seen)
 
 
+def test_no_range_is_empty_where_one_body_is_most_of_all():
+    seen = []
+    with parallel.threads(3):
+        parallel.over_bodies(lambda first, last: seen.append((first, last)), np.array([0, 100, 200, 40_200, 40_300]))
+    assert all(first < last for first, last in seen) and len(set(seen)) == len(seen) > 1
+
+
 def test_other_threads_work_while_one_is_busy():
     offsets, owners = np.arange(0, 200_000, 10_000), []
 

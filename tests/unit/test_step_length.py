@@ -516,6 +516,22 @@ def test_a_body_that_is_released_jumps_as_with_short_steps(squeeze):
     assert len(chosen) < 0.2 * len(fine)
 
 
+def test_what_creeps_elsewhere_does_not_hide_that_a_body_is_released():
+    """A block jumps from under its lid; beside a wall that moved at 1 nm/s it took one step to rest."""
+    floor, lid = Wall((0, 0), (0, 1)), Wall((0, 6e-3), (0, -1), force=60.0)
+    block = Body(box((0, 0), (6e-3, 6e-3), spacing=5e-4), NeoHookean(1e5, 0.3, 1000.0))
+    scene = Scene([block], cell=1e-3, walls=[floor, lid])
+    *_, pressed = simulate(scene, until=0.05, scheme=Scheme(inertia=False))
+    far = Wall((0.02, 0), (-1, 0), velocity=(-1e-9, 0))
+    speeds = []
+    for walls in ([floor], [floor, far]):
+        opened = replace(scene, walls=walls)
+        *_, state = simulate(opened, until=pressed.t + 4e-3, start=continued(scene, pressed, opened))
+        speeds.append(mean_over_points(state, state.v[1]))
+    assert speeds[0] > 0.6
+    assert speeds[1] == pytest.approx(speeds[0], rel=1e-3)
+
+
 def test_edges_of_a_box_that_grows_move_by_the_stroke_whatever_its_size():
     """Taken from the edges at the start, steps of a box four times as large were four times too long."""
     discs = [Body(disc((x, 1.05), 1.0, spacing=0.25), NeoHookean(1e6, 0.3, 1000.0)) for x in (1.05, 3.2)]
