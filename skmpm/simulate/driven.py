@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.observe.regions import region
-from skmpm.scene import Contacts, Scene, SceneError, State, forces_of_springs, gravity_at
+from skmpm.scene import Contacts, Scene, SceneError, State, centres, forces_of_springs, gravity_at
 from skmpm.scheme import Scheme
 from skmpm.simulate.forces import add_dead_loads
 
@@ -90,8 +90,7 @@ def _with_loaded_bodies(
     if not loaded.any():
         return others
     own = accelerations(scene, x, t, contacts)[:, loaded]
-    mean = np.stack([np.bincount(scene.owner, scene.masses * component, loaded.size)[loaded] for component in v])
-    speed = float(np.hypot(*mean / np.bincount(scene.owner, scene.masses, loaded.size)[loaded]).max())
+    speed = float(np.hypot(*centres(v, scene.masses, scene.owner)[:, loaded]).max())
     return others._replace(
         speed=max(others.speed, speed), accelerations=np.concatenate([others.accelerations, own], axis=1)
     )
@@ -101,11 +100,24 @@ def accelerations(scene: Scene, x: Array, t: float, contacts: Contacts | None) -
     """Those of the centres of bodies by loads, springs, gravity and contacts, (2, bodies) [m/s2]."""
     bodies, force = len(scene.bodies), _external(scene, x, t)
     if contacts is not None:
-        one, two = contacts.bodies
-        for k, pushed in enumerate(contacts.vectors):
-            of_two = np.bincount(np.maximum(two, 0), pushed * (two >= 0), bodies)
-            force[k] += np.bincount(one, pushed, bodies) - of_two
+        force += contact_resultants(contacts, bodies)
     return force / np.bincount(scene.owner, scene.masses, bodies)
+
+
+def contact_resultants(contacts: Contacts, bodies: int) -> Array:
+    """Resultants of the forces of contacts on bodies, (2, bodies) [N/m]."""
+    (one, two), each = contacts.bodies, contacts.vectors
+    first = [np.bincount(one, pushed, bodies) for pushed in each]
+    second = [np.bincount(np.maximum(two, 0), pushed * (two >= 0), bodies) for pushed in each]
+    return np.asarray(np.stack(first) - np.stack(second), dtype=float)
+
+
+def without_supports(scene: Scene) -> NDArray[np.bool_]:
+    """Which bodies have no supports, (bodies,)."""
+    found = np.ones(len(scene.bodies), dtype=bool)
+    for place in scene.supported:
+        found[scene.owner[place.points]] = False
+    return found
 
 
 def _loaded(scene: Scene) -> NDArray[np.bool_]:
@@ -116,9 +128,7 @@ def _loaded(scene: Scene) -> NDArray[np.bool_]:
         loaded[scene.owner[place.points]] = True
     for segments in scene.pressed:
         loaded[scene.outlines.body[segments]] = True
-    for place in scene.supported:
-        loaded[scene.owner[place.points]] = False
-    return loaded
+    return loaded & without_supports(scene)
 
 
 def _external(scene: Scene, x: Array, t: float) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.scene import Contacts, Scene, State, centres, fitted_motions, velocity_at
-from skmpm.simulate.driven import accelerations
+from skmpm.simulate.driven import accelerations, contact_resultants, without_supports
 from skmpm.simulate.loading import gravity_of
 
 Array = NDArray[np.float64]
@@ -44,22 +44,16 @@ def pushed_away(scene: Scene, state: State, t: float, speed: float, time: float)
     contacts, bodies = state.contacts, len(scene.bodies)
     if contacts.gap.size == 0:
         return False
-    one, two = contacts.bodies
-    size, resultant = np.zeros(bodies), np.zeros((2, bodies))
-    each, second = contacts.vectors, two >= 0
-    for body, sign, chosen in ((one, 1.0, slice(None)), (two[second], -1.0, second)):
-        size += np.bincount(body, np.hypot(*each)[chosen], bodies)
-        resultant += sign * np.stack([np.bincount(body, component[chosen], bodies) for component in each])
-    free = scene.movable & (size > 0.0)
-    for place in scene.supported:
-        free[scene.owner[place.points]] = False
+    (one, two), each = contacts.bodies, np.hypot(*contacts.vectors)
+    size = np.bincount(one, each, bodies) + np.bincount(np.maximum(two, 0), each * (two >= 0), bodies)
+    free = scene.movable & (size > 0.0) & without_supports(scene)
     if not free.any():
         return False
     net, mass = accelerations(scene, state.x, t, contacts), np.bincount(scene.owner, scene.masses, bodies)
-    momentum = np.stack([np.bincount(scene.owner, scene.masses * component, bodies) for component in state.v])
+    resultant, velocity = contact_resultants(contacts, bodies), centres(state.v, scene.masses, scene.owner)
     along = mass * (net * resultant).sum(axis=0) > ONE_SIDED * np.hypot(*resultant) * size
     weight = max(float(np.hypot(*gravity_of(scene, each))) for each in (0.0, t))
     gained = time * np.hypot(*net)
-    away = (momentum * resultant).sum(axis=0) >= -gained * mass * np.hypot(*resultant)
+    away = (velocity * resultant).sum(axis=0) >= -gained * np.hypot(*resultant)
     fast = gained > max(speed, PUSHED * weight * time)
     return bool((free & along & away & fast).any())

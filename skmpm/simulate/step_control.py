@@ -128,9 +128,8 @@ def advance_with_chosen_step(
     while True:
         try:
             after = step(scene, state, length, scheme=scheme)
-            if (
-                shorter := pace.during(scene, state, after.contacts, length)
-            ) < length:  # an impact begins in this step
+            shorter = pace.during(scene, state, after.contacts, length)
+            if shorter < length:  # an impact begins in this step
                 limit, length = shorter, max(shorter, length / CUT)
                 continue
             if length > unheld and moves_too_far(scene, after, length):  # what contacts held begins to move
