@@ -45,16 +45,18 @@ class Loading:
 
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""
+    times = tuple(times)
     v, _ = initial_motion(scene)
+    g = _strongest_gravity(scene, times)
     each = [(list(driven_by_force(scene, t)), list(driven(scene, t))) for t in times]
     given = max((speed for _, moved in each for _, speed in moved), default=0.0)
     every = chain(*(chain(*both) for both in each))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max())
-    height = free_height(scene) if can_touch(scene) else 0.0
-    fall = float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * height))
-    settling = _settling(scene)
-    drop, pulled = fall if fall > settling else 0.0, bool(gravity_of(scene).any())
+    height = free_height(scene, g) if can_touch(scene) else 0.0
+    fall = float(np.sqrt(2.0 * np.hypot(*g) * height))
+    settling = _settling(scene, g)
+    drop, pulled = fall if fall > settling else 0.0, bool(g.any())
     kind, why, speed = _kind(scene, own, prescribed, drop, name)
     passing = np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1))
     return Loading(
@@ -66,14 +68,14 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
         float(np.hypot(passing, fall)),
         height,
         kind == "pressing" and speed == 0.0 and pulled,
-        max(settling, _bounce(scene), 2.0 * given) if pulled and not _several(scene) else np.inf,
-        np.inf if _several(scene) else max(settling, _bounce(scene), given),
+        max(settling, _bounce(scene, g), 2.0 * given) if pulled and not _several(scene) else np.inf,
+        np.inf if _several(scene) else max(settling, _bounce(scene, g), given),
     )
 
 
-def _bounce(scene: Scene) -> float:
-    """Speed with which a body rises by `BOUNCE` against gravity [m/s]."""
-    return float(np.sqrt(2.0 * np.hypot(*gravity_of(scene)) * BOUNCE * scene.cell))
+def _bounce(scene: Scene, g: Array) -> float:
+    """Speed with which a body rises by `BOUNCE` against gravity g (2,) [m/s]."""
+    return float(np.sqrt(2.0 * np.hypot(*g) * BOUNCE * scene.cell))
 
 
 def _several(scene: Scene) -> bool:
@@ -97,12 +99,11 @@ def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -
     return "pressing", "bodies can touch and nothing moves at t = 0", 0.0
 
 
-def _settling(scene: Scene) -> float:
-    """Speed g L / c at which a body of height L settles by its own weight when gravity is switched on [m/s].
+def _settling(scene: Scene, g: Array) -> float:
+    """Speed g L / c at which a body of height L settles by its own weight when gravity g (2,) is switched on [m/s].
 
     A fall that ends slower, from less than half of rho g L^2 / (lambda + 2 mu), moves it less than that.
     """
-    g = gravity_of(scene)
     along = g @ scene.initial_positions
     low, high = np.full(len(scene.bodies), np.inf), np.full(len(scene.bodies), -np.inf)
     np.minimum.at(low, scene.owner, along)
@@ -117,9 +118,18 @@ def gravity_of(scene: Scene, t: float = 0.0) -> Array:
     return np.asarray(gravity_at(scene, scene.initial_positions[:, scene.deformable[scene.owner]], t).mean(axis=1))
 
 
-def free_height(scene: Scene) -> float:
-    """Largest height that a body which forces move can fall: to the floor, or without one to the lowest body [m]."""
-    g = gravity_of(scene)
+def _strongest_gravity(scene: Scene, times: Iterable[float]) -> Array:
+    """The largest gravity at some times, (2,) [m/s2]; one that is ramped is zero at t = 0."""
+    if not callable(scene.gravity):
+        return gravity_of(scene)
+    return max((gravity_of(scene, t) for t in times), key=lambda g: float(np.hypot(*g)))
+
+
+def free_height(scene: Scene, g: Array) -> float:
+    """Largest height that a body which forces move can fall: to the floor, or without one to the lowest body [m].
+
+    `g` (2,) is gravity [m/s2].
+    """
     if not g.any():
         return 0.0
     down, x = g / np.hypot(*g), scene.initial_positions

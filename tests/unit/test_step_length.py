@@ -176,6 +176,21 @@ def test_gravity_on_a_body_at_rest_sets_no_pace_of_waves(gap):
     assert speed == pytest.approx(2.0 / 3.0 * gravity[0] * 0.1, rel=0.05)
 
 
+def test_gravity_that_grows_slowly_sets_no_pace_of_waves():
+    """A block on a floor follows its weight; gravity that is zero at t = 0 passed for none: 6,200 steps."""
+
+    def gravity(X, t):
+        return np.outer([0.0, -9.81 * min(5.0 * t, 1.0)], np.ones(X.shape[1]))
+
+    block = Body(box((0, 0), (20e-3, 10e-3), spacing=1e-3), NeoHookean(1e5, 0.3, 1000.0))
+    scene = Scene([block], cell=2e-3, walls=[Wall((0, 0), (0, 1))], gravity=gravity)
+    states = list(simulate(scene, until=0.3))
+    assert len(states) < 120
+    for state in states:
+        weight = scene.mass * -gravity(np.zeros((2, 1)), state.t)[1, 0]
+        assert -state.wall_force[0, 1] == pytest.approx(weight, rel=5e-3, abs=5e-3 * scene.mass * 9.81)
+
+
 def test_a_motion_that_starts_at_rest_is_followed():
     """A lid that moves by 0.05 R and back, and a support and a rigid body that move likewise: no step misses it."""
     period = 0.2

@@ -17,7 +17,7 @@ from skmpm.preflight.metrics import examine
 from skmpm.preflight.suggest import LAWS, Suggestion, suggest
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate.loading import free_height, loading_of
+from skmpm.simulate.loading import free_height, gravity_of, loading_of
 
 SOFT, R = NeoHookean(1e5, 0.3, 1000.0), 0.1
 WAVE = float(np.sqrt((SOFT.lame[0] + 2.0 * SOFT.lame[1]) / SOFT.density))
@@ -164,7 +164,8 @@ def test_free_heights():
         (lambda X, t: 0 * X, [floor], 0.0),
         (lambda X, t: 0 * X - [[0], [1]], [floor], 2.9),
     ):
-        assert free_height(replace(pair, gravity=gravity, walls=walls)) == pytest.approx(height, rel=1e-3)
+        scene = replace(pair, gravity=gravity, walls=walls)
+        assert free_height(scene, gravity_of(scene)) == pytest.approx(height, rel=1e-3)
 
 
 def slender(thickness, **options):
