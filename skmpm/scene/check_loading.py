@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skmpm.material import Rigid
 from skmpm.scene.objects import Load, Pressure, SceneError, Support, prescribed_components
 from skmpm.scene.point_sets import PointSet
 
@@ -23,7 +23,8 @@ def check_supports(scene: Scene) -> None:
         _check_displacement(f"support {i}", support)
     holder = np.full((2, scene.offsets[-1]), -1)
     for i, (prescribed, supported) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
-        _check_not_empty(f"support {i}: where", scene, supported)
+        hint = "; `motion` holds rigid ones"
+        _check_not_empty(f"support {i}: where", scene, supported, scene.deformable, "deformable body", hint)
         if np.isnan(prescribed).all():
             what = "velocity" if scene.supports[i].displacement is None else "displacement"
             raise SceneError(
@@ -51,13 +52,14 @@ def _check_displacement(name: str, support: Support) -> None:
         raise SceneError(f"{name}: displacement at t = 0 is {start}; give the displacement since then, zero at t = 0")
 
 
-def _check_not_empty(name: str, scene: Scene, chosen: PointSet) -> None:
+def _check_not_empty(
+    name: str, scene: Scene, chosen: PointSet, bodies: NDArray[np.bool_], which: str, hint: str = ""
+) -> None:
     if chosen.points.size == 0:
-        x = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
+        x = scene.initial_positions[:, bodies[scene.owner]]
         raise SceneError(
-            f"{name} is true at no point of a deformable body; they lie between {x.min(axis=1)} and {x.max(axis=1)},"
-            " the outermost on the boundary: allow for round-off in comparisons. On rigid bodies only gravity and"
-            " contact act"
+            f"{name} is true at no point of a {which}; they lie between {x.min(axis=1)} and {x.max(axis=1)},"
+            f" the outermost on the boundary: allow for round-off in comparisons{hint}"
         )
 
 
@@ -72,7 +74,7 @@ def check_loads(scene: Scene) -> None:
     scene.pressure_values(0.0)
     dead = [i for i, load in enumerate(scene.loads) if isinstance(load, Load)]
     for i, loaded in zip(dead, scene.loaded, strict=True):
-        _check_not_empty(f"load {i}: where", scene, loaded)
+        _check_not_empty(f"load {i}: where", scene, loaded, scene.movable, "body that forces move")
     following = [i for i, load in enumerate(scene.loads) if isinstance(load, Pressure)]
     for i, segments in zip(following, scene.pressed, strict=True):
         if segments.size == 0:

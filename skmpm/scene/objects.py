@@ -142,9 +142,10 @@ class Support:
 
 @dataclass(frozen=True)
 class Load:
-    """A dead load on the points of deformable bodies where `where(x)` is true at t = 0.
+    """A dead load on the points of bodies that forces move where `where(x)` is true at t = 0.
 
-    It is spread by boundary length if only boundary points match, else by volume.
+    It is spread by boundary length if only boundary points match, else by volume. On a rigid body it acts by its
+    resultant and its moment, which changes as the body turns.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class PointSet:
-    """Points of deformable bodies, and their shares of a force."""
+    """Points of bodies, and their shares of a force."""
 
     points: Ints  # (m,) into the arrays of a state
     share: Array  # (m,) their sum is 1
@@ -34,13 +34,16 @@ def supported_points(scene: Scene, i: int, support: Support) -> PointSet:
 
 
 def loaded_points(scene: Scene, i: int, load: Load) -> PointSet:
-    """The points that share load i: by boundary length if only boundary points match, otherwise by volume."""
-    return points_with_shares(scene, f"load {i}: where", load.where)
+    """The points of bodies that forces move which share load i, as `points_with_shares`."""
+    return _with_shares(scene, _matching(scene, f"load {i}: where", load.where, scene.movable))
 
 
 def points_with_shares(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> PointSet:
     """The points where a function is true: by boundary length if these are boundary points, otherwise by volume."""
-    points = _matching(scene, name, where)
+    return _with_shares(scene, _matching(scene, name, where))
+
+
+def _with_shares(scene: Scene, points: Ints) -> PointSet:
     boundary = scene.outlines
     if np.isin(points, boundary.point).all():
         share = _lengths(boundary, scene.initial_positions, points)
@@ -56,7 +59,10 @@ def pressed_segments(scene: Scene, i: int, pressure: Pressure) -> Ints:
     return np.flatnonzero(chosen[boundary.point] & chosen[boundary.point[boundary.next]])
 
 
-def _matching(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> Ints:
+def _matching(
+    scene: Scene, name: str, where: Callable[[Array], ArrayLike], bodies: NDArray[np.bool_] | None = None
+) -> Ints:
+    """The points of some bodies (bodies,), by default the deformable ones, where a function is true."""
     x = scene.initial_positions
     if not callable(where):
         raise SceneError(f"{name}: expected a function of positions (2, n) that returns (n,) booleans, got {where!r}")
@@ -66,7 +72,7 @@ def _matching(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> I
             f"{name} returned {inside.dtype} of shape {inside.shape}; return {x.shape[1:]} booleans,"
             " one for each position"
         )
-    return np.flatnonzero(inside & scene.deformable[scene.owner])
+    return np.flatnonzero(inside & (scene.deformable if bodies is None else bodies)[scene.owner])
 
 
 def _lengths(boundary: Outlines, x: Array, points: Ints) -> Array:

@@ -59,7 +59,7 @@ def _kinetic_of_walls(scene: Scene, state: State) -> float:
 def _free_bodies(
     scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State
 ) -> OwnEnergy:
-    """Those of free rigid bodies; the work is of gravity, of the box and at contacts."""
+    """Those of free rigid bodies; the work is of gravity and loads, of the box and at contacts."""
     start, own, motions, dt = rigid_state(scene, state), scene.free_rigid, end.motions, increment.dt
     last = _with_radius(motions.rigid_at_end[:, own], start.radius)
     gradient = mean_gradient(state, motions, dt)
@@ -67,7 +67,7 @@ def _free_bodies(
         _relative(start.velocity, start.centre, state.box_rate),
         _relative(last, start.centre, gradient),
     )
-    work = dt * power_of_gravity(scene, state, start, motions, state.t + increment.scheme.theta * dt)
+    work = dt * power_of_loads(scene, state, start, motions, increment.scheme.theta * dt)
     is_free = scene.movable & ~scene.deformable
     work += _at_contacts(scene, state, solution, end, lambda arm, motion: mean_velocity(arm, motion, dt), is_free)
     kinetic = _kinetic_of_free_bodies(scene, after)
@@ -85,10 +85,13 @@ def _kinetic_of_free_bodies(scene: Scene, state: State) -> float:
     return kinetic_energy(bodies.mass, _relative(bodies.velocity, bodies.centre, state.box_rate))
 
 
-def power_of_gravity(scene: Scene, state: State, start: RigidState, motions: PrescribedVelocities, t: float) -> float:
-    """Power of gravity of time t on the free rigid bodies, at `start` as in the state, in a step [W/m]."""
-    mean = _with_radius(motions.rigid[:, scene.free_rigid], start.radius)
-    return float(start.gravity(scene, state, t) @ mean.T.ravel())
+def power_of_loads(
+    scene: Scene, state: State, start: RigidState, motions: PrescribedVelocities, after: float
+) -> float:
+    """Power of gravity and loads on the free rigid bodies, by the forces `after` a time [s] in a step [W/m]."""
+    own = motions.rigid[:, scene.free_rigid]
+    forces = start.loads(scene, state, state.t + after).turned(after * own[2])
+    return float(forces @ _with_radius(own, start.radius).T.ravel())
 
 
 def _relative(velocity: Array, centre: Array, gradient: Array | None) -> Array:

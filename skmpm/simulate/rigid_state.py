@@ -8,9 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.scene import Scene, State, gravity_at
+from skmpm.simulate.forces import add_dead_loads
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class DeadLoads:
+    """Forces on points of n rigid bodies that keep their directions as the bodies turn."""
+
+    resultant: Array  # (2, n) [N/m]
+    moment: Array  # (n,) over radii of gyration [N/m]
+    # Sum of arms times forces over radii of gyration (n,) [N/m]: what the moment loses per angle.
+    along: Array
+
+    def turned(self, angle: Array) -> Array:
+        """Resultants and moments after the bodies have turned by some angles (n,), body after body (3 n,) [N/m]."""
+        moment = np.cos(angle) * self.moment - np.sin(angle) * self.along
+        return np.stack([*self.resultant, moment], axis=1).ravel()
 
 
 @dataclass(frozen=True)
@@ -23,14 +39,17 @@ class RigidState:
     centre: Array  # (2, n) of mass [m]
     velocity: Array  # (3, n) of the centre, and spin times radius of gyration [m/s]
 
-    def gravity(self, scene: Scene, state: State, t: float) -> Array:
-        """Forces of gravity and moments over radii of gyration at time t, body after body (3 n,) [N/m]."""
+    def loads(self, scene: Scene, state: State, t: float) -> DeadLoads:
+        """Gravity and dead loads of time t."""
         at = np.flatnonzero(np.isin(state.body, self.bodies))
         own = np.searchsorted(self.bodies, state.body[at])
-        force = state.mass[at] * gravity_at(scene, scene.initial_positions[:, at], t)
+        on_points = np.zeros_like(state.x)
+        add_dead_loads(scene, t, on_points)
+        force = on_points[:, at] + state.mass[at] * gravity_at(scene, scene.initial_positions[:, at], t)
         arm = (state.x[:, at] - self.centre[:, own]) / self.radius[own]
-        parts = (force[0], force[1], arm[0] * force[1] - arm[1] * force[0])
-        return np.stack([_sums(own, part, self.bodies.size) for part in parts], axis=1).ravel()
+        across, along = arm[0] * force[1] - arm[1] * force[0], (arm * force).sum(axis=0)
+        parts = [_sums(own, part, self.bodies.size) for part in (*force, across, along)]
+        return DeadLoads(np.stack(parts[:2]), *parts[2:])
 
 
 def rigid_state(scene: Scene, state: State) -> RigidState:

@@ -39,5 +39,5 @@ def _of_free_rigid_bodies(scene: Scene, increment: Increment, after: State) -> f
     if scene.free_rigid.size == 0:
         return 0.0
     at = after.t - (1.0 - increment.scheme.theta) * increment.dt
-    gravity = rigid_state(scene, after).gravity(scene, after, at).reshape(-1, 3).T[:2]
-    return float(np.hypot(*(gravity + after.body_force[:, scene.free_rigid])).max())
+    loads = rigid_state(scene, after).loads(scene, after, at).resultant
+    return float(np.hypot(*(loads + after.body_force[:, scene.free_rigid])).max())

@@ -9,7 +9,7 @@ from skmpm.implicit import Increment
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
 from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.forces import external_force, follower_pressure
-from skmpm.simulate.rigid_energy import power_of_gravity
+from skmpm.simulate.rigid_energy import power_of_loads
 from skmpm.simulate.rigid_state import rigid_state
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ def work_of_loads(increment: Increment, w: Array) -> float:
 def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities) -> float:
     """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m].
 
-    Of free rigid bodies it is that of gravity.
+    Of free rigid bodies it is that of gravity and loads.
     """
     contacts = state.contacts
     loads = external_force(scene, state, state.t) @ w
@@ -44,7 +44,7 @@ def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, mo
     if gradient is not None:
         relative -= gradient @ contacts.image
     if scene.free_rigid.size:
-        loads += power_of_gravity(scene, state, rigid_state(scene, state), motions, state.t)
+        loads += power_of_loads(scene, state, rigid_state(scene, state), motions, 0.0)
     return increment.dt * float(loads - supports - np.einsum("ik,ik->", contacts.vectors, relative))
 
 

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from test_only_what_is_required import Calls
 
 import skmpm
@@ -194,3 +195,57 @@ def test_contact_at_shared_nodes_is_refused():
     message = "initial: body 0 is a free rigid body, which contact = shared_grid cannot; use point_to_curve"
     with pytest.raises(skmpm.SceneError, match=re.escape(message)):
         skmpm.initial(scene(bodies), scheme=skmpm.Scheme.nezamabadi2017())
+
+
+def test_a_load_beside_the_centre_swings_a_rigid_body():
+    """Along the solution of I a'' = F L cos a, with the energy of the midpoint rule, and the centre by F / m."""
+    until, force = 0.05, 0.03
+    disc = skmpm.disc((0.0, 0.0), R, spacing=R / 10)
+
+    def at_its_side(x):
+        return (np.abs(x[0] - R) < R / 10) & (np.abs(x[1]) < R / 8)
+
+    load = skmpm.Load(at_its_side, (0.0, force))
+    swing = scene([FAR, skmpm.Body(disc, RIGID)], gravity=(0.0, 0.0), walls=[], loads=[load])
+    loaded = swing.loaded[0]
+    *_, state = skmpm.simulate(swing, dt=2.5e-4, until=until, scheme=skmpm.Scheme(theta=0.5))
+    start, end = (rigid_state(swing, each) for each in (skmpm.initial(swing), state))
+    inertia = start.mass[0] * start.radius[0] ** 2
+    x, y = swing.initial_positions[:, loaded.points] @ loaded.share - start.centre[:, 0]
+    arm, angle = np.hypot(x, y), np.arctan2(y, x)
+    exact = solve_ivp(lambda t, a: (a[1], force * arm * np.cos(a[0]) / inertia), (0, until), (angle, 0.0), rtol=1e-9)
+    last, spin = exact.y[:, -1]
+    x, y = state.x[:, loaded.points] @ loaded.share - end.centre[:, 0]
+    assert np.arctan2(y, x) == pytest.approx(np.arctan2(np.sin(last), np.cos(last)), abs=1e-3)
+    assert end.velocity[2, 0] / end.radius[0] == pytest.approx(spin, rel=1e-3)
+    assert end.centre[1, 0] - start.centre[1, 0] == pytest.approx(force / start.mass[0] * until**2 / 2)
+    assert state.report.energy.external == pytest.approx(state.report.energy.kinetic, rel=1e-4)
+
+
+@pytest.mark.parametrize("offset", [0.1, 0.25])
+def test_a_punch_is_pressed_on_in_the_line_of_its_load(offset):
+    """Without inertia: the forces of contact balance the load and its moment, though the punch tilts."""
+    pad = skmpm.Body(skmpm.box((-8 * R, -8 * R), (16 * R, 8 * R), spacing=0.7 * R), GEL)
+    punch = skmpm.Body(skmpm.box((-6 * R, 0.0), (12 * R, 3 * R), spacing=0.5 * R), RIGID)
+    load = skmpm.Load(lambda x: (x[1] > 2.8 * R) & (np.abs(x[0] - 8 * R * offset) < R), lambda t: (0.0, -400.0 * t))
+    floor = skmpm.Wall((0.0, -8 * R), (0.0, 1.0))
+    pressed = scene([pad, punch], cell=R, walls=[floor], friction=0.3, gravity=(0.0, 0.0), loads=[load])
+    *_, state = skmpm.simulate(pressed, dt=0.125, until=1.0, scheme=STATIC)
+    contacts, loaded = state.contacts, pressed.loaded[0]
+    on_punch = np.where(contacts.bodies[0] == 1, 1.0, -1.0) * (contacts.bodies == 1).any(axis=0)
+    fx, fy = contacts.vectors * on_punch
+    at = state.x[:, loaded.points] @ loaded.share
+    arm = contacts.x - at[:, None]
+    assert [fx.sum(), fy.sum()] == pytest.approx([0.0, 400.0], abs=0.02)
+    assert abs(arm[0] @ fy - arm[1] @ fx) < 1e-3 * 400.0 * R
+
+
+def test_a_load_is_divided_among_rigid_and_deformable_bodies_by_volume():
+    discs = [skmpm.Body(skmpm.disc((3 * k * R, R), R, spacing=R / 8), m) for k, m in enumerate((GEL, RIGID))]
+    held = skmpm.Body(skmpm.disc((6 * R, R), R, spacing=R / 8), RIGID, motion=(0.0, 0.0, 0.0))
+    pushed = scene([*discs, held], gravity=(0.0, 0.0), walls=[], loads=[skmpm.Load(lambda x: x[1] > R, (2.0, 0.0))])
+    state = skmpm.step(pushed, skmpm.initial(pushed), 1e-6)
+    momenta = [state.mass[state.body == b] @ state.v[0, state.body == b] for b in range(3)]
+    assert momenta == pytest.approx([1e-6, 1e-6, 0.0], rel=1e-6)
+    with pytest.raises(skmpm.SceneError, match="load 0: where is true at no point of a body that forces move"):
+        scene([*discs, held], loads=[skmpm.Load(lambda x: x[0] > 4.5 * R, (2.0, 0.0))])

@@ -12,7 +12,7 @@ from skmpm.contact import Constraints
 from skmpm.implicit import Inertia
 from skmpm.scene import PrescribedVelocities, Scene, State
 from skmpm.simulate.box_motion import mean_gradient
-from skmpm.simulate.rigid_state import RigidState, rigid_state
+from skmpm.simulate.rigid_state import DeadLoads, RigidState, rigid_state
 from skmpm.simulate.unknowns.interval import Interval
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ class FreeBodies:
 
     bodies: Ints  # (n,)
     start: RigidState  # at the start of the step
-    force: Array  # (3 n,) of gravity, moments over radii of gyration [N/m]
+    loads: DeadLoads  # as the bodies are at the start
     inertia: Inertia
     dt: float
 
@@ -36,13 +36,11 @@ class FreeBodies:
         velocity, gradient = start.velocity.copy(), mean_gradient(state, motions, dt)
         if gradient is not None and state.box_rate is not None:
             velocity[:2] += (gradient - state.box_rate) @ start.centre
-        return FreeBodies(
-            scene.free_rigid,
-            start,
-            start.gravity(scene, state, interval.t),
-            interval.inertia(np.repeat(start.mass, 3), velocity.T.ravel()),
-            dt,
-        )
+        loads = start.loads(scene, state, interval.t)
+        inertia = interval.inertia(np.repeat(start.mass, 3), velocity.T.ravel())
+        response = inertia.response.reshape(-1, 3).copy()  # with the stiffness of loads against turning
+        response[:, 2] += (interval.theta * dt) ** 2 * np.maximum(loads.along, 0.0) / start.radius
+        return FreeBodies(scene.free_rigid, start, loads, replace(inertia, response=response.ravel()), dt)
 
     @property
     def names(self) -> list[str]:
@@ -50,8 +48,8 @@ class FreeBodies:
         return [f"body {b}" for b in np.repeat(self.bodies, 3)]
 
     def load(self, z: Array) -> Array:
-        """Forces of gravity, (3 n,) [N/m]."""
-        return self.force
+        """Forces of gravity and loads, (3 n,) [N/m], with the bodies turned as they are at t + theta dt."""
+        return self.loads.turned(self.inertia.theta[2::3] * self.dt * self._with_spins(z)[2])
 
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with those of the bodies."""
