@@ -25,6 +25,7 @@ class Moving(NamedTuple):
     v: Array  # (2, k) of points, relative to a periodic box, and driven walls [m/s]
     speed: float  # of the fastest wall, edge of the box or loaded body [m/s]
     accelerations: Array  # (2, q) of these [m/s2]
+    vibrates: bool = True  # whether waves in bodies matter beside what deforms them
 
     @property
     def acceleration(self) -> float:

@@ -191,6 +191,79 @@ def test_gravity_that_grows_slowly_sets_no_pace_of_waves():
         assert -state.wall_force[0, 1] == pytest.approx(weight, rel=5e-3, abs=5e-3 * scene.mass * 9.81)
 
 
+LOADED = NeoHookean(1e5, 0.3, 1000.0)
+SIDE, FORCE = 0.02, 4.0
+
+
+def block_under(*loads, held=False, **options):
+    """A square block of 0.02 m on a floor, or held by a support at its bottom."""
+    body = Body(box((0, 0), (SIDE, SIDE), spacing=SIDE / 8), LOADED)
+    bottom = {"supports": [Support(below)]} if held else {"walls": [Wall((0, 0), (0, 1))]}
+    return Scene([body], cell=SIDE / 4, friction=0.5, loads=list(loads), **bottom, **options)
+
+
+def on_top(x):
+    return x[1] > (1.0 - 1e-9) * SIDE
+
+
+def below(x):
+    return x[1] < 1e-9 * SIDE
+
+
+def ramp(t):
+    return min(t, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("load", "held"),
+    [
+        (Load(on_top, lambda t: (0.0, -FORCE * ramp(t))), False),
+        (Load(on_top, lambda t: (0.0, -FORCE * ramp(t))), True),
+        (Pressure(on_top, lambda t: FORCE / SIDE * ramp(t)), False),
+    ],
+)
+def test_a_load_that_grows_slowly_is_followed_without_resolving_waves(load, held):
+    """Some of the vibration with which the ramp begins is resolved; it was all of a second, 10,000 steps."""
+    states = list(simulate(block_under(load, held=held), until=1.0))
+    assert len(states) < 500
+    force = [(s.support_force if held else s.wall_force)[0 if not held else slice(None), 1].sum() for s in states]
+    half = np.interp(0.5, [s.t for s in states], np.abs(force))
+    assert [half, abs(force[-1])] == pytest.approx([0.5 * FORCE, FORCE], rel=5e-3)
+
+
+@pytest.mark.parametrize("before", [0.0, 10.0])
+def test_a_load_that_jumps_makes_a_body_overshoot_until_it_is_at_rest(before):
+    """As with steps that resolve waves; then steps are long, although they were long before the jump."""
+
+    def force(t):
+        return (0.0, -before * FORCE * min(10.0 * t, 1.0) - (FORCE if t >= 0.2 else 0.0))
+
+    scene = block_under(Load(on_top, force), held=True)
+    states = list(simulate(scene, until=1.0))
+    assert len(states) < 1500  # 10,000
+    short = list(simulate(scene, start=at_the_jump(states), until=0.22, dt=1e-4))
+    lowest = min(s.x[1].max() for s in states if s.t > 0.2)
+    rest = states[-1].x[1].max()
+    assert lowest - rest == pytest.approx(min(s.x[1].max() for s in short) - rest, rel=0.05)
+    assert states[-1].report.dt > 5e-3
+
+
+def at_the_jump(states):
+    """The last state before 0.2 s."""
+    return [s for s in states if s.t < 0.2][-1]
+
+
+def test_a_body_that_a_load_lets_go_jumps_as_with_short_steps():
+    """A ramped load squeezes it for a tenth of a second; loads alone set no pace of waves while it does."""
+
+    def force(t):
+        return (0.0, -75.0 * FORCE * min(5.0 * t, 0.5) if t < 0.1 else 0.0)
+
+    scene = block_under(Load(on_top, force))
+    speeds = [max(s.v[1] @ s.mass / s.mass.sum() for s in simulate(scene, until=0.12, dt=dt)) for dt in (None, 1e-4)]
+    assert speeds[0] == pytest.approx(speeds[1], rel=0.01)
+
+
 def test_a_motion_that_starts_at_rest_is_followed():
     """A lid that moves by 0.05 R and back, and a support and a rigid body that move likewise: no step misses it."""
     period = 0.2
