@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import io
 import os
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,17 +107,23 @@ def parsed(text: str) -> dict[str, Column]:
     return {name: _column(values) for name, *values in zip(*rows, strict=True)}
 
 
-# Texts that Python reads as numbers, and which no number is written as: "1_000", "007", "+7".
-LABEL = re.compile(r".*_|[+]|-?0[0-9]")
-
-
 def _column(values: list[str]) -> Column:
     if set(values) <= {"True", "False"}:
         return np.array([value == "True" for value in values])
-    for kind in (int, float):
+    for kinds in ((int,), (int, float)):
+        numbers = [_number(value, kinds) for value in values]
+        if None not in numbers:
+            return np.array(numbers)
+    return np.array(values)
+
+
+def _number(text: str, kinds: tuple[type, ...]) -> float | None:
+    """The number that is written as this text; None if none is, as of "1e5", "1_000", "007" or "+7"."""
+    for kind in kinds:
         try:
-            if not any(LABEL.match(value) for value in values):  # which Python would read as a number
-                return np.array([kind(value) for value in values])
+            number = kind(text)
         except ValueError:
             continue
-    return np.array(values)
+        if str(number) == text:
+            return float(number) if float in kinds else int(number)
+    return None

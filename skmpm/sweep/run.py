@@ -94,7 +94,7 @@ def _plain(name: str, value: object) -> Value:
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if isinstance(value, str):
-        return " ".join(value.split())  # a line of the table is a row
+        return re.sub(r"[\r\n]+", " ", value)  # a line of the table is a row
     if isinstance(value, bool | int | float):
         return value
     raise TypeError(f"the value of {name!r} in a row is a {type(value).__name__}; rows hold numbers and texts")

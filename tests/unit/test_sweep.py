@@ -687,5 +687,17 @@ def test_what_is_bound_to_a_build_belongs_to_it():
 
 def test_texts_of_rows_stay_texts():
     """Names that look like numbers as no number is written."""
-    columns = records.parsed("a,b,c,d\n007,1e-07,-3,+7\n010,0.5,10,+8\n")
-    assert [column.tolist() for column in columns.values()] == [["007", "010"], [1e-07, 0.5], [-3, 10], ["+7", "+8"]]
+    columns = records.parsed("a,b,c,d,e,f\n007,1e-07,-3,+7,1e5,nan\n010,0.5,10,+8,12e-4,1\n")
+    texts, numbers = [["007", "010"], ["+7", "+8"], ["1e5", "12e-4"]], [[1e-07, 0.5], [-3, 10]]
+    assert [columns[name].tolist() for name in "ade"] == texts
+    assert [columns[name].tolist() for name in "bc"] == numbers
+    assert columns["c"].dtype.kind == "i" and columns["f"].dtype.kind == "f"
+
+
+@pytest.mark.parametrize("text", ["1e5", " lead", "a  b\t", "12e-4", 'said "so", twice', "\u2028"])
+def test_texts_come_back_as_they_were_written(tmp_path, text):
+    rows = records.Records(tmp_path, [], (0, b""))
+    rows.add({"id": run.checked({"id": text}, frozenset())["id"]})
+    rows.commit(None)
+    assert records.read_table(tmp_path, finished=True)["id"].tolist() == [text]
+    assert run.checked({"id": "two\nlines"}, frozenset()) == {"id": "two lines"}
