@@ -264,6 +264,32 @@ def test_a_body_that_a_load_lets_go_jumps_as_with_short_steps():
     assert speeds[0] == pytest.approx(speeds[1], rel=0.01)
 
 
+def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
+    """By a third of the amplitude in four periods where it slides most of the time, as docs/limits.md says."""
+    period, until, slide = 0.2, 0.77, 0.3 * 9.81
+    omega = 2.0 * np.pi / period
+    fastest = 5.0 * slide / omega
+
+    def floor(t):
+        return (fastest * np.cos(omega * t), 0.0)
+
+    at, velocity, dt = 0.0, 0.0, 1e-5
+    for k in range(round(until / dt)):
+        relative = floor((k + 0.5) * dt)[0] - velocity
+        velocity += np.clip(relative, -slide * dt, slide * dt)
+        at += velocity * dt
+    body = Body(box((0, 0), (SIDE, SIDE), spacing=SIDE / 8), NeoHookean(1e6, 0.3, 1000.0))
+    walls = [Wall((0, 0), (0, 1), velocity=floor)]
+    scene = Scene([body], cell=SIDE / 4, friction=0.3, gravity=(0.0, -9.81), walls=walls)
+    errors = []
+    for given in (None, period / 200):
+        *_, state = simulate(scene, until=until, dt=given)
+        moved = np.average(state.x[0] - scene.initial_positions[0], weights=state.mass)
+        errors.append(abs(moved - at) / (fastest / omega))
+    assert 0.2 < errors[0] < 0.5
+    assert errors[1] < 0.01
+
+
 def test_a_motion_that_starts_at_rest_is_followed():
     """A lid that moves by 0.05 R and back, and a support and a rigid body that move likewise: no step misses it."""
     period = 0.2
