@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.observe.regions import region
-from skmpm.scene import Contacts, Scene, SceneError, State, centres, forces_of_springs, gravity_at
+from skmpm.scene import (
+    Contacts,
+    Scene,
+    SceneError,
+    State,
+    centres,
+    fitted_motions,
+    forces_of_springs,
+    gravity_at,
+)
 from skmpm.scheme import Scheme
 from skmpm.simulate.forces import add_dead_loads
 
@@ -24,8 +33,7 @@ class Moving(NamedTuple):
 
     v: Array  # (2, k) of points, relative to a periodic box, and driven walls [m/s]
     speed: float  # of the fastest wall, edge of the box or loaded body [m/s]
-    accelerations: Array  # (2, q) of these [m/s2]
-    vibrates: bool = True  # whether waves in bodies matter beside what deforms them
+    accelerations: Array  # (2, q) of these, and of the rims of loaded rigid bodies as they turn [m/s2]
 
     @property
     def acceleration(self) -> float:
@@ -92,6 +100,10 @@ def _with_loaded_bodies(
         return others
     own = accelerations(scene, x, t, contacts)[:, loaded]
     speed = float(np.hypot(*centres(v, scene.masses, scene.owner)[:, loaded]).max())
+    rigid = loaded & ~scene.deformable
+    if rigid.any():
+        turning, rim = (each[rigid] for each in _rims(scene, x, v, t, contacts))
+        speed, own = max(speed, turning.max()), np.concatenate([own, np.stack([rim, np.zeros_like(rim)])], axis=1)
     return others._replace(
         speed=max(others.speed, speed), accelerations=np.concatenate([others.accelerations, own], axis=1)
     )
@@ -99,10 +111,30 @@ def _with_loaded_bodies(
 
 def accelerations(scene: Scene, x: Array, t: float, contacts: Contacts | None) -> Array:
     """Those of the centres of bodies by loads, springs, gravity and contacts, (2, bodies) [m/s2]."""
-    bodies, force = len(scene.bodies), _external(scene, x, t)
+    bodies, each = len(scene.bodies), _external(scene, x, t)
+    force: Array = np.stack([np.bincount(scene.owner, component, bodies) for component in each])
     if contacts is not None:
-        force += contact_resultants(contacts, bodies)
+        force = force + contact_resultants(contacts, bodies)
     return force / np.bincount(scene.owner, scene.masses, bodies)
+
+
+def _rims(scene: Scene, x: Array, v: Array, t: float, contacts: Contacts | None) -> tuple[Array, Array]:
+    """Speeds and accelerations of the points of bodies farthest from their centres as these turn, (bodies,) each.
+
+    The bodies turn as rigid ones under loads, springs, gravity and contacts, in m/s and m/s2.
+    """
+    owner, mass, bodies = scene.owner, scene.masses, len(scene.bodies)
+    centre, each = centres(x, mass, owner), _external(scene, x, t)
+    arm, radius = x - centre[:, owner], np.zeros(bodies)
+    np.maximum.at(radius, owner, np.hypot(*arm))
+    moment = np.asarray(np.bincount(owner, arm[0] * each[1] - arm[1] * each[0], bodies), dtype=np.float64)
+    for side, sign in ((0, 1.0), (1, -1.0)) if contacts is not None else ():
+        assert contacts is not None
+        members, (fx, fy) = np.maximum(contacts.bodies[side], 0), contacts.vectors
+        ax, ay = contacts.at(side) - centre[:, members]
+        moment = moment + sign * np.bincount(members, (ax * fy - ay * fx) * (contacts.bodies[side] >= 0), bodies)
+    inertia = np.bincount(owner, mass * (arm**2).sum(axis=0), bodies)
+    return radius * np.abs(fitted_motions(x, v, mass, owner)[2]), radius * moment / inertia
 
 
 def contact_resultants(contacts: Contacts, bodies: int) -> Array:
@@ -133,8 +165,7 @@ def _loaded(scene: Scene) -> NDArray[np.bool_]:
 
 
 def _external(scene: Scene, x: Array, t: float) -> Array:
-    """Resultants of loads, springs and gravity at time t on bodies with points at x (2, n), (2, bodies) [N/m]."""
-    bodies, owner = len(scene.bodies), scene.owner
+    """Forces of loads, springs and gravity at time t on points at x (2, n), (2, n) [N/m]."""
     each = forces_of_springs(scene, x, t)
     add_dead_loads(scene, t, each)
     for segments, pressure in zip(scene.pressed, scene.pressure_values(t), strict=True):
@@ -142,8 +173,7 @@ def _external(scene: Scene, x: Array, t: float) -> Array:
         along = x[:, ends[1]] - x[:, ends[0]]
         for k, force_on_first in enumerate((-along[1], along[0])):
             np.add.at(each[k], ends[0], pressure * force_on_first)
-    each += scene.masses * gravity_at(scene, scene.initial_positions, t)
-    return np.stack([np.bincount(owner, component, bodies) for component in each])
+    return each + scene.masses * gravity_at(scene, scene.initial_positions, t)
 
 
 def moving_at_start(scene: Scene, v: Array) -> Moving:

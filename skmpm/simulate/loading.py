@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.scene import Scene, gravity_at
-from skmpm.simulate.driven import accelerations, driven_by_force, without_supports
+from skmpm.simulate.driven import driven_by_force
 from skmpm.simulate.initial_state import can_touch, driven, initial_motion
 
 Array = NDArray[np.float64]
 
 SEVERAL = 6  # bodies that forces move, from which on errors at contacts average out, as in a packing
 BOUNCE = 0.01  # [cells] height of a bounce that need not be accurate; gaps are found a quarter of a cell ahead
+ROUND_OFF = 1e-9  # over the largest gravity, of one that turns
 SLOPE = 0.1  # component of a wall's normal against gravity from which on the wall is a floor
 
 
@@ -34,7 +35,6 @@ class Loading:
     kind: str  # "bending", "pressing", "impact", "packing" or "pour"
     why: str  # the reason, as a clause
     waves: bool  # whether steps must resolve waves, if bodies have inertia
-    follows: bool  # whether bodies at rest at t = 0 follow loads, so that waves matter only while they vibrate
     speed: float  # that limits the time step: of waves, of the driven object, or of falling bodies [m/s]
     driven: float  # fastest wall, support or rigid body [m/s]
     approach: float  # bound on relative velocities, at t = 0 or after falling [m/s]
@@ -60,35 +60,23 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     drop, pulled = fall if fall > settling else 0.0, bool(g.any())
     kind, why, speed = _kind(scene, own, prescribed, drop, name)
     passing = np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1))
-    settles = kind == "pressing" and speed == 0.0 and pulled
-    follows = kind != "impact" and speed == 0.0 and not settles and (pulled or bool(scene.loads))
-    pull = _strongest_pull(scene, times) if follows else g
     return Loading(
         kind,
         why,
         speed == 0.0,
-        follows,
         speed or scene.fastest_wave,
         prescribed,
         float(np.hypot(passing, fall)),
         height,
-        settles,
-        np.inf if _several(scene) or not (pulled or follows) else max(_calm(scene, pull), 2.0 * given),
-        np.inf if _several(scene) else max(_calm(scene, g), given),
+        kind == "pressing" and speed == 0.0 and pulled,
+        max(settling, _bounce(scene, g), 2.0 * given) if pulled and not _several(scene) else np.inf,
+        np.inf if _several(scene) else max(settling, _bounce(scene, g), given),
     )
 
 
-def _calm(scene: Scene, pull: Array) -> float:
-    """Speed at contacts by which bodies settle, or bounce by `BOUNCE` at most, under a pull (2,) [m/s2], in m/s."""
-    return max(_settling(scene, pull), float(np.sqrt(2.0 * np.hypot(*pull) * BOUNCE * scene.cell)))
-
-
-def _strongest_pull(scene: Scene, times: Iterable[float]) -> Array:
-    """The largest acceleration that loads and gravity give to a body without supports at some times, (2,) [m/s2]."""
-    free, x = without_supports(scene) & scene.movable, scene.initial_positions
-    each = [np.zeros((2, 1)), *(accelerations(scene, x, t, None)[:, free] for t in times)]
-    every = np.concatenate(each, axis=1)
-    return np.asarray(every[:, np.argmax(np.hypot(*every))])
+def _bounce(scene: Scene, g: Array) -> float:
+    """Speed with which a body rises by `BOUNCE` against gravity g (2,) [m/s]."""
+    return float(np.sqrt(2.0 * np.hypot(*g) * BOUNCE * scene.cell))
 
 
 def _several(scene: Scene) -> bool:
@@ -132,10 +120,15 @@ def gravity_of(scene: Scene, t: float = 0.0) -> Array:
 
 
 def _strongest_gravity(scene: Scene, times: Iterable[float]) -> Array:
-    """The largest gravity at some times, (2,) [m/s2]; one that is ramped is zero at t = 0."""
-    if not callable(scene.gravity):
+    """The first gravity as large as the largest at some times, (2,) [m/s2]; one that is ramped is zero at t = 0.
+
+    That at t = 0 where loads or springs act, too: what these cause when gravity has been applied is to be resolved.
+    """
+    if not callable(scene.gravity) or scene.loads or scene.springs:
         return gravity_of(scene)
-    return max((gravity_of(scene, t) for t in times), key=lambda g: float(np.hypot(*g)))
+    each = np.array([gravity_of(scene, t) for t in times])
+    size = np.hypot(*each.T)
+    return np.asarray(each[np.argmax(size >= (1.0 - ROUND_OFF) * size.max())])
 
 
 def free_height(scene: Scene, g: Array) -> float:

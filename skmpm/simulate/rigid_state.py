@@ -20,7 +20,7 @@ class DeadLoads:
 
     resultant: Array  # (2, n) [N/m]
     moment: Array  # (n,) over radii of gyration [N/m]
-    # Sum of arms times forces over radii of gyration (n,) [N/m]: what the moment loses per angle.
+    # Sum of arms times forces over radii of gyration (n,) [N/m]: what the moment loses per angle at first.
     along: Array
 
     def turned(self, angle: Array) -> Array:

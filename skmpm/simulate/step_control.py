@@ -13,9 +13,8 @@ from skmpm.implicit.errors import SMALLER
 from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
-from skmpm.simulate.driven import Moving, moving
+from skmpm.simulate.driven import moving
 from skmpm.simulate.step_length import MAX_CHANGE, Pace, moves_too_far, next_length
-from skmpm.simulate.vibration import vibrates
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
@@ -28,10 +27,6 @@ SLIVER = 1e-3
 # 0.95, take 299, 438 and 398 steps with 4 (lid of 2 cm/s with friction, of 2 mm/s, of 2 cm/s without friction), of
 # which 8, 13 and 17 fail; 296, 396 and 308 with 16 (5, 10, 8), 294, 514 and 333 with 64 (4, 10, 7).
 CUT = 16.0
-# Growth of steps from one to the next while bodies follow loads. Velocities are small at the turning points of a
-# vibration, too, so that a step from there must not be much longer than the last one. With 1.2 (2) the overshoot of a
-# block after a load grew by a tenth within a step is 97 % (46 %) of that with short steps throughout.
-CALMER = 1.2
 FREQUENT = 0.1  # of the steps: failures from which a run with chosen steps ends with a warning
 SHORTEST_SHARE = CUT**-3  # of the limit: shortest chosen step
 
@@ -160,20 +155,13 @@ def _limits(scene: Scene, state: State, left: float, scheme: Scheme, pace: Pace)
 
     Loads that are functions of time may begin to act in the step, or grow in it.
     """
-    chosen = state.step_control.chosen
-    vibrating = not (chosen and pace.loading.follows) or vibrates(scene, state)
-
-    def at(t: float) -> Moving:
-        return moving(scene, state, t)._replace(vibrates=vibrating)
-
-    now = at(state.t)
-    if not vibrating:
-        left = min(left, max(pace.resolving, CALMER * state.report.dt))
+    now, chosen = moving(scene, state, state.t), state.step_control.chosen
     limit = pace.limit(scene, scheme, state.t, now, left, box=state.box)
     if not pace.functions.loads:
         return limit, limit
     end = state.t + min(limit, chosen or limit)
-    then, before = at(end), at(state.t - state.report.dt) if chosen else now
+    then = moving(scene, state, end)
+    before = moving(scene, state, state.t - state.report.dt) if chosen else now
     held, unheld = (
         pace.limit(scene, scheme, state.t, each, end - state.t, forces_at=end, box=state.box)
         for each in (then.held_further(now, before, MAX_CHANGE), then)

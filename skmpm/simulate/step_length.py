@@ -3,8 +3,7 @@
 Three distances limit a step: those that driven objects move, and bodies past each other, by their present
 velocities and gravity, which are the limits of `preflight`; and, where waves set the pace (`simulate.loading`),
 0.1 R, with R the radius of the smallest body, which is what `Scheme.balanced` is meant for
-(docs/studies/work_precision.md); not the waves that gravity causes in bodies at rest when it begins to act, and those
-that loads cause only while bodies vibrate (`simulate.vibration`). In slow
+(docs/studies/work_precision.md); not the waves that gravity causes in bodies at rest when it begins to act. In slow
 motion the limit is a displacement, so that the number of steps does not depend on the speed of a lid.
 
 Below the limit, steps follow the number of Newton iterations: the next one is sqrt(4 / iterations) times as long, in
@@ -71,7 +70,7 @@ class Pace:
         those at the start.
         """
         limits = [left]
-        if scheme.inertia and self.loading.waves and not self.loading.settles and now.vibrates:
+        if scheme.inertia and self.loading.waves and not self.loading.settles:
             limits.append(self.resolving)
         if scheme.inertia and can_touch(scene):
             others = np.delete(scene.wall_velocities(t), scene.driven_walls, axis=0)

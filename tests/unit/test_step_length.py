@@ -30,6 +30,7 @@ from skmpm.simulate import initial, simulate
 from skmpm.simulate.driven import Moving
 from skmpm.simulate.functions_of_time import FunctionsOfTime
 from skmpm.simulate.impacts import normal_speed
+from skmpm.simulate.loading import loading_of
 
 STEP_CONTROL = import_module("skmpm.simulate.step_control")
 R, CELL = 1e-3, 2e-4
@@ -191,79 +192,6 @@ def test_gravity_that_grows_slowly_sets_no_pace_of_waves():
         assert -state.wall_force[0, 1] == pytest.approx(weight, rel=5e-3, abs=5e-3 * scene.mass * 9.81)
 
 
-LOADED = NeoHookean(1e5, 0.3, 1000.0)
-SIDE, FORCE = 0.02, 4.0
-
-
-def block_under(*loads, held=False, **options):
-    """A square block of 0.02 m on a floor, or held by a support at its bottom."""
-    body = Body(box((0, 0), (SIDE, SIDE), spacing=SIDE / 8), LOADED)
-    bottom = {"supports": [Support(below)]} if held else {"walls": [Wall((0, 0), (0, 1))]}
-    return Scene([body], cell=SIDE / 4, friction=0.5, loads=list(loads), **bottom, **options)
-
-
-def on_top(x):
-    return x[1] > (1.0 - 1e-9) * SIDE
-
-
-def below(x):
-    return x[1] < 1e-9 * SIDE
-
-
-def ramp(t):
-    return min(t, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("load", "held"),
-    [
-        (Load(on_top, lambda t: (0.0, -FORCE * ramp(t))), False),
-        (Load(on_top, lambda t: (0.0, -FORCE * ramp(t))), True),
-        (Pressure(on_top, lambda t: FORCE / SIDE * ramp(t)), False),
-    ],
-)
-def test_a_load_that_grows_slowly_is_followed_without_resolving_waves(load, held):
-    """Some of the vibration with which the ramp begins is resolved; it was all of a second, 10,000 steps."""
-    states = list(simulate(block_under(load, held=held), until=1.0))
-    assert len(states) < 500
-    force = [(s.support_force if held else s.wall_force)[0 if not held else slice(None), 1].sum() for s in states]
-    half = np.interp(0.5, [s.t for s in states], np.abs(force))
-    assert [half, abs(force[-1])] == pytest.approx([0.5 * FORCE, FORCE], rel=5e-3)
-
-
-@pytest.mark.parametrize("before", [0.0, 10.0])
-def test_a_load_that_jumps_makes_a_body_overshoot_until_it_is_at_rest(before):
-    """As with steps that resolve waves; then steps are long, although they were long before the jump."""
-
-    def force(t):
-        return (0.0, -before * FORCE * min(10.0 * t, 1.0) - (FORCE if t >= 0.2 else 0.0))
-
-    scene = block_under(Load(on_top, force), held=True)
-    states = list(simulate(scene, until=1.0))
-    assert len(states) < 1500  # 10,000
-    short = list(simulate(scene, start=at_the_jump(states), until=0.22, dt=1e-4))
-    lowest = min(s.x[1].max() for s in states if s.t > 0.2)
-    rest = states[-1].x[1].max()
-    assert lowest - rest == pytest.approx(min(s.x[1].max() for s in short) - rest, rel=0.05)
-    assert states[-1].report.dt > 5e-3
-
-
-def at_the_jump(states):
-    """The last state before 0.2 s."""
-    return [s for s in states if s.t < 0.2][-1]
-
-
-def test_a_body_that_a_load_lets_go_jumps_as_with_short_steps():
-    """A ramped load squeezes it for a tenth of a second; loads alone set no pace of waves while it does."""
-
-    def force(t):
-        return (0.0, -75.0 * FORCE * min(5.0 * t, 0.5) if t < 0.1 else 0.0)
-
-    scene = block_under(Load(on_top, force))
-    speeds = [max(s.v[1] @ s.mass / s.mass.sum() for s in simulate(scene, until=0.12, dt=dt)) for dt in (None, 1e-4)]
-    assert speeds[0] == pytest.approx(speeds[1], rel=0.01)
-
-
 def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
     """By a third of the amplitude in four periods where it slides most of the time, as docs/limits.md says."""
     period, until, slide = 0.2, 0.77, 0.3 * 9.81
@@ -278,9 +206,9 @@ def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
         relative = floor((k + 0.5) * dt)[0] - velocity
         velocity += np.clip(relative, -slide * dt, slide * dt)
         at += velocity * dt
-    body = Body(box((0, 0), (SIDE, SIDE), spacing=SIDE / 8), NeoHookean(1e6, 0.3, 1000.0))
+    body = Body(box((0, 0), (0.02, 0.02), spacing=2.5e-3), NeoHookean(1e6, 0.3, 1000.0))
     walls = [Wall((0, 0), (0, 1), velocity=floor)]
-    scene = Scene([body], cell=SIDE / 4, friction=0.3, gravity=(0.0, -9.81), walls=walls)
+    scene = Scene([body], cell=5e-3, friction=0.3, gravity=(0.0, -9.81), walls=walls)
     errors = []
     for given in (None, period / 200):
         *_, state = simulate(scene, until=until, dt=given)
@@ -288,6 +216,50 @@ def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
         errors.append(abs(moved - at) / (fastest / omega))
     assert 0.2 < errors[0] < 0.5
     assert errors[1] < 0.01
+
+
+def test_gravity_that_turns_is_that_of_the_start():
+    """Its size is the same at all times but for round-off, which would choose one of them."""
+
+    def gravity(X, t):
+        return 9.81 * np.outer([np.sin(7.0 * t), -np.cos(7.0 * t)], np.ones(X.shape[1]))
+
+    scene = Scene(
+        [ball(y=1.5 * R)], cell=CELL, walls=[Wall((0, 0), (0, 1)), Wall((3 * R, 0), (-1, 0))], gravity=gravity
+    )
+    falls = [loading_of(scene, np.linspace(0.0, until, 101)).fall for until in (0.0, 1.0, 1.1, 1.5, 2.0, 3.0)]
+    assert falls == pytest.approx(6 * [0.5 * R], rel=0.02)
+
+
+def test_a_load_that_jumps_under_ramped_gravity_overshoots():
+    """As with short steps; gravity that has been applied slowly hides no waves that a load causes."""
+
+    def gravity(X, t):
+        return np.outer([0.0, -9.81 * min(t / 0.1, 1.0)], np.ones(X.shape[1]))
+
+    block = Body(box((0, 0), (SIDE, SIDE), spacing=SIDE / 8), NeoHookean(1e5, 0.3, 1000.0))
+    load = Load(lambda x: x[1] > 0.999 * SIDE, lambda t: (0.0, -4.0 if t >= 0.15 else 0.0))
+    scene = Scene([block], cell=SIDE / 4, walls=[Wall((0, 0), (0, 1))], gravity=gravity, loads=[load])
+    lowest = [min(s.x[1].max() for s in simulate(scene, until=0.16, dt=dt)) - SIDE for dt in (None, 1e-4)]
+    assert lowest[0] == pytest.approx(lowest[1], rel=0.01)
+
+
+def test_a_rigid_body_that_a_couple_turns_moves_at_its_rim_by_the_stroke():
+    """Two loads without a resultant, beside light gravity; one step turned it by twice the angle."""
+    radius = 0.01
+    soft, spun = (
+        Body(box((5 * radius, 0), (SIDE, SIDE), spacing=SIDE / 8), GEL),
+        disc((0, 0), radius, spacing=radius / 10),
+    )
+    couple = [
+        Load(lambda x: (x[0] > 0.85 * radius) & (x[0] < 2 * radius), (0.0, 0.5)),
+        Load(lambda x: x[0] < -0.85 * radius, (0.0, -0.5)),
+    ]
+    rigid = Body(spun, Rigid(1000.0))
+    scene = Scene([soft, rigid], cell=radius / 3, gravity=(0.0, -1e-6), loads=couple)
+    states = list(simulate(scene, until=0.02))
+    rim = [np.hypot(*s.v[:, s.body == 1]).max() * s.report.dt for s in states]
+    assert max(rim) <= 0.15 * scene.cell
 
 
 def test_a_motion_that_starts_at_rest_is_followed():

@@ -38,7 +38,7 @@ class FreeBodies:
             velocity[:2] += (gradient - state.box_rate) @ start.centre
         loads = start.loads(scene, state, interval.t)
         inertia = interval.inertia(np.repeat(start.mass, 3), velocity.T.ravel())
-        response = inertia.response.reshape(-1, 3).copy()  # with the stiffness of loads against turning
+        response = inertia.response.reshape(-1, 3).copy()  # with the stiffness of loads where they resist turning
         response[:, 2] += (interval.theta * dt) ** 2 * np.maximum(loads.along, 0.0) / start.radius
         return FreeBodies(scene.free_rigid, start, loads, replace(inertia, response=response.ravel()), dt)
 
