@@ -18,7 +18,8 @@ Ints = NDArray[np.int64]
 
 VERSION = np.array([2, 3])
 KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # in the order of the format's offsets, and of data of cells
-CHUNK = 4096  # rows of a compressed chunk, at least: small ones cost more than they hold
+COMPRESSED = 4096  # rows of a step from which on they are compressed: small chunks cost more than they hold
+CHUNK = 256  # rows, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Block:
         group.attrs["Version"], group.attrs["Type"] = VERSION, np.bytes_("PolyData")
         group.attrs["constant"] = constant
         _growing(group, "NumberOfPoints", np.zeros(0, dtype=np.int64))
-        _growing(group, "Points", first.points)
+        _growing(group, "Points", first.points, constant=constant)
         for kind in KINDS:
             cells = group.create_group(kind)
             for part in ("NumberOfCells", "NumberOfConnectivityIds", "Offsets", "Connectivity"):
@@ -53,7 +54,7 @@ class Block:
         for place, data in (("PointData", first.of_points), ("CellData", first.of_cells)):
             group.create_group(place)
             for key, values in data.items():
-                _growing(group[place], key, values)
+                _growing(group[place], key, values, constant=constant)
         steps = group.create_group("Steps")
         steps.attrs["NSteps"] = 0
         for name_, shape in (("Values", ()), ("PartOffsets", ()), ("NumberOfParts", ()), ("PointOffsets", ()),
@@ -115,13 +116,19 @@ class Block:
         return begin
 
 
-def _growing(group: Any, name: str, like: NDArray[Any]) -> None:
-    """Create an empty dataset that grows by rows like these."""
+def _growing(group: Any, name: str, like: NDArray[Any], *, constant: bool = False) -> None:
+    """Create an empty dataset that grows by rows like these, in every step as many if `constant`.
+
+    Then a chunk is a step, and is compressed if it is large. A compressed chunk that is written again changes its
+    size, which the file notes later: of a run that is killed in between it cannot be read. No other is compressed.
+    """
     values = np.asarray(like)
     kind = np.float64 if name in ("Points", "Values") else np.int64 if values.dtype.kind in "iub" else np.float32
     sizes = {"shape": (0, *values.shape[1:]), "maxshape": (None, *values.shape[1:]), "dtype": kind}
     chunks = (max(values.shape[0], CHUNK), *values.shape[1:])
-    group.create_dataset(name, **sizes, chunks=chunks, compression="gzip", compression_opts=1, shuffle=True)
+    compressed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+    large = constant and values.shape[0] >= COMPRESSED
+    group.create_dataset(name, **sizes, chunks=chunks, **(compressed if large else {}))
 
 
 def _write(data: Any, start: int, values: Any) -> None:
