@@ -110,20 +110,17 @@ def parsed(text: str) -> dict[str, Column]:
 def _column(values: list[str]) -> Column:
     if set(values) <= {"True", "False"}:
         return np.array([value == "True" for value in values])
-    for kinds in ((int,), (int, float)):
-        numbers = [_number(value, kinds) for value in values]
-        if None not in numbers:
-            return np.array(numbers)
-    return np.array(values)
+    numbers = [_number(value) for value in values]
+    return np.array(values if None in numbers else numbers)
 
 
-def _number(text: str, kinds: tuple[type, ...]) -> float | None:
+def _number(text: str) -> float | None:
     """The number that is written as this text; None if none is, as of "1e5", "1_000", "007" or "+7"."""
-    for kind in kinds:
+    for kind in (int, float):
         try:
             number = kind(text)
         except ValueError:
             continue
         if str(number) == text:
-            return float(number) if float in kinds else int(number)
+            return number
     return None
