@@ -98,11 +98,12 @@ def _with_loaded_bodies(
     loaded = _loaded(scene)
     if not loaded.any():
         return others
-    own = accelerations(scene, x, t, contacts)[:, loaded]
+    external = _external(scene, x, t)
+    own = _accelerations(scene, external, contacts)[:, loaded]
     speed = float(np.hypot(*centres(v, scene.masses, scene.owner)[:, loaded]).max())
     rigid = loaded & ~scene.deformable
     if rigid.any():
-        turning, rim = (each[rigid] for each in _rims(scene, x, v, t, contacts))
+        turning, rim = (each[rigid] for each in _rims(scene, x, v, external, contacts))
         speed, own = max(speed, turning.max()), np.concatenate([own, np.stack([rim, np.zeros_like(rim)])], axis=1)
     return others._replace(
         speed=max(others.speed, speed), accelerations=np.concatenate([others.accelerations, own], axis=1)
@@ -111,38 +112,51 @@ def _with_loaded_bodies(
 
 def accelerations(scene: Scene, x: Array, t: float, contacts: Contacts | None) -> Array:
     """Those of the centres of bodies by loads, springs, gravity and contacts, (2, bodies) [m/s2]."""
-    bodies, each = len(scene.bodies), _external(scene, x, t)
-    force: Array = np.stack([np.bincount(scene.owner, component, bodies) for component in each])
+    return _accelerations(scene, _external(scene, x, t), contacts)
+
+
+def _accelerations(scene: Scene, external: Array, contacts: Contacts | None) -> Array:
+    """The same, with the forces on points by all but contacts (2, n) [N/m]."""
+    bodies = len(scene.bodies)
+    force: Array = np.stack([np.bincount(scene.owner, component, bodies) for component in external])
     if contacts is not None:
         force = force + contact_resultants(contacts, bodies)
     return force / np.bincount(scene.owner, scene.masses, bodies)
 
 
-def _rims(scene: Scene, x: Array, v: Array, t: float, contacts: Contacts | None) -> tuple[Array, Array]:
+def _rims(scene: Scene, x: Array, v: Array, external: Array, contacts: Contacts | None) -> tuple[Array, Array]:
     """Speeds and accelerations of the points of bodies farthest from their centres as these turn, (bodies,) each.
 
-    The bodies turn as rigid ones under loads, springs, gravity and contacts, in m/s and m/s2.
+    The bodies turn as rigid ones under the forces on points by all but contacts (2, n) [N/m], and under those of
+    contacts, in m/s and m/s2.
     """
     owner, mass, bodies = scene.owner, scene.masses, len(scene.bodies)
-    centre, each = centres(x, mass, owner), _external(scene, x, t)
+    centre = centres(x, mass, owner)
     arm, radius = x - centre[:, owner], np.zeros(bodies)
     np.maximum.at(radius, owner, np.hypot(*arm))
-    moment = np.asarray(np.bincount(owner, arm[0] * each[1] - arm[1] * each[0], bodies), dtype=np.float64)
-    for side, sign in ((0, 1.0), (1, -1.0)) if contacts is not None else ():
-        assert contacts is not None
-        members, (fx, fy) = np.maximum(contacts.bodies[side], 0), contacts.vectors
-        ax, ay = contacts.at(side) - centre[:, members]
-        moment = moment + sign * np.bincount(members, (ax * fy - ay * fx) * (contacts.bodies[side] >= 0), bodies)
+    moment = np.asarray(np.bincount(owner, _cross(arm, external), bodies), dtype=np.float64)
+    if contacts is not None:
+        first, second = (contacts.at(side) - centre[:, np.maximum(contacts.bodies[side], 0)] for side in (0, 1))
+        pushed = contacts.vectors
+        moment = moment + _on_bodies(contacts, _cross(first, pushed), _cross(second, pushed), bodies)
     inertia = np.bincount(owner, mass * (arm**2).sum(axis=0), bodies)
     return radius * np.abs(fitted_motions(x, v, mass, owner)[2]), radius * moment / inertia
 
 
 def contact_resultants(contacts: Contacts, bodies: int) -> Array:
     """Resultants of the forces of contacts on bodies, (2, bodies) [N/m]."""
-    (one, two), each = contacts.bodies, contacts.vectors
-    first = [np.bincount(one, pushed, bodies) for pushed in each]
-    second = [np.bincount(np.maximum(two, 0), pushed * (two >= 0), bodies) for pushed in each]
-    return np.asarray(np.stack(first) - np.stack(second), dtype=float)
+    return np.stack([_on_bodies(contacts, pushed, pushed, bodies) for pushed in contacts.vectors])
+
+
+def _on_bodies(contacts: Contacts, first: Array, second: Array, bodies: int) -> Array:
+    """Sums (bodies,) of what contacts do to their first bodies, less what their forces would do to the second."""
+    one, two = contacts.bodies
+    of_second = np.bincount(np.maximum(two, 0), second * (two >= 0), bodies)  # negative: walls
+    return np.asarray(np.bincount(one, first, bodies) - of_second, dtype=np.float64)
+
+
+def _cross(arm: Array, force: Array) -> Array:
+    return np.asarray(arm[0] * force[1] - arm[1] * force[0])
 
 
 def without_supports(scene: Scene) -> NDArray[np.bool_]:
