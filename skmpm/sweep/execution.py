@@ -117,8 +117,11 @@ def _carry_out(build: Build, task: Task, worker: Worker) -> None:
         raise TypeError(
             f"build returned a {type(made).__name__}; expected a Run, or rows of the table: a dict or several"
         )
+    rows = [made] if isinstance(made, Mapping) else made
+    if not rows:
+        raise ValueError("build returned no rows, which no table would show; give one, or raise what is wrong")
     records = Records(task.folder, [], (0, b""))
-    for row in [made] if isinstance(made, Mapping) else made:
+    for row in rows:
         records.add(checked(row, reserved))
     records.commit(None)
 
