@@ -41,6 +41,7 @@ def test_members_are_what_the_study_needs():
     assert found["fine_mu0_seed0"]["cell"] == pytest.approx(0.95e-3 / 8)
     assert [found[f"lid{v:g}_mu0.1_seed0"]["speed"] for v in members.LIDS] == [0.02, 0.002]
     assert {found[f"nu{nu:g}_mu0_seed1"]["nu"] for nu in members.RATIOS} == {0.3, 0.495}
+    assert {about["nu"] for about in found.values() if about["until"] == 0.97} == {0.495}
 
 
 def test_what_most_figures_need_comes_first_and_fine_grids_last():
