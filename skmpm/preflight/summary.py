@@ -10,6 +10,7 @@ from skmpm.preflight.limits import warnings_of
 from skmpm.preflight.metrics import SceneMetrics, examine, first_step
 from skmpm.scene import Scene, check_scene
 from skmpm.scheme import Scheme
+from skmpm.simulate.loading import loading_of
 from skmpm.simulate.step_length import MAX_APPROACH
 
 PAGE = "docs/how_to/warnings.md"
@@ -36,12 +37,17 @@ def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme(
     metrics = examine(scene, step, scheme)
     if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen
         metrics = replace(metrics, waves=False, approach=min(metrics.approach, MAX_APPROACH), fall=0.0)
-    chosen = {"step": f"chosen, {step:.3g} s at first"} if dt is None else {}
+    chosen = {"step": _chosen(scene, step, scheme)} if dt is None else {}
     lines = [f"{name:8s}  {text}" for name, text in {**_lines(metrics), **chosen}.items()]
     warnings = [f"! {text} [{topic}]" for topic, text in warnings_of(scene, metrics, scheme)]
     if warnings:
         warnings.append(f"about [...]: sections of {PAGE}")
     return "\n".join([*lines, *(warnings or ["no warnings"])])
+
+
+def _chosen(scene: Scene, step: float, scheme: Scheme) -> str:
+    loading, text = loading_of(scene), f"chosen, {step:.3g} s at first"
+    return f"{text}; all resolve waves: {loading.why}" if scheme.inertia and loading.every_step else text
 
 
 def _lines(metrics: SceneMetrics) -> dict[str, str]:

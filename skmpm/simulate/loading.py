@@ -43,6 +43,11 @@ class Loading:
     impact: float  # normal speed at contacts from which on waves matter to falling bodies [m/s]
     release: float  # speed that contacts give a body in the time of a wave, from which on it is released [m/s]
 
+    @property
+    def every_step(self) -> bool:
+        """Whether every chosen step resolves waves, if bodies have inertia, not only those with impacts."""
+        return self.waves and not self.settles
+
 
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""

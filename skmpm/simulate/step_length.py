@@ -70,7 +70,7 @@ class Pace:
         those at the start.
         """
         limits = [left]
-        if scheme.inertia and self.loading.waves and not self.loading.settles:
+        if scheme.inertia and self.loading.every_step:
             limits.append(self.resolving)
         if scheme.inertia and can_touch(scene):
             others = np.delete(scene.wall_velocities(t), scene.driven_walls, axis=0)

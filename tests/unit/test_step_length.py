@@ -553,9 +553,18 @@ def test_constant_loads_without_inertia_take_one_step():
 
 def test_preflight_tells_the_first_chosen_step_and_does_not_warn_of_it():
     text = preflight(pressed((0.0, -0.1)))
-    assert f"step      chosen, {0.14 * CELL / 0.1:.3g} s at first" in text
+    assert f"step      chosen, {0.14 * CELL / 0.1:.3g} s at first\n" in text
     assert "a step; verified for lids" not in text
     assert "step      chosen" not in preflight(pressed((0.0, -0.1)), 1e-5)
+
+
+def test_preflight_tells_where_all_steps_resolve_waves():
+    """A load that grows in a second has as many steps as one that acts at once, which nobody was told."""
+    ramp = Load(lambda x: x[1] > 1.8 * R, lambda t: (0.0, -min(t, 1.0)))
+    scene = Scene([ball()], cell=CELL, walls=[Wall((0, 0), (0, 1))], loads=[ramp])
+    assert " s at first; all resolve waves: bodies can touch and nothing moves at t = 0\n" in preflight(scene)
+    assert "resolve waves" not in preflight(replace(scene, gravity=(0.0, -1.0)))
+    assert "resolve waves" not in preflight(scene, 1e-5)
 
 
 def test_a_run_goes_on_from_any_state_as_if_it_had_not_been_interrupted():
