@@ -28,10 +28,11 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     must read again) and after it is killed. `read` returns its frames as arrays. It has four blocks:
 
     - points: a vertex per material point, with velocity [m/s], displacement since t = 0 [m], stress (9, Cauchy, row
-      by row, tension positive; zz is that of plane strain) and pressure -(xx + yy)/2 [Pa], volume [m2], det_F, body;
-      with materials with memory their plastic_strain
+      by row, tension positive; zz is that of plane strain) and pressure -(xx + yy)/2 [Pa], both elastic, without what
+      viscosity adds, volume [m2], det_F, body; with materials with memory their plastic_strain
     - bodies: the smooth boundaries, polygons or, around holes, lines, with data of the body: velocity of the centre
-      of mass, pressure, deviatoric_stress, coordination, volume_ratio and aspect_ratio as in `observe`, body
+      of mass, pressure and deviatoric_stress (of contacts), coordination, volume_ratio and aspect_ratio as in
+      `observe`, body
     - contacts: a line between the centres of each pair of bodies that touch, to the contact on walls, with first and
       second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction and length [m] as
       `network` defines them

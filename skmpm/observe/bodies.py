@@ -51,7 +51,7 @@ class PerBody:
     stress : (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive
     pressure : (bodies,) -tr/2 of it [Pa]
     pressure_points : (bodies,) of the material points, with inertia that of their velocities relative to the centre
-        included [Pa]; nan for rigid bodies
+        included [Pa], without viscous stress, which `stress` and `pressure` contain; nan for rigid bodies
     """
 
     __repr__ = with_shapes

@@ -35,7 +35,8 @@ class Observables:
     overlap : area shared by two bodies / area of all outlines
     pressure : = pressure_contacts [Pa]
     pressure_contacts : -tr/2 of the stress of the contact forces [Pa]
-    pressure_points : mean over the material points, with inertia the kinetic part included [Pa]
+    pressure_points : mean over the material points, with inertia the kinetic part included [Pa]; of elastic stress
+        alone, without what viscosity adds to that of contacts
     pressure_walls : mean of wall_pressure over the walls that bound the box [Pa]
     stress : (2, 2) of the contacts [Pa]
     wall_pressure : (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
@@ -91,7 +92,8 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
       and bodies of prescribed motion from the contact point; without inertia. pressure (= pressure_contacts) is its
       -tr/2.
     - pressure_points: -tr/2 of [sum w sigma - sum m v' (x) v'] / V over the points of deformable bodies, w their
-      weights, v' the velocity relative to their mean; without v' after a quasi-static step.
+      weights, v' the velocity relative to their mean; without v' after a quasi-static step. sigma is `State.stress`,
+      without the viscous stress of materials, which pressure_contacts and pressure_walls contain.
 
     With `interior` means are taken over bodies whose centre lies at least two mean diameters from every wall
     (nan if there are none) and sums per volume over the box reduced by the same distance: outlines clipped to it

@@ -40,8 +40,9 @@ def plot(
     Parameters
     ----------
     scene, state : what is drawn
-    colour : "pressure" or "mises" [Pa], "displacement" since t = 0 [m], "speed" [m/s], "plastic strain" (equivalent,
-        of materials that yield), "body", or an array by point (n,) or by body (bodies,)
+    colour : "pressure" or "mises" [Pa], both of elastic stress, without what viscosity adds; "displacement" since
+        t = 0 [m], "speed" [m/s], "plastic strain" (equivalent, of materials that yield), "body", or an array by point
+        (n,) or by body (bodies,)
     forces : draw the contact network: lines between the centres of bodies that touch, or from a centre to a wall, as
         wide as their normal force
     axes : drawn into; by default those of a new figure

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skmpm.material import NeoHookean, Rigid
+from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import observe, pair_correlation
 from skmpm.observe.regions import area_inside, contains, region, share_inside
 from skmpm.outline import outlines
@@ -374,6 +374,20 @@ def test_the_pressure_of_the_points_is_that_of_stresses_whatever_the_time_of_a_q
     assert seen.bodies.pressure_points @ np.add.reduceat(state.volume, scene.offsets[:-1]) == pytest.approx(stress)
     *_, state = simulate(scene, dt=1e-7 / speed, until=1e-7 / speed)
     assert state.report.inertia
+
+
+def test_contacts_have_the_viscous_pressure_that_points_lack():
+    """Without inertia a lid moves at v on a block of height H: the viscous pressure is eta v / H at small strain."""
+    R, eta, v = 1e-3, 2e3, 0.05
+    lid = Wall((0.0, 2 * R), (0.0, -1.0), velocity=(0.0, -v))
+    body = Body(block((0, 0), (2 * R, 2 * R), spacing=R / 6), LinearElastic(1e5, 0.3, 1000.0, viscosity=eta))
+    scene = Scene([body], cell=R / 3, walls=[*box((0, 0), (2 * R, 2 * R))[:3], lid])
+    *_, state = simulate(scene, dt=1e-5, until=1e-4, scheme=Scheme(inertia=False))
+    o, viscous = observe(scene, state), eta * v / (2 * R)
+    assert o.pressure_points < 0.01 * viscous
+    assert o.pressure_contacts - o.pressure_points == pytest.approx(viscous, rel=0.01)
+    assert o.pressure_walls == pytest.approx(o.pressure_contacts, rel=1e-6)
+    assert o.bodies.pressure - o.bodies.pressure_points == pytest.approx([viscous], rel=0.01)
 
 
 def test_pressure_of_the_points():
