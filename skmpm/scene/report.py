@@ -28,7 +28,8 @@ class Energy:
     viscous : dissipated by the viscosity of materials
     plastic : dissipated by changes of internal variables of materials, as by plastic flow
     springs : stored in springs
-    dissipated : the remainder: friction, impacts, the time scheme, the transfer, changes of the state by the user
+    dissipated : the remainder: friction, impacts, the time scheme, the transfer, changes of the state by the user and
+        of springs by a stage
     gained : energy gained without work in steps, negative where it is dissipated; without what happens between them
     largest : largest of these energies since t = 0
     """

@@ -70,12 +70,8 @@ class Budget:
         """Energy gained beyond the work and the tolerances."""
         supplied = self.external + self.push_out + self.tolerated + self.rounding + self.cohesion
         spent = self.viscous + self.plastic
-        return self.kinetic + self.elastic + spent - self.before + self.into_springs - supplied
-
-    @property
-    def into_springs(self) -> float:
-        """Energy stored in springs in the step."""
-        return self.springs[1] - self.springs[0]
+        into_springs = self.springs[1] - self.springs[0]
+        return self.kinetic + self.elastic + spent - self.before + into_springs - supplied
 
 
 def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State) -> Budget:
@@ -224,7 +220,7 @@ def report_of(
             + budget.push_out
             + by_regrid
             - gained
-            - budget.into_springs
+            - (budget.springs[1] - old.springs)  # not from `budget.springs[0]`: a stage may have others
             - budget.viscous
             - budget.plastic
             + budget.cohesion,

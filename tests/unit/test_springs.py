@@ -385,6 +385,21 @@ def test_springs_may_change_with_the_stage():
     assert after.report.energy.springs == pytest.approx(skmpm.scene.spring_energy(new, after.x, after.t))
 
 
+@pytest.mark.parametrize("scheme", [Scheme(), MIDPOINT, STATIC], ids=["backward Euler", "midpoint", "static"])
+def test_the_energy_budget_closes_over_stages_with_other_springs(scheme):
+    """What a stretched spring brings or takes with it is no work: the remainder has it."""
+    alone = Scene([block()], cell=CELL, supports=[Support(lambda x: x[0] < 0.01)])
+    stretched = replace(alone, springs=[Spring(lambda x: x[0] > 0.9, K, to=(3.0, 0.0), rest=0.5)])
+    looser = replace(alone, springs=[replace(stretched.springs[0], stiffness=0.5 * K)])
+    before, state = alone, initial(alone, scheme=scheme)
+    for stage in (alone, stretched, looser, alone):
+        state = step(stage, skmpm.continued(before, state, stage), 1e-3, scheme=scheme)
+        before, energy = stage, state.report.energy
+        assert (energy.springs > 0.1 * K) is bool(stage.springs)
+        spent = energy.dissipated + energy.viscous + energy.plastic
+        assert total(energy) + spent == pytest.approx(energy.external, abs=1e-9 * K)
+
+
 def test_what_a_linear_run_keeps_is_not_that_of_other_springs():
     soft = LinearElastic(1e5, 0.3, 1000.0)
     scenes = [Scene([block(material=soft, velocity=(1.0, 0.0))], cell=CELL)]
