@@ -13,6 +13,7 @@ from skmpm.scene.state import State
 
 Array = NDArray[np.float64]
 
+STAYS_RIGID = "bodies stay what they are: hold a deformable one by a Support, or begin a new run from its points"
 _ITS_OWN = "continue with the scene that the state was made from"
 
 
@@ -56,6 +57,14 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
             f" {scene.normals[:, i]}; keep the walls and their order"
         )
     _check_order(scene, state, name)
+    if state.derived is not None:
+        deformable = np.isin(np.arange(len(scene.bodies)), state.derived.assembly.grid.cell_body)
+        changed = np.flatnonzero(deformable != scene.deformable)
+        if changed.size:
+            was, now = ("deformable", "Rigid") if deformable[changed[0]] else ("Rigid", "deformable")
+            raise SceneError(
+                f"{name}: body {changed[0]} of the state is {was}, that of the scene {now}; {STAYS_RIGID}"
+            )
     wrong = np.flatnonzero(np.abs(state.mass - scene.masses) > 1e-9 * state.mass)
     if wrong.size:
         raise SceneError(

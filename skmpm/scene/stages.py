@@ -11,7 +11,7 @@ from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.contacts import Contacts
 from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
-from skmpm.scene.fits import check_fits
+from skmpm.scene.fits import STAYS_RIGID, check_fits
 from skmpm.scene.objects import Body, SceneError, Wall
 from skmpm.scene.report import StepControl
 from skmpm.scene.scene import Scene
@@ -24,18 +24,19 @@ Ints = NDArray[np.int64]
 def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     """The state of a scene as a start in a new scene of the same bodies: `simulate(new_scene, start=continued(...))`.
 
-    Walls, supports, loads, friction, cohesion, gravity, and rate and stress of a periodic box may differ. A wall with
-    the `point` and the `normal` of a wall of the old scene is that wall, and goes on from where it is; any other is
-    new and begins at its `point`. Walls that the new scene lacks are removed, with their contacts. Supports and loads
-    hold the points where `where(x)` is true at t = 0, as always. Time goes on, so functions of time are taken at the
-    time of the state.
+    Walls, supports, loads, springs, friction, cohesion, gravity, moduli, the `motion` of rigid bodies, and rate and
+    stress of a periodic box may differ. Bodies go on with the velocities of the state, whatever `velocity` and `spin`
+    the new scene gives them. A wall with the `point` and the `normal` of a wall of the old scene is that wall, and
+    goes on from where it is; any other is new and begins at its `point`. Walls that the new scene lacks are removed,
+    with their contacts. Supports, loads and springs act on the points where `where(x)` is true at t = 0, as always.
+    Time goes on, so functions of time are taken at the time of the state.
 
     Raises
     ------
     SceneError
-        if the state does not belong to the old scene, the new scene has other bodies or another cell, points have
-        internal variables of another class of material, a new wall stands where a body is, or two walls of the new
-        scene are the same one
+        if the state does not belong to the old scene, the new scene has other bodies or another cell, a body is rigid
+        in only one of them, points have internal variables of another class of material, a new wall stands where a
+        body is, or two walls of the new scene are the same one
     """
     check_fits(scene, state, "continued")
     _check_bodies(scene, new_scene)
@@ -101,6 +102,11 @@ def _check_bodies(scene: Scene, new_scene: Scene) -> None:
         if not same or not np.array_equal(scene.densities[own], new_scene.densities[own]):
             what = "another density" if same else "other points"
             raise SceneError(f"continued: body {b} of the new scene has {what}; {remedy}")
+        if scene.deformable[b] != new_scene.deformable[b]:
+            rigid, other = ("new", "old") if scene.deformable[b] else ("old", "new")
+            raise SceneError(
+                f"continued: body {b} is Rigid in the {rigid} scene and deformable in the {other} one; {STAYS_RIGID}"
+            )
         if (_memories(old) != _memories(new)).any():
             raise SceneError(
                 f"continued: points of body {b} have internal variables of another material in the new scene;"

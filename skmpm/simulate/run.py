@@ -62,8 +62,8 @@ def simulate(
     with a warning, unless steps are chosen and fewer than a tenth failed.
 
     `start` continues from a state of this scene, which may have other velocities of walls and supports, loads,
-    friction, gravity and moduli than before. Bodies and walls are where the state has them, also where the scene's
-    `Wall.point` is another: a wall goes on from there.
+    springs, friction, gravity and moduli than before. Bodies and walls are where the state has them, also where the
+    scene's `Wall.point` is another: a wall goes on from there.
 
     `progress` shows step, time, ETA, solid fraction or stroke, and retries on a terminal or in a notebook;
     `checkpoint` is a file that keeps the last state, written every half minute and when the run ends: at `until`, by
@@ -75,8 +75,8 @@ def simulate(
         if the shortest step fails; its `state` is the last one that was yielded
     SceneError
         if steps cannot be chosen, if a velocity, load or gravity is not finite, or if `start` belongs to another
-        scene: if numbers of points, walls, supports or grid nodes, the body or mass of a point, or the normal or
-        order of walls differ, or (unless `scheme.anchor` is finite) the positions of points at t = 0
+        scene: if numbers of points, walls, supports or grid nodes, the body or mass of a point, rigid bodies, or the
+        normal or order of walls differ, or (unless `scheme.anchor` is finite) the positions of points at t = 0
     ValueError
         if dt is not positive, until is negative or before the time of `start`, or scheme is not a Scheme
     FileNotFoundError, IsADirectoryError

@@ -172,6 +172,10 @@ def test_supports_that_are_described_anew_go_on():
             "continued: body 1 of the new scene has another density",
         ),
         (
+            lambda s: replace(s, bodies=[s.bodies[0], replace(s.bodies[1], material=Rigid(1000.0))]),
+            "continued: body 1 is Rigid in the new scene and deformable in the old one; .* begin a new run",
+        ),
+        (
             lambda s: replace(s, walls=[*s.walls, Wall((0, R), (0, 1))]),
             r"wall 4 cuts body \d: a point lies .* m behind it; at t = 0.00016 s; move the new wall",
         ),
@@ -192,6 +196,18 @@ def test_a_state_of_another_scene_is_refused(run):
     alone = Scene([Body(disc((0, 0), R, spacing=R / 5), GEL), other], cell=R / 3)
     with pytest.raises(SceneError, match="continued: the state has"):
         continued(alone, run[1], run[0])
+
+
+def test_a_rigid_body_does_not_become_deformable(run):
+    """It raised a ValueError about shapes of arrays."""
+    scene, state = run
+    hard = replace(scene, bodies=[scene.bodies[0], replace(scene.bodies[1], material=Rigid(1000.0))])
+    with pytest.raises(SceneError, match="body 1 is Rigid in the old scene and deformable in the new one"):
+        continued(hard, initial(hard), scene)
+    with pytest.raises(SceneError, match="start: body 1 of the state is Rigid, that of the scene deformable"):
+        next(simulate(scene, dt=DT, until=DT, start=initial(hard)))
+    with pytest.raises(SceneError, match="start: body 1 of the state is deformable, that of the scene Rigid"):
+        next(simulate(hard, dt=DT, until=2 * state.t, start=state))
 
 
 @pytest.mark.parametrize("duration", [8e-4, 8.0])
