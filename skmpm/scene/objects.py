@@ -119,6 +119,8 @@ class Wall:
 class Support:
     """A prescribed velocity or displacement of the points of deformable bodies where `where(x)` is true at t = 0.
 
+    At points of rigid bodies with a `motion` it may be true, too, without effect; at those of free ones it may not.
+
     Parameters
     ----------
     where : positions (2, n) [m] -> (n,) bool
@@ -161,7 +163,8 @@ class Load:
 class Pressure:
     """A pressure on the boundary of deformable bodies where `where(x)` is true at t = 0; it follows the normals.
 
-    It acts on the segments between boundary points at both of which `where` is true.
+    It acts on the segments between boundary points at both of which `where` is true; at points of free rigid
+    bodies it may not be.
 
     Parameters
     ----------

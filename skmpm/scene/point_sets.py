@@ -62,7 +62,10 @@ def pressed_segments(scene: Scene, i: int, pressure: Pressure) -> Ints:
 def _matching(
     scene: Scene, name: str, where: Callable[[Array], ArrayLike], bodies: NDArray[np.bool_] | None = None
 ) -> Ints:
-    """The points of some bodies (bodies,), by default the deformable ones, where a function is true."""
+    """The points of some bodies (bodies,), by default the deformable ones, where a function is true.
+
+    SceneError where it is true at others that forces move: they would move as if it were not.
+    """
     x = scene.initial_positions
     if not callable(where):
         raise SceneError(f"{name}: expected a function of positions (2, n) that returns (n,) booleans, got {where!r}")
@@ -72,7 +75,14 @@ def _matching(
             f"{name} returned {inside.dtype} of shape {inside.shape}; return {x.shape[1:]} booleans,"
             " one for each position"
         )
-    return np.flatnonzero(inside & (scene.deformable if bodies is None else bodies)[scene.owner])
+    own = scene.deformable if bodies is None else bodies
+    untouched = scene.owner[inside & (scene.movable & ~own)[scene.owner]]
+    if untouched.size:
+        raise SceneError(
+            f"{name} is true at points of body {untouched[0]}, a free rigid body, on which only a Load acts; let it"
+            " leave that body out, or give the body a `motion`"
+        )
+    return np.flatnonzero(inside & own[scene.owner])
 
 
 def _lengths(boundary: Outlines, x: Array, points: Ints) -> Array:

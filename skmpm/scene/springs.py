@@ -30,6 +30,7 @@ class Spring:
     boundary length if only boundary points match, else by volume. It resists rotation, too. With `to` it is a bar
     between the means of two sets of points, weighted alike, or from one to a fixed point: its force
     stiffness * (length - rest) acts along it, whatever it turns to. The force is exact at t + theta dt of each step.
+    Neither `where` nor `to` may be true at points of free rigid bodies.
 
     Parameters
     ----------

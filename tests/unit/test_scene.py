@@ -199,6 +199,24 @@ def test_bodies_may_touch_and_overlap_by_a_thousandth_of_a_cell_but_not_by_more(
             use(wall(point=(0.0, -R + 2e-3 * CELL)))
 
 
+@pytest.mark.parametrize(
+    ("name", "acting"),
+    [
+        ("support 0: where", {"supports": [Support(lambda x: x[1] < -0.9 * R)]}),
+        ("spring 0: where", {"springs": [Spring(lambda x: x[1] < -0.9 * R, 1e3)]}),
+        ("spring 0: to", {"springs": [Spring(lambda x: x[0] < -0.8 * R, 1e3, to=lambda x: x[0] > 0.8 * R)]}),
+        ("load 0: where", {"loads": [Pressure(lambda x: x[1] < np.inf, 1e3)]}),
+    ],
+)
+def test_what_acts_on_deformable_bodies_alone_is_refused_at_free_rigid_ones(name, acting):
+    """It acted on the deformable bodies without a word; held rigid bodies may be covered."""
+    free = Body(at(3.0 * R), Rigid(1000.0))
+    with pytest.raises(SceneError, match=f"{name} is true at points of body 1, a free rigid body.*leave that"):
+        Scene([Body(ROUND, GEL), free], cell=CELL, **acting)
+    held = Body(free.points, free.material, motion=(0.0, 0.0, 0.0))
+    assert (Scene([Body(ROUND, GEL), held], cell=CELL, **acting).owner == [0] * ROUND.size + [1] * ROUND.size).all()
+
+
 def test_walls_may_cut_rigid_bodies():
     floor = Body(box((-2, -2), (4, 1), spacing=0.4), Rigid(1.0), motion=(0.0, 0.0, 0.0))
     assert len(scene(others=[floor], walls=[Wall((0, -1.0), (0, 1))]).bodies) == 2
