@@ -13,7 +13,7 @@ beyond the end of a side lies beside it. The wedge of two convex corners is the 
 the tip. Contacts are detected up to a distance, the reach, and kept from step to step by their keys.
 """
 
-from skmpm.contact.boundary import point_to_curve
+from skmpm.contact.boundary import check_outlines, point_to_curve
 from skmpm.contact.closest_points import lasting_force
 from skmpm.contact.constraints import Constraints, ContactFormulation, Linearise, acts_at_grid_nodes
 from skmpm.contact.grid_nodes import shared_grid
@@ -25,6 +25,7 @@ __all__ = [
     "ContactFormulation",
     "Linearise",
     "acts_at_grid_nodes",
+    "check_outlines",
     "joined_parts",
     "lasting_force",
     "may_touch_itself",

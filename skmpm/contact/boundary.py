@@ -71,7 +71,7 @@ def point_to_curve(
     SceneError
         If a body has no outline.
     """
-    _check_outlines(scene)
+    check_outlines(scene)
     boundary = scene.outlines
     interpolation = _boundary_interpolation(scene, state, grid, boundary)
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
@@ -147,7 +147,8 @@ def _with_closest_points(
     return replace(near, shifts=closest_points(scene, near, roles, ahead, walls, state.contacts, shifted))
 
 
-def _check_outlines(scene: Scene) -> None:
+def check_outlines(scene: Scene) -> None:
+    """Raise SceneError if a body has no outline."""
     if not scene.outlined.all():
         raise SceneError(
             f"body {np.argmin(scene.outlined)} has no outline; give its Points an outline or use"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm import linear
 from skmpm.assembly import ghost_facets
-from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact import acts_at_grid_nodes, check_outlines
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import is_linear
 from skmpm.outline import chord_sagitta, slit_width
@@ -99,6 +99,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     check_cohesion("preflight", scene, scheme)
     check_walls_at_start(scene)
     check_driven("preflight", scene, scheme)
+    if can_touch(scene) and not acts_at_grid_nodes(scheme.contact):
+        check_outlines(scene)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
     wave, (grid, width) = scene.fastest_wave, _grid(scene)

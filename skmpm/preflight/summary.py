@@ -30,7 +30,8 @@ def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme(
     ValueError
         if dt is not positive
     SceneError
-        if a velocity is not finite, or steps cannot be chosen
+        if a velocity is not finite, steps cannot be chosen, or `initial` refuses the scene, as where bodies that may
+        touch have no outline
     """
     check_scene("preflight", scene)
     step = first_step(scene, scheme) if dt is None else dt

@@ -226,10 +226,13 @@ def test_walls_may_cut_rigid_bodies():
 def test_a_body_without_outline_needs_shared_nodes(walls):
     bare = Points(ROUND.x, ROUND.volume)
     with_others = scene(bare, walls=walls, others=() if walls else [Body(at(2.5), GEL)])
-    with pytest.raises(SceneError, match=r"body 0 has no outline.*shared_grid"):
-        initial(with_others)
+    for look in (initial, preflight):
+        with pytest.raises(SceneError, match=r"body 0 has no outline.*shared_grid"):
+            look(with_others)
     assert initial(with_others, scheme=Scheme.nezamabadi2017()).t == 0.0
+    assert "shared grid" in preflight(with_others, 1e-3, scheme=Scheme.nezamabadi2017())
     assert initial(scene(bare)).contacts.gap.size == 0  # alone it needs none
+    assert "no outlines" in preflight(scene(bare))
 
 
 @pytest.mark.parametrize(
