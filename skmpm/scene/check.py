@@ -57,8 +57,7 @@ def check(scene: Scene) -> None:
             f"all {len(scene.bodies)} bodies are Rigid; give at least one of a deformable material, as NeoHookean"
         )
     if callable(scene.gravity):
-        X = np.concatenate([b.points.x for b in scene.bodies if not isinstance(b.material, Rigid)], axis=1)
-        gravity_at(scene, X, 0.0)
+        gravity_at(scene, scene.initial_positions[:, scene.movable[scene.owner]], 0.0)
     else:
         vector("gravity", scene.gravity)
     for i, wall in enumerate(scene.walls):

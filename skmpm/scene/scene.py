@@ -56,7 +56,7 @@ class Scene:
         separates them is that of one boundary point and proportional to the spacing
     periodic : a periodic box instead of walls; bodies may lie across its edges, or outside of it
     gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n), taken at t + theta dt of
-        each step from t on
+        each step from t on, at points of bodies that forces move
 
     Raises
     ------

@@ -187,7 +187,9 @@ def _external(scene: Scene, x: Array, t: float) -> Array:
         along = x[:, ends[1]] - x[:, ends[0]]
         for k, force_on_first in enumerate((-along[1], along[0])):
             np.add.at(each[k], ends[0], pressure * force_on_first)
-    return each + scene.masses * gravity_at(scene, scene.initial_positions, t)
+    own = scene.movable[scene.owner]  # gravity need not be finite at held bodies
+    each[:, own] += scene.masses[own] * gravity_at(scene, scene.initial_positions[:, own], t)
+    return each
 
 
 def moving_at_start(scene: Scene, v: Array) -> Moving:

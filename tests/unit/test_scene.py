@@ -12,7 +12,7 @@ from skmpm.points import Points, box, disc
 from skmpm.preflight import preflight
 from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, Spring, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.simulate import initial, simulate, step
 
 R, CELL = 1.0, 0.4
 GEL = NeoHookean(1e6, 0.3, 1000.0)
@@ -254,6 +254,19 @@ def test_functions_of_time_that_end_in_nothing_are_named_when_they_do(late, mess
     state = step(it, initial(it), 1e-3)
     with pytest.raises(SceneError, match=message):
         step(it, state, 1e-3)
+
+
+def test_gravity_is_asked_for_where_forces_move_bodies_and_nowhere_else():
+    """It passed at a free rigid body, until the first step; with chosen steps it was refused at held ones."""
+
+    def beside(X, t):
+        return np.where(X[0] > 2.0, np.nan, 0.0) * np.ones_like(X)
+
+    with pytest.raises(SceneError, match=r"gravity\(X, t\) at t = 0 s is \[nan nan\]"):
+        scene(others=[Body(at(3.5), Rigid(1000.0))], gravity=beside)
+    held = scene(others=[Body(at(3.5), Rigid(1000.0), motion=(0.0, 0.0, 0.0))], gravity=beside)
+    assert next(simulate(held, until=1e-4)).t > 0.0
+    assert "chosen" in preflight(held)
 
 
 def test_what_a_scene_knows_of_its_bodies():
