@@ -91,16 +91,17 @@ def _moving_with_box(scene: Scene, state: State, t: float) -> Moving:
 def _with_loaded_bodies(
     scene: Scene, others: Moving, x: Array, v: Array, t: float, contacts: Contacts | None = None
 ) -> Moving:
-    """What moves, with bodies that have loads or springs and no supports, whose points move at v from x (2, n).
+    """What moves, with bodies that have loads or springs, whose points move at v from x (2, n).
 
-    Gravity that is a function is a load of all bodies.
+    Components of bodies that supports hold are left out. Gravity that is a function is a load of all bodies.
     """
-    loaded = _loaded(scene)
+    free = free_components(scene)
+    loaded = _loaded(scene) & free.any(axis=0)
     if not loaded.any():
         return others
     external = _external(scene, x, t)
-    own = _accelerations(scene, external, contacts)[:, loaded]
-    speed = float(np.hypot(*centres(v, scene.masses, scene.owner)[:, loaded]).max())
+    own = (free * _accelerations(scene, external, contacts))[:, loaded]
+    speed = float(np.hypot(*(free * centres(v, scene.masses, scene.owner))[:, loaded]).max())
     rigid = loaded & ~scene.deformable
     if rigid.any():
         turning, rim = (each[rigid] for each in _rims(scene, x, v, external, contacts))
@@ -159,23 +160,23 @@ def _cross(arm: Array, force: Array) -> Array:
     return np.asarray(arm[0] * force[1] - arm[1] * force[0])
 
 
-def without_supports(scene: Scene) -> NDArray[np.bool_]:
-    """Which bodies have no supports, (bodies,)."""
-    found = np.ones(len(scene.bodies), dtype=bool)
-    for place in scene.supported:
-        found[scene.owner[place.points]] = False
+def free_components(scene: Scene) -> NDArray[np.bool_]:
+    """Which components of the motions of bodies no support holds, (2, bodies)."""
+    found = np.ones((2, len(scene.bodies)), dtype=bool)
+    for free, supporting in zip(found, scene.supporting, strict=True):
+        free[scene.owner[supporting >= 0]] = False
     return found
 
 
 def _loaded(scene: Scene) -> NDArray[np.bool_]:
-    """Which bodies have loads or springs and no supports, (bodies,)."""
+    """Which bodies have loads or springs, (bodies,)."""
     loaded = scene.movable & callable(scene.gravity)
     springs = [place for ends in scene.sprung for place in ends.sets]
     for place in (*scene.loaded, *springs):
         loaded[scene.owner[place.points]] = True
     for segments in scene.pressed:
         loaded[scene.outlines.body[segments]] = True
-    return loaded & without_supports(scene)
+    return loaded
 
 
 def _external(scene: Scene, x: Array, t: float) -> Array:

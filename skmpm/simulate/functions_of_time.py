@@ -27,7 +27,7 @@ MAX_ERROR = 0.01
 # parabola is off by a third of it. A period of a sine then takes 13 steps.
 MAX_BEND = 3.0 * MAX_ERROR
 ROUND_OFF = 1e-9  # of the largest component: values of another one that are none
-GRAVITY_POINTS = 64  # at which gravity that is a function of position and time is looked at
+GRAVITY_POINTS = 64  # at which gravity that is a function of position and time is looked at, three or more of a body
 TIMES = 101  # of a run, at which functions of time tell how large they are
 
 
@@ -102,12 +102,19 @@ def _values(f: Function, times: Array) -> Array:
 def _on_bodies(scene: Scene) -> Iterator[Any]:
     """Gravity, loads and the rest lengths of springs, constants and functions of time."""
     if callable(scene.gravity):
-        gravity, X = scene.gravity, scene.initial_positions[:, scene.deformable[scene.owner]]
-        X = X[:, :: max(1, X.shape[1] // GRAVITY_POINTS)]
+        gravity, X = scene.gravity, _some_points(scene)
         yield lambda t: gravity(X.copy(), t)  # the function may work in place
     yield from (load.force for load in scene.dead_loads)
     yield from (pressure.value for pressure in scene.pressures)
     yield from (spring.rest for spring in scene.springs)
+
+
+def _some_points(scene: Scene) -> Array:
+    """Positions at t = 0 of points of all bodies that forces move, (2, k) [m]."""
+    bodies = np.flatnonzero(scene.movable)
+    first, last = scene.offsets[bodies], scene.offsets[bodies + 1] - 1
+    each = np.linspace(first, last, max(3, -(-GRAVITY_POINTS // bodies.size)))
+    return scene.initial_positions[:, np.unique(each.astype(np.int64))]
 
 
 def _driving(scene: Scene) -> Iterator[Any]:

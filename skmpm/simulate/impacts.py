@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.scene import Contacts, Scene, State, centres, fitted_motions, velocity_at
-from skmpm.simulate.driven import accelerations, contact_resultants, without_supports
+from skmpm.simulate.driven import accelerations, contact_resultants, free_components
 from skmpm.simulate.loading import gravity_of
 
 Array = NDArray[np.float64]
@@ -36,21 +36,27 @@ def normal_speed(state: State, contacts: Contacts) -> float:
 
 
 def pushed_away(scene: Scene, state: State, t: float, speed: float, time: float) -> bool:
-    """Whether contacts push a body without supports away, as one that was compressed, with the loads of time t.
+    """Whether contacts push a body away, as one that was compressed, with the loads of time t.
 
     They do if at least half of their forces on it are unbalanced, if they accelerate it more than gravity does and to
-    more than `speed` [m/s] in a `time` [s], and if in that time they stop what it approaches with.
+    more than `speed` [m/s] in a `time` [s], and if in that time they stop what it approaches with. Components that
+    supports hold do not count.
     """
     contacts, bodies = state.contacts, len(scene.bodies)
     if contacts.gap.size == 0:
         return False
     (one, two), each = contacts.bodies, np.hypot(*contacts.vectors)
     size = np.bincount(one, each, bodies) + np.bincount(np.maximum(two, 0), each * (two >= 0), bodies)
-    free = scene.movable & (size > 0.0) & without_supports(scene)
+    components = free_components(scene)
+    free = scene.movable & (size > 0.0) & components.any(axis=0)
     if not free.any():
         return False
-    net, mass = accelerations(scene, state.x, t, contacts), np.bincount(scene.owner, scene.masses, bodies)
-    resultant, velocity = contact_resultants(contacts, bodies), centres(state.v, scene.masses, scene.owner)
+    net = components * accelerations(scene, state.x, t, contacts)
+    resultant, velocity = (
+        components * contact_resultants(contacts, bodies),
+        centres(state.v, scene.masses, scene.owner),
+    )
+    mass = np.bincount(scene.owner, scene.masses, bodies)
     along = mass * (net * resultant).sum(axis=0) > ONE_SIDED * np.hypot(*resultant) * size
     weight = max(float(np.hypot(*gravity_of(scene, each))) for each in (0.0, t))
     gained = time * np.hypot(*net)

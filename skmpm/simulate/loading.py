@@ -53,7 +53,9 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""
     times = tuple(times)
     v, _ = initial_motion(scene)
-    g = _strongest_gravity(scene, times)
+    strongest = _strongest_gravity(scene, times)
+    # At the start where loads or springs act, too: what these cause when gravity has been applied is to be resolved.
+    g = gravity_of(scene, times[0]) if scene.loads or scene.springs else strongest
     each = [(list(driven_by_force(scene, t)), list(driven(scene, t))) for t in times]
     given = max((speed for _, moved in each for _, speed in moved), default=0.0)
     every = chain(*(chain(*both) for both in each))
@@ -61,9 +63,9 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max())
     height = free_height(scene, g) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*g) * height))
-    settling = _settling(scene, g)
-    drop, pulled = fall if fall > settling else 0.0, bool(g.any())
+    drop = fall if fall > _settling(scene, g) else 0.0
     kind, why, speed = _kind(scene, own, prescribed, drop, name)
+    settled = max(_settling(scene, strongest), _bounce(scene, strongest))
     passing = np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1))
     return Loading(
         kind,
@@ -73,9 +75,9 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
         prescribed,
         float(np.hypot(passing, fall)),
         height,
-        kind == "pressing" and speed == 0.0 and pulled,
-        max(settling, _bounce(scene, g), 2.0 * given) if pulled and not _several(scene) else np.inf,
-        np.inf if _several(scene) else max(settling, _bounce(scene, g), given),
+        kind == "pressing" and speed == 0.0 and bool(g.any()),
+        max(settled, 2.0 * given) if strongest.any() and not _several(scene) else np.inf,
+        np.inf if _several(scene) else max(settled, given),
     )
 
 
@@ -118,18 +120,15 @@ def _settling(scene: Scene, g: Array) -> float:
 
 
 def gravity_of(scene: Scene, t: float = 0.0) -> Array:
-    """Gravity at time t, (2,) [m/s2]; of a field, its mean over deformable bodies."""
+    """Gravity at time t, (2,) [m/s2]; of a field, its mean over the points of bodies that forces move."""
     if not callable(scene.gravity):
         return np.asarray(scene.gravity, dtype=float)
-    return np.asarray(gravity_at(scene, scene.initial_positions[:, scene.deformable[scene.owner]], t).mean(axis=1))
+    return np.asarray(gravity_at(scene, scene.initial_positions[:, scene.movable[scene.owner]], t).mean(axis=1))
 
 
 def _strongest_gravity(scene: Scene, times: Iterable[float]) -> Array:
-    """The first gravity as large as the largest at some times, (2,) [m/s2]; one that is ramped is zero at t = 0.
-
-    That at t = 0 where loads or springs act, too: what these cause when gravity has been applied is to be resolved.
-    """
-    if not callable(scene.gravity) or scene.loads or scene.springs:
+    """The first gravity as large as the largest at some times, (2,) [m/s2]; one that is ramped is zero at t = 0."""
+    if not callable(scene.gravity):
         return gravity_of(scene)
     each = np.array([gravity_of(scene, t) for t in times])
     size = np.hypot(*each.T)

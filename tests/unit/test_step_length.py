@@ -218,6 +218,24 @@ def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
     assert errors[1] < 0.01
 
 
+def test_a_load_elsewhere_does_not_hide_impacts_under_ramped_gravity():
+    """Gravity at t = 0, which was none, decided where there was a load: the rebound was a third too slow."""
+
+    def gravity(X, t):
+        return np.stack([0 * X[0], -100.0 * min(t / 1e-4, 1.0) + 0 * X[0]])
+
+    other = replace(ball(R), points=ball(R).points.placed((6 * R, R)))
+    walls = [Wall((0, 0), (0, 1)), Wall((20 * R, 0), (-1, 0), velocity=(-1e-3, 0))]
+    scene = Scene([ball(3 * R), other], cell=CELL, walls=walls, gravity=gravity)
+    light = Load(lambda x: (x[0] > 5 * R) & (x[1] > 1.9 * R), (0.0, -0.01))
+    alone, beside = (
+        max(float(s.v[1, s.body == 0].mean()) for s in simulate(replace(scene, loads=loads), until=9e-3))
+        for loads in ([], [light])
+    )
+    assert alone > 0.4
+    assert beside == pytest.approx(alone, rel=0.05)
+
+
 def test_gravity_that_turns_is_that_of_the_start():
     """Its size is the same at all times but for round-off, which would choose one of them."""
 
@@ -340,6 +358,35 @@ def test_no_pulse_of_a_load_is_missed(pulse, duration, options):
     """The velocity is the impulse over the mass, under a lid so slow that one step would do: it missed pulses."""
     *_, state = simulate(Scene([BLOCK], cell=SIDE / 4, walls=[FAR_LID], **options(pulse)), until=0.2)
     assert mean_over_points(state, state.v[0]) == pytest.approx(duration, rel=5e-3)
+
+
+def test_gravity_is_looked_at_in_every_body_that_forces_move():
+    """A pulse on a free rigid bead or on one of many bodies took one step, in which it did not act."""
+    small = disc((0, 0), SIDE, spacing=SIDE / 3)
+    grain, held = Body(small, BLOCK.material), Body(small, Rigid(density=1000.0), motion=(0.0, 0.0, 0.0))
+    bead = Body(small, Rigid(density=1000.0))
+    bodies = [replace(b, points=small.placed((3 * SIDE * k, 0))) for k, b in enumerate([*70 * [grain], held, bead])]
+    seen = set()
+
+    def gravity(X, t):
+        seen.update(np.round(X[0] / (3 * SIDE)).astype(int).tolist())
+        return 0.0 * X
+
+    FunctionsOfTime.of(Scene(bodies, cell=SIDE / 2, gravity=gravity), 1.0, 1.0)
+    assert seen == set(range(72)) - {70}
+
+
+def test_a_body_on_rollers_follows_a_load_along_them():
+    """It was left out because of its support: one step moved it twice too far."""
+    load, rollers = Load(everywhere, (MASS, 0.0)), Support(lambda x: x[1] < 1e-9, velocity=(None, 0.0))
+    scene = Scene([BLOCK], cell=SIDE / 4, walls=[FAR_LID], loads=[load])
+    free, on_rollers = (
+        [mean_over_points(s, s.x[0]) for s in simulate(replace(scene, supports=held), until=0.2)]
+        for held in ([], [rollers])
+    )
+    np.testing.assert_allclose(on_rollers, free, rtol=1e-9)
+    held = Support(lambda x: x[1] < 1e-9)
+    assert len(list(simulate(replace(scene, supports=[held]), until=0.2))) == 1
 
 
 @pytest.mark.parametrize(
