@@ -87,7 +87,7 @@ def first_step(scene: Scene, scheme: Scheme) -> float:
     """The length of the first step where steps are chosen [s]; 1 s if nothing limits it."""
     check_driven("preflight", scene, scheme)
     now = moving_at_start(scene, initial_motion(scene)[0])
-    dt = pace_of(scene, scheme, 0.0).limit(scene, scheme, 0.0, now, np.inf)
+    dt = pace_of(scene, scheme, 0.0, 0.0).limit(scene, scheme, 0.0, now, np.inf)
     return dt if np.isfinite(dt) else 1.0
 
 

@@ -59,6 +59,7 @@ class StepControl:
     successes : successful steps since the last failure or doubling
     part : completed part of the requested step [1/1024]
     chosen : [s] where steps are chosen, the next one at most; 0 before the first
+    began : [s] time at which the run or the stage began, from which on functions of time are looked at
     """
 
     dt: float = 0.0
@@ -66,6 +67,7 @@ class StepControl:
     successes: int = 0
     part: int = 0
     chosen: float = 0.0
+    began: float = 0.0
 
 
 @dataclass(frozen=True, repr=False)

@@ -42,9 +42,8 @@ class FunctionsOfTime:
     of_bodies: bool  # whether some of the loads act on bodies, not on walls or a periodic box
 
     @classmethod
-    def of(cls, scene: Scene, theta: float, until: float) -> FunctionsOfTime:
-        """Those of a scene that runs to a time [s]."""
-        times = np.linspace(0.0, until, TIMES if until > 0.0 else 1)
+    def of(cls, scene: Scene, theta: float, times: Array) -> FunctionsOfTime:
+        """Those of a scene, and how large they are at some times of a run [s]."""
 
         def with_size(functions: Iterable[Any]) -> tuple[tuple[Function, Array], ...]:
             return tuple((f, np.abs(_values(f, times)).max(axis=0)) for f in functions if callable(f))

@@ -99,7 +99,7 @@ def simulate(
         if scheme.inertia and (warning := _velocities_of_statics(start)):
             _log.warning("%s", warning)
     first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
-    pace = pace_of(scene, scheme, until) if dt is None else None
+    pace = pace_of(scene, scheme, first.step_control.began, until) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))
 
 

@@ -73,7 +73,9 @@ def with_step(state: State, dt: float) -> State:
 
     dt is zero if steps are chosen.
     """
-    return state if state.step_control.dt == dt else replace(state, step_control=StepControl(dt=dt))
+    control = state.step_control
+    goes_on = control.dt == dt and max(dt, control.chosen) > 0.0
+    return state if goes_on else replace(state, step_control=StepControl(dt=dt, began=state.t))
 
 
 def advance_with_retries(scene: Scene, state: State, until: float, scheme: Scheme) -> tuple[State, list[StepFailed]]:
@@ -147,7 +149,7 @@ def advance_with_chosen_step(
         by_end = length == left < chosen or length == halved < wanted
         chosen = (chosen or wanted) if by_end else next_length(length, report.newton, scheme)
         t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
-        return replace(after, t=t, report=report, step_control=StepControl(chosen=chosen)), failures
+        return replace(after, t=t, report=report, step_control=replace(state.step_control, chosen=chosen)), failures
 
 
 def _limits(scene: Scene, state: State, left: float, scheme: Scheme, pace: Pace) -> tuple[float, float]:

@@ -124,8 +124,8 @@ def _within_stroke(scene: Scene, t: float, dt: float, box: Array | None) -> floa
         dt = max(0.5 * dt if np.isfinite(dt) else 0.0, stroke / fastest)
 
 
-def pace_of(scene: Scene, scheme: Scheme, until: float) -> Pace:
-    """What limits the steps of a run that ends at `until` [s], wherever it was interrupted.
+def pace_of(scene: Scene, scheme: Scheme, began: float, until: float) -> Pace:
+    """What limits the steps of a run or a stage from `began` to `until` [s], wherever it was interrupted.
 
     Raises
     ------
@@ -134,8 +134,9 @@ def pace_of(scene: Scene, scheme: Scheme, until: float) -> Pace:
     """
     if scheme.explicit:
         raise SceneError("simulate: explicit steps need dt, below about 0.7 h/c; `preflight` gives c")
-    functions = FunctionsOfTime.of(scene, scheme.theta, until)
-    loading = loading_of(scene, np.linspace(0.0, until, 1 if functions.none else TIMES))
+    times = np.linspace(began, until, TIMES if until > began else 1)
+    functions = FunctionsOfTime.of(scene, scheme.theta, times)
+    loading = loading_of(scene, times[:1] if functions.none else times)
     if functions.of_bodies and not scheme.inertia:
         raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
     # Where something is driven, collisions of bodies that are loose between others need not be accurate.

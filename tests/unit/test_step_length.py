@@ -326,6 +326,7 @@ SIDE = 0.02
 BLOCK = Body(box((0, 0), (SIDE, SIDE), spacing=SIDE / 8), NeoHookean(1e6, 0.3, 1000.0))
 FAR_LID = Wall((0, 100 * SIDE), (0, -1), velocity=(0, -1e-3))  # it sets a pace of 0.7 s a step
 MASS = 1000.0 * SIDE**2
+TIMES = np.linspace(0.0, 0.2, 101)
 
 
 def everywhere(x):
@@ -372,7 +373,7 @@ def test_gravity_is_looked_at_in_every_body_that_forces_move():
         seen.update(np.round(X[0] / (3 * SIDE)).astype(int).tolist())
         return 0.0 * X
 
-    FunctionsOfTime.of(Scene(bodies, cell=SIDE / 2, gravity=gravity), 1.0, 1.0)
+    FunctionsOfTime.of(Scene(bodies, cell=SIDE / 2, gravity=gravity), 1.0, TIMES)
     assert seen == set(range(72)) - {70}
 
 
@@ -402,6 +403,22 @@ def test_a_free_body_with_a_load_follows_it(force, velocity, path):
     *_, state = simulate(scene, until=0.2)
     assert mean_over_points(state, state.v[0]) == pytest.approx(velocity, rel=0.02)
     assert mean_over_points(state, state.x[0]) - start == pytest.approx(path, rel=0.05)
+
+
+def test_functions_of_time_count_from_the_begin_of_a_stage():
+    """Values before it made ramps from there look small; a stage at a later time takes the same steps."""
+
+    def steps(t0):
+        ramp = Load(lambda x: x[1] > 0.9 * SIDE, lambda t: (0.0, -10.0 * (t - t0) / 0.2))
+        walls = [Wall((0, 0), (0, 1)), Wall((0, SIDE), (0, -1), velocity=(0.0, -1e-4))]
+        scene = Scene([BLOCK], cell=SIDE / 4, walls=walls, loads=[ramp])
+        start = continued(scene, replace(initial(scene), t=t0), scene)
+        states = list(simulate(scene, until=t0 + 0.2, start=start))
+        again = list(simulate(scene, until=t0 + 0.2, start=states[4]))
+        assert [s.t for s in again] == [s.t for s in states[5:]]
+        return len(states)
+
+    assert steps(20.0) == pytest.approx(steps(0.0), rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -436,10 +453,10 @@ def test_a_body_that_falls_from_rest_is_too_far_at_first():
 def test_a_small_component_beside_a_large_one_is_followed():
     """A horizontal force of half a per cent of the weight, which was lost within a step."""
     load = Load(everywhere, lambda t: (0.005 * np.sin(2.0 * np.pi * t / 0.01), -1.0))
-    functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, 0.2)
+    functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, TIMES)
     assert functions.followed(0.0, 0.2, 1e-6) < 0.01 / 20
     load = Load(everywhere, lambda t: (1e-16 * np.sin(1e5 * t), -1.0))  # round-off, as of a direction that is turned
-    functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, 0.2)
+    functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, TIMES)
     assert functions.followed(0.0, 0.2, 1e-6) == 0.2
 
 
@@ -491,12 +508,12 @@ def test_a_wall_that_vibrates_within_a_step_is_followed():
 def test_functions_of_time_are_followed_until_waves_are_resolved():
     """A jump shortens the steps that meet it, down to the shortest one; others keep their length."""
     scene = Scene([BLOCK], cell=SIDE / 4, loads=[Load(everywhere, lambda t: (float(t > 0.1), 0.0))])
-    functions = FunctionsOfTime.of(scene, 1.0, 0.2)
+    functions = FunctionsOfTime.of(scene, 1.0, TIMES)
     assert functions.followed(0.0, 0.09, 1e-6) == 0.09
     assert 0.04 < functions.followed(0.0, 0.19, 1e-6) < 0.1
     assert functions.followed(0.0999999, 0.1, 1e-6) == 0.1  # but for a millionth the load is on
     assert functions.followed(0.09, 0.011, 1e-3) < 0.01
-    assert FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4), 1.0, 0.2).none
+    assert FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4), 1.0, TIMES).none
 
 
 # --- newton iterations and failures
