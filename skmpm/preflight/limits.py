@@ -227,7 +227,7 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if acts_at_grid_nodes(scheme.contact):
         verified = "contact begins one to two and a half cells too early"
         yield f"scheme: contact = shared_grid; {verified}; use contact.point_to_curve"
-    if not scheme.inertia and initial_motion(scene)[0][:, scene.deformable[scene.owner]].any():
+    if not scheme.inertia and initial_motion(scene)[0][:, scene.movable[scene.owner]].any():
         yield "scheme: inertia = False ignores the initial velocities of bodies; remove them or use inertia"
     slides = not all(_is_linear(scene, b) for b in metrics.own) and metrics.friction == 0.0
     if slides and not scheme.inertia:

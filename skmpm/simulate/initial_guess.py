@@ -16,7 +16,13 @@ Array = NDArray[np.float64]
 
 
 def continued_motion(scene: Scene, state: State, motions: PrescribedVelocities, dt: float, v0: Array) -> Array:
-    """The nodal velocities v0 (2 nodes,) of the last step, of bodies that anything acts on, as far as they go on.
+    """The nodal velocities v0 (2 nodes,) of the last step, of bodies that anything acts on, as far as they go on."""
+    going_on = shares_that_go_on(scene, state, motions, dt)
+    return v0 * np.repeat(going_on[assembly_of(state).grid.node_body], 2)
+
+
+def shares_that_go_on(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> Array:
+    """The shares of the motions of bodies in the last step that go on, (bodies,); zero where nothing acts on a body.
 
     What is prescribed may stop, reverse or change. Bodies then do not move on as before, and an initial guess that
     does leads friction to other equilibria. The share that goes on is that of the prescribed velocities now along
@@ -25,7 +31,7 @@ def continued_motion(scene: Scene, state: State, motions: PrescribedVelocities, 
     now, before = (np.concatenate(each) for each in zip(*_prescribed(scene, state, motions, dt), strict=True))
     size = float(before @ before)
     share = min(max(float(now @ before) / size, 0.0), 1.0) if size > 0.0 else 1.0
-    return share * v0 * np.repeat(interacting_bodies(scene, state)[assembly_of(state).grid.node_body], 2)
+    return np.where(interacting_bodies(scene, state), share, 0.0)
 
 
 def _prescribed(

@@ -1,6 +1,7 @@
 """Free rigid bodies: their motion by forces, contacts with all others, what they cost unused, what is refused."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,6 +44,23 @@ def test_a_disc_rolls_or_slides_down_a_slope(degrees, mu):
     assert v[0] == pytest.approx(speed, rel=1e-3)
     radius = rigid_state(slope, state).radius[0]
     assert -v[2] * R / radius == pytest.approx(speed if spin is None else spin, rel=2e-3)
+
+
+def test_without_inertia_a_rigid_body_stays_where_a_wall_leaves_it():
+    """It flew on at the speed of the wall, or at its initial velocity, for ever."""
+    pushes = skmpm.Wall((-R, 0), (1, 0), velocity=lambda t: (0.1 * (t < 5e-4), 0.0))
+    disc, bead = (
+        skmpm.Body(skmpm.disc((x, y), R, spacing=R / 6), RIGID, velocity=v, spin=spin)
+        for x, y, v, spin in ((0.0, R, (0.0, 0.0), 0.0), (5.0 * R, R, (1.0, 0.5), 100.0))
+    )
+    soft = replace(FAR, points=FAR.points.placed((20.0 * R, R)))
+    pushed = scene([disc, bead, soft], walls=[pushes], gravity=(0.0, 0.0))
+    assert "ignores the initial velocities" in skmpm.preflight(
+        replace(pushed, bodies=pushed.bodies[1:]), scheme=STATIC
+    )
+    *_, state = skmpm.simulate(pushed, dt=1e-4, until=1.5e-3, scheme=STATIC)
+    assert centre(state, 0) == pytest.approx([0.05 * R, R], abs=1e-6 * R)
+    assert centre(state, 1) == pytest.approx([5.0 * R, R], abs=1e-12)
 
 
 def test_a_free_flight_is_exact_in_backward_euler():
