@@ -36,6 +36,7 @@ from skmpm.scene import (
     StepFailed,
     Support,
     Wall,
+    at_rest,
     continued,
     spring_forces,
 )
@@ -79,6 +80,7 @@ __all__ = [
     "Wall",
     "Yeoh",
     "animate",
+    "at_rest",
     "box",
     "capsule",
     "check_material",

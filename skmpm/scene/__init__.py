@@ -23,7 +23,7 @@ from skmpm.scene.springs import (
     stiffness_of,
     work_of_ends,
 )
-from skmpm.scene.stages import continued
+from skmpm.scene.stages import at_rest, continued
 from skmpm.scene.state import Derived, State, StepFailed
 from skmpm.scene.walls_in_view import view_of, wall_lines
 
@@ -46,6 +46,7 @@ __all__ = [
     "StepFailed",
     "Support",
     "Wall",
+    "at_rest",
     "centres",
     "check_fits",
     "check_initial_positions",

@@ -14,6 +14,7 @@ from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
 from skmpm.scene.fits import STAYS_RIGID, check_fits
 from skmpm.scene.objects import Body, SceneError, Wall
 from skmpm.scene.report import StepControl
+from skmpm.scene.rigid_motion import centres
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
 
@@ -61,6 +62,31 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
         support_force=_support_forces(scene, state, new_scene),
         contacts=_with_walls(scene, state.contacts, former),
         step_control=StepControl(),
+    )
+
+
+def at_rest(scene: Scene, state: State) -> State:
+    """The state of a scene with all that forces move at rest, and all that is prescribed moving as prescribed.
+
+    Deformations, positions, contacts and their forces stay; velocities of bodies and of driven walls are zero, and
+    rates of a periodic box that a stress determines. Bodies move with a box whose rate is prescribed. So velocities
+    of a quasi-static step, displacements over its length, do not become those of bodies with inertia.
+
+    Raises
+    ------
+    SceneError
+        if the state does not belong to the scene
+    """
+    check_fits(scene, state, "at_rest")
+    rate = None if scene.periodic is None else scene.periodic.rate_at(state.t)
+    with_box = 0.0 if rate is None else rate @ centres(state.x, state.mass, state.body)[:, state.body]
+    walls = scene.wall_velocities(state.t)
+    return replace(
+        state,
+        v=np.where(scene.movable[scene.owner], with_box, state.v),
+        C=np.zeros_like(state.C),
+        wall_velocity=with_normal_speeds(scene, walls, np.zeros(scene.driven_walls.size)),
+        box_rate=rate,
     )
 
 

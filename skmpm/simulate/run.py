@@ -16,7 +16,15 @@ import numpy as np
 from skmpm.implicit import StepRejected
 from skmpm.io import save, writable
 from skmpm.progress import Progress
-from skmpm.scene import Scene, SceneError, State, check_fits, check_initial_positions, check_scene
+from skmpm.scene import (
+    Scene,
+    SceneError,
+    State,
+    check_fits,
+    check_initial_positions,
+    check_scene,
+    normal_speeds,
+)
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.initial_state import check_scheme, initial
@@ -96,23 +104,29 @@ def simulate(
                 f"simulate: until = {float(until):g} s lies before start, at t = {start.t:g} s; it is a time, not a"
                 " duration: add start.t"
             )
-        if scheme.inertia and (warning := _velocities_of_statics(start)):
+        if scheme.inertia and (warning := _velocities_of_statics(scene, start)):
             _log.warning("%s", warning)
     first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
     pace = pace_of(scene, scheme, first.step_control.began, until) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))
 
 
-def _velocities_of_statics(state: State) -> str | None:
+def _velocities_of_statics(scene: Scene, state: State) -> str | None:
     """The warning of velocities that a quasi-static step left, where they are no slow motion."""
-    energy, kinetic = state.report.energy, 0.5 * float(state.mass @ (state.v**2).sum(axis=0))
-    if state.report.inertia or kinetic <= SLOW * energy.elastic:
+    if state.report.inertia:
         return None
-    share = kinetic / max(energy.elastic, 1e-300)
+    elastic, relative = state.report.energy.elastic, state.v
+    if state.box_rate is not None:
+        relative = relative - state.box_rate @ state.x
+    of_walls = normal_speeds(scene, state.wall_velocity)
+    kinetic = 0.5 * float(state.mass @ (relative**2).sum(axis=0) + scene.wall_masses @ of_walls**2)
+    if kinetic <= SLOW * elastic:
+        return None
     return (
         "simulate: start is the state of a quasi-static step, whose velocities are displacements over its length, up"
-        f" to {np.hypot(*state.v).max():.3g} m/s; they have inertia from here on: {share:.2g} times"
-        " the elastic energy. For a start from rest give dataclasses.replace(state, v=0 * state.v, C=0 * state.C)"
+        f" to {max(np.hypot(*state.v).max(), np.abs(of_walls).max(initial=0.0)):.3g} m/s; they have inertia from here"
+        f" on: {kinetic / max(elastic, 1e-300):.2g} times the elastic energy. For a start from rest give"
+        " start = skmpm.at_rest(scene, state)"
     )
 
 

@@ -10,12 +10,14 @@ from skmpm import (
     LinearElastic,
     Load,
     NeoHookean,
+    Periodic,
     Rigid,
     Scene,
     SceneError,
     Scheme,
     Support,
     Wall,
+    at_rest,
     box,
     continued,
     disc,
@@ -218,12 +220,31 @@ def test_velocities_that_a_quasi_static_stage_leaves_are_spoken_of_where_they_ar
     *_, state = simulate(scene, dt=duration / 8, until=duration, scheme=Scheme(inertia=False))
     still = pressed((FLOOR, LEFT, RIGHT, replace(lid, velocity=(0.0, 0.0))))
     begun = continued(scene, state, still)
-    rested = replace(begun, v=0 * begun.v, C=0 * begun.C)
+    rested = at_rest(still, begun)
     for start, warned in ((begun, duration < 1.0), (rested, False)):
         caplog.clear()
         next(simulate(still, dt=DT, until=state.t + DT, start=start))
         assert [m for m in caplog.messages if "quasi-static step" in m and "from rest" in m] == caplog.messages
         assert bool(caplog.messages) == warned
+
+
+@pytest.mark.parametrize("driven", ["wall", "stress", "rate"])
+def test_a_start_from_rest_has_no_velocities_of_statics(driven):
+    """Driven walls kept theirs, with the mass of all bodies, and bodies moved backwards in a box that goes on."""
+    nan, rate = np.nan, ((-100.0, 0.0), (0.0, 0.0 if driven == "stress" else -100.0))
+    options = {
+        "wall": {"walls": [FLOOR, replace(LID, velocity=(0.0, 0.0), force=lambda t: 50.0 * min(t / 1e-4, 1.0))]},
+        "rate": {"periodic": Periodic(2 * R, 2 * R, rate=rate)},
+        "stress": {"periodic": Periodic(2 * R, 2 * R, rate=rate, stress=((nan, nan), (nan, -5e3)))},
+    }[driven]
+    scene = Scene([Body(disc((R, R), R, spacing=R / 5), GEL)], cell=R / 3.5, friction=0.3, **options)
+    *_, end = simulate(scene, dt=2e-5, until=1e-4, scheme=Scheme(inertia=False))
+    still = scene if driven == "wall" else replace(scene, periodic=replace(scene.periodic, rate=np.zeros((2, 2))))
+    moving = continued(scene, end, still)
+    start = at_rest(still, moving)
+    at_once, from_rest = (step(still, each, 1e-6).report.energy.kinetic for each in (moving, start))
+    assert from_rest < 0.02 * at_once
+    assert np.array_equal(start.x, end.x) and np.array_equal(start.F, end.F)
 
 
 def test_a_support_that_goes_on_keeps_its_force():
