@@ -37,7 +37,7 @@ from skmpm.simulate.step_control import (
     with_step,
 )
 from skmpm.simulate.step_length import Pace, pace_of
-from skmpm.simulate.watches import NormalsWatch, PressureWatch
+from skmpm.simulate.watches import NormalsWatch, PressureWatch, ShakingWatch
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
 SLOW = 1e-3  # kinetic over elastic energy, below which a packing counts as quasi-static
@@ -150,7 +150,9 @@ def _run(
     checkpoint: Path | None,
 ) -> Iterator[State]:
     """The loop of `simulate`."""
-    saved, retried, watches = perf_counter(), RetrySummary(), (PressureWatch(scene, scheme), NormalsWatch())
+    saved, retried = perf_counter(), RetrySummary()
+    shaking = ShakingWatch(scene, scheme, state.report.dt, chosen=pace is not None)
+    watches = PressureWatch(scene, scheme), NormalsWatch(), shaking
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * _usual_step(state):

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from skmpm.material import youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
+from skmpm.simulate.loading import gravity_of
 
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
 # their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
@@ -16,6 +17,11 @@ MAX_PRESSURE = 1.0
 # Of frozen contact normals, `Report.frozen_angle` [rad]: forces may be off by so much, a third of what contacts of
 # R/h = 5 are (docs/limits.md).
 MAX_ANGLE = 0.05
+
+# Of gravity: error of the acceleration of a wall in a step, and so of the force on a body that it carries, over its
+# weight. Where a block is shaken at 0.8 of gravity, chosen steps make it 0.4, and twice in ten periods it lifts off.
+MAX_JOLT = 0.1
+SHORT = 1e-2  # of a step: half of the interval over which velocities are differentiated
 
 
 class PressureWatch:
@@ -62,3 +68,39 @@ class NormalsWatch:
             f" {angle:.2g} rad on average (report.frozen_angle), and forces may be off by as much: shorter steps, or"
             " use inertia; where edges touch edges, whose normals are not unique, it need not matter"
         )
+
+
+class ShakingWatch:
+    """Finds the first chosen step in which what shakes under gravity accelerates by other than its function of time.
+
+    A step takes mean velocities, so that the acceleration in it is that over the mean of its length and that of the
+    one before, but forces are those over its length.
+    """
+
+    def __init__(self, scene: Scene, scheme: Scheme, before: float, *, chosen: bool) -> None:
+        walls = ((f"wall {i}", wall.velocity) for i, wall in enumerate(scene.walls))
+        bodies = ((f"rigid body {b}", body.motion) for b, body in enumerate(scene.bodies))
+        watched = chosen and scheme.inertia and (callable(scene.gravity) or np.any(scene.gravity))
+        self._moved = [(name, f) for name, f in (*walls, *bodies) if watched and callable(f)]
+        self._scene, self._before = scene, before  # length of the step before [s]
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state, once in a run; empty for nothing."""
+        dt, before = state.report.dt, self._before
+        self._before = dt
+        if not self._moved or before == 0.0:
+            return ""
+        short, middle = SHORT * dt, state.t - 0.5 * dt
+        share = 0.5 * abs(before / dt - 1.0)
+        weight = float(np.hypot(*gravity_of(self._scene, state.t)))
+        for name, f in self._moved:
+            change = np.subtract(f(middle + short), f(middle - short), dtype=float)[:2]
+            acceleration = float(np.hypot(*change)) / (2.0 * short)
+            if share * acceleration > MAX_JOLT * weight > 0.0:
+                self._moved = []
+                return (
+                    f"{name}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen step that"
+                    f" is {dt / before:.2g} times as long as the one before: forces on what it carries are off by"
+                    f" {share * acceleration / weight:.2g} of its weight, so that it may lift off or slip; give dt"
+                )
+        return ""

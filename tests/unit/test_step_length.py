@@ -236,6 +236,30 @@ def test_a_load_elsewhere_does_not_hide_impacts_under_ramped_gravity():
     assert beside == pytest.approx(alone, rel=0.05)
 
 
+def test_a_floor_that_shakes_is_warned_of_where_chosen_steps_change(caplog):
+    """A block on a floor that shakes at 0.8 of gravity lifts off twice in ten periods, which a dt prevents."""
+    omega, side = 2.0 * np.pi * 50.0, 0.02
+    block = Body(box((0, 0), (side, side), spacing=side / 8), NeoHookean(1e6, 0.3, 1000.0))
+
+    def floor(t):
+        return (0.0, 0.8 * 9.81 / omega * (1.0 - np.cos(omega * t)))
+
+    def pressing(**options):
+        scene = Scene([block], cell=side / 5, walls=[Wall((0, 0), (0, 1), velocity=floor)], gravity=(0, -9.81))
+        caplog.clear()
+        return [
+            -s.wall_force[0, 1] / (scene.mass * 9.81) for s in simulate(scene, until=0.04, **options)
+        ], caplog.text
+
+    chosen, text = pressing()
+    assert "wall 0: at t = " in text and "give dt" in text and text.count("lift off") == 1
+    fixed, text = pressing(dt=0.02 / 14)
+    assert "lift off" not in text
+    exact = 1.0 + 0.8 * np.sin(np.pi / 14.0 * np.arange(1, 56, 2))
+    assert fixed == pytest.approx(exact, abs=0.3)
+    assert max(chosen) > 2.0  # 1.8
+
+
 def test_gravity_that_turns_is_that_of_the_start():
     """Its size is the same at all times but for round-off, which would choose one of them."""
 
