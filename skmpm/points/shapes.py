@@ -56,7 +56,8 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     """Return the points of a rectangle: a tensor rule that includes edges and corners.
 
     In each direction the first and the last interval carry a two-point Radau rule that includes the end, the
-    others a midpoint: area and first moments are exact. The boundary points are the outline.
+    others a midpoint: area and first moments are exact, second moments of n intervals (n - 2) / n^3 too small, of 8
+    by 1.2 %. The boundary points are the outline.
 
     Parameters
     ----------

@@ -221,9 +221,12 @@ def _name(scene: Scene, b: int) -> str:
 def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if not metrics.touches:
         return
-    if scheme.theta < 1.0 and metrics.points.size + len(scene.walls) > 2:
-        verified = "only collisions of two were verified, lasting contact with theta = 1"
-        yield f"scheme: theta = {scheme.theta:g} with contact; {verified}; use theta = 1"
+    pressed = callable(scene.gravity) or np.any(scene.gravity) or scene.loads or scene.springs
+    if scheme.theta < 1.0 and (pressed or metrics.points.size + len(scene.walls) > 2):
+        verified = (
+            "collisions of two were verified, and that what rolls keeps its speed; forces may swing between steps"
+        )
+        yield f"scheme: theta = {scheme.theta:g} with contact that lasts; {verified}; use theta = 1"
     if acts_at_grid_nodes(scheme.contact):
         verified = "contact begins one to two and a half cells too early"
         yield f"scheme: contact = shared_grid; {verified}; use contact.point_to_curve"

@@ -121,6 +121,13 @@ def test_box_rule_is_radau_at_the_ends():
     np.testing.assert_allclose(second_moments(points, (0, 0)), 4 * np.array([[4 / 3, 1], [1, 4 / 3]]), rtol=1e-14)
 
 
+@pytest.mark.parametrize("n", [3, 8, 20])
+def test_second_moments_of_a_box_lack_those_of_its_midpoints(n):
+    """A midpoint counts nothing for its interval's own: n - 2 of these, each L^2 / (12 n^2) of its length."""
+    points = box((-1.0, -1.0), (2.0, 2.0), spacing=2.0 / n)
+    assert (points.volume * points.x**2).sum(axis=1) == pytest.approx(4.0 / 3.0 * (1.0 - (n - 2) / n**3), rel=1e-12)
+
+
 def test_box_outline_is_its_boundary():
     points = box((1, 2), (2.0, 1.0), spacing=0.3)
     (boundary,) = points.outline

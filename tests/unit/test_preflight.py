@@ -381,9 +381,14 @@ CHOICES = {  # what the warning says first, the scene and scheme that bring it, 
         [(THREE, {})],
     ),
     "midpoint in a packing": (
-        r"scheme: theta = 0.5 with contact;",
+        r"scheme: theta = 0.5 with contact that lasts;",
         (THREE, {"theta": 0.5}),
         [(THREE, {}), (pair(), {"theta": 0.5})],
+    ),
+    "midpoint under gravity": (
+        r"scheme: theta = 0.5 with contact that lasts;",
+        (replace(pair(), gravity=(0.0, -9.81)), {"theta": 0.5}),
+        [(replace(pair(), gravity=(0.0, -9.81)), {})],
     ),
     "shared nodes": (
         r"scheme: contact = shared_grid;",
