@@ -169,8 +169,9 @@ def _confined(scene: Scene, metrics: SceneMetrics) -> Lines:
 
 def _ratios(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     soft = [(b, m) for b, body in enumerate(scene.bodies) for m in body.materials]
-    moduli = [(youngs_modulus(m), b) for b, m in soft]
-    for name, limit, values in (("E", STIFFNESS, moduli), ("density", DENSITY, [(m.density, b) for b, m in soft])):
+    moduli, densities = [(youngs_modulus(m), b) for b, m in soft], [(m.density, b) for b, m in soft]
+    densities += [(scene.densities[scene.offsets[b]], b) for b in scene.free_rigid.tolist()]
+    for name, limit, values in (("E", STIFFNESS, moduli), ("density", DENSITY, densities)):
         low, high = ({b: value for value, b in sorted(values, reverse=most)} for most in (True, False))
         pairs = product(sorted(low, key=low.__getitem__)[:2], sorted(high, key=high.__getitem__)[-2:])
         yield from _ratio(name, limit, [(high[b] / low[a], a, b) for a, b in pairs if a != b])

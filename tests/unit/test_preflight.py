@@ -264,6 +264,8 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
                    x[0] < 0, "a", "b")), {"a": gel(E=1e6), "b": gel(E=1e6 * v)})], cell=H), None, {}),
     "density": (limits.DENSITY, r"bodies 0 and 1: ratio of density 10001;",
                 lambda v: pair(second=gel(density=990.0 * v)), None, {}),
+    "density of a rigid body": (limits.DENSITY, r"bodies 0 and 1: ratio of density 10001;",
+                                lambda v: pair(second=Rigid(density=990.0 * v)), None, {}),
     "turning": (limits.ROTATION, r"body 0: LinearElastic rotates by 0.05 rad in 1e\+03 steps;", lambda v: Scene(
         [round_body(material=LinearElastic(1e7, 0.45, 990.0), spin=-v / limits.STEPS / DT)], cell=H),
         lambda s, v: DT, {}),
