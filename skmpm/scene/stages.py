@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,8 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     ------
     SceneError
         if the state does not belong to the old scene, the new scene has other bodies or another cell, a body is rigid
-        in only one of them, points have internal variables of another class of material, a new wall stands where a
-        body is, or two walls of the new scene are the same one
+        in only one of them, points have internal variables of another class of material, a body is given another
+        velocity or spin, a new wall stands where a body is, or two walls of the new scene are the same one
     """
     check_fits(scene, state, "continued")
     _check_bodies(scene, new_scene)
@@ -133,11 +134,24 @@ def _check_bodies(scene: Scene, new_scene: Scene) -> None:
             raise SceneError(
                 f"continued: body {b} is Rigid in the {rigid} scene and deformable in the {other} one; {STAYS_RIGID}"
             )
+        for name in ("velocity", "spin"):
+            if _given_anew(getattr(old, name), getattr(new, name)):
+                raise SceneError(
+                    f"continued: body {b} of the new scene has another {name}, but bodies go on with the velocities"
+                    f" of the state; leave its {name} out, and give dataclasses.replace(state, v=..., C=...) others"
+                )
         if (_memories(old) != _memories(new)).any():
             raise SceneError(
                 f"continued: points of body {b} have internal variables of another material in the new scene;"
                 " materials with memory keep their class and their points"
             )
+
+
+def _given_anew(old: Any, new: Any) -> bool:
+    """Whether an initial velocity is given, and is not that of the old scene."""
+    if new is old or not (callable(new) or np.any(new)):
+        return False
+    return callable(new) or callable(old) or not np.array_equal(old, new)
 
 
 def _memories(body: Body) -> NDArray[np.object_]:

@@ -178,6 +178,14 @@ def test_supports_that_are_described_anew_go_on():
             "continued: body 1 is Rigid in the new scene and deformable in the old one; .* begin a new run",
         ),
         (
+            lambda s: replace(s, bodies=[s.bodies[0], replace(s.bodies[1], velocity=(1.0, 0.0))]),
+            r"continued: body 1 of the new scene has another velocity, .* dataclasses.replace\(state, v=",
+        ),
+        (
+            lambda s: replace(s, bodies=[replace(s.bodies[0], spin=3.0), s.bodies[1]]),
+            "continued: body 0 of the new scene has another spin",
+        ),
+        (
             lambda s: replace(s, walls=[*s.walls, Wall((0, R), (0, 1))]),
             r"wall 4 cuts body \d: a point lies .* m behind it; at t = 0.00016 s; move the new wall",
         ),
