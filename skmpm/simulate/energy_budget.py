@@ -224,7 +224,8 @@ def report_of(
             - budget.viscous
             - budget.plastic
             + budget.cohesion,
-            gained=old.gained + budget.surplus,
+            # Since the sum was least, which is of what vibrations conserve: below that they swing at ends of steps.
+            gained=max(old.gained + budget.surplus, min(budget.swing, 0.0)),
             largest=max(old.largest, budget.largest),
         ),
     )
