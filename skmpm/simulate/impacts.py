@@ -51,12 +51,9 @@ def pushed_away(scene: Scene, state: State, t: float, speed: float, time: float)
     free = scene.movable & (size > 0.0) & components.any(axis=0)
     if not free.any():
         return False
-    net = components * accelerations(scene, state.x, t, contacts)
-    resultant, velocity = (
-        components * contact_resultants(contacts, bodies),
-        centres(state.v, scene.masses, scene.owner),
-    )
-    mass = np.bincount(scene.owner, scene.masses, bodies)
+    net, mass = accelerations(scene, state.x, t, contacts), np.bincount(scene.owner, scene.masses, bodies)
+    resultant, velocity = contact_resultants(contacts, bodies), centres(state.v, scene.masses, scene.owner)
+    net, resultant = components * net, components * resultant
     along = mass * (net * resultant).sum(axis=0) > ONE_SIDED * np.hypot(*resultant) * size
     weight = max(float(np.hypot(*gravity_of(scene, each))) for each in (0.0, t))
     gained = time * np.hypot(*net)
