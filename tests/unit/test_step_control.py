@@ -406,7 +406,8 @@ def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):
     save(tmp_path / "run", ended(IMPACT, 2 * DT))
     with np.load(tmp_path / "run", allow_pickle=False) as archive:
         about = json.loads(archive["header"].tobytes())
-    assert about["state"]["step_control"] == {"dt": DT, "halvings": 0, "successes": 0, "part": 0, "chosen": 0.0}
+    control = {"dt": DT, "halvings": 0, "successes": 0, "part": 0, "chosen": 0.0, "began": 0.0}
+    assert about["state"]["step_control"] == control
 
 
 def test_a_body_whose_cells_fall_apart_is_refused():
