@@ -30,8 +30,7 @@ class Energy:
     springs : stored in springs
     dissipated : the remainder: friction, impacts, the time scheme, the transfer, changes of the state by the user and
         of springs by a stage
-    gained : energy gained without work in steps since this sum was least, so that what was dissipated before does not
-        count; negative by what vibrations seem to lose at the ends of steps. Without what happens between steps
+    gained : energy gained without work in steps, negative where it is dissipated; without what happens between them
     largest : largest of these energies since t = 0
     """
 

@@ -29,7 +29,7 @@ ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round
 # on what it is pressed on meets it up to a rotation of 0.02 to 0.04 rad.
 CURVATURE_TOLERANCE = 0.01
 # Over the largest energy: gain in an explicit step, whose energy oscillates, and of the energy that does not
-# (`Budget.swing`) in many steps with a scheme that dissipates nothing.
+# (`Budget.swing`) in all steps of a run with a scheme that dissipates nothing.
 MAX_GAIN = 0.05
 
 
@@ -100,12 +100,11 @@ def _check_energy(scheme: Scheme, before: State, after: State, budget: Budget) -
 
 
 def _check_total_energy(scheme: Scheme, before: State, after: State, budget: Budget) -> None:
-    """Raise StepRejected if the bodies have gained energy in many steps: these are unstable.
+    """Raise StepRejected if the bodies have gained energy since the start of the run: steps are unstable.
 
     Explicit steps of stiffened bodies are, and the midpoint rule where bodies deform much in a step (Simo & Tarnow,
     ZAMP 43 (1992) 757-792), by so little in each that no single one is suspicious. What small motions seem to gain at
-    the ends of steps (`Budget.swing`) does not count. The gain is that since it was least (`Energy.gained`): what
-    friction, impacts or an earlier stage by backward Euler have dissipated hides none.
+    the ends of steps (`Budget.swing`) does not count.
     """
     gained = before.report.energy.gained + budget.surplus - max(budget.swing, 0.0)
     largest = max(before.report.energy.largest, budget.largest)
@@ -118,7 +117,7 @@ def _check_total_energy(scheme: Scheme, before: State, after: State, budget: Bud
         )
         raise StepRejected(
             f"body {b}",
-            f"step by step the bodies have gained {_percent(gained, largest)} of their largest energy"
+            f"since the start of the run the bodies have gained {_percent(gained, largest)} of their largest energy"
             f" without work (tolerance {_percent(MAX_GAIN, 1.0)}): {steps} of this length are unstable here",
             f"begin again with a smaller dt, or use {other}",
             retryable=False,

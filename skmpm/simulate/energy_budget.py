@@ -224,8 +224,7 @@ def report_of(
             - budget.viscous
             - budget.plastic
             + budget.cohesion,
-            # Since the sum was least, which is of what vibrations conserve: below that they swing at ends of steps.
-            gained=max(old.gained + budget.surplus, min(budget.swing, 0.0)),
+            gained=old.gained + budget.surplus,
             largest=max(old.largest, budget.largest),
         ),
     )
