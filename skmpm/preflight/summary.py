@@ -8,7 +8,7 @@ import numpy as np
 
 from skmpm.preflight.limits import warnings_of
 from skmpm.preflight.metrics import SceneMetrics, examine, first_step
-from skmpm.scene import Scene, check_scene
+from skmpm.scene import Scene, check_scene, prescribed_motions
 from skmpm.scheme import Scheme
 from skmpm.simulate.loading import loading_of
 from skmpm.simulate.step_length import MAX_APPROACH
@@ -47,8 +47,13 @@ def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme(
 
 
 def _chosen(scene: Scene, step: float, scheme: Scheme) -> str:
+    """The step, and whether all resolve waves; what moves by functions of time may do so later only."""
     loading, text = loading_of(scene), f"chosen, {step:.3g} s at first"
-    return f"{text}; all resolve waves: {loading.why}" if scheme.inertia and loading.every_step else text
+    driving = (each for wall in scene.walls for each in (wall.force, wall.pressure))
+    stress = None if scene.periodic is None else scene.periodic.stress
+    moving = (scene.gravity, stress, *driving, *prescribed_motions(scene))
+    resolved = scheme.inertia and loading.every_step and not any(callable(each) for each in moving)
+    return f"{text}; all resolve waves: {loading.why}" if resolved else text
 
 
 def _lines(metrics: SceneMetrics) -> dict[str, str]:

@@ -67,11 +67,12 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
 
 
 def at_rest(scene: Scene, state: State) -> State:
-    """The state of a scene with all that forces move at rest, and all that is prescribed moving as prescribed.
+    """The state of a scene with all that forces move at rest; what is prescribed moves as prescribed.
 
-    Deformations, positions, contacts and their forces stay; velocities of bodies and of driven walls are zero, and
-    rates of a periodic box that a stress determines. Bodies move with a box whose rate is prescribed. So velocities
-    of a quasi-static step, displacements over its length, do not become those of bodies with inertia.
+    Deformations, positions, contacts and their forces stay; velocities of bodies and of driven walls are zero, but
+    for points that supports move, and rates of a periodic box that a stress determines. Bodies move with a box whose
+    rate is prescribed. So velocities of a quasi-static step, displacements over its length, do not become those of
+    bodies with inertia.
 
     Raises
     ------
@@ -82,9 +83,12 @@ def at_rest(scene: Scene, state: State) -> State:
     rate = None if scene.periodic is None else scene.periodic.rate_at(state.t)
     with_box = 0.0 if rate is None else rate @ centres(state.x, state.mass, state.body)[:, state.body]
     walls = scene.wall_velocities(state.t)
+    v = np.where(scene.movable[scene.owner], with_box, state.v)
+    for place, velocity in zip(scene.supported, scene.support_velocities(state.t), strict=True):
+        v[:, place.points] = np.where(np.isnan(velocity)[:, None], v[:, place.points], velocity[:, None])
     return replace(
         state,
-        v=np.where(scene.movable[scene.owner], with_box, state.v),
+        v=v,
         C=np.zeros_like(state.C),
         wall_velocity=with_normal_speeds(scene, walls, np.zeros(scene.driven_walls.size)),
         box_rate=rate,
@@ -135,7 +139,7 @@ def _check_bodies(scene: Scene, new_scene: Scene) -> None:
                 f"continued: body {b} is Rigid in the {rigid} scene and deformable in the {other} one; {STAYS_RIGID}"
             )
         for name in ("velocity", "spin"):
-            if _given_anew(getattr(old, name), getattr(new, name)):
+            if _given_anew(getattr(old, name), getattr(new, name), new.points.x):
                 raise SceneError(
                     f"continued: body {b} of the new scene has another {name}, but bodies go on with the velocities"
                     f" of the state; leave its {name} out, and give dataclasses.replace(state, v=..., C=...) others"
@@ -147,11 +151,12 @@ def _check_bodies(scene: Scene, new_scene: Scene) -> None:
             )
 
 
-def _given_anew(old: Any, new: Any) -> bool:
-    """Whether an initial velocity is given, and is not that of the old scene."""
-    if new is old or not (callable(new) or np.any(new)):
+def _given_anew(old: Any, new: Any, x: Array) -> bool:
+    """Whether an initial velocity is given, and has other values at points x (2, n) than in the old scene."""
+    if new is old:
         return False
-    return callable(new) or callable(old) or not np.array_equal(old, new)
+    was, now = (each(x.copy()) if callable(each) else np.reshape(each, (-1, 1)) for each in (old, new))
+    return bool(np.any(now) and not np.allclose(was, now))
 
 
 def _memories(body: Body) -> NDArray[np.object_]:

@@ -74,7 +74,7 @@ def with_step(state: State, dt: float) -> State:
     dt is zero if steps are chosen.
     """
     control = state.step_control
-    goes_on = control.dt == dt and max(dt, control.chosen) > 0.0
+    goes_on = control.dt == dt and max(dt, control.chosen) > 0.0 and control.began <= state.t
     return state if goes_on else replace(state, step_control=StepControl(dt=dt, began=state.t))
 
 

@@ -255,6 +255,24 @@ def test_a_start_from_rest_has_no_velocities_of_statics(driven):
     assert np.array_equal(start.x, end.x) and np.array_equal(start.F, end.F)
 
 
+def test_supports_move_on_in_a_start_from_rest():
+    """Their points had no velocity, and were thrown to that of the support in the first step."""
+    block = Body(box((0, 0), (2 * R, 2 * R), spacing=R / 3), GEL)
+    carried = Scene([block], cell=R / 1.5, supports=[Support(lambda x: x[0] > -1.0, velocity=(0.5, None))])
+    *_, state = simulate(carried, dt=1e-5, until=3e-5)
+    start = at_rest(carried, state)
+    np.testing.assert_array_equal(start.v, np.array([[0.5], [0.0]]) + 0.0 * start.v)
+    assert np.abs(step(carried, start, 1e-5).support_force[0]).max() < 1e-6
+
+
+def test_a_velocity_field_that_is_described_anew_is_the_same():
+    def scene():
+        field = Body(disc((0, 0), R, spacing=R / 5), GEL, velocity=lambda x: 0.1 * x / R)
+        return Scene([field], cell=R / 3.5)
+
+    assert continued(scene(), initial(scene()), scene()).t == 0.0
+
+
 def test_a_support_that_goes_on_keeps_its_force():
     """Quasi-static work is by the forces at both ends of a step: in two stages as in one."""
     bar = Body(box((0.0, 0.0), (8 * R, R), spacing=R / 4), GEL)

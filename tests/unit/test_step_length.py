@@ -440,6 +440,8 @@ def test_functions_of_time_count_from_the_begin_of_a_stage():
         states = list(simulate(scene, until=t0 + 0.2, start=start))
         again = list(simulate(scene, until=t0 + 0.2, start=states[4]))
         assert [s.t for s in again] == [s.t for s in states[5:]]
+        set_back = replace(states[4], t=t0 - 0.1)  # by the user, to before the stage
+        assert next(simulate(scene, until=t0 + 0.2, start=set_back)).step_control.began == t0 - 0.1
         return len(states)
 
     assert steps(20.0) == pytest.approx(steps(0.0), rel=0.05)
@@ -653,6 +655,7 @@ def test_preflight_tells_where_all_steps_resolve_waves():
     assert " s at first; all resolve waves: bodies can touch and nothing moves at t = 0\n" in preflight(scene)
     assert "resolve waves" not in preflight(replace(scene, gravity=(0.0, -1.0)))
     assert "resolve waves" not in preflight(scene, 1e-5)
+    assert "resolve waves" not in preflight(pressed(lambda t: (0.0, -0.01 * min(t, 1.0))))
 
 
 def test_a_run_goes_on_from_any_state_as_if_it_had_not_been_interrupted():
