@@ -27,6 +27,7 @@ from skmpm.scene import (
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
+from skmpm.simulate.functions_of_time import TIMES
 from skmpm.simulate.initial_state import check_scheme, initial
 from skmpm.simulate.regrid import check_connected
 from skmpm.simulate.step_control import (
@@ -151,7 +152,8 @@ def _run(
 ) -> Iterator[State]:
     """The loop of `simulate`."""
     saved, retried = perf_counter(), RetrySummary()
-    shaking = ShakingWatch(scene, scheme, state.report.dt, chosen=pace is not None)
+    times = None if pace is None else np.linspace(state.step_control.began, until, TIMES)
+    shaking = ShakingWatch(scene, scheme, state.report.dt, times)
     watches = PressureWatch(scene, scheme), NormalsWatch(), shaking
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
-from skmpm.simulate.loading import gravity_of
+from skmpm.simulate.loading import SLOPE, gravity_of
 
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
 # their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
@@ -71,36 +73,40 @@ class NormalsWatch:
 
 
 class ShakingWatch:
-    """Finds the first chosen step in which what shakes under gravity accelerates by other than its function of time.
+    """Finds the first chosen step in which what shakes under a body accelerates by other than its function of time.
 
     A step takes mean velocities, so that the acceleration in it is that over the mean of its length and that of the
-    one before, but forces are those over its length.
+    one before, but forces are those over its length. `times` [s] are those of the run, at which gravity is looked at.
     """
 
-    def __init__(self, scene: Scene, scheme: Scheme, before: float, *, chosen: bool) -> None:
-        walls = ((f"wall {i}", wall.velocity) for i, wall in enumerate(scene.walls))
-        bodies = ((f"rigid body {b}", body.motion) for b, body in enumerate(scene.bodies))
-        watched = chosen and scheme.inertia and (callable(scene.gravity) or np.any(scene.gravity))
-        self._moved = [(name, f) for name, f in (*walls, *bodies) if watched and callable(f)]
-        self._scene, self._before = scene, before  # length of the step before [s]
+    def __init__(self, scene: Scene, scheme: Scheme, before: float, times: NDArray[np.float64] | None) -> None:
+        self._before = before  # length of the step before [s]
+        self._walls: list[tuple[int, Callable[[float], ArrayLike]]] = []
+        if times is None or not scheme.inertia:
+            return
+        gravity = np.array([gravity_of(scene, t) for t in (times if callable(scene.gravity) else times[:1])])
+        size = np.hypot(*gravity.T)
+        self._weight = float(size.max())
+        floors = scene.normals.T @ gravity[np.argmax(size)] < -SLOPE * self._weight
+        self._walls = [
+            (i, v) for i, v in enumerate(wall.velocity for wall in scene.walls) if floors[i] and callable(v)
+        ]
 
     def warning(self, state: State) -> str:
         """What to warn of at a state, once in a run; empty for nothing."""
         dt, before = state.report.dt, self._before
         self._before = dt
-        if not self._moved or before == 0.0:
-            return ""
         short, middle = SHORT * dt, state.t - 0.5 * dt
-        share = 0.5 * abs(before / dt - 1.0)
-        weight = float(np.hypot(*gravity_of(self._scene, state.t)))
-        for name, f in self._moved:
-            change = np.subtract(f(middle + short), f(middle - short), dtype=float)[:2]
-            acceleration = float(np.hypot(*change)) / (2.0 * short)
-            if share * acceleration > MAX_JOLT * weight > 0.0:
-                self._moved = []
+        share = 0.5 * abs(before / dt - 1.0) if before else 0.0
+        for i, f in self._walls:
+            if share == 0.0 or not state.wall_force[i].any():
+                continue
+            acceleration = float(np.hypot(*np.subtract(f(middle + short), f(middle - short)))) / (2.0 * short)
+            if share * acceleration > MAX_JOLT * self._weight:
+                self._walls, off = [], share * acceleration / self._weight
                 return (
-                    f"{name}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen step that"
-                    f" is {dt / before:.2g} times as long as the one before: forces on what it carries are off by"
-                    f" {share * acceleration / weight:.2g} of its weight, so that it may lift off or slip; give dt"
+                    f"wall {i}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen step,"
+                    f" {dt / before:.2g} times as long as the one before: forces on what it carries are off by"
+                    f" {off:.2g} of its weight, so that it may lift off or slip; give dt"
                 )
         return ""

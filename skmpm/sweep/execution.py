@@ -118,8 +118,8 @@ def _carry_out(build: Build, task: Task, worker: Worker) -> None:
             f"build returned a {type(made).__name__}; expected a Run, or rows of the table: a dict or several"
         )
     rows = [made] if isinstance(made, Mapping) else made
-    if not rows:
-        raise ValueError("build returned no rows, which no table would show; give one, or raise what is wrong")
+    if not rows or not all(rows):
+        raise ValueError("build returned no rows, or an empty one, which no table would show; raise what is wrong")
     records = Records(task.folder, [], (0, b""))
     for row in rows:
         records.add(checked(row, reserved))

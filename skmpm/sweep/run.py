@@ -84,8 +84,6 @@ def checked(row: Row, reserved: frozenset[str]) -> dict[str, Value]:
     """The row with plain values; TypeError or ValueError if a table cannot hold it beside the `reserved` columns."""
     if not isinstance(row, Mapping):
         raise TypeError(f"a row of the table is a {type(row).__name__}; observe and build return values by name")
-    if not row:
-        raise ValueError("a row of the table has no values; observe and build return one at least")
     taken = sorted(reserved & row.keys())
     if taken:
         raise ValueError(f"the table has a column {taken[0]!r} already, of parameters or of the sweep; rename it")

@@ -260,6 +260,17 @@ def test_a_floor_that_shakes_is_warned_of_where_chosen_steps_change(caplog):
     assert max(chosen) > 2.0  # 1.8
 
 
+def test_a_lid_that_shakes_above_a_body_is_not_warned_of(caplog):
+    """It carries nothing; gravity is the largest of the run, not that at the begin of a ramp."""
+
+    def gravity(X, t):
+        return np.stack([0.0 * X[0], -9.81 * min(t / 0.01, 1.0) + 0.0 * X[0]])
+
+    walls = [Wall((0, 0), (0, 1)), Wall((0, 4 * R), (0, -1), velocity=lambda t: (0.0, 0.1 * np.sin(300.0 * t)))]
+    list(simulate(Scene([ball()], cell=CELL, walls=walls, gravity=gravity), until=0.02))
+    assert "lift off" not in caplog.text
+
+
 def test_gravity_that_turns_is_that_of_the_start():
     """Its size is the same at all times but for round-off, which would choose one of them."""
 
