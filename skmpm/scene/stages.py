@@ -27,11 +27,11 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     """The state of a scene as a start in a new scene of the same bodies: `simulate(new_scene, start=continued(...))`.
 
     Walls, supports, loads, springs, friction, cohesion, gravity, moduli, the `motion` of rigid bodies, and rate and
-    stress of a periodic box may differ. Bodies go on with the velocities of the state, whatever `velocity` and `spin`
-    the new scene gives them. A wall with the `point` and the `normal` of a wall of the old scene is that wall, and
-    goes on from where it is; any other is new and begins at its `point`. Walls that the new scene lacks are removed,
-    with their contacts. Supports, loads and springs act on the points where `where(x)` is true at t = 0, as always.
-    Time goes on, so functions of time are taken at the time of the state.
+    stress of a periodic box may differ. Bodies go on with the velocities of the state. A wall with the `point` and
+    the `normal` of a wall of the old scene is that wall, and goes on from where it is; any other is new and begins at
+    its `point`. Walls that the new scene lacks are removed, with their contacts. Supports, loads and springs act on
+    the points where `where(x)` is true at t = 0, as always. Time goes on, so functions of time are taken at the time
+    of the state.
 
     Raises
     ------
