@@ -53,7 +53,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""
     times = tuple(times)
     v, _ = initial_motion(scene)
-    strongest = _strongest_gravity(scene, times)
+    strongest = strongest_gravity(scene, times)
     # At the start where loads or springs act, too: what these cause when gravity has been applied is to be resolved.
     g = gravity_of(scene, times[0]) if scene.loads or scene.springs else strongest
     each = [(list(driven_by_force(scene, t)), list(driven(scene, t))) for t in times]
@@ -126,7 +126,7 @@ def gravity_of(scene: Scene, t: float = 0.0) -> Array:
     return np.asarray(gravity_at(scene, scene.initial_positions[:, scene.movable[scene.owner]], t).mean(axis=1))
 
 
-def _strongest_gravity(scene: Scene, times: Iterable[float]) -> Array:
+def strongest_gravity(scene: Scene, times: Iterable[float]) -> Array:
     """The first gravity as large as the largest at some times, (2,) [m/s2]; one that is ramped is zero at t = 0."""
     if not callable(scene.gravity):
         return gravity_of(scene)

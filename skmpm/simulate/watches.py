@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from skmpm.material import youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
-from skmpm.simulate.loading import SLOPE, gravity_of
+from skmpm.simulate.loading import SLOPE, strongest_gravity
 
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
 # their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
@@ -84,10 +84,9 @@ class ShakingWatch:
         self._walls: list[tuple[int, Callable[[float], ArrayLike]]] = []
         if times is None or not scheme.inertia:
             return
-        gravity = np.array([gravity_of(scene, t) for t in (times if callable(scene.gravity) else times[:1])])
-        size = np.hypot(*gravity.T)
-        self._weight = float(size.max())
-        floors = scene.normals.T @ gravity[np.argmax(size)] < -SLOPE * self._weight
+        gravity = strongest_gravity(scene, times)
+        self._weight = float(np.hypot(*gravity))
+        floors = scene.normals.T @ gravity < -SLOPE * self._weight
         self._walls = [
             (i, v) for i, v in enumerate(wall.velocity for wall in scene.walls) if floors[i] and callable(v)
         ]
