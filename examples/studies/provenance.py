@@ -23,11 +23,20 @@ def made(members: Iterable[Member], module: str) -> str:
     ended = [b + timedelta(seconds=float(s.get("seconds", 0.0))) for b, s in zip(begun, sessions, strict=True)]
     commands = dict.fromkeys(command(session["command"], module) for session in sessions)
     parts = [
-        f"Made by {' and '.join(f'`{text}`' for text in commands)}: {count(len(manifests))},"
+        f"Made by {listed(list(commands), module)}: {count(len(manifests))},"
         f" {hours(processor)} of processor time ({hours(wall)} of their processes), begun on {min(begun):%d %B %Y},"
         f" {hours((max(ended) - min(begun)).total_seconds())} from the first to the last."
     ]
     return " ".join([*parts, versions(manifests)])
+
+
+def listed(commands: list[str], module: str) -> str:
+    """One command, or the options of several: a study that was run in parts."""
+    if len(commands) == 1:
+        return f"`{commands[0]}`"
+    options = (text.removeprefix(f"python -m {module}").strip() for text in commands)
+    parts = ", ".join(f"`{each}`" if each else "without options" for each in options)
+    return f"`python -m {module}`, in parts ({parts})"
 
 
 def versions(manifests: list[dict[str, Any]]) -> str:

@@ -32,6 +32,13 @@ def test_command_version_and_time():
     )
 
 
+def test_a_study_run_in_parts_names_its_module_once():
+    parts = [member(), member(arguments=("--only", "fine")), member(arguments=("--only", "fine"))]
+    assert "Made by `python -m x`, in parts (`--discs 30`, `--discs 30 --only fine`): 3 members" in provenance.made(
+        parts, "x"
+    )
+
+
 def test_several_versions_are_a_warning():
     text = provenance.made([member(), member(), member("b" * 64)], "x")
     assert "**Warning: 2 versions of the library made these members**" in text
