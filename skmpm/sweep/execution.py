@@ -157,10 +157,9 @@ def _advance(
     """One stage, from a state within it or, if that is None, from its start; the last state."""
     row, start = records.last_row(), run.start if state is None else state
     scheme = run.scheme if run.scheme.threads is not None else replace(run.scheme, threads=worker.threads)
-    saved, seen = perf_counter(), row is None or start is None or row["t"] == start.t
-    ended = False
-    if state is not None and row is not None and row["t"] == state.t:  # else it is a row of the stage before
-        ended = _stops(run, row)
+    saved = perf_counter()
+    seen = state is None or (row is not None and row["t"] == state.t)  # else it is a row of the stage before
+    ended = state is not None and row is not None and seen and _stops(run, row)
     states = () if ended else run.simulate(run.scene, until=run.until, dt=run.dt, scheme=scheme, start=start)
     state = start
     try:

@@ -91,6 +91,33 @@ def test_wherever_a_run_is_interrupted_it_ends_as_if_it_was_not(tmp_path, option
     same(cut.folder, whole.folder)
 
 
+@pytest.mark.parametrize("error", [KeyError("force"), SystemExit(143)], ids=["an error", "SIGTERM"])
+@pytest.mark.parametrize("every", [1.0, 3.5 * DT], ids=["its only row", "its last row"])
+def test_the_row_of_the_last_state_is_made_up_for(tmp_path, error, every):
+    """The last state is in the checkpoint and its row is not: the next run adds it."""
+    whole, cut = task(tmp_path / "whole"), task(tmp_path / "cut")
+
+    def build(speed, fails=False):
+        made = replace(ensembles.squeezed(speed), every=every)
+
+        def observed(scene, state):
+            if fails and state.t > (STEPS - 0.5) * DT:
+                raise error
+            return made.observe(scene, state)
+
+        return replace(made, observe=observed)
+
+    execution.run_member(build, whole, execution.Worker())
+    if isinstance(error, SystemExit):
+        with pytest.raises(SystemExit):
+            execution.run_member(partial(build, fails=True), cut, execution.Worker())
+    else:
+        assert execution.run_member(partial(build, fails=True), cut, execution.Worker()).status == "failed"
+    assert text(cut.folder) != text(whole.folder)
+    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    assert text(cut.folder) == text(whole.folder)
+
+
 def same(first, second):
     one, other = (skmpm.load(folder / records.LAST) for folder in (first, second))
     for name in ("x", "v", "F", "C", "stress", "t"):
