@@ -82,7 +82,7 @@ class Assembly:
         K, grid = self.ghost_data.copy(), self.grid
         points, cells = grid.point_offsets, np.searchsorted(grid.cell_body, np.arange(grid.bodies + 1))
         of_cells = (cells, grid.cell_body, self.block_of_cell, grid.cell_of_point)
-        arguments = (*of_cells, *self._gradients, self.volume, C.reshape(4, 4, -1), K)
+        arguments = (*of_cells, *grid.strain_gradients, self.volume, C.reshape(4, 4, -1), K)
         over_bodies(lambda first, last: loops.add_stiffness(points[first], points[last], *arguments), points)
         if added is not None:
             block, body = self.block_of_cell[added[0]], grid.cell_body[added[0]]
@@ -100,12 +100,6 @@ class Assembly:
         """The block of A on the diagonal for each node, (nodes,)."""
         rows = np.repeat(np.arange(self.grid.nodes), np.diff(self.indptr))
         return np.flatnonzero(rows == self.indices)
-
-    @property
-    def _gradients(self) -> tuple[Array, Array]:
-        """Derivatives of the four shape functions of each point by x and by y, both (n, 4) [1/m]."""
-        Dx, Dy = self.grid.derivatives
-        return Dx.data.reshape(-1, 4), Dy.data.reshape(-1, 4)
 
     def mean_dilatation(self, volumes: Array, points: Selection = ALL, part: Ints | None = None) -> Array:
         """Ratio of current to undeformed volume of the cell of each point, or of its part of it, (points,).
@@ -136,7 +130,7 @@ class Assembly:
         (points,) `cells` are the cells of the parts, and each part has its vectors.
         """
         grid, own = self.grid, np.arange(self.grid.cells)[cells]
-        cell, (gx, gy), volume = part, self._gradients, self.volume[points]
+        cell, (gx, gy), volume = part, grid.strain_gradients, self.volume[points]
         if cell is None:
             number = np.zeros(grid.cells, dtype=np.int64)
             number[own] = np.arange(own.size)

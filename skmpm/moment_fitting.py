@@ -1,4 +1,4 @@
-"""Moment fitting: weights of material points that integrate linear functions exactly over the material of cells."""
+"""Moment fitting: weights and places of evaluation that integrate linear functions exactly over parts of cells."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ def fitted_weights(grid: BodyGrids, volume: Array, moments: Array) -> Array:
     `moments` (3, cells) [cell areas] are those of 1, xi, eta. The weights minimise sum (w - V)^2 / V in each cell
     (moment fitting: Mueller, Kummer & Oberlack, IJNME 96, 2013). If the points of a cell are too few for three
     moments, the weights match the area first and then the moments that the points resolve; no weight is below
-    `MIN_WEIGHT` volumes. A uniform stress is then in equilibrium on any cloud with a few points per cell, for any
-    position of the grid.
+    `MIN_WEIGHT` volumes. `fitted_places` match the moments that remain.
     """
     of, cells = grid.cell_of_point, grid.cells
     weight = volume / grid.cell**2
@@ -43,3 +42,19 @@ def fitted_weights(grid: BodyGrids, volume: Array, moments: Array) -> Array:
     room = plain - MIN_WEIGHT
     share = np.where(lowest < -room, room / np.maximum(-lowest, 1e-300), 1.0)
     return np.asarray(volume * (plain[of] + share[of] * tilt))
+
+
+def fitted_places(grid: BodyGrids, weight: Array, moments: Array) -> Array:
+    """Local coordinates (2, n) of the points, moved alike in each cell so that their mean is the material's centroid.
+
+    `weight` (n,) are those of the points [m2], `moments` (3, cells) [cell areas] as in `fitted_weights`. Gradients of
+    bilinear shape functions and det F are linear in a cell, so that a uniform stress is in equilibrium and volumes of
+    cells are exact on any cloud, for any position of the grid: a single row of points stands for the middle of its
+    cell, not for where it happens to lie. Points stay where the lower bound of weights has doubled the area.
+    """
+    of, cells = grid.cell_of_point, grid.cells
+    total = np.bincount(of, weight, cells)
+    mean = np.stack([np.bincount(of, weight * xi, cells) for xi in grid.local]) / total
+    filled = grid.cell**2 * moments[0] > 0.5 * total
+    centroid = np.where(filled, moments[1:] / np.where(filled, moments[0], 1.0), mean)
+    return np.asarray(grid.local + (centroid - mean)[:, of])

@@ -34,8 +34,8 @@ class Scheme:
         `transfer.pic` and `transfer.flip` they have those of the points in every step
     ghost : gamma, the coefficient of the ghost penalty on cells filled less than 0.6, relative to the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
-    moment_fitting : fit the weights of points to the exact moments of their cell's material inside the outline;
-        without it the weights are the volumes of the points
+    moment_fitting : fit the weights of points, and the places at which their strains are evaluated, to the exact
+        moments of their cell's material inside the outline; without it these are the points and their volumes
     mean_dilatation : average the change of volume over cells, so that nearly incompressible bodies do not lock:
         True for all, False for none, None for those with a Poisson's ratio of 0.4 or more (`NEARLY_INCOMPRESSIBLE`)
         and those with memory, since plastic flow conserves volume

@@ -36,6 +36,7 @@ class BodyGrids:
     node_body: Ints  # (nodes,)
     along: Ints  # (bodies,) axis of the rows of nodes, 0 for x or 1 for y
     bodies: int  # number of bodies
+    quadrature: Array | None = None  # (2, n) local coordinates where strains are taken; None: those of the points
 
     @property
     def nodes(self) -> int:
@@ -80,8 +81,11 @@ class BodyGrids:
 
     @property
     def gradient(self) -> Array:
-        """Gradients of the shape functions, (2, 4, n) [1/m]."""
-        return np.stack([ElementQuad1().lbasis(self.local, i)[1] for i in range(4)], axis=1) / self.cell
+        """Gradients of the shape functions at the points, (2, 4, n) [1/m]."""
+        return self._gradient(self.local)
+
+    def _gradient(self, local: Array) -> Array:
+        return np.stack([ElementQuad1().lbasis(local, i)[1] for i in range(4)], axis=1) / self.cell
 
     @cached_property
     def _pattern(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -107,6 +111,15 @@ class BodyGrids:
         along_x, along_y = self.gradient
         return self._point_matrix(along_x), self._point_matrix(along_y)
 
+    @cached_property
+    def strain_gradients(self) -> tuple[Array, Array]:
+        """Derivatives of the four shape functions by x and by y where strains are evaluated, both (n, 4) [1/m]."""
+        if self.quadrature is None:
+            by_x, by_y = map(_by_point, self.derivatives)
+            return by_x, by_y
+        along_x, along_y = self._gradient(self.quadrature)
+        return np.ascontiguousarray(along_x.T), np.ascontiguousarray(along_y.T)
+
     @property
     def _nodes_of_points(self) -> NDArray[np.int32]:
         """The nodes of the cell of each point, (n, 4)."""
@@ -125,9 +138,15 @@ class BodyGrids:
         point_loops.differentiate(self._nodes_of_points, by_x, by_y, field.reshape(-1, 2), gradients)
         return gradients
 
+    def strain_at_points(self, field: Array) -> Array:
+        """Gradients (2, 2, n) of a nodal field (2 nodes,) where the strains of the points are evaluated."""
+        gradients = np.empty((2, 2, self.cell_of_point.size))
+        point_loops.differentiate(self._nodes_of_points, *self.strain_gradients, field.reshape(-1, 2), gradients)
+        return gradients
+
     def divergence(self, volume: Array, P: Array) -> Array:
-        """Sum over points of V P : grad N, (2 nodes,); `volume` (n,), `P` (2, 2, n)."""
-        sums, (by_x, by_y) = np.zeros((self.nodes, 2)), map(_by_point, self.derivatives)
+        """Sum over points of V P : grad N, (2 nodes,), the transpose of `strain_at_points`; (n,) and (2, 2, n)."""
+        sums, (by_x, by_y) = np.zeros((self.nodes, 2)), self.strain_gradients
         point_loops.add_divergence(self._nodes_of_points, by_x, by_y, volume, P, sums)
         return sums.ravel()
 
@@ -143,7 +162,7 @@ class BodyGrids:
         return MeshQuad(self.position, self.nodes_of_cell)
 
     def basis(self, volume: Array, intorder: int | None = None) -> CellBasis:
-        """Scikit-fem basis whose quadrature points are the material points, weighted by `volume` (n,) [m2].
+        """Scikit-fem basis whose quadrature points are those of strains, weighted by `volume` (n,) [m2].
 
         With `intorder` it is the standard basis on full cells instead, for comparison with the finite element method.
         """
@@ -151,7 +170,8 @@ class BodyGrids:
         options: dict[str, Any] = {"mapping": mapping, "disable_doflocs": True}
         if intorder is not None:
             return CellBasis(self.mesh, ElementVector(ElementQuad1()), intorder=intorder, **options)
-        X, weights = self.local[:, :, None], (volume / self.cell**2)[:, None]
+        local = self.local if self.quadrature is None else self.quadrature
+        X, weights = local[:, :, None], (volume / self.cell**2)[:, None]
         return CellBasis(
             self.mesh,
             ElementVector(ElementQuad1()),

@@ -114,7 +114,7 @@ class Bulk:
 
     def at(self, displacement: Array) -> Configuration:
         """The configuration at a nodal displacement from the reference configuration (2 nodes,) [m]."""
-        F = self.assembly.grid.gradient_at_points(displacement)
+        F = self.assembly.grid.strain_at_points(displacement)
         F[0, 0] += 1.0
         F[1, 1] += 1.0
         if not any(self.mean_dilatation):

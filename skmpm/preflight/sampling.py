@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from skmpm.forms import reference_gradient
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.moment_fitting import fitted_weights
+from skmpm.moment_fitting import fitted_places, fitted_weights
 from skmpm.outline import cell_moments
 from skmpm.scene import Scene
 from skmpm.simulate.regrid import inward_normals
@@ -37,7 +37,11 @@ def stress_errors(scene: Scene, *, fitted: bool = True) -> Array:
     x = scene.initial_positions[:, boundary.point]
     exact = cell_moments(boundary, x, grid.cell, whole.cell_index, whole.cell_body)[:3]
     misfit = exact.copy()
-    misfit[:, cell] -= _moments(grid, fitted_weights(grid, volume, exact[:, cell]) if fitted else volume)
+    weights, places = volume, grid.local
+    if fitted:
+        weights = fitted_weights(grid, volume, exact[:, cell])
+        places = fitted_places(grid, weights, exact[:, cell])
+    misfit[:, cell] -= _moments(grid, weights, places)
     area, lost = (np.bincount(whole.cell_body, m, grid.bodies) for m in (exact[0], misfit[0]))
     imbalance = np.bincount(whole.node_body, _imbalance(whole, misfit), grid.bodies)
     filled = np.where(bounded, area, np.nan)
@@ -70,10 +74,10 @@ def _whole(grid: BodyGrids, chosen: Ints) -> tuple[BodyGrids, Ints]:
     return whole, whole.cell_of_point[: grid.cells]
 
 
-def _moments(grid: BodyGrids, weight: Array) -> Array:
-    """Moments of 1, xi, eta by the weights (n,) [m2] of the points, (3, cells) [cell areas]."""
+def _moments(grid: BodyGrids, weight: Array, places: Array) -> Array:
+    """Moments of 1, xi, eta by weights (n,) [m2] at local coordinates (2, n), (3, cells) [cell areas]."""
     share = weight / grid.cell**2
-    return np.stack([np.bincount(grid.cell_of_point, share * f, grid.cells) for f in (1.0, *grid.local)])
+    return np.stack([np.bincount(grid.cell_of_point, share * f, grid.cells) for f in (1.0, *places)])
 
 
 def _imbalance(grid: BodyGrids, moments: Array) -> Array:

@@ -40,9 +40,10 @@ class State:
     t : time [s]
     x : (2, n) positions [m]
     v : (2, n) velocities [m/s]
-    F : (2, 2, n) deformation gradients, [i, j] = dx_i / dX_j; I in rigid bodies, however they turn
+    F : (2, 2, n) deformation gradients, [i, j] = dx_i / dX_j, where the strains of the points are evaluated
+        (`Scheme.moment_fitting`); I in rigid bodies, however they turn
     C : (2, 2, n) affine velocity (APIC), by anchor position [1/s]; zero in rigid bodies, whose spin is that of `v`
-    stress : (2, 2, n) elastic Cauchy stress [Pa], tension positive; without what viscosity adds
+    stress : (2, 2, n) elastic Cauchy stress there [Pa], tension positive; without what viscosity adds
     mass : (n,) [kg/m]
     volume : (n,) current [m2]
     weight : (n,) current quadrature weights of the points [m2]

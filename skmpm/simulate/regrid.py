@@ -20,7 +20,7 @@ from skmpm.contact import acts_at_grid_nodes, joined_parts
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.implicit import Bulk, StepRejected
 from skmpm.material import bounded_modulus, determinant, inverse, product
-from skmpm.moment_fitting import fitted_weights
+from skmpm.moment_fitting import fitted_places, fitted_weights
 from skmpm.scene import Derived, Scene, SceneError, State
 from skmpm.scheme import Scheme, averages_dilatation
 
@@ -77,7 +77,9 @@ def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
     x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
     grid = build_grids(x[:, deformable], state.body[deformable], scene.cell, len(scene.bodies), inward[:, deformable])
     volume = (scene.initial_volumes * determinant(state.F_anchor))[deformable]
-    weights = _weights(scene, grid, volume, x) if scheme.moment_fitting else volume
+    weights = volume
+    if scheme.moment_fitting:
+        weights, grid = _fitted(scene, grid, volume, x)
     modulus = _ghost_moduli(scene, scheme, grid)
     return Derived(
         assembly=prepare(grid, weights, state.mass[deformable], modulus),
@@ -106,14 +108,19 @@ def check_connected(scene: Scene, state: State) -> None:
         )
 
 
-def _weights(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> Array:
-    """Quadrature weights (n,) of the points by moment fitting; the volumes for bodies without outline."""
+def _fitted(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> tuple[Array, BodyGrids]:
+    """Quadrature weights (n,) of the points by moment fitting, and the grids with the places where strains are taken.
+
+    Bodies without outline keep their volumes and places.
+    """
     boundary = scene.outlines
     bounded = scene.outlined[grid.cell_body][grid.cell_of_point]
     if not bounded.any():
-        return volume
-    moments = outline.cell_moments(boundary, x[:, boundary.point], scene.cell, grid.cell_index, grid.cell_body)
-    return np.where(bounded, fitted_weights(grid, volume, moments[:3]), volume)
+        return volume, grid
+    moments = outline.cell_moments(boundary, x[:, boundary.point], scene.cell, grid.cell_index, grid.cell_body)[:3]
+    weights = np.where(bounded, fitted_weights(grid, volume, moments), volume)
+    places = np.where(bounded, fitted_places(grid, weights, moments), grid.local)
+    return weights, replace(grid, quadrature=places)
 
 
 def _supports(scene: Scene, grid: BodyGrids, number: NDArray[np.int64]) -> Elimination | None:

@@ -7,14 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.material import youngs_modulus
 from skmpm.scene import Scene, State
-from skmpm.scheme import Scheme, averages_dilatation
+from skmpm.scheme import Scheme
 from skmpm.simulate.loading import SLOPE, strongest_gravity
-
-# Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
-# their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
-MAX_PRESSURE = 1.0
 
 # Of frozen contact normals, `Report.frozen_angle` [rad]: forces may be off by so much, a third of what contacts of
 # R/h = 5 are (docs/limits.md).
@@ -24,33 +19,6 @@ MAX_ANGLE = 0.05
 # weight. Where a block is shaken at 0.8 of gravity, chosen steps make it 0.4, and twice in ten periods it lifts off.
 MAX_JOLT = 0.1
 SHORT = 1e-2  # of a step: half of the interval over which velocities are differentiated
-
-
-class PressureWatch:
-    """Finds the first body under such a pressure in a run; looks at nothing in scenes without mean dilatation."""
-
-    def __init__(self, scene: Scene, scheme: Scheme) -> None:
-        moduli = np.full(len(scene.bodies), np.inf)
-        for b, body in enumerate(scene.bodies):
-            if any(averages_dilatation(scheme, material) for material in body.materials):
-                moduli[b] = min(map(youngs_modulus, body.materials))
-        self._moduli: NDArray[np.float64] | None = moduli if np.isfinite(moduli).any() else None
-
-    def warning(self, state: State) -> str:
-        """What to warn of at a state, once in a run; empty for nothing."""
-        if self._moduli is None:
-            return ""
-        trace = np.bincount(state.body, state.volume * (state.stress[0, 0] + state.stress[1, 1]))
-        pressure = -0.5 * trace / np.bincount(state.body, state.volume) / self._moduli
-        b = int(np.argmax(pressure))
-        if pressure[b] <= MAX_PRESSURE:
-            return ""
-        self._moduli = None
-        return (
-            f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
-            " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
-            " small: press less, or compare with points half a cell apart"
-        )
 
 
 class NormalsWatch:

@@ -162,7 +162,8 @@ def test_references(study):
 def test_explicit_and_implicit_steps_measure_the_same(study):
     """Collision at R/h = 3.2, points half a cell apart: implicit midpoint steps of 0.04 s, explicit ones of 0.4 h/c.
 
-    Velocities and spin after it to 3 %, what is left of the time steps; a wrong sign or place shows as 10 % and more.
+    Velocities after it to 3 %, the spin to 5 %, as explicit steps have other masses where nodes are nearly empty. A
+    wrong sign or place shows as 10 % and more.
     """
     parameters, scenes, meter = study("parameters"), study("scenes"), study("meter")
     coarse = parameters.DEFAULT | {"cells": 3.2, "spacing": 0.5}
@@ -171,7 +172,8 @@ def test_explicit_and_implicit_steps_measure_the_same(study):
         measure = scenes.CASES["collision"].measure
         found.append(measure(setting, 0, meter.Meter(parameters.linear_of(setting))))
     errors = study("discs").collision_errors(*found, 0)
-    assert max(errors.values()) < 0.03
+    assert max(errors["along"], errors["across"]) < 0.03
+    assert errors["spin"] < 0.05
 
 
 def test_a_long_run_goes_on_from_its_checkpoint(study, monkeypatch, tmp_path):

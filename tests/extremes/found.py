@@ -251,7 +251,7 @@ STANDS = {
         Assembly((BOX,), supports=(Hold(0, "bottom", (0.0, None)),), steps=1, **ON_NODES),
         None,
     ),
-    "a plus on an L, the second step": (Assembly((Piece("L"), Piece("plus")), left=0.5, right=0.5), None),
+    "a plus on an L, the second step": (Assembly((Piece("L"), Piece("plus")), left=0.5, right=0.5, cells=2.7), None),
     "a disc between a slope and a lid": (
         Assembly(
             (Piece("disc", angle=3.53, nu=0.43),),
@@ -289,7 +289,7 @@ STANDS = {
             floor=0.0,
             friction=0.0,
             steps=1,
-            cells=2.5,
+            cells=2.75,
         ),
         None,
     ),

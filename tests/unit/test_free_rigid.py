@@ -248,7 +248,7 @@ def test_a_punch_is_pressed_on_in_the_line_of_its_load(offset):
     load = skmpm.Load(lambda x: (x[1] > 2.8 * R) & (np.abs(x[0] - 8 * R * offset) < R), lambda t: (0.0, -400.0 * t))
     floor = skmpm.Wall((0.0, -8 * R), (0.0, 1.0))
     pressed = scene([pad, punch], cell=R, walls=[floor], friction=0.3, gravity=(0.0, 0.0), loads=[load])
-    *_, state = skmpm.simulate(pressed, dt=0.125, until=1.0, scheme=STATIC)
+    *_, state = skmpm.simulate(pressed, dt=0.125, until=1.0, scheme=replace(STATIC, newton_tol=1e-5))
     contacts, loaded = state.contacts, pressed.loaded[0]
     on_punch = np.where(contacts.bodies[0] == 1, 1.0, -1.0) * (contacts.bodies == 1).any(axis=0)
     fx, fy = contacts.vectors * on_punch

@@ -1,4 +1,6 @@
-"""Moment fitting: weights reproduce the given moments if the points resolve them, and stay positive otherwise."""
+"""Moment fitting: weights reproduce the given moments if the points resolve them, and places do otherwise."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,7 +9,8 @@ from hypothesis import strategies as st
 
 from skmpm import Body, LinearElastic, Points, Scene, Scheme, contact, disc, initial
 from skmpm.grid import build_grids
-from skmpm.moment_fitting import MAX_WEIGHT, MIN_WEIGHT, fitted_weights
+from skmpm.material import determinant
+from skmpm.moment_fitting import MAX_WEIGHT, MIN_WEIGHT, fitted_places, fitted_weights
 from skmpm.outline import cell_moments, outlines
 
 
@@ -48,12 +51,45 @@ def test_weights_stay_positive_and_near_the_volumes(seed, spacing):
     assert mean.max() <= MAX_WEIGHT + 1e-12
 
 
+@given(seed=st.integers(0, 1000), spacing=st.floats(0.3, 1.5))
+def test_places_have_the_centroid_of_the_material_in_every_cell(seed, spacing):
+    p, grid, wanted = cloud(seed, spacing)
+    weight = fitted_weights(grid, p.volume, wanted)
+    places = fitted_places(grid, weight, wanted)
+    total = np.bincount(grid.cell_of_point, weight, grid.cells)
+    mean = np.stack([np.bincount(grid.cell_of_point, weight * xi, grid.cells) for xi in places]) / total
+    kept = (
+        total > 2.0 * grid.cell**2 * wanted[0]
+    )  # slivers, whose points keep a part of their volume
+    assert np.abs(mean - wanted[1:] / wanted[0])[:, ~kept].max() < 1e-9
+    assert kept.sum() < 0.1 * grid.cells
+    assert np.array_equal(places[:, kept[grid.cell_of_point]], grid.local[:, kept[grid.cell_of_point]])
+
+
+def test_areas_of_deformed_cells_are_exact_with_a_single_row_of_points():
+    """Reference: the shoelace formula, for cells whose nodes are moved at random by up to a fifth of a side."""
+    x = np.array([[0.3, 0.8, 1.3, 1.8], [0.1, 0.1, 0.9, 0.9]])
+    grid = build_grids(x, np.zeros(4, int), 1.0, 1)
+    full = np.repeat([[1.0], [0.5], [0.5]], grid.cells, axis=1)
+    weight = fitted_weights(grid, np.full(4, 0.5), full)
+    grid = replace(grid, quadrature=fitted_places(grid, weight, full))
+    u = np.random.default_rng(0).uniform(-0.2, 0.2, 2 * grid.nodes)
+    J = determinant(grid.strain_at_points(u) + np.eye(2)[:, :, None])
+    a, b = (grid.position + u.reshape(-1, 2).T)[:, grid.nodes_of_cell]
+    area = 0.5 * (a * np.roll(b, -1, axis=0) - b * np.roll(a, -1, axis=0)).sum(axis=0)
+    assert np.bincount(grid.cell_of_point, weight * J) == pytest.approx(area, rel=1e-12)
+    at_points = determinant(grid.gradient_at_points(u) + np.eye(2)[:, :, None])
+    assert np.abs(np.bincount(grid.cell_of_point, weight * at_points) - area).max() > 0.01
+
+
 def test_a_good_rule_stays_as_it_is():
     g = np.arange(8) / 2 + 0.25
     x = np.stack([np.repeat(g, 8), np.tile(g, 8)])
     grid = build_grids(x, np.zeros(64, int), 1.0, 1)
     full = np.repeat([[1.0], [0.5], [0.5]], grid.cells, axis=1)
-    assert np.allclose(fitted_weights(grid, np.full(64, 0.25), full), 0.25, rtol=1e-12)
+    weight = fitted_weights(grid, np.full(64, 0.25), full)
+    assert np.allclose(weight, 0.25, rtol=1e-12)
+    assert np.allclose(fitted_places(grid, weight, full), grid.local, atol=1e-12)
 
 
 def test_one_point_in_a_cell_takes_its_area():
@@ -76,6 +112,8 @@ def test_bodies_without_outline_keep_their_volumes():
     bare = Points(round_.x + 3.0, round_.volume)
     scene = Scene([Body(p, LinearElastic(1.0, 0.3, 1.0)) for p in (round_, bare)], cell=0.25)
     scheme = Scheme(anchor=0.0, contact=contact.shared_grid)  # the only one for bodies without outline
-    weight = initial(scene, scheme=scheme).weight
+    state = initial(scene, scheme=scheme)
+    weight, grid = state.weight, state.derived.assembly.grid
+    assert np.array_equal(grid.quadrature[:, round_.size :], grid.local[:, round_.size :])
     assert np.array_equal(weight[round_.size :], bare.volume)
     assert not np.allclose(weight[: round_.size], round_.volume, rtol=0.01)

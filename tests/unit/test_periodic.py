@@ -205,7 +205,7 @@ def test_work_of_the_box_is_stored(strain, lost):
 
 
 def test_work_of_a_sheared_box_is_that_of_its_stress():
-    """With friction, to a strain of 0.4: the work is the sum of A sigma : L dt, to 1e-6.
+    """With friction, to a strain of 0.4: the work is the sum of A sigma : L dt, to 3e-6.
 
     The stress is that of Love and Weber and, of 1e-5 of the work, the kinetic one, -sum m u u / A.
     """
@@ -220,7 +220,7 @@ def test_work_of_a_sheared_box_is_that_of_its_stress():
         stress -= (mass * u) @ u.T / np.linalg.det(state.box)
         work += np.linalg.det(state.box) * float(np.sum(stress * state.box_rate)) * state.report.dt
     energy = state.report.energy
-    assert work == pytest.approx(energy.external, rel=1e-6)
+    assert work == pytest.approx(energy.external, rel=3e-6)
     assert 0.0 < energy.dissipated < energy.external
 
 

@@ -27,6 +27,7 @@ from skmpm import (
     disc,
     linear,
 )
+from skmpm.moment_fitting import MAX_WEIGHT
 from skmpm.preflight import limits, preflight, suggest
 from skmpm.preflight.limits import warnings_of
 from skmpm.preflight.metrics import examine, memory_of
@@ -190,16 +191,19 @@ def small(n, cells):
 def sparse(error):
     """5 x 5 cells with 2 x 2 Gauss points and points on the boundary, but in four inner cells one point.
 
-    It is s along both axes from the middle. A uniform stress then leaves (+-s, +-s) at each of the 16 nodes of these
-    cells: the estimate is 3/8 of the squares, 32 s^2, over 25 cells.
+    Its weight is at most five times its volume, which lacks a share d of the cell. A uniform stress then leaves
+    (+-d/2, +-d/2) at each of the 16 nodes of these cells: the estimate is 4 d, and 3/8 of the squares, 8 d^2, over 25
+    cells.
     """
-    gauss, few, s = 0.5 + np.array([-0.5, 0.5]) / 3**0.5, [(1, 1), (1, 3), (3, 1), (3, 3)], np.sqrt(error / 0.48)
+    gauss, few = 0.5 + np.array([-0.5, 0.5]) / 3**0.5, [(1, 1), (1, 3), (3, 1), (3, 3)]
+    single = (1.0 - (np.sqrt(16.0 + 300.0 * error) - 4.0) / 6.0) / MAX_WEIGHT
     full = [(i + a, j + b) for i in range(5) for j in range(5) if (i, j) not in few for a in gauss for b in gauss]
     along = np.arange(0.0, 5.0, 0.5)
     edge = [(t, 0) for t in along] + [(5, t) for t in along]
     edge += [(5 - t, 5) for t in along] + [(0, 5 - t) for t in along]
-    x = np.array([*edge, *full, *((i + 0.5 + s, j + 0.5 + s) for i, j in few)]).T
-    volume = np.where(np.arange(x.shape[1]) < x.shape[1] - 4, 21.0 / (x.shape[1] - 4), 1.0)
+    x = np.array([*edge, *full, *((i + 0.8, j + 0.6) for i, j in few)]).T
+    others = x.shape[1] - 4
+    volume = np.where(np.arange(x.shape[1]) < others, (25.0 - 4.0 * single) / others, single)
     return Points(x, volume, (np.arange(len(edge)),))
 
 
@@ -240,7 +244,7 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
              lambda v: Scene([Body(slotted(), GEL)], cell=2.0 / v), None, {}),
     "points": (limits.FEWEST, r"body 0: 1\.7998 points per cell of material;",
                lambda v: small(300, np.sqrt(300 / np.pi / v)), None, {}),
-    "sampling": (limits.SOFTENING, r"body 0: its points miss .* a uniform stress is too small by about 0\.05701;",
+    "sampling": (limits.SOFTENING, r"body 0: its points miss .* a uniform stress is too small by about 0\.03000\d*;",
                  lambda v: Scene([Body(sparse(v), GEL)], cell=1.0), None, {}),
     "dt": (limits.COURANT, r"step: dt c/h = 15\.00\d;", lambda v: pair(), lambda s, v: v * DT, {}),
     "dt explicit": (limits.EXPLICIT, r"step: dt c/h = 0\.7001;", lambda v: pair(), lambda s, v: v * DT,

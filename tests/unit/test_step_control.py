@@ -424,17 +424,18 @@ def test_a_body_whose_cells_fall_apart_is_refused():
 
 
 def test_a_column_that_buckles_is_followed():
-    """Two discs between closing plates: past its hilltop the column gives more than backward Euler gets rid of.
+    """Two discs, a hundredth of a radius off their axis: past its hilltop the column gives more than is dissipated.
 
     The run goes on in short steps, and no step gains a hundredth of the energy that was stored.
     """
     r, cell = 1e-3, 1e-3 / 10.08
-    discs = [Body(disc((0.0, y), r, spacing=0.74 * cell), NeoHookean(1e7, 0.45, 990.0)) for y in (r, 3.0 * r)]
+    places = ((0.0, r), (0.01 * r, 3.0 * r))
+    discs = [Body(disc(place, r, spacing=0.74 * cell), NeoHookean(1e7, 0.45, 990.0)) for place in places]
     smooth = partial(Wall, friction=0.0)
     plates = [smooth((0, 0), (0, 1)), smooth((0, 4.0 * r), (0, -1), velocity=(0, -0.1))]
     states = list(simulate(Scene(discs, cell=cell, walls=plates, friction=0.5), dt=1.076e-3, until=1.076e-3))
     energy = [state.report.energy for state in states]
     assert states[-1].t == 1.076e-3
-    assert max(state.v[0].max() for state in states) > 1.0, "it buckled, and fast"
+    assert max(state.v[0].max() for state in states) > 0.5, "it buckled, and fast"
     lost = np.array([e.dissipated for e in energy])
     assert np.diff(lost).min() > -1e-2 * max(e.elastic for e in energy)

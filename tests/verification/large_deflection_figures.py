@@ -56,7 +56,7 @@ def draw_bar(file):
     for i, (per_cell, anchor, fitted) in enumerate(drawn):
         label = f"{per_cell} x {per_cell} points, anchor {anchor:g}" + ("" if fitted else ", plain weights")
         try:
-            (stretch, force, exact), _ = stretched(per_cell, anchor, fitted=fitted)
+            (stretch, force, exact), _ = stretched(per_cell, anchor, moment_fitting=fitted)
         except StepFailed:
             continue
         left.plot(stretch[i::5], force[i::5] / 1e6, f"C{i}o", ms=4, label=label)

@@ -93,7 +93,7 @@ def rows_of_bar():
     listed = []
     for per_cell, anchor, fitted in (*((*bar, True) for bar in BARS), (4, 0.5, False), (6, 0.5, False)):
         try:
-            (_, force, exact), anew = stretched(per_cell, anchor, fitted=fitted)
+            (_, force, exact), anew = stretched(per_cell, anchor, moment_fitting=fitted)
             error = f"largest {100 * np.abs(force / exact - 1.0).max():.2g} %"
         except StepFailed as failure:
             error, anew = f"torn at a stretch of {1.0 + 2.0 * failure.state.t:.2f}", "-"

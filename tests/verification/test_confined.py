@@ -1,13 +1,15 @@
-"""A nearly incompressible block confined by frictionless walls, against uniaxial strain.
+"""Nearly incompressible bodies confined by frictionless walls: a block against uniaxial strain, a seal in a gland.
 
 The stress of a neo-Hookean block of height J over its first one is mu (J - 1/J) + lambda ln(J)/J. R/h is the side of
 the block over that of a cell.
 """
 
+from functools import cache
+
 import numpy as np
 import pytest
 
-from skmpm import Body, NeoHookean, Scene, Wall, box, simulate
+from skmpm import Body, NeoHookean, Scene, Scheme, Wall, box, disc, observe, simulate
 
 SIDE, CELLS, YOUNG, SPEED = 1e-2, 8, 1e6, 1e-2
 
@@ -25,37 +27,48 @@ def force(nu, spacing, strain):
     return -state.wall_force[3, 1] / (SIDE * stress)
 
 
-@pytest.mark.parametrize(("nu", "spacing", "error"), [(0.45, 0.74, 0.006), (0.49, 0.66, 0.023), (0.499, 0.66, 0.18)])
-def test_unequal_numbers_of_points_in_cells_make_it_too_soft(nu, spacing, error):
-    """Points 0.66 cells apart are one row in every other cell, and constrain its volume where they lie."""
-    assert force(nu, spacing, 0.01) == pytest.approx(1.0 - error, abs=0.3 * error + 0.002)
+@pytest.mark.parametrize(
+    ("nu", "spacing", "strain"),
+    [(0.45, 0.74, 0.01), (0.499, 0.66, 0.01), (0.45, 0.74, 0.35), (0.49, 0.45, 0.2), (0.499, 0.4, 0.1)],
+)
+def test_a_confined_block_bears_what_uniaxial_strain_says(nu, spacing, strain):
+    """Pressures of up to 20 E; with points 0.66 cells apart, one row in every other cell, as with many.
+
+    Where points integrated volumes at their own places, forces were 0.6 and 18 % too small at a strain of 0.01, and
+    a fifth to a half of these above a pressure of 2 E.
+    """
+    assert force(nu, spacing, strain) == pytest.approx(1.0, abs=2e-4)
 
 
-def test_points_half_a_cell_apart_are_exact():
-    assert force(0.499, 0.5, 0.05) == pytest.approx(1.0, abs=1e-3)
+R = 1e-2
 
 
-@pytest.mark.parametrize(("nu", "spacing", "strain", "error"), [(0.49, 0.45, 0.2, 0.028), (0.499, 0.4, 0.1, 0.082)])
-def test_two_rows_of_points_in_every_cell_bear_pressures_above_the_modulus(nu, spacing, strain, error):
-    """The pressures are 4.6 and 19.5 E."""
-    assert force(nu, spacing, strain) == pytest.approx(1.0 - error, abs=0.02)
+@cache
+def in_a_gland(nu, spacing, cells=12):
+    """A round seal pressed by four smooth walls into 0.98 of its area: their pressure and the area of its outline."""
+    seal = disc((0.0, 0.0), R, spacing=spacing * R / cells)
+    area = seal.volume.sum()
+    speed = R - 0.5 * np.sqrt(0.98 * area)
+    sides = ((0.0, -1.0), (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0))
+    walls = [Wall(R * np.array(s), (-s[0], -s[1]), velocity=-speed * np.array(s)) for s in sides]
+    scene = Scene([Body(seal, NeoHookean(YOUNG, nu, 1100.0))], cell=R / cells, walls=walls)
+    *_, state = simulate(scene, dt=0.02, until=1.0, scheme=Scheme(inertia=False))
+    found = observe(scene, state)
+    return found.wall_pressure.mean(), found.solid_fraction * 0.98
 
 
-@pytest.mark.xfail(reason="under a pressure of about 2 E points leave the volumes of their cells", strict=True)
-@pytest.mark.parametrize(("nu", "spacing", "strain"), [(0.499, 0.66, 0.03), (0.45, 0.74, 0.35)])
-def test_it_bears_pressures_above_its_modulus(nu, spacing, strain):
-    """Force over the exact one is 0.22 and 0.54 there."""
-    assert force(nu, spacing, strain) == pytest.approx(1.0, abs=0.2)
+def test_a_round_seal_in_an_overfilled_gland():
+    """By Jensen's inequality its mean pressure is at least that of the mean volume; shear is a small part."""
+    pressure, J = in_a_gland(0.499, 0.5)
+    lam, mu = NeoHookean(YOUNG, 0.499, 1100.0).lame
+    assert pressure == pytest.approx(-(lam * np.log(J) + mu * (J - 1.0)) / J, rel=0.02)
 
 
-def test_a_run_warns_of_such_pressures_once(caplog):
-    with caplog.at_level("WARNING", "skmpm"):
-        force(0.49, 0.74, 0.1)
-    found = [record.message for record in caplog.records if "times its modulus" in record.message]
-    assert len(found) == 1
-    assert found[0].startswith("body 0: at t = 0.0")
+def test_the_force_on_a_seal_does_not_depend_on_the_spacing_of_its_points():
+    """Where points integrated volumes at their own places, 0.74 h gave 16 % less than 0.5 h at nu = 0.49."""
+    assert in_a_gland(0.49, 0.74)[0] == pytest.approx(in_a_gland(0.49, 0.5)[0], rel=0.015)
 
 
-def test_a_run_without_mean_dilatation_is_not_watched(caplog):
-    force(0.3, 0.5, 0.6)
-    assert not [record for record in caplog.records if "modulus" in record.message]
+def test_few_points_in_an_almost_incompressible_seal_are_too_soft():
+    """As `preflight` says: 11 % at R/h = 8, 7 % at R/h = 12 and points 0.66 h apart, of those half a cell apart."""
+    assert in_a_gland(0.499, 0.66)[0] / in_a_gland(0.499, 0.5)[0] == pytest.approx(0.93, abs=0.03)

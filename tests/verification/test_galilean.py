@@ -123,7 +123,7 @@ def test_a_body_regridded_at_every_step_loses_stress_as_it_crosses_cells():
     """Why the default is to anchor once: with the points' volumes as weights, 2.5 points per cell, anchor = 0.
 
     At rest the force stays to 1e-4; after one cell a quarter of it is gone, after six three quarters, and the outline
-    has lost 2 % more area than det F knows. Weights fitted to the cells leave more than 0.8 of it. All without mean
+    has lost 2 % more area than det F knows. Fitted weights and places leave more than 0.9 of it. All without mean
     dilatation, as the mode of Nezamabadi et al. (2017) is; with it the force at rest stays to 2.3e-3.
     """
     seeds = {"anchor": 0.0, "moment_fitting": False, "mean_dilatation": False}
@@ -133,7 +133,7 @@ def test_a_body_regridded_at_every_step_loses_stress_as_it_crosses_cells():
     assert moved.kept[np.searchsorted(moved.cells[moved.held], 1.0)] < 0.8
     assert moved.area[-1] / moved.J[-1] < 0.98
     fitted = ride(7, anchor=0.0)
-    assert 0.8 < fitted.kept[-1] < 0.9
+    assert 0.9 < fitted.kept[-1] < 0.95
 
 
 # The table and its figures.

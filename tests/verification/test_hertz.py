@@ -280,10 +280,22 @@ PROBLEMS = {"disc between plates": between_plates, "two discs": two_discs}
 
 @cache
 def measured(problem, size, *, count=OFFSETS, solver=linear.default, every=1):
-    """Contacts of `count` random offsets and directions, (depths, offsets, contacts), and the number of failures."""
-    rng = np.random.default_rng(size)
-    runs = [PROBLEMS[problem](size, rng, solver, every) for _ in range(count)]
-    return list(zip(*(found for found, _ in runs), strict=True)), sum(failures for _, failures in runs)
+    """Contacts of `count` random offsets and directions, (depths, offsets, contacts), and the number of failures.
+
+    A draw that does not reach the last depth counts as a failure, and another takes its place: where every other
+    boundary point is in the outline, those between may be pressed by 0.05 cells into a plate.
+    """
+    rng, runs, failures = np.random.default_rng(size), [], 0
+    while len(runs) < count:
+        try:
+            found, failed = PROBLEMS[problem](size, rng, solver, every)
+        except StepFailed:
+            assert failures < count, "hardly any draw reaches the last depth"
+            failures += 1
+            continue
+        runs.append(found)
+        failures += failed
+    return list(zip(*runs, strict=True)), failures
 
 
 def resolved(problem, size, **options):
@@ -370,7 +382,7 @@ def test_symmetry_leaves_no_shear_between_two_discs():
 # The table and the figures.
 
 
-PLACED = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.87, 0.55, 0.9), (0.44, 0.06, 2.1))  # of a disc: offset, direction
+PLACED = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.87, 0.6, 0.9), (0.44, 0.06, 2.1))  # of a disc: offset, direction
 
 
 @pytest.mark.parametrize("cells", [5, 8])

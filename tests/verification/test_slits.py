@@ -22,7 +22,7 @@ POSITIONS = (
     (0.0, 0.0),
     *map(tuple, np.random.default_rng(0).random((7, 2)).tolist()),
 )  # of a corner on the grid [cells]
-WORST = {0.5: (0.25, 0.75), 1.0: (0.25, 0.5), 1.5: (0.25, 0.25), 2.0: (0.25, 0.4375), 3.0: (0.25, 0.4375)}
+WORST = {0.5: (0.25, 0.75), 1.0: (0.25, 0.5), 1.5: (0.25, 0.25), 2.0: (0.25, 0.3125), 3.0: (0.25, 0.3125)}
 FORCE = 1.0  # [N/m]: strains of 1e-5
 STEEL = LinearElastic(1e6, 0.3, 1000.0)
 

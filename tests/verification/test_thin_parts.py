@@ -17,7 +17,7 @@ from skmpm.preflight import limits as verified
 CELLS = (1, 2, 4, 8)
 LENGTH = 10.0  # over the thickness, which is 1 m
 POSITIONS = ((0.0, 0.0), *np.random.default_rng(0).random((7, 2)))  # of a corner on the grid [cells]
-WORST = {1: (0.0, 0.3), 2: (0.25, 0.7), 4: (0.25, 0.7), 8: (0.25, 0.25)}  # of 20 x 20 positions, for so many cells
+WORST = {1: (0.0, 0.3), 2: (0.05, 0.3), 4: (0.0, 0.0), 8: (0.0, 0.0)}  # of 20 x 20 positions, for so many cells
 FORCE = 0.1  # [N/m]: slopes of 1e-4
 STEEL = LinearElastic(1e6, 0.3, 1000.0)
 
@@ -49,16 +49,16 @@ def deflections(cells, positions=POSITIONS):
 
 
 def test_what_the_check_says_of_strips_is_what_is_measured():
-    """The worst of 400 positions, to 1 % of itself, no other exceeds it; at eight cells those are right to 2.5 %."""
+    """The worst of 400 positions, to 3 % of itself, no other exceeds it; at eight cells those are right to 1 %."""
     said = [
         float(n) / 100 for n in re.search(r"bend by up to ([\d., ]+) %", verified.THIN.where).group(1).split(", ")
     ]
     worst = [-deflections(cells, (WORST[cells],))[0] for cells in CELLS]
     found = [-deflections(cells).min() for cells in CELLS]
-    assert worst == pytest.approx(said, rel=0.01)
-    assert (np.array(found) <= said).all()
+    assert worst == pytest.approx(said, rel=0.03)
+    assert (np.array(found) <= 1.03 * np.array(said)).all()
     assert found[0] > found[1] > found[2] > found[3]
-    assert found[3] < 0.025
+    assert found[3] < 0.01
 
 
 @pytest.mark.parametrize("cells", CELLS)
