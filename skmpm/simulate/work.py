@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit import Increment
-from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
+from skmpm.observe.regions import region
+from skmpm.scene import (
+    PrescribedVelocities,
+    Scene,
+    State,
+    centres,
+    normal_speeds,
+    velocity_at,
+    with_normal_speeds,
+)
 from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.forces import external_force, follower_pressure
 from skmpm.simulate.rigid_energy import power_of_loads
@@ -31,7 +42,8 @@ def work_of_loads(increment: Increment, w: Array) -> float:
 def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities) -> float:
     """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m].
 
-    Of free rigid bodies it is that of gravity and loads.
+    Of free rigid bodies it is that of gravity and loads, of driven walls along their normals that of what drives
+    them: contacts bear it at the end of the step, but not where it begins to act.
     """
     contacts = state.contacts
     loads = external_force(scene, state, state.t) @ w
@@ -39,6 +51,10 @@ def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, mo
     if pressure is not None:
         loads += pressure.force(state.displacement) @ w
     supports = state.support_force.ravel() @ increment.prescribed
+    if scene.driven_walls.size:
+        forces = scene.driving_forces(state.t, region(scene.normals, state.walls.T).length)
+        loads += forces @ normal_speeds(scene, motions.walls)
+        motions = replace(motions, walls=with_normal_speeds(scene, motions.walls, np.zeros(forces.size)))
     relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)
     gradient = mean_gradient(state, motions, increment.dt)
     if gradient is not None:

@@ -360,3 +360,19 @@ def test_work_on_packings_whose_contact_geometry_is_frozen():
         assert work == pytest.approx(0.5 * force * (before.t + after.t) * descent, rel=1e-5)
         before, frozen = after, frozen + after.report.frozen_normals
     assert frozen > 0
+
+
+@pytest.mark.parametrize("force", [0.5, lambda t: 0.5], ids=["number", "function"])
+def test_a_constant_force_on_a_lid_works_in_full_in_a_step_without_inertia(force):
+    """Force times path, half of which is stored and half dissipated; also where it begins in a stage."""
+    block = Body(box((-1.0, 0.0), (2.0, 1.0), spacing=0.2), NeoHookean(100.0, 0.3, 1.0))
+    still, top = Scheme(inertia=False), (0.0, 1.0)
+    pressed = Scene([block], cell=0.25, walls=[FLOOR, Wall(top, (0.0, -1.0), force=force)])
+    held = Scene([block], cell=0.25, walls=[FLOOR, Wall(top, (0.0, -1.0))])
+    *_, state = simulate(held, dt=1.0, until=1.0, scheme=still)
+    for start in (None, continued(held, state, pressed)):
+        until = 1.0 if start is None else 2.0
+        (after,) = simulate(pressed, dt=1.0, until=until, scheme=still, start=start)
+        energy = after.report.energy
+        assert energy.external == pytest.approx(0.5 * (1.0 - after.walls[1, 1]), rel=0.01)
+        assert energy.elastic == pytest.approx(energy.dissipated, rel=0.02)
