@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,24 +42,31 @@ class NormalsWatch:
         )
 
 
+class Floor(NamedTuple):
+    """What may shake under a body."""
+
+    name: str
+    velocity: Callable[[float], ArrayLike]
+    carries: Callable[[State], bool]  # whether something rests on it
+
+
 class ShakingWatch:
     """Finds the first chosen step in which what shakes under a body accelerates by other than its function of time.
 
-    A step takes mean velocities, so that the acceleration in it is that over the mean of its length and that of the
-    one before, but forces are those over its length. `times` [s] are those of the run, at which gravity is looked at.
+    The velocity is constant within a step. Its jump between two steps is that of an acceleration over the mean of
+    their lengths, but the inertial force is computed with the length of the second one. `times` [s] are those of the
+    run, at which gravity is looked at.
     """
 
     def __init__(self, scene: Scene, scheme: Scheme, before: float, times: NDArray[np.float64] | None) -> None:
         self._before = before  # length of the step before [s]
-        self._walls: list[tuple[int, Callable[[float], ArrayLike]]] = []
+        self._floors: list[Floor] = []
         if times is None or not scheme.inertia:
             return
         gravity = strongest_gravity(scene, times)
         self._weight = float(np.hypot(*gravity))
-        floors = scene.normals.T @ gravity < -SLOPE * self._weight
-        self._walls = [
-            (i, v) for i, v in enumerate(wall.velocity for wall in scene.walls) if floors[i] and callable(v)
-        ]
+        if self._weight > 0.0:
+            self._floors = [*_walls(scene, gravity), *_rigid_bodies(scene, gravity)]
 
     def warning(self, state: State) -> str:
         """What to warn of at a state, once in a run; empty for nothing."""
@@ -65,15 +74,39 @@ class ShakingWatch:
         self._before = dt
         short, middle = SHORT * dt, state.t - 0.5 * dt
         share = 0.5 * abs(before / dt - 1.0) if before else 0.0
-        for i, f in self._walls:
-            if share == 0.0 or not state.wall_force[i].any():
+        for floor in self._floors:
+            if share == 0.0 or not floor.carries(state):
                 continue
-            acceleration = float(np.hypot(*np.subtract(f(middle + short), f(middle - short)))) / (2.0 * short)
+            change = np.subtract(floor.velocity(middle + short), floor.velocity(middle - short))
+            acceleration = float(np.hypot(*change[:2])) / (2.0 * short)
             if share * acceleration > MAX_JOLT * self._weight:
-                self._walls, off = [], share * acceleration / self._weight
+                self._floors, off = [], share * acceleration / self._weight
                 return (
-                    f"wall {i}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen step,"
-                    f" {dt / before:.2g} times as long as the one before: forces on what it carries are off by"
-                    f" {off:.2g} of its weight, so that it may lift off or slip; give dt"
+                    f"{floor.name}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen"
+                    f" step, {dt / before:.2g} times as long as the one before: forces on what it carries are off"
+                    f" by {off:.2g} of its weight, so that it may lift off or slip; give dt"
                 )
         return ""
+
+
+def _walls(scene: Scene, gravity: NDArray[np.float64]) -> Iterator[Floor]:
+    """Walls below bodies whose velocity is a function of time."""
+    below = scene.normals.T @ gravity < -SLOPE * np.hypot(*gravity)
+    for i, wall in enumerate(scene.walls):
+        if below[i] and callable(wall.velocity):
+            yield Floor(f"wall {i}", wall.velocity, partial(_wall_carries, i))
+
+
+def _wall_carries(i: int, state: State) -> bool:
+    return bool(state.wall_force[i].any())
+
+
+def _rigid_bodies(scene: Scene, gravity: NDArray[np.float64]) -> Iterator[Floor]:
+    """Rigid bodies whose motion is a function of time; what rests on one presses it along gravity."""
+    for b, body in enumerate(scene.bodies):
+        if callable(body.motion):
+            yield Floor(f"body {b}", body.motion, partial(_body_carries, b, gravity))
+
+
+def _body_carries(b: int, gravity: NDArray[np.float64], state: State) -> bool:
+    return bool(state.body_force[:, b] @ gravity > 0.0)

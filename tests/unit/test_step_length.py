@@ -236,7 +236,8 @@ def test_a_load_elsewhere_does_not_hide_impacts_under_ramped_gravity():
     assert beside == pytest.approx(alone, rel=0.05)
 
 
-def test_a_floor_that_shakes_is_warned_of_where_chosen_steps_change(caplog):
+@pytest.mark.parametrize("rigid", [False, True], ids=["a wall", "a rigid body"])
+def test_a_floor_that_shakes_is_warned_of_where_chosen_steps_change(caplog, rigid):
     """A block on a floor that shakes at 0.8 of gravity lifts off twice in ten periods, which a dt prevents."""
     omega, side = 2.0 * np.pi * 50.0, 0.02
     block = Body(box((0, 0), (side, side), spacing=side / 8), NeoHookean(1e6, 0.3, 1000.0))
@@ -245,14 +246,21 @@ def test_a_floor_that_shakes_is_warned_of_where_chosen_steps_change(caplog):
         return (0.0, 0.8 * 9.81 / omega * (1.0 - np.cos(omega * t)))
 
     def pressing(**options):
-        scene = Scene([block], cell=side / 5, walls=[Wall((0, 0), (0, 1), velocity=floor)], gravity=(0, -9.81))
+        plate = Body(
+            box((-side, -side), (3 * side, side), spacing=side / 8), Rigid(1e3), motion=lambda t: (*floor(t), 0)
+        )
+        walls = [] if rigid else [Wall((0, 0), (0, 1), velocity=floor)]
+        scene = Scene([block, plate] if rigid else [block], cell=side / 5, walls=walls, gravity=(0, -9.81))
+        weight = 9.81 * scene.masses[scene.owner == 0].sum()
         caplog.clear()
-        return [
-            -s.wall_force[0, 1] / (scene.mass * 9.81) for s in simulate(scene, until=0.04, **options)
-        ], caplog.text
+        return [s.body_force[1, 0] / weight for s in simulate(scene, until=0.04, **options)], caplog.text
 
     chosen, text = pressing()
-    assert "wall 0: at t = " in text and "give dt" in text and text.count("lift off") == 1
+    assert (
+        ("body 1: at t = " if rigid else "wall 0: at t = ") in text
+        and "give dt" in text
+        and text.count("lift off") == 1
+    )
     fixed, text = pressing(dt=0.02 / 14)
     assert "lift off" not in text
     exact = 1.0 + 0.8 * np.sin(np.pi / 14.0 * np.arange(1, 56, 2))
