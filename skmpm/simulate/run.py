@@ -87,7 +87,7 @@ def simulate(
         scene: if numbers of points, walls, supports or grid nodes, the body or mass of a point, rigid bodies, or the
         normal or order of walls differ, or (unless `scheme.anchor` is finite) the positions of points at t = 0
     ValueError
-        if dt is not positive, until is negative or before the time of `start`, or scheme is not a Scheme
+        if dt is not positive, until is negative, not finite or before the time of `start`, or scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
         if the directory of the checkpoint does not exist, or the checkpoint is a directory
     """

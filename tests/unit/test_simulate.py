@@ -87,7 +87,7 @@ def test_a_time_step_that_is_none_is_refused(dt):
             list(simulate(scene, dt=dt, until=1.0))
 
 
-@pytest.mark.parametrize("until", [np.nan, None, -1.0])
+@pytest.mark.parametrize("until", [np.nan, None, -1.0, np.inf])
 def test_an_end_that_is_none_is_refused(until):
     with pytest.raises(ValueError, match=r"simulate: until = "):
         list(simulate(free(), dt=1e-5, until=until))
