@@ -156,6 +156,9 @@ def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Line
     elif above(nu, MULTIGRID) and metrics.solver == "amg":
         yield f"body {b}: nu = {nu:g}; {MULTIGRID.where}; use linear.banded"
     yield from _confined(scene, metrics)
+    least, b = min((poisson_ratio(m), b) for b, body in enumerate(scene.bodies) for m in body.materials)
+    if least < 0.0:
+        yield f"body {b}: nu = {least:.3g} is negative, as that of hardly any material is; check its bulk modulus"
 
 
 def _confined(scene: Scene, metrics: SceneMetrics) -> Lines:

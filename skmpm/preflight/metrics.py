@@ -11,7 +11,7 @@ from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.contact import acts_at_grid_nodes, check_outlines
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.material import is_linear
+from skmpm.material import is_linear, poisson_ratio, youngs_modulus
 from skmpm.outline import chord_sagitta, slit_width
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Scene, check_walls_at_start
@@ -66,6 +66,8 @@ class SceneMetrics:
     friction: float  # largest coefficient
     frictions: str  # the ranges of coefficients, as text
     cohesion: float  # the largest [Pa]
+    young: Array  # (materials,) small-strain moduli of the deformable bodies [Pa]
+    poisson: Array  # (materials,) Poisson's ratios
     linear: bool  # whether a step without contact is one linear solve
     inertia: bool
     theta: float
@@ -141,6 +143,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         frictions=str(scene.frictions),
         friction=scene.frictions.largest if touches else 0.0,
         cohesion=float(max([scene.cohesion, *(wall.cohesion for wall in scene.walls)])) if touches else 0.0,
+        young=np.array([youngs_modulus(material) for material in scene.materials]),
+        poisson=np.array([poisson_ratio(material) for material in scene.materials]),
         linear=all(is_linear(material) for material in scene.materials),
         inertia=scheme.inertia,
         theta=scheme.theta,

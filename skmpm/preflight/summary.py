@@ -62,6 +62,7 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
     each = f"{least}" if least == most else f"{least} to {most}"
     around = ", ".join(f"{name} {number}" for name, number in metrics.around.items())
     law = "linear, one solve" if metrics.linear else "nonlinear, Newton"
+    balance = f"theta = {metrics.theta:g}" if metrics.inertia else "quasi-static"
     return {
         "bodies": f"{metrics.points.size}, rigid {metrics.rigid}{_free(metrics)}; {around}",
         "points": f"{metrics.points.sum()}, {each} a body, {fewest:.3g} or more per filled cell",
@@ -70,11 +71,19 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
         "dt c/h": f"{metrics.courant:.3g}, c = {metrics.wave:.4g} m/s" if metrics.inertia else "none without inertia",
         "driven": f"{metrics.lid_name}, {metrics.lid:.3g} h a step" if metrics.lid else metrics.lid_name or "nothing",
         "motion": _motion(metrics),
-        "bulk": f"{law}; {f'theta = {metrics.theta:g}' if metrics.inertia else 'quasi-static'}",
+        "bulk": f"{_materials(metrics)}; {law}; {balance}",
         "contact": _contact(metrics),
         "solver": f"{metrics.solver}, half bandwidth {metrics.half_bandwidth}",
         "memory": f"about {_bytes(metrics.memory)} besides the program",
     }
+
+
+def _materials(metrics: SceneMetrics) -> str:
+    """Small-strain moduli, whose units are a common mistake."""
+    low, high = metrics.young.min(), metrics.young.max()
+    young = f"E = {low:.4g} Pa" if low == high else f"E = {low:.4g} to {high:.4g} Pa"
+    low, high = metrics.poisson.min(), metrics.poisson.max()
+    return f"{young}, nu = {low:.5g}" if low == high else f"{young}, nu = {low:.5g} to {high:.5g}"
 
 
 def _free(metrics: SceneMetrics) -> str:

@@ -169,7 +169,8 @@ def _check_wall(name: str, wall: Wall) -> None:
     normal = vector(f"{name}: normal", wall.normal)
     length = float(np.linalg.norm(normal))
     if abs(length - 1.0) > 1e-9:
-        raise SceneError(f"{name}: normal = {normal} has length {length:.6g}; divide it by its length")
+        remedy = "divide it by its length" if length > 0.0 else "give the direction towards the bodies, of length 1"
+        raise SceneError(f"{name}: normal = {normal} has length {length:.6g}; {remedy}")
     motion(wall.velocity, 0.0, f"{name}: velocity")
     if wall.driven:
         _check_driven(name, wall)

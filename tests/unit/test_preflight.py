@@ -15,6 +15,7 @@ from skmpm import (
     Body,
     LinearElastic,
     Load,
+    MooneyRivlin,
     NeoHookean,
     Points,
     Rigid,
@@ -156,13 +157,14 @@ def test_units_do_not_matter(scale):
         return Scene(bodies, cell=s * H, walls=walls)
 
     found, expected = (examine(scaled(s), 5e-6, Scheme()) for s in (scale, 1.0))
-    for name in {field.name for field in fields(found)} - {"cell", "wave"}:
+    for name in {field.name for field in fields(found)} - {"cell", "wave", "young"}:
         value = getattr(expected, name)
         number = isinstance(value, float | np.ndarray)
         assert getattr(found, name) == (pytest.approx(value) if number else value), name
     assert (found.cell, found.wave) == pytest.approx((scale * H, scale * WAVE))
+    assert found.young == pytest.approx(scale**2 * expected.young)
     texts = [preflight(scaled(s), 5e-6) for s in (scale, 1.0)]
-    plain = [re.sub(r"[-+.e\d]+ (m|m/s)\b", "length", text) for text in texts]
+    plain = [re.sub(r"[-+.e\d]+ (m|m/s|Pa)\b", "length", text) for text in texts]
     assert plain[0] == plain[1]
     assert len(lines(texts[0])) == 3  # lid, motion, friction
 
@@ -529,6 +531,19 @@ def test_every_warning_names_a_section_that_explains_it():
     assert set(limits.CHECKS) == {title.lower().replace(" ", "-") for title in re.findall(r"(?m)^## (.+)$", page)}
     text = preflight(Scene([round_body(spin=0.2 / DT, material=STIFF)], cell=H), DT).splitlines()
     assert text[-2].endswith("use NeoHookean [small-strain]") and text[-1] == f"about [...]: sections of {PAGE}"
+
+
+def test_moduli_are_shown_and_a_negative_poisson_ratio_is_warned_of():
+    """A bulk modulus in kPa instead of Pa, beside constants in Pa."""
+
+    def lines(bulk):
+        body = Body(disc((0.0, R), R, spacing=0.1 * R), MooneyRivlin(c10=0.8e6, c01=0.2e6, bulk=bulk, density=1100.0))
+        return preflight(Scene([body], cell=0.2 * R, walls=[Wall((0, 0), (0, 1))]), 1e-6).splitlines()
+
+    right, wrong = lines(1e8), lines(1e5)
+    assert any(re.match(r"bulk +E = 5\.9\d+e\+06 Pa, nu = 0\.490", line) for line in right)
+    assert not any("negative" in line for line in right)
+    assert sum("body 0: nu = -0.8" in line and "negative" in line and "bulk modulus" in line for line in wrong) == 1
 
 
 def on_a_slope(young, degrees, spacing=0.1 * 0.625):
