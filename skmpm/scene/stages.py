@@ -69,10 +69,10 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
 def at_rest(scene: Scene, state: State) -> State:
     """The state of a scene with all that forces move at rest; what is prescribed moves as prescribed.
 
-    Deformations, positions, contacts and their forces stay; velocities of bodies and of driven walls are zero, but
-    for points that supports move, and rates of a periodic box that a stress determines. Bodies move with a box whose
-    rate is prescribed. So velocities of a quasi-static step, displacements over its length, do not become those of
-    bodies with inertia.
+    Deformations, positions, contacts and their forces stay. Velocities of bodies and of driven walls are set to zero,
+    and so are the rates of a periodic box that a stress determines; points that supports hold keep the prescribed
+    velocity, and bodies move with a box whose rate is prescribed. So velocities of a quasi-static step, which are
+    displacements over its length, do not become those of bodies with inertia.
 
     Raises
     ------

@@ -58,9 +58,7 @@ def test_places_have_the_centroid_of_the_material_in_every_cell(seed, spacing):
     places = fitted_places(grid, weight, wanted)
     total = np.bincount(grid.cell_of_point, weight, grid.cells)
     mean = np.stack([np.bincount(grid.cell_of_point, weight * xi, grid.cells) for xi in places]) / total
-    kept = (
-        total > 2.0 * grid.cell**2 * wanted[0]
-    )  # slivers, whose points keep a part of their volume
+    kept = total > 2.0 * grid.cell**2 * wanted[0]  # slivers, whose points keep a part of their volume
     assert np.abs(mean - wanted[1:] / wanted[0])[:, ~kept].max() < 1e-9
     assert kept.sum() < 0.1 * grid.cells
     assert np.array_equal(places[:, kept[grid.cell_of_point]], grid.local[:, kept[grid.cell_of_point]])
