@@ -754,3 +754,29 @@ def test_a_thrown_lid_limits_steps_by_its_present_speed():
     scene = Scene([Body(disc((0.0, 1.0), 1.0, spacing=0.25), gel)], cell=0.4, walls=[floor, lid])
     *_, last = simulate(scene, until=0.6)
     assert last.report.dt > 3.0 * 0.14 * scene.cell / 5.0
+
+
+def lids(speed):
+    """A disc under a lid of that velocity, below a rigid slab with it, and with its top moved by a support."""
+    floor, lid = Wall((0, 0), (0, 1)), Wall((0, 2 * R), (0, -1), velocity=lambda t: (0.0, speed(t)))
+    yield "wall 1", Scene([ball()], cell=CELL, walls=[floor, lid])
+    slab = Body(box((-R, 2 * R), (2 * R, R), spacing=R / 5), Rigid(1e3), motion=lambda t: (0.0, speed(t), 0.0))
+    yield "body 1", Scene([ball(), slab], cell=CELL, walls=[floor])
+    held = Support(lambda x: x[1] > 1.9 * R, velocity=lambda t: (None, speed(t)))
+    yield "support 0", Scene([ball()], cell=CELL, walls=[floor], supports=[held])
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_a_stroke_that_a_given_dt_cuts_is_warned_of_once(which, caplog):
+    """A lid that stops within a step, half a step too early; not where steps end there, nor where it swings."""
+    name, scene = list(lids(lambda t: -0.1 * R if t < 1.0 else 0.0))[which]
+    list(simulate(scene, dt=0.4, until=2.0, scheme=Scheme(inertia=False)))
+    found = [record.message for record in caplog.records if "integral of its velocity" in record.message]
+    assert len(found) == 1
+    assert found[0].startswith(f"{name}: at t = 1.2 s it has moved by (0, -8e-05) m, while the integral")
+    assert "is (0, -0.0001) m" in found[0]
+    caplog.clear()
+    list(simulate(scene, dt=0.25, until=2.0, scheme=Scheme(inertia=False)))
+    _, scene = list(lids(lambda t: -0.1 * R * np.sin(np.pi * t)))[which]
+    list(simulate(scene, dt=0.1, until=1.0, scheme=Scheme(inertia=False)))
+    assert "integral of its velocity" not in caplog.text
