@@ -1,7 +1,7 @@
 """Compiled assembly of the weak forms: equal to `forms` on `BodyGrids.basis`, in one loop over the points.
 
 The stiffness is summed in a block-sparse matrix, whose pattern is fixed while the body grids stay anchored. Shape
-functions and their gradients at the points are scikit-fem's.
+functions at the points, and their gradients where strains are taken, are scikit-fem's.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The weak forms as scikit-fem forms: the definitions of all matrices and vectors of the bulk.
 
-They are assembled on `BodyGrids.basis`, whose quadrature points are the material points. All gradients are with
-respect to the anchor configuration; `P` is the first Piola-Kirchhoff stress per anchor volume and `C` its tangent.
+They are assembled on `BodyGrids.basis`, whose quadrature points are the places of the points' strains. Gradients are
+with respect to the anchor configuration; `P` is the first Piola-Kirchhoff stress per anchor volume, `C` its tangent.
 Time steps use the compiled assembly of `assembly`, which equals these forms.
 """
 

@@ -49,8 +49,9 @@ def fitted_places(grid: BodyGrids, weight: Array, moments: Array) -> Array:
 
     `weight` (n,) are those of the points [m2], `moments` (3, cells) [cell areas] as in `fitted_weights`. Gradients of
     bilinear shape functions and det F are linear in a cell, so that a uniform stress is in equilibrium and volumes of
-    cells are exact on any cloud, for any position of the grid: a single row of points stands for the middle of its
-    cell, not for where it happens to lie. Points stay where the lower bound of weights has doubled the area.
+    cells are exact on any cloud, but for the bounds of weights, and for any position of the grid: a single row of
+    points stands for the middle of its cell, not for where it happens to lie. Points stay where the lower bound of
+    weights has doubled the area.
     """
     of, cells = grid.cell_of_point, grid.cells
     total = np.bincount(of, weight, cells)

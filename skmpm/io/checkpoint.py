@@ -31,7 +31,7 @@ AnyArray = NDArray[Any]
 
 FORMAT = "skmpm checkpoint"
 PARTIAL = ".skmpm-"  # begin of the names of files that are being written
-SCHEMA = 7  # increased when earlier files can no longer be read
+SCHEMA = 8  # increased when earlier files can no longer be read
 LEFT_OUT = frozenset({"derived"})  # fields that follow from others
 ARRAY = "@array"  # marks an array in the tree; no field is named so
 

@@ -38,10 +38,9 @@ def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, 
     if not regridding and _still_valid(scene, state, scheme):
         return state, False
     if regridding:
-        relative = product(state.F, inverse(state.F_anchor))
         state = replace(
             state,
-            C=product(state.C, inverse(relative)),
+            C=product(state.C, inverse(_deformation_since_anchor(scene, state, scheme))),
             x_anchor=state.x,
             F_anchor=state.F,
             stress_anchor=state.stress,
@@ -57,6 +56,15 @@ def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, 
             f" {nodes}; continue with the scene that the state was made from"
         )
     return replace(state, displacement=displacement, derived=derived), regridding
+
+
+def _deformation_since_anchor(scene: Scene, state: State, scheme: Scheme) -> Array:
+    """Deformation gradients at the points, where their velocity gradients are, relative to the anchor, (2, 2, n)."""
+    relative = np.broadcast_to(np.eye(2)[:, :, None], state.F.shape).copy()
+    if state.displacement.size:
+        kept = state.derived or _derived(scene, state, scheme)  # of a state from a file
+        relative[..., scene.deformable_points] += kept.assembly.grid.gradient_at_points(state.displacement)
+    return relative
 
 
 def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
