@@ -158,7 +158,7 @@ def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Line
     yield from _confined(scene, metrics)
     least, b = min((poisson_ratio(m), b) for b, body in enumerate(scene.bodies) for m in body.materials)
     if least < 0.0:
-        yield f"body {b}: nu = {least:.3g} is negative, as that of hardly any material is; check its bulk modulus"
+        yield f"body {b}: nu = {least:.3g} is negative, which is rare; check its moduli, or `bulk` of a rubber"
 
 
 def _confined(scene: Scene, metrics: SceneMetrics) -> Lines:

@@ -170,4 +170,4 @@ def _floating_point_failure(state: State, error: ArithmeticError) -> str:
 def check_time(name: str, value: object, lowest: float, expected: str) -> None:
     """Raise ValueError unless a value is a finite number of at least `lowest` [s]."""
     if not (isinstance(value, Real) and lowest <= float(value) < np.inf):
-        raise ValueError(f"{name} = {value!r}; give {expected} in seconds")
+        raise ValueError(f"{name} = {value!r}; give {expected}, finite and in seconds")

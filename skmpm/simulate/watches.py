@@ -9,9 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skmpm.scene import Scene, State
-from skmpm.scheme import Scheme
+from skmpm.material import youngs_modulus
+from skmpm.scene import Scene, State, Wall
+from skmpm.scheme import Scheme, averages_dilatation
 from skmpm.simulate.loading import SLOPE, strongest_gravity
+
+# Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
+# their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
+MAX_PRESSURE = 1.0
 
 # Of frozen contact normals, `Report.frozen_angle` [rad]: forces may be off by so much, a third of what contacts of
 # R/h = 5 are (docs/limits.md).
@@ -26,6 +31,38 @@ SHORT = 1e-2  # of a step: half of the interval over which velocities are differ
 # its path. Of a seal under a lid that stops 1 to 6 % of the diameter too early or late, the force is 8 to 43 % off.
 MAX_STRAY, STRAY_SHARE = 0.05, 0.01
 SHARES = (np.arange(8) + 0.5) / 8.0  # of a step: where velocities are looked at for their integral
+
+
+class PressureWatch:
+    """Finds the first body under such a pressure in a run, where volumes of cells are those at the points.
+
+    With moment fitting they are exact (`moment_fitting.fitted_places`), and nothing is looked at, nor are bodies
+    without mean dilatation.
+    """
+
+    def __init__(self, scene: Scene, scheme: Scheme) -> None:
+        moduli = np.full(len(scene.bodies), np.inf)
+        for b, body in enumerate(scene.bodies):
+            fitted = scheme.moment_fitting and scene.outlined[b]
+            if not fitted and any(averages_dilatation(scheme, material) for material in body.materials):
+                moduli[b] = min(map(youngs_modulus, body.materials))
+        self._moduli: NDArray[np.float64] | None = moduli if np.isfinite(moduli).any() else None
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state, once in a run; empty for nothing."""
+        if self._moduli is None:
+            return ""
+        trace = np.bincount(state.body, state.volume * (state.stress[0, 0] + state.stress[1, 1]))
+        pressure = -0.5 * trace / np.bincount(state.body, state.volume) / self._moduli
+        b = int(np.argmax(pressure))
+        if pressure[b] <= MAX_PRESSURE:
+            return ""
+        self._moduli = None
+        return (
+            f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
+            " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
+            " small: press less, or give the body an outline and use Scheme(moment_fitting=True)"
+        )
 
 
 class NormalsWatch:
@@ -53,9 +90,10 @@ class StrokeWatch:
     Steps take velocities at their middles.
     """
 
-    def __init__(self, scene: Scene, *, wanted: bool) -> None:
+    def __init__(self, scene: Scene, t: float, *, wanted: bool) -> None:
+        self._t = t  # at the end of the step before [s]
         named: list[tuple[str, Any]] = [
-            *((f"wall {i}", wall.velocity) for i, wall in enumerate(scene.walls) if not wall.driven),
+            *((f"wall {i}", _given(wall)) for i, wall in enumerate(scene.walls)),
             *((f"body {b}", body.motion) for b, body in enumerate(scene.bodies)),
             *((f"support {i}", held.velocity) for i, held in enumerate(scene.supports) if held.displacement is None),
         ]
@@ -65,11 +103,12 @@ class StrokeWatch:
 
     def warning(self, state: State) -> str:
         """What to warn of at a state, once in a run; empty for nothing."""
-        dt = state.report.dt
+        dt, began = state.report.dt, self._t
+        self._t = state.t
         for k, (name, f) in enumerate(self._moving):
             moved, path, length = self._paths[:, :, k]
-            each = np.nan_to_num(np.array([f(state.t - share * dt) for share in SHARES], dtype=float)[:, :2])
-            moved += dt * np.nan_to_num(np.asarray(f(state.t - 0.5 * dt), dtype=float)[:2])
+            each = np.nan_to_num(np.array([f(began + share * dt) for share in SHARES], dtype=float)[:, :2])
+            moved += dt * np.nan_to_num(np.asarray(f(began + 0.5 * dt), dtype=float)[:2])
             path += dt * each.mean(axis=0)
             length += dt * np.abs(each).mean(axis=0)
             off = np.abs(moved - path)
@@ -81,6 +120,16 @@ class StrokeWatch:
                     " middles; give a dt that ends steps where the velocity jumps, or none"
                 )
         return ""
+
+
+def _given(wall: Wall) -> Any:
+    """The velocity of a wall as far as it is given: along it, if a force drives it."""
+    velocity = wall.velocity
+    if not (wall.driven and callable(velocity)):
+        return velocity
+    x, y = np.asarray(wall.normal, dtype=float)
+    along = np.array([-y, x])
+    return lambda t: along * (along @ np.asarray(velocity(t), dtype=float))
 
 
 class Floor(NamedTuple):
