@@ -17,7 +17,7 @@ from skmpm.preflight.limit import Limit, above, below, rounded_down
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.periodic import periodic_warnings
 from skmpm.preflight.rolling import rolling_warnings
-from skmpm.scene import Scene
+from skmpm.scene import Pressure, Scene
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme
 from skmpm.simulate.initial_state import initial_motion
 from skmpm.simulate.rigid_edges import MIN_EDGE_RADIUS, facing_edges
@@ -26,7 +26,9 @@ from skmpm.simulate.step_length import MAX_APPROACH, STROKE
 # In the order of the checks; beside each limit, its test or page of docs/.
 RESOLUTION = Limit(3.2, "piles and packings were verified from 3.2 on, Hertz's force from 5 on")  # test_pile
 SMALLEST = Limit(1.0, "bodies were verified from R/h = 2 on")  # test_corners, unlike discs
-THIN = Limit(4.0, "strips of 1, 2, 4, 8 cells bend by up to 36, 13.8, 2.2, 0.8 % too little")  # test_thin_parts
+THIN = Limit(
+    4.0, "along the grid strips of 1, 2, 4, 8 cells bend by up to 36, 13.8, 2.2, 0.8 % too little"
+)  # test_thin_parts
 SLIT = Limit(2.0, "slits of 0.5, 1, 1.5, 2, 3 cells open by up to 91, 90, 86, 8, 8 % too little")  # test_slits
 FEWEST = Limit(1.8, "verified from 1.8 on; with 1.3 a uniform stress was too small by up to 66 %")  # test_sampling
 # Of 1,500 discs and boxes with points 0.74 h apart six are beyond; with 0.66 h 0.009 is the most.
@@ -42,9 +44,10 @@ LOCKING = Limit(
 FLOW = "plastic flow locks: a notched bar had no limit load, but forces 21 % above it and more"  # test_plastic_flow
 POISSON = Limit(0.49999, "mean dilatation was verified up to 0.49999")  # test_locking
 CONFINED = Limit(
-    0.49, "squeezed into 0.98 of its area, a disc with points 0.74 h apart is 1 % too soft at 0.49, 11 % at 0.499"
-)  # test_confined
+    0.48, "squeezed into 0.98 of its area, a disc with points 0.74 h apart is 1 % too soft at 0.49, 11 % at 0.499"
+)  # test_confined; a block with points 0.8 h apart is a third too soft at 0.49 where it is confined
 CONFINED_POINTS = 3.5  # per cell; half a cell apart they are four, less a tenth at the boundary
+EXPLICIT_DENSITIES = 3.0  # of the parts of one body; at 10 the errors below are seen
 MULTIGRID = Limit(0.499, "amg takes 130 iterations at 0.499, 430 at 0.49999")  # test_locking
 FRICTION = Limit(2.0, "the contact solver was verified up to 2")  # test_contact_solver
 STIFFNESS = Limit(100.0, "collisions and squeezed discs were verified up to 100")  # tests/extremes/test_parameters
@@ -165,7 +168,8 @@ def _confined(scene: Scene, metrics: SceneMetrics) -> Lines:
     """The body of the largest Poisson's ratio among those with few points."""
     sparse = metrics.own[metrics.points_per_cell < CONFINED_POINTS].tolist()
     nu, b = max(((poisson_ratio(m), b) for b in sparse for m in scene.bodies[b].materials), default=(0.0, 0))
-    if metrics.touches and above(nu, CONFINED):
+    pressed = any(isinstance(load, Pressure) for load in scene.loads)
+    if (metrics.touches or pressed) and above(nu, CONFINED):
         few = f"nu = {_text(nu, CONFINED)} with fewer than {CONFINED_POINTS:g} points per cell"
         yield f"body {b}: {few}; {CONFINED.where}; use a spacing of {rounded_down(0.5 * metrics.cell)} m or less"
 
@@ -223,6 +227,12 @@ def _name(scene: Scene, b: int) -> str:
 
 
 def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
+    if scheme.theta < 1.0 and np.isfinite(scheme.anchor):
+        verified = "regridding adds energy to bodies that vibrate: 3 to 17 % in 240 steps, sixfold at nu = 0.49"
+        chosen = f"theta = {scheme.theta:g} with anchor = {scheme.anchor:g}"
+        yield f"scheme: {chosen}; {verified}; use anchor = inf or theta = 1"
+    if scheme.explicit:
+        yield from _unequal_densities(scene)
     if not metrics.touches:
         return
     pressed = callable(scene.gravity) or np.any(scene.gravity) or scene.loads or scene.springs
@@ -240,6 +250,17 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
     if slides and not scheme.inertia:
         verified = "a frictionless body at finite strain may have neutral motions, and Newton converges slowly"
         yield f"scheme: inertia = False; {verified}; use friction, a Support or inertia"
+
+
+def _unequal_densities(scene: Scene) -> Lines:
+    """Nodes of light parts are too light beside the heaviest one of their body (`skmpm.explicit_mass`)."""
+    for b, body in enumerate(scene.bodies):
+        densities = [material.density for material in body.materials]
+        if densities and max(densities) > EXPLICIT_DENSITIES * min(densities):
+            ratio = f"densities of its parts differ by {max(densities) / min(densities):.3g} times"
+            verified = "in explicit steps periods of bars are 1.5 % off at 10, and runs end at 30, whatever dt"
+            yield f"body {b}: {ratio}; {verified}; use implicit steps"
+            return
 
 
 def _edges(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:

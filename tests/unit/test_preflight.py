@@ -258,7 +258,7 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
                 lambda v: pair(gel(nu=0.3), gel(nu=v)), None, {"mean_dilatation": False}),
     "nu": (limits.POISSON, r"body 1: nu = 0.49999", lambda v: dense(nu=min(v, 0.499995)), None, {}),
     "nu by amg": (limits.MULTIGRID, r"body 1: nu = 0.49", lambda v: dense(nu=v), None, {"linear": linear.amg}),
-    "confined": (limits.CONFINED, r"body 1: nu = 0\.49\d+ with fewer than 3.5 points per cell;",
+    "confined": (limits.CONFINED, r"body 1: nu = 0\.48\d+ with fewer than 3.5 points per cell;",
                  lambda v: pair(second=gel(nu=v)), None, {}),
     "friction": (limits.FRICTION, r"bodies 0 and 1: friction = 2", lambda v: pair(friction=v), None, {}),
     "friction of a wall": (limits.FRICTION, r"body 0 and wall 1: friction = 2", lambda v: pair(
@@ -544,6 +544,26 @@ def test_moduli_are_shown_and_a_negative_poisson_ratio_is_warned_of():
     assert any(re.match(r"bulk +E = 5\.9\d+e\+06 Pa, nu = 0\.490", line) for line in right)
     assert not any("negative" in line for line in right)
     assert sum("body 0: nu = -0.8" in line and "negative" in line and "`bulk`" in line for line in wrong) == 1
+
+
+@pytest.mark.parametrize(
+    ("scheme", "text"),
+    [
+        ({"theta": 0.5, "anchor": 0.1}, "theta = 0.5 with anchor = 0.1; regridding adds energy"),
+        ({"explicit": True}, "body 0: densities of its parts differ by 30 times"),
+    ],
+)
+def test_parts_of_the_scheme_that_do_not_suit_the_bodies(scheme, text):
+    """Also where nothing can touch; neither is said of bodies and schemes that suit each other."""
+    points = disc((0.0, R), R, spacing=0.1 * R)
+    groups = points.with_groups(lambda x: np.where(x[0] < 0.0, "left", "right"))
+    dense = replace(gel(), density=30.0 * gel().density)
+    composite = Scene([Body(groups, {"left": gel(), "right": dense})], cell=0.2 * R)
+    plain = Scene([Body(points, gel())], cell=0.2 * R)
+    assert text in preflight(composite, 1e-7, scheme=Scheme(**scheme))
+    for scene, chosen in ((composite, Scheme()), (plain, Scheme(explicit=True)), (plain, Scheme(theta=0.5))):
+        said = preflight(scene, 1e-7, scheme=chosen)
+        assert "regridding adds energy" not in said and "densities of its parts" not in said
 
 
 def on_a_slope(young, degrees, spacing=0.1 * 0.625):
