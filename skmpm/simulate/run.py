@@ -38,7 +38,13 @@ from skmpm.simulate.step_control import (
     with_step,
 )
 from skmpm.simulate.step_length import Pace, pace_of
-from skmpm.simulate.watches import NormalsWatch, PressureWatch, ShakingWatch, StrokeWatch
+from skmpm.simulate.watches import (
+    NormalsWatch,
+    PressureWatch,
+    RegriddingWatch,
+    ShakingWatch,
+    StrokeWatch,
+)
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
 SLOW = 1e-3  # kinetic over elastic energy, below which a packing counts as quasi-static
@@ -155,7 +161,7 @@ def _run(
     times = None if pace is None else np.linspace(state.step_control.began, until, TIMES)
     shaking = ShakingWatch(scene, scheme, state.report.dt, times)
     stroke = StrokeWatch(scene, state.t, wanted=pace is None)
-    watches = PressureWatch(scene, scheme), NormalsWatch(), shaking, stroke
+    watches = PressureWatch(scene, scheme), NormalsWatch(), RegriddingWatch(), shaking, stroke
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * _usual_step(state):

@@ -397,6 +397,20 @@ def test_new_body_grids_add_no_energy_to_a_disc_that_vibrates(nu):
     assert energies[-1] < 0.95 * energies[0]
 
 
+@pytest.mark.parametrize(("nu", "anchor", "warned"), [(0.49, 0.1, 1), (0.3, 0.1, 0), (0.49, np.inf, 0)])
+def test_energy_that_new_body_grids_add_is_warned_of_once(nu, anchor, warned, caplog):
+    """A disc that spins and vibrates freely has half of its energy from regridding after 40 s, at nu = 0.49."""
+
+    def velocity(x):
+        return 0.01 * np.array([x[0] - 2.0 * x[1], 2.0 * x[0] - x[1]])
+
+    body = Body(disc((0.3, 0.1), 5.2, spacing=0.66), NeoHookean(1.0, nu, 1.0), velocity=velocity)
+    *_, state = simulate(Scene([body], cell=1.0), until=15.0, dt=0.5, scheme=Scheme(theta=0.5, anchor=anchor))
+    found = [message for message in caplog.messages if "new body grids have added energy" in message]
+    assert len(found) == warned
+    assert (state.report.energy.regridding > 0.05 * state.report.energy.largest) == bool(warned)
+
+
 def block_rows():
     """Energy of the block."""
     runs = (5, 0.3), (10, 0.3), (5, 0.15)
