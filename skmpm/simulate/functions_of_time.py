@@ -46,7 +46,7 @@ class FunctionsOfTime:
         """Those of a scene, and how large they are at some times of a run [s]."""
 
         def with_size(functions: Iterable[Any]) -> tuple[tuple[Function, Array], ...]:
-            return tuple((f, np.abs(_values(f, times)).max(axis=0)) for f in functions if callable(f))
+            return tuple((f, np.abs(values_at(f, times)).max(axis=0)) for f in functions if callable(f))
 
         displacements = [support.displacement for support in scene.supports]
         velocities = [f for f in prescribed_motions(scene) if not any(f is each for each in displacements)]
@@ -72,13 +72,13 @@ class FunctionsOfTime:
         part = np.linspace(0.0, 1.0, INTERVALS + 1)
         times = t + dt * part
         for f, size in self.loads:
-            values, (taken,) = _values(f, times), _values(f, np.array([t + self.theta * dt]))
+            values, (taken,) = values_at(f, times), values_at(f, np.array([t + self.theta * dt]))
             away = np.abs(values - taken)
             mean = (away.sum(axis=0) - 0.5 * (away[0] + away[-1])) / INTERVALS
             if _relative(mean, values, size) > MAX_ERROR:
                 return False
         for f, size in self.velocities + self.displacements:
-            values = _values(f, times)
+            values = values_at(f, times)
             line = values[0] + part[:, None] * (values[-1] - values[0])
             if _relative(values - line, values, size) > MAX_BEND:
                 return False
@@ -92,7 +92,7 @@ def _relative(error: Array, values: Array, size: Array) -> float:
     return float((np.abs(error) / np.where(largest > 0.0, largest, 1.0)).max())
 
 
-def _values(f: Function, times: Array) -> Array:
+def values_at(f: Function, times: Array) -> Array:
     """The values of a function at some times, (times, k); components that it leaves free are zero."""
     each = [np.array(f(float(t)), dtype=float).ravel() for t in times]
     return np.asarray(np.nan_to_num(np.array(each)), dtype=np.float64)

@@ -44,6 +44,8 @@ from skmpm.simulate.watches import (
     RegriddingWatch,
     ShakingWatch,
     StrokeWatch,
+    Watch,
+    first_warnings,
 )
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
@@ -161,7 +163,7 @@ def _run(
     times = None if pace is None else np.linspace(state.step_control.began, until, TIMES)
     shaking = ShakingWatch(scene, scheme, state.report.dt, times)
     stroke = StrokeWatch(scene, state.t, wanted=pace is None)
-    watches = PressureWatch(scene, scheme), NormalsWatch(), RegriddingWatch(), shaking, stroke
+    watches: list[Watch] = [PressureWatch(scene, scheme), NormalsWatch(), RegriddingWatch(), shaking, stroke]
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * _usual_step(state):
@@ -170,7 +172,7 @@ def _run(
                 else:
                     state, failures = advance_with_chosen_step(scene, state, until, scheme, pace)
                 retried = retried.after(state, failures)
-                for warning in filter(None, (watch.warning(state) for watch in watches)):
+                for warning in first_warnings(watches, state):
                     _log.warning("%s", warning)
                 if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:
                     save(checkpoint, state)

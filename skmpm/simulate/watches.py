@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from skmpm.material import youngs_modulus
 from skmpm.scene import Scene, State, Wall
 from skmpm.scheme import Scheme, averages_dilatation
+from skmpm.simulate.functions_of_time import values_at
 from skmpm.simulate.loading import SLOPE, strongest_gravity
 
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
@@ -34,7 +35,24 @@ SHORT = 1e-2  # of a step: half of the interval over which velocities are differ
 # How far a wall may be from where the integral of its velocity leads: in cells, what contacts may overlap, and over
 # its path. Of a seal under a lid that stops 1 to 6 % of the diameter too early or late, the force is 8 to 43 % off.
 MAX_STRAY, STRAY_SHARE = 0.05, 0.01
-SHARES = (np.arange(8) + 0.5) / 8.0  # of a step: where velocities are looked at for their integral
+# Of a step: where velocities are looked at for their integral.
+SHARES = np.linspace(0.0625, 0.9375, 8)
+
+
+class Watch(Protocol):
+    """What is asked at every state of a run, until it warns."""
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state; empty for nothing."""
+        ...
+
+
+def first_warnings(watches: list[Watch], state: State) -> Iterator[str]:
+    """The warnings at a state of watches, which are then removed from the list: each warns once in a run."""
+    for watch in tuple(watches):
+        if text := watch.warning(state):
+            watches.remove(watch)
+            yield text
 
 
 class PressureWatch:
@@ -50,18 +68,18 @@ class PressureWatch:
             fitted = scheme.moment_fitting and scene.outlined[b]
             if not fitted and any(averages_dilatation(scheme, material) for material in body.materials):
                 moduli[b] = min(map(youngs_modulus, body.materials))
-        self._moduli: NDArray[np.float64] | None = moduli if np.isfinite(moduli).any() else None
+        self._moduli = moduli
+        self._none = not np.isfinite(moduli).any()
 
     def warning(self, state: State) -> str:
-        """What to warn of at a state, once in a run; empty for nothing."""
-        if self._moduli is None:
+        """What to warn of at a state; empty for nothing."""
+        if self._none:
             return ""
         trace = np.bincount(state.body, state.volume * (state.stress[0, 0] + state.stress[1, 1]))
         pressure = -0.5 * trace / np.bincount(state.body, state.volume) / self._moduli
         b = int(np.argmax(pressure))
         if pressure[b] <= MAX_PRESSURE:
             return ""
-        self._moduli = None
         return (
             f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
             " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
@@ -72,15 +90,11 @@ class PressureWatch:
 class NormalsWatch:
     """Finds the first step of a run in which contact normals are far from those at its end."""
 
-    def __init__(self) -> None:
-        self._warned = False
-
     def warning(self, state: State) -> str:
-        """What to warn of at a state, once in a run; empty for nothing."""
+        """What to warn of at a state; empty for nothing."""
         angle = state.report.frozen_angle
-        if self._warned or angle <= MAX_ANGLE:
+        if angle <= MAX_ANGLE:
             return ""
-        self._warned = True
         return (
             f"the step to t = {state.t:.6g} s: no equilibrium was found but with contact normals that are off by"
             f" {angle:.2g} rad on average (report.frozen_angle), and forces may be off by as much: shorter steps, or"
@@ -91,16 +105,12 @@ class NormalsWatch:
 class RegriddingWatch:
     """Finds the first step of a run in which new body grids have added energy, which no check of steps counts."""
 
-    def __init__(self) -> None:
-        self._warned = False
-
     def warning(self, state: State) -> str:
-        """What to warn of at a state, once in a run; empty for nothing."""
+        """What to warn of at a state; empty for nothing."""
         energy = state.report.energy
         share = energy.regridding / max(energy.largest, 1e-300)
-        if self._warned or share <= MAX_REGRIDDING:
+        if share <= MAX_REGRIDDING:
             return ""
-        self._warned = True
         return (
             f"until t = {state.t:.6g} s new body grids have added energy (Energy.regridding), {share:.2g} of the"
             " largest that bodies had: use anchor = inf, or more points in a cell"
@@ -125,18 +135,17 @@ class StrokeWatch:
         self._paths = np.zeros((3, 2, len(self._moving)))  # moved, integral, integral of the magnitude [m]
 
     def warning(self, state: State) -> str:
-        """What to warn of at a state, once in a run; empty for nothing."""
+        """What to warn of at a state; empty for nothing."""
         dt, began = state.report.dt, self._t
         self._t = state.t
         for k, (name, f) in enumerate(self._moving):
             moved, path, length = self._paths[:, :, k]
-            each = np.nan_to_num(np.array([f(began + share * dt) for share in SHARES], dtype=float)[:, :2])
-            moved += dt * np.nan_to_num(np.asarray(f(began + 0.5 * dt), dtype=float)[:2])
+            each = values_at(f, began + dt * SHARES)[:, :2]
+            moved += dt * values_at(f, np.array([began + 0.5 * dt]))[0, :2]
             path += dt * each.mean(axis=0)
             length += dt * np.abs(each).mean(axis=0)
             off = np.abs(moved - path)
             if (off > np.maximum(MAX_STRAY * self._cell, STRAY_SHARE * length)).any():
-                self._moving = []
                 return (
                     f"{name}: at t = {state.t:.6g} s it has moved by ({moved[0]:.4g}, {moved[1]:.4g}) m, while the"
                     f" integral of its velocity is ({path[0]:.4g}, {path[1]:.4g}) m: steps take velocities at their"
@@ -182,7 +191,7 @@ class ShakingWatch:
             self._floors = [*_walls(scene, gravity), *_rigid_bodies(scene, gravity)]
 
     def warning(self, state: State) -> str:
-        """What to warn of at a state, once in a run; empty for nothing."""
+        """What to warn of at a state; empty for nothing."""
         dt, before = state.report.dt, self._before
         self._before = dt
         short, middle = SHORT * dt, state.t - 0.5 * dt
@@ -193,7 +202,7 @@ class ShakingWatch:
             change = np.subtract(floor.velocity(middle + short), floor.velocity(middle - short))
             acceleration = float(np.hypot(*change[:2])) / (2.0 * short)
             if share * acceleration > MAX_JOLT * self._weight:
-                self._floors, off = [], share * acceleration / self._weight
+                off = share * acceleration / self._weight
                 return (
                     f"{floor.name}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen"
                     f" step, {dt / before:.2g} times as long as the one before: forces on what it carries are off"
