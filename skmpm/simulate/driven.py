@@ -68,7 +68,7 @@ def _moving(scene: Scene, state: State, t: float) -> Moving:
     if walls.size == 0:
         return Moving(state.v, 0.0, NOTHING)
     velocity, normal = state.wall_velocity[walls], scene.normals.T[walls]
-    force = scene.driving_forces(t, region(scene.normals, state.walls.T).length)
+    force = driving_forces(scene, state.walls, t)
     net = force + np.einsum("pi,pi->p", state.wall_force[walls], normal)
     fastest = float(np.hypot(*velocity.T).max())
     every = np.concatenate([state.v, velocity.T], axis=1)
@@ -207,7 +207,8 @@ def _moving_at_start(scene: Scene, v: Array) -> Moving:
         return Moving(v, 0.0, np.stack([force, np.zeros(force.size)]) / (periodic.mass or scene.mass))
     if walls.size == 0:
         return Moving(v, 0.0, NOTHING)
-    velocity, acceleration = scene.wall_velocities(0.0)[walls], _forces(scene, 0.0) / scene.wall_masses
+    velocity = scene.wall_velocities(0.0)[walls]
+    acceleration = driving_forces(scene, _points(scene), 0.0) / scene.wall_masses
     fastest = float(np.hypot(*velocity.T).max())
     return Moving(np.concatenate([v, velocity.T], axis=1), fastest, acceleration * scene.normals[:, walls])
 
@@ -218,17 +219,22 @@ def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]
         return
     x = scene.initial_positions
     impedance = float(min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in scene.materials))
-    for i, force in zip(scene.driven_walls.tolist(), np.abs(_forces(scene, t)).tolist(), strict=True):
+    forces = np.abs(driving_forces(scene, _points(scene), t))
+    for i, force in zip(scene.driven_walls.tolist(), forces.tolist(), strict=True):
         width = float(np.ptp(scene.normals[0, i] * x[1] - scene.normals[1, i] * x[0]))
         yield f"wall {i} by its force", force / width / impedance
     if scene.periodic is not None and scene.periodic.components.size:
         yield "the periodic box by its stress", float(np.abs(scene.periodic.stress_at(t)).max()) / impedance
 
 
-def _forces(scene: Scene, t: float) -> Array:
-    """Driving forces at time t with the walls where they are at t = 0, (p,) [N/m]."""
-    points = np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2).T
-    return scene.driving_forces(t, region(scene.normals, points).length)
+def driving_forces(scene: Scene, walls: Array, t: float) -> Array:
+    """Driving forces at time t with walls through some points (walls, 2) [m], (p,) [N/m]."""
+    return scene.driving_forces(t, region(scene.normals, walls.T).length)
+
+
+def _points(scene: Scene) -> Array:
+    """Points of the walls at t = 0, (walls, 2) [m]."""
+    return np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2)
 
 
 def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
@@ -242,8 +248,7 @@ def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
         raise SceneError(f"{name}: {what}, which contact = shared_grid cannot; use point_to_curve")
     if scene.driven_walls.size == 0:
         return
-    points = np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2).T
-    length = region(scene.normals, points).length
+    length = region(scene.normals, _points(scene).T).length
     for i in scene.driven_walls.tolist():
         if scene.walls[i].pressure is not None and not 0.0 < length[i] < np.inf:
             raise SceneError(

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit import Increment
-from skmpm.observe.regions import region
 from skmpm.scene import (
     PrescribedVelocities,
     Scene,
@@ -19,6 +18,7 @@ from skmpm.scene import (
     with_normal_speeds,
 )
 from skmpm.simulate.box_motion import mean_gradient
+from skmpm.simulate.driven import driving_forces
 from skmpm.simulate.forces import external_force, follower_pressure
 from skmpm.simulate.rigid_energy import power_of_loads
 from skmpm.simulate.rigid_state import rigid_state
@@ -52,7 +52,7 @@ def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, mo
         loads += pressure.force(state.displacement) @ w
     supports = state.support_force.ravel() @ increment.prescribed
     if scene.driven_walls.size:
-        forces = scene.driving_forces(state.t, region(scene.normals, state.walls.T).length)
+        forces = driving_forces(scene, state.walls, state.t)
         loads += forces @ normal_speeds(scene, motions.walls)
         motions = replace(motions, walls=with_normal_speeds(scene, motions.walls, np.zeros(forces.size)))
     relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)

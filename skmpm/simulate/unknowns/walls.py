@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
 from skmpm.implicit import Inertia
-from skmpm.observe.regions import region
 from skmpm.scene import PrescribedVelocities, Scene, State, normal_speeds, with_normal_speeds
+from skmpm.simulate.driven import driving_forces
 from skmpm.simulate.unknowns.interval import Interval
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ class DrivenWalls:
     def load(self, z: Array) -> Array:
         """Forces towards the bodies, (p,) [N/m]: those of pressures act on lengths at the end of the step."""
         ends = self.points + self.dt * with_normal_speeds(self.scene, self.velocity, z)
-        return self.scene.driving_forces(self.t, region(self.scene.normals, ends.T).length)
+        return driving_forces(self.scene, ends, self.t)
 
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with those of the walls."""
