@@ -26,9 +26,8 @@ def fitted_weights(grid: BodyGrids, volume: Array, moments: Array) -> Array:
     """
     of, cells = grid.cell_of_point, grid.cells
     weight = volume / grid.cell**2
-    area = np.bincount(of, weight, cells)
+    area, mean = _sums(grid, weight)
     plain = np.clip(moments[0] / area, MIN_WEIGHT, MAX_WEIGHT)
-    mean = np.stack([np.bincount(of, weight * xi, cells) for xi in grid.local]) / area
     arm = grid.local - mean[:, of]
     spread = np.stack([[np.bincount(of, weight * a * b, cells) for b in arm] for a in arm])
     values, vectors = np.linalg.eigh(np.moveaxis(spread, 2, 0))
@@ -53,9 +52,15 @@ def fitted_places(grid: BodyGrids, weight: Array, moments: Array) -> Array:
     points stands for the middle of its cell, not for where it happens to lie. Points stay where the lower bound of
     weights has doubled the area.
     """
+    total, mean = _sums(grid, weight)
+    filled = grid.cell**2 * moments[0] > 0.5 * total
+    centroid = np.where(filled, moments[1:] / np.where(filled, moments[0], 1.0), mean)
+    return np.asarray(grid.local + (centroid - mean)[:, grid.cell_of_point])
+
+
+def _sums(grid: BodyGrids, weight: Array) -> tuple[Array, Array]:
+    """Sums of the weights (n,) of the points in each cell, (cells,), and their mean local coordinates (2, cells)."""
     of, cells = grid.cell_of_point, grid.cells
     total = np.bincount(of, weight, cells)
     mean = np.stack([np.bincount(of, weight * xi, cells) for xi in grid.local]) / total
-    filled = grid.cell**2 * moments[0] > 0.5 * total
-    centroid = np.where(filled, moments[1:] / np.where(filled, moments[0], 1.0), mean)
-    return np.asarray(grid.local + (centroid - mean)[:, of])
+    return np.asarray(total, dtype=np.float64), mean

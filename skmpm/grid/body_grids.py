@@ -133,15 +133,17 @@ class BodyGrids:
 
     def gradient_at_points(self, field: Array) -> Array:
         """Gradients H[i, j] = d field_i / d x_j (2, 2, n) of a nodal field (2 nodes,) at the points."""
-        gradients = np.empty((2, 2, self.cell_of_point.size))
         by_x, by_y = map(_by_point, self.derivatives)
-        point_loops.differentiate(self._nodes_of_points, by_x, by_y, field.reshape(-1, 2), gradients)
-        return gradients
+        return self._differentiated(field, by_x, by_y)
 
     def strain_at_points(self, field: Array) -> Array:
         """Gradients (2, 2, n) of a nodal field (2 nodes,) where the strains of the points are evaluated."""
+        return self._differentiated(field, *self.strain_gradients)
+
+    def _differentiated(self, field: Array, by_x: Array, by_y: Array) -> Array:
+        """Gradients of a nodal field from derivatives of the shape functions (n, 4) [1/m]."""
         gradients = np.empty((2, 2, self.cell_of_point.size))
-        point_loops.differentiate(self._nodes_of_points, *self.strain_gradients, field.reshape(-1, 2), gradients)
+        point_loops.differentiate(self._nodes_of_points, by_x, by_y, field.reshape(-1, 2), gradients)
         return gradients
 
     def divergence(self, volume: Array, P: Array) -> Array:

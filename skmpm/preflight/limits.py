@@ -146,7 +146,8 @@ def _travel(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
 
 
 def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Lines:
-    nu, b = max((poisson_ratio(m), b) for b, body in enumerate(scene.bodies) for m in body.materials)
+    ratios = [(poisson_ratio(m), b) for b, body in enumerate(scene.bodies) for m in body.materials]
+    (nu, b), (least, auxetic) = max(ratios), min(ratios)
     flowing = [(i, m) for i, body in enumerate(scene.bodies) for m in body.materials if has_memory(m)]
     remedy = "use Scheme(mean_dilatation=None), the default"
     if flowing and scheme.mean_dilatation is False:
@@ -159,9 +160,8 @@ def _incompressible(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Line
     elif above(nu, MULTIGRID) and metrics.solver == "amg":
         yield f"body {b}: nu = {nu:g}; {MULTIGRID.where}; use linear.banded"
     yield from _confined(scene, metrics)
-    least, b = min((poisson_ratio(m), b) for b, body in enumerate(scene.bodies) for m in body.materials)
     if least < 0.0:
-        yield f"body {b}: nu = {least:.3g} is negative, which is rare; check its moduli, or `bulk` of a rubber"
+        yield f"body {auxetic}: nu = {least:.3g} is negative, which is rare; check its moduli, or `bulk` of a rubber"
 
 
 def _confined(scene: Scene, metrics: SceneMetrics) -> Lines:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skmpm.preflight.limits import warnings_of
 from skmpm.preflight.metrics import SceneMetrics, examine, first_step
@@ -58,8 +60,7 @@ def _chosen(scene: Scene, step: float, scheme: Scheme) -> str:
 
 def _lines(metrics: SceneMetrics) -> dict[str, str]:
     """The lines of the summary, by subject."""
-    least, most, fewest = metrics.points.min(), metrics.points.max(), metrics.points_per_cell.min()
-    each = f"{least}" if least == most else f"{least} to {most}"
+    each, fewest = _span(metrics.points, "d"), metrics.points_per_cell.min()
     around = ", ".join(f"{name} {number}" for name, number in metrics.around.items())
     law = "linear, one solve" if metrics.linear else "nonlinear, Newton"
     balance = f"theta = {metrics.theta:g}" if metrics.inertia else "quasi-static"
@@ -80,10 +81,12 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
 
 def _materials(metrics: SceneMetrics) -> str:
     """Small-strain moduli, whose units are a common mistake."""
-    low, high = metrics.young.min(), metrics.young.max()
-    young = f"E = {low:.4g} Pa" if low == high else f"E = {low:.4g} to {high:.4g} Pa"
-    low, high = metrics.poisson.min(), metrics.poisson.max()
-    return f"{young}, nu = {low:.5g}" if low == high else f"{young}, nu = {low:.5g} to {high:.5g}"
+    return f"E = {_span(metrics.young, '.4g')} Pa, nu = {_span(metrics.poisson, '.5g')}"
+
+
+def _span(values: NDArray[Any], digits: str) -> str:
+    low, high = values.min(), values.max()
+    return f"{low:{digits}}" if low == high else f"{low:{digits}} to {high:{digits}}"
 
 
 def _free(metrics: SceneMetrics) -> str:
