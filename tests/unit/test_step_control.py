@@ -397,9 +397,29 @@ def test_bodies_of_the_scene_that_were_moved_are_refused_on_restart(tmp_path):
     identical(
         ended(replace(scene, walls=walls), 4 * DT, start=state), ended(scene, 4 * DT, start=load(tmp_path / "run"))
     )
+    nearby = replace(apart, points=replace(apart.points, x=scene.bodies[1].points.x + 1e-8 * CELL))
+    with pytest.raises(SceneError, match="start: a point of body 1"):
+        next(simulate(replace(scene, bodies=[scene.bodies[0], nearby]), dt=DT, until=4 * DT, start=state))
     often = Scheme(anchor=1e-9)
     *_, rebuilt = simulate(scene, dt=DT, until=4 * DT, scheme=often)
     next(simulate(scene, dt=DT, until=6 * DT, start=rebuilt))
+
+
+def test_a_scene_that_differs_by_round_off_is_the_same_one(tmp_path):
+    """Its lines give other last digits on another number of threads; order is recognised all the same."""
+    scene = squeeze()
+    save(tmp_path / "run", ended(scene, 2 * DT))
+    digits = 1e-10 * CELL * np.random.default_rng(0).uniform(-0.7, 0.7, (2, scene.offsets[-1]))
+    parts = np.split(digits, scene.offsets[1:-1], axis=1)
+    bodies = [
+        replace(body, points=replace(body.points, x=body.points.x + part))
+        for body, part in zip(scene.bodies, parts, strict=True)
+    ]
+    again, swapped = (replace(scene, bodies=order) for order in (bodies, bodies[::-1]))
+    state = ended(again, 4 * DT, start=load(tmp_path / "run"))
+    np.testing.assert_allclose(state.x, ended(scene, 4 * DT).x, rtol=0, atol=1e-9 * CELL)
+    with pytest.raises(SceneError, match=r"start: body 0 of the state began where body 1 of the scene does"):
+        next(simulate(swapped, dt=DT, until=4 * DT, start=load(tmp_path / "run")))
 
 
 def test_a_pace_is_plain_numbers_in_a_checkpoint(tmp_path):
