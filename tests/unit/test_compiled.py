@@ -1,9 +1,15 @@
 """Compiled loops: their results do not depend on what has been compiled before."""
 
+import ctypes
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+import skmpm
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -19,13 +25,69 @@ print(hashlib.sha256(state.x.tobytes()).hexdigest())
 """
 
 
-def test_the_first_run_after_an_installation_has_the_bits_of_all_others(tmp_path):
-    """One process compiles all loops, the next one reads them from the cache."""
-    options = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+SOURCE = Path(skmpm.__file__).parent
+
+
+def bound_by_permissions():
+    """Root, too, may no longer write where permissions do not say so (prctl: PR_CAPBSET_DROP, CAP_DAC_OVERRIDE)."""
+    ctypes.CDLL(None).prctl(24, 1, 0, 0, 0)
+
+
+@pytest.fixture
+def read_only(tmp_path):
+    """Called, takes from a directory the permission to write; returns a function that runs Python so, homeless."""
+    home = tmp_path / "home"
+    home.mkdir(mode=0o555)
+    options = {k: v for k, v in os.environ.items() if k not in ("XDG_CACHE_HOME", "NUMBA_CACHE_DIR")}
+    limits = {"preexec_fn": bound_by_permissions} if os.geteuid() == 0 else {}
+    changed = []
+
+    def run(code, path):
+        options.update(HOME=str(home), PYTHONPATH=os.pathsep.join(map(str, path)))
+        return subprocess.run(
+            [sys.executable, "-c", code], cwd=home, env=options, capture_output=True, text=True, **limits
+        )
+
+    def locked(folder):
+        for place in [folder, *folder.rglob("*")]:
+            changed.append((place, place.stat().st_mode))
+            place.chmod(place.stat().st_mode & 0o555)
+        if run(f"open({str(folder / 'new')!r}, 'w')", []).returncode == 0:
+            pytest.skip("this system lets its user write in spite of permissions")
+        return run
+
+    yield locked
+    for place, mode in changed:
+        place.chmod(mode)
+
+
+def test_the_first_run_after_an_installation_has_the_bits_of_all_others(tmp_path, read_only):
+    """One process compiles all loops, others read them: also from a read-only copy whose times have changed."""
+    installed = tmp_path / "installed"
+    shutil.copytree(SOURCE, installed / "skmpm", ignore=shutil.ignore_patterns("__pycache__"))
+    options = {**os.environ, "PYTHONPATH": str(installed)}
+    options.pop("NUMBA_CACHE_DIR", None)
     command = [sys.executable, "-c", HANGING_BAR]
-    first, second = (subprocess.run(command, env=options, capture_output=True, check=True) for _ in range(2))
-    assert b"compiling" in first.stderr and b"compiling" not in second.stderr
+    first = subprocess.run(command, cwd=installed, env=options, capture_output=True, check=True, text=True)
+    for source in installed.rglob("*.py"):
+        os.utime(source, (0, 0))
+    second = read_only(installed)(HANGING_BAR, [installed])
+    assert "compiling" in first.stderr and second.stderr == ""
     assert first.stdout == second.stdout
+
+
+def test_a_loop_is_compiled_where_it_cannot_be_kept(tmp_path, read_only):
+    """With one sentence that says so, and what to do."""
+    modules = tmp_path / "modules"
+    modules.mkdir()
+    loop = "@compiled\ndef {}(x):\n    return 2.0 * x\n"
+    (modules / "loops.py").write_text(
+        "from skmpm.compiled import compiled\n" + loop.format("one") + loop.format("two")
+    )
+    done = read_only(modules)("from loops import one, two; print(one(1.0), two(2.0))", [modules, SOURCE.parent])
+    assert done.stdout == "2.0 4.0\n"
+    assert [line[:9] for line in done.stderr.splitlines()] == ["compiling", "compiled "]
+    assert done.stderr.endswith("set NUMBA_CACHE_DIR to a directory that can\n")
 
 
 def test_a_loop_is_compiled_again_when_one_of_another_module_that_it_calls_changes(tmp_path):
