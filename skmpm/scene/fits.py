@@ -104,10 +104,10 @@ def _check_order(scene: Scene, state: State, name: str) -> None:
     first = scene.offsets[:-1]
     was, is_now = state.x_anchor[:, first], scene.initial_positions[:, first]
     moved = np.flatnonzero(np.hypot(*(was - is_now)) > ROUND_OFF * scene.cell)
-    distance, other = KDTree(is_now.T).query(was[:, moved].T)
-    swapped = np.flatnonzero(distance <= ROUND_OFF * scene.cell)
-    if swapped.size:
-        b = swapped[0]
+    distance, other = (np.asarray(a) for a in KDTree(is_now.T).query(was[:, moved].T))
+    traded = np.flatnonzero(distance <= ROUND_OFF * scene.cell)
+    if traded.size:
+        b = traded[0]
         raise SceneError(
             f"{name}: body {moved[b]} of the state began where body {other[b]} of the scene does; keep the bodies and"
             " their order"
