@@ -4,27 +4,32 @@
 The main job: soft discs squeezed in a box by a moving lid, with friction between them.
 
     python examples/compaction.py --discs 30 --out out/compaction    # without --discs 300 of them, minutes
+    python examples/compaction.py --resume --out out/compaction      # goes on with a run that was interrupted
 
 Writes a table of what `observe` measures at every step (`observables.csv`), a series for ParaView (`packing.vtkhdf`),
-a checkpoint and `stages.png`. `python -m examples.studies.packing_ensemble main_job` runs the same scene with checks
+checkpoints and `stages.png`. `python -m examples.studies.packing_ensemble main_job` runs the same scene with checks
 at every step.
 """
 
 import argparse
 import csv
+import json
+import sys
+from contextlib import closing
 from functools import partial
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
 COLUMNS = ("step", "t", "solid_fraction", "solid_fraction_nominal", "pressure", "pressure_lid", "contact_surface",
            "anisotropy", "aspect_ratio", "coordination", "overlap", "residual", "newton", "contact_iterations",
            "seconds")  # fmt: skip
-Line = dict[str, float]
+Line = dict[str, Any]
 LID = 1  # index among the walls
 SCHEMES = {
     "balanced": skmpm.Scheme(),
@@ -71,37 +76,50 @@ def draw(scene: skmpm.Scene, stages: list[skmpm.State], path: Path) -> None:
         skmpm.plot(scene, state, axes=below, limits=(0.0, 2.0 * skmpm.observe(scene, stages[-1]).pressure), **last)
         below.set_title(f"{skmpm.observe(scene, state).solid_fraction:.3f}")
         above.axis("off"), below.axis("off")
-    save(figure, path)
+    figure.savefig(path, bbox_inches="tight")
 
 
 def run(options: argparse.Namespace) -> list[Line]:
-    """Run the compaction, write and draw the results; return the table."""
+    """Run the compaction from its last checkpoint, if there is one; write and draw the results; return the table."""
     (scene, until), scheme, out = build(options), SCHEMES[options.scheme], options.out
     print(skmpm.preflight(scene, options.dt, scheme=scheme))
     out.mkdir(parents=True, exist_ok=True)
-    saved = {"checkpoint": out / "last.checkpoint", "progress": True}
-    stages, lines = [skmpm.initial(scene, scheme=scheme)], []
+    checkpoint, observables = out / "last.checkpoint", out / "observables.csv"
+    state = skmpm.load(checkpoint) if checkpoint.exists() else None
+    lines = [] if state is None else [line for line in read(observables) if float(line["t"]) < state.t]
+    begun = [] if state is None else [state]  # its line may not have been written
+    saved = {"checkpoint": checkpoint, "progress": True, "start": state}
     with (
-        skmpm.record(out / "packing.vtkhdf", scene) as series,
-        (out / "observables.csv").open("w", newline="") as file,
+        skmpm.record(out / "packing.vtkhdf", scene, append=state is not None) as series,
+        observables.open("w", newline="") as file,
+        closing(skmpm.simulate(scene, dt=options.dt, until=until, scheme=scheme, **saved)) as states,
     ):
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
-        for state in skmpm.simulate(scene, dt=options.dt, until=until, scheme=scheme, **saved):
+        table.writerows(lines)
+        for state in chain(begun, states):
             lines.append({"step": len(lines) + 1, **row(scene, state, skmpm.observe(scene, state))})
             table.writerow(lines[-1])
             file.flush()
             if len(lines) % options.every == 0:
                 series.write(state)
-            if len(stages) < 3 and state.t > len(stages) * until / 3.0:
-                stages.append(state)
+            stage = out / f"stage_{int(3.0 * state.t / until)}.checkpoint"
+            if not stage.exists():
+                skmpm.save(stage, state)
         if len(lines) % options.every:
             series.write(state)
-    draw(scene, [*stages, state], out / "stages.png")
+    draw(scene, [*(skmpm.load(stage) for stage in sorted(out.glob("stage_[012].*"))), state], out / "stages.png")
     if options.film:
         skmpm.animate(skmpm.read(out / "packing.vtkhdf"), out / "packing.gif", forces=True, fps=10)
-    print("; ".join(f"{name} {lines[-1][name]:.4g}" for name in ("solid_fraction", "pressure", "coordination")))
+    shown = ("solid_fraction", "pressure", "coordination")
+    print("; ".join(f"{name} {float(lines[-1][name]):.4g}" for name in shown))
     return lines
+
+
+def read(path: Path) -> list[Line]:
+    """The lines of a table that was written."""
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def parser() -> argparse.ArgumentParser:
@@ -125,5 +143,27 @@ def parser() -> argparse.ArgumentParser:
     return options
 
 
+def main(arguments: list[str] | None = None) -> None:
+    """Begin a run in an empty directory, or go on with the one that is there, with the options that it began with."""
+    known = parser()
+    known.add_argument("--resume", action="store_true", help="go on with the run in --out, with its options")
+    options = known.parse_args(arguments)
+    again, begun = f"python {sys.argv[0]} --resume --out {options.out}", options.out / "options.json"
+    if begun.exists() and not options.resume:
+        raise SystemExit(f"{options.out} has a run: go on with `{again}`, or give another --out")
+    if options.resume:
+        if not begun.exists():
+            raise SystemExit(f"{options.out} has no run to resume: leave out --resume")
+        vars(options).update(json.loads(begun.read_text()))
+    else:
+        options.out.mkdir(parents=True, exist_ok=True)
+        kept = vars(options).keys() - {"out", "film", "resume"}
+        begun.write_text(json.dumps({name: getattr(options, name) for name in sorted(kept)}))
+    try:
+        run(options)
+    except KeyboardInterrupt:
+        raise SystemExit(f"stopped; go on with `{again}`") from None
+
+
 if __name__ == "__main__":
-    run(parser().parse_args())
+    main()
