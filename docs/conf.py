@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-from run_examples import PICTURES, arguments
+from run_examples import arguments
 
 import skmpm
 
@@ -60,9 +60,8 @@ sphinx_gallery_conf = {
     "examples_dirs": ["tutorials", "../examples"],
     "gallery_dirs": ["generated/tutorials", "generated/gallery"],
     "filename_pattern": r"\.py$",
-    "ignore_pattern": r"(__init__|drawing)\.py$|/studies/",
+    "ignore_pattern": r"__init__\.py$|/studies/",
     "within_subsection_order": "FileNameSortKey",
-    "image_scrapers": ("matplotlib", PICTURES),
     "reset_argv": arguments,
     "copyfile_regex": r"$^",
     "download_all_examples": False,

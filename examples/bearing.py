@@ -17,7 +17,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -58,7 +57,8 @@ def main(out: Path) -> tuple[float, float]:
     skmpm.plot(scene, states[0], stiff, axes=axes[0], label="plate")
     for state, one in zip(states[STEPS::STEPS], axes[1:], strict=True):
         skmpm.plot(scene, state, axes=one)
-    save(figure, out / "bearing.png")
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "bearing.png", bbox_inches="tight")
     return modulus, known
 
 

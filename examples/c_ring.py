@@ -14,7 +14,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -53,7 +52,8 @@ def main(out: Path) -> list[skmpm.State]:
     figure, axes = plt.subplots(1, 3, figsize=(9, 3), layout="constrained")
     for ax, state in zip(axes, (states[0], states[len(states) // 2], states[-1]), strict=True):
         skmpm.plot(scene, state, axes=ax, limits=(-3e4, 3e4), legend=ax is axes[-1])
-    save(figure, out / "c_ring.png")
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "c_ring.png", bbox_inches="tight")
     return states
 
 

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 from skfem import Basis, ElementQuad2, ElementVector, FacetBasis, LinearForm, MeshQuad, condense, solve
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -36,7 +35,8 @@ def material_points(out: Path) -> float:
     print(f"reaction {state.support_force[0]} N/m, {state.report.newton} solve")
     axes = plt.figure(figsize=(7, 2.2), layout="constrained").add_subplot()
     skmpm.plot(scene, state, state.stress[0, 0], axes=axes, label="stress xx [Pa]")
-    save(axes.figure, out / "cantilever.png")
+    out.mkdir(parents=True, exist_ok=True)
+    axes.figure.savefig(out / "cantilever.png", bbox_inches="tight")
     end = points.x[0] == right
     return float(np.interp(bottom + DEPTH / 2, points.x[1, end], (state.x - points.x)[1, end]))
 

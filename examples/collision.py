@@ -15,7 +15,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -52,7 +51,8 @@ def main(out: Path) -> dict[float, tuple[float, float]]:
     skmpm.plot(scene, closest, axes=left).set_title(f"t = {closest.t:.2f} s")
     right.set(xlabel="time [s]", ylabel="speed of the left disc / initial")
     right.legend()
-    save(figure, out / "collision.png")
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "collision.png", bbox_inches="tight")
     return found
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -50,7 +49,8 @@ def main(out: Path) -> tuple[float, float]:
     right.plot(1e3 * x, 1e-6 * hertz * np.sqrt(1.0 - (x / a) ** 2), "k--", label="Hertz, same force")
     right.set(xlabel="x [mm]", title="pressure on the floor [MPa]", ylim=(0.0, 3e-6 * hertz))
     right.legend()
-    save(right.figure, out / "contact_pressure.png")
+    out.mkdir(parents=True, exist_ok=True)
+    right.figure.savefig(out / "contact_pressure.png", bbox_inches="tight")
     print(f"force {force:.0f} N/m; peak pressure {found.pressure.max():.3g} Pa, Hertz {hertz:.3g} Pa")
     return float(found.pressure.max()), hertz
 

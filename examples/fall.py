@@ -16,7 +16,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -45,7 +44,8 @@ def main(out: Path) -> skmpm.State:
     axes.plot(0.1 + VELOCITY[0] * t, 0.05 + VELOCITY[1] * t - 0.5 * G * t**2, "k--", label="mass point")
     axes.set(xlim=(-0.05, 0.65), ylim=(-0.05, 0.4))
     axes.legend()
-    save(axes.figure, out / "fall.png")
+    out.mkdir(parents=True, exist_ok=True)
+    axes.figure.savefig(out / "fall.png", bbox_inches="tight")
     return states[-1]
 
 

@@ -17,7 +17,6 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import meshio
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -32,7 +31,6 @@ def tube(path: Path) -> meshio.Mesh:
     number = np.arange(points[0].size).reshape(ACROSS + 1, AROUND)
     ahead = np.roll(number, -1, axis=1)
     cells = np.stack([number[:-1], number[1:], ahead[1:], ahead[:-1]], axis=-1).reshape(-1, 4)
-    path.parent.mkdir(parents=True, exist_ok=True)
     tags = {f"gmsh:{kind}": [np.ones(len(cells), dtype=int)] for kind in ("physical", "geometrical")}
     mesh = meshio.Mesh(np.stack(points, axis=1), [("quad", cells)], cell_data=tags)
     meshio.write(path, mesh, file_format="gmsh22", binary=False)
@@ -41,6 +39,7 @@ def tube(path: Path) -> meshio.Mesh:
 
 def main(out: Path) -> tuple[float, float]:
     """Force on a plate [N/m]: measured, and of the thin ring."""
+    out.mkdir(parents=True, exist_ok=True)
     body = skmpm.Body(skmpm.from_mesh(tube(out / "tube.msh")), skmpm.NeoHookean(E, NU, density=1100.0))
     top, speed = R + THICK / 2, CLOSING * R / STEPS  # of each plate, in steps of 1 s
     plates = [skmpm.Wall((0.0, -y * top), (0.0, y), velocity=(0.0, y * speed), friction=0.3) for y in (1.0, -1.0)]
@@ -53,7 +52,7 @@ def main(out: Path) -> tuple[float, float]:
     print(f"plates {1e3 * closed:.2f} mm closer: {force:.4g} N/m, thin ring {ring:.4g} N/m")
     axes = plt.figure(figsize=(5, 4), layout="constrained").add_subplot()
     skmpm.plot(scene, state, axes=axes)
-    save(axes.figure, out / "from_mesh.png")
+    axes.figure.savefig(out / "from_mesh.png", bbox_inches="tight")
     return force, ring
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -47,7 +46,8 @@ def main(out: Path) -> tuple[float, float]:
     right.axhline(1e3 * (SIDE - static), color="k", ls="--", label="at rest, closed form")
     right.set(xlabel="t [s]", ylabel="height [mm]")
     right.legend()
-    save(right.figure, out / "heavy_lid.png")
+    out.mkdir(parents=True, exist_ok=True)
+    right.figure.savefig(out / "heavy_lid.png", bbox_inches="tight")
     return shortening, measured
 
 

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -51,7 +50,8 @@ def main(out: Path) -> dict[float, tuple[float, float]]:
             skmpm.plot(scene, states[-1], axes=left)
     right.set(xlabel="time [s]", ylabel="speed down the slope [m/s]")
     right.legend()
-    save(figure, out / "incline.png")
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "incline.png", bbox_inches="tight")
     return found
 
 

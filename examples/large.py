@@ -15,7 +15,6 @@ from time import perf_counter
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -51,7 +50,8 @@ def main(out: Path, points: int = 100_000) -> tuple[float, float]:
 
     axes = plt.figure(figsize=(5, 4), layout="constrained").add_subplot()
     skmpm.plot(scene, state, "displacement", axes=axes)
-    save(axes.figure, out / "large.png")
+    out.mkdir(parents=True, exist_ok=True)
+    axes.figure.savefig(out / "large.png", bbox_inches="tight")
     return float(sag), float(error)
 
 

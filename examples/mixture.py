@@ -14,7 +14,6 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -49,7 +48,8 @@ def main(out: Path) -> tuple[float, float]:
     pressure, pairs = skmpm.observe(held, state).pressure / PRESSURE, skmpm.network(held, state)
     hard = pairs.force[0, (pairs.bodies % 2 == 1).all(axis=0)].mean() / pairs.force[0].mean()
     print(f"pressure {pressure:.4f} of the given one; forces between rigid grains {hard:.2f} of the mean")
-    save(skmpm.plot(held, state, "mises", forces=True).figure, out / "mixture.png")
+    out.mkdir(parents=True, exist_ok=True)
+    skmpm.plot(held, state, "mises", forces=True).figure.savefig(out / "mixture.png", bbox_inches="tight")
     return pressure, hard
 
 

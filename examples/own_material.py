@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -54,7 +53,8 @@ def main(out: Path) -> tuple[skmpm.Scene, skmpm.State]:
     kept = np.bincount(state.body, state.volume) / np.bincount(state.body, scene.initial_volumes)
     print("area kept: foam {:.4f}, rubber {:.4f}".format(*kept))
     axes = skmpm.plot(scene, state, state.volume / scene.initial_volumes, label="volume ratio J")
-    save(axes.figure, out / "own_material.png")
+    out.mkdir(parents=True, exist_ok=True)
+    axes.figure.savefig(out / "own_material.png", bbox_inches="tight")
     return scene, state
 
 

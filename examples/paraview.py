@@ -14,7 +14,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -46,7 +45,7 @@ def main(out: Path) -> tuple[skmpm.State, skmpm.io.Recording]:
         axis.set(aspect="equal", title=f"t = {frame.t:.2f} s", xlim=(0, 7 * R), ylim=(0, 9.5 * R))
         axis.set(xticks=[], yticks=[])
     figure.colorbar(dots, ax=axes, label="pressure [Pa]")
-    save(figure, out / "paraview.png")
+    figure.savefig(out / "paraview.png", bbox_inches="tight")
     return last, frames
 
 

@@ -13,7 +13,6 @@ import argparse
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from drawing import save
 
 import skmpm
 
@@ -47,7 +46,8 @@ def main(out: Path) -> tuple[float, float, float]:
     figure, panels = plt.subplots(1, 2, figsize=(9, 3.8), layout="constrained")
     for panel, state, last in zip(panels, (pressed, states[-1]), (False, True), strict=True):
         skmpm.plot(scene, state, "plastic strain", axes=panel, limits=(0.0, 0.35), legend=last)
-    save(figure, out / "powder.png")
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "powder.png", bbox_inches="tight")
     return share, *shapes
 
 

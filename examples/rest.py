@@ -14,27 +14,44 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-import compaction
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
+
+SPEED, START, DT = 2.0, 0.70, 8e-6  # of the lid [m/s], nominal solid fraction, [s]
+
+
+def compaction(discs: int, until: float) -> tuple[skmpm.Scene, float]:
+    """Frictionless discs under a lid, and the time [s] at which their nominal solid fraction is `until`."""
+    radii = np.random.default_rng(0).uniform(0.7e-3, 1.2e-3, discs)
+    solid = np.pi * (radii**2).sum()
+    width = float(np.sqrt(solid / 0.72))
+    gel = skmpm.NeoHookean(E=10e6, nu=0.45, density=990.0)
+    packed = skmpm.packing(radii, width, solid_fraction=START, seed=0)
+    places = zip(packed.centres.T, packed.radii, strict=True)
+    bodies = [skmpm.Body(skmpm.disc(centre, radius, spacing=0.14e-3), gel) for centre, radius in places]
+    walls = [
+        skmpm.Wall((0, 0), (0, 1)),
+        skmpm.Wall((0, packed.height), (0, -1), velocity=(0, -SPEED)),
+        skmpm.Wall((0, 0), (1, 0)),
+        skmpm.Wall((width, 0), (-1, 0)),
+    ]
+    scene = skmpm.Scene(bodies, cell=0.19e-3, walls=walls)
+    return scene, (packed.height - solid / (width * until)) / SPEED
 
 
 def main(out: Path, discs: int = 60, until: float = 0.92, steps: int = 240) -> list[tuple[float, float, float]]:
     """Kinetic and elastic energy [J/m] and the largest rotation rate [rad/step] after the lid stops."""
-    options = compaction.parser().parse_args(["--discs", str(discs), "--friction", "0", "--until", str(until)])
-    scene, stop = compaction.build(options)
-    print(skmpm.preflight(scene, options.dt))
-    *_, compressed = skmpm.simulate(scene, dt=options.dt, until=stop)
-    lid = scene.walls[compaction.LID]
-    walls = [replace(wall, velocity=(0.0, 0.0)) if wall is lid else wall for wall in scene.walls]
-    stopped, table = replace(scene, walls=walls), []
-    after = skmpm.simulate(stopped, dt=options.dt, until=stop + steps * options.dt, start=compressed)
+    scene, stop = compaction(discs, until)
+    print(skmpm.preflight(scene, DT))
+    *_, compressed = skmpm.simulate(scene, dt=DT, until=stop)
+    floor, lid, *sides = scene.walls
+    stopped, table = replace(scene, walls=[floor, replace(lid, velocity=(0.0, 0.0)), *sides]), []
+    after = skmpm.simulate(stopped, dt=DT, until=stop + steps * DT, start=compressed)
     for step, state in enumerate(chain([compressed], after)):
         energy, points = state.report.energy, np.bincount(state.body)
-        rotation = options.dt * np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / points
+        rotation = DT * np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / points
         table.append((energy.kinetic, energy.elastic, float(np.abs(rotation).max())))
         if step % 40 == 0:
             print("step {:4d}  kinetic {:.4f}  elastic {:.4f}  rotation {:.4f}".format(step, *table[-1]))
@@ -47,7 +64,8 @@ def main(out: Path, discs: int = 60, until: float = 0.92, steps: int = 240) -> l
         right.semilogy([line[column] for line in table], label=label)
     right.set_xlabel("steps after the lid has stopped")
     right.legend()
-    save(figure, out / "rest.png")
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "rest.png", bbox_inches="tight")
     return table
 
 

@@ -16,12 +16,14 @@ from time import sleep
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
-from squeeze import scene
 
 import skmpm
 
-DT, UNTIL = 5e-6, 0.4e-3  # [s]
+R, DT, UNTIL = 1e-3, 5e-6, 0.4e-3  # [m], [s], [s]
+gel = skmpm.NeoHookean(E=10e6, nu=0.45, density=990.0)
+bodies = [skmpm.Body(skmpm.disc((0.0, y), R, spacing=R / 8), gel) for y in (R, 3 * R)]
+walls = [skmpm.Wall((0.0, 0.0), (0.0, 1.0)), skmpm.Wall((0.0, 4 * R), (0.0, -1.0), velocity=(0.0, -1.0))]
+scene = skmpm.Scene(bodies, cell=R / 5, walls=walls, friction=0.5)
 
 
 def run(checkpoint: Path) -> None:
@@ -58,7 +60,7 @@ def main(out: Path) -> dict[str, bool]:
     ):
         skmpm.plot(scene, state, axes=axis, limits=(0.0, 1.5e6), legend=axis is axes[-1])
         axis.set_title(f"{name}, t = {state.t:.2g} s")
-    save(figure, out / "restart.png")
+    figure.savefig(out / "restart.png", bbox_inches="tight")
     return same
 
 

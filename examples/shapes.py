@@ -15,7 +15,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -54,7 +53,8 @@ def main(out: Path) -> tuple[float, float]:
     figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
     skmpm.plot(scene, states[0], colour="body", axes=axes[0])
     skmpm.plot(scene, states[-1], forces=True, axes=axes[1])
-    save(figure, out / "shapes.png")
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "shapes.png", bbox_inches="tight")
     return measured, pressure
 
 

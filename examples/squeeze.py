@@ -14,7 +14,6 @@ import argparse
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from drawing import save
 
 import skmpm
 
@@ -41,7 +40,8 @@ def main(out: Path) -> skmpm.State:
 
     axes = plt.figure(figsize=(4, 5), layout="constrained").add_subplot()
     skmpm.plot(scene, state, axes=axes, forces=True)
-    save(axes.figure, out / "squeeze.png")
+    out.mkdir(parents=True, exist_ok=True)
+    axes.figure.savefig(out / "squeeze.png", bbox_inches="tight")
     return state
 
 

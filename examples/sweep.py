@@ -18,7 +18,6 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from drawing import save
 
 import skmpm
 
@@ -62,7 +61,7 @@ def main(out: Path) -> skmpm.Sweep:
         scene, state = build(**found[name].parameters).scene, found[name].state()
         skmpm.plot(scene, state, "body", forces=True, axes=axes, legend=False)
         axes.set_title(name)
-    save(figure, out / "sweep.png")
+    figure.savefig(out / "sweep.png", bbox_inches="tight")
     return found
 
 
