@@ -3,7 +3,7 @@
 
 The main job: soft discs squeezed in a box by a moving lid, with friction between them.
 
-    python examples/compaction.py --discs 30 --out out/compaction    # without --discs 300 of them, minutes
+    python examples/compaction.py --discs 30 --out out/compaction    # without --discs 300 of them
     python examples/compaction.py --resume --out out/compaction      # goes on with a run that was interrupted
 
 Writes a table of what `observe` measures at every step (`observables.csv`), a series for ParaView (`packing.vtkhdf`),

@@ -4,7 +4,7 @@ Compaction of a packing
 
 Forty soft discs are compressed in a box far beyond jamming, and the pressure, the coordination and
 the shapes of the discs are followed. The same script with 300 discs is the library's main job
-(`Nezamabadi et al., 2017 <https://doi.org/10.1016/j.proeng.2017.01.047>`_).
+(`Nezamabadi et al., 2017 <https://doi.org/10.1016/j.proeng.2017.01.044>`_).
 """
 
 # %%

@@ -1,8 +1,9 @@
-"""Shared-grid contact, at grid nodes that belong to several bodies (Nezamabadi et al., Procedia Eng. 175, 2017).
+"""Shared-grid contact, at grid nodes that belong to several bodies.
 
-At a node shared by two bodies the normal follows from the gradients of their masses (Huang et al., IJNME 2011), and
-Signorini's law acts on the relative velocity, independently of the gap: bodies stop about one cell apart. Provided to
-reproduce the published results and as the reference for point-to-curve contact.
+The method of Nezamabadi et al., Procedia Eng. 175 (2017) 141-147, doi:10.1016/j.proeng.2017.01.044. At a node shared
+by two bodies the normal follows from the gradients of their masses (Huang et al., IJNME 2011), and Signorini's law
+acts on the relative velocity, independently of the gap: bodies stop about one cell apart. Provided to reproduce the
+published results and as the reference for point-to-curve contact.
 """
 
 from __future__ import annotations

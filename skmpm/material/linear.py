@@ -16,9 +16,10 @@ Array = NDArray[np.float64]
 class LinearElastic(Isotropic):
     """Isotropic linear elasticity at small strain, plane strain: sigma = C : sym(F - I).
 
-    The law of Nezamabadi et al., Procedia Eng. 175 (2017), eq. 3. Strain is measured from the anchor. Anchored once
-    it is the total small strain, which is *not objective*: a body that rotates by theta has a false strain theta^2/2;
-    keep rotations and strains below 5 %. Anchored at every step the law is their incremental one.
+    The law of Nezamabadi et al., Procedia Eng. 175 (2017), eq. 3, doi:10.1016/j.proeng.2017.01.044. Strain is
+    measured from the anchor. Anchored once it is the total small strain, which is *not objective*: a body that
+    rotates by theta has a false strain theta^2/2; keep rotations and strains below 5 %. Anchored at every step the
+    law is their incremental one.
 
     Parameters
     ----------

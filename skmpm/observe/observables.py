@@ -98,7 +98,8 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     With `interior` means are taken over bodies whose centre lies at least two mean diameters from every wall
     (nan if there are none) and sums per volume over the box reduced by the same distance: outlines clipped to it
     exactly, the points in it, branches (through the contact point) by the share of their length in it. The
-    pressure on walls is then nan. Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147.
+    pressure on walls is then nan. Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147,
+    doi:10.1016/j.proeng.2017.01.044.
     """
     check_fits(scene, state, "observe")
     boundary = scene.outlines

@@ -22,3 +22,12 @@ def test_the_script_of_a_page_runs(page, tmp_path):
     assert force > 50.0  # the last line ends with the force on the lid [N/m]
     if "savefig" in code:
         assert next(tmp_path.glob("*.png")).stat().st_size > 10_000
+
+
+def test_every_page_cites_the_paper_of_the_method_by_its_doi():
+    """The number of a neighbour in the same volume stood in a tutorial."""
+    folders = [ROOT / "skmpm", ROOT / "docs", ROOT / "examples", ROOT / "tests"]
+    pages = [ROOT / "README.md", ROOT / "CITATION.cff", *(p for folder in folders for p in folder.rglob("*.*"))]
+    pages = [page for page in pages if page.suffix in (".py", ".md", ".cff", ".rst") and "_build" not in page.parts]
+    found = {number for page in pages for number in re.findall(r"10\.1016/j\.proeng[.\d]*\d", page.read_text())}
+    assert found == {"10.1016/j.proeng.2017.01.044"}
