@@ -37,12 +37,17 @@ class Elimination:
         return np.asarray(self.T @ v + self.prescription @ prescribed)
 
     def factorised(self, linear: Linear, A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-        """The solver `linear` for A on the remaining unknowns; raises LinAlgError if `linear` does.
+        """The solver `linear` for A on the remaining unknowns; raises LinAlgError if `linear` does."""
+        motions = rigid_motions.copy()
+        motions[self.fixed] = 0.0
+        reduced, order = self.reduced(A, blocks)
+        return Supported(sp.csr_array(self.T[:, order]), linear(reduced, blocks, motions[order]))
+
+    def reduced(self, A: sp.bsr_array, blocks: Ints) -> tuple[sp.bsr_array, Ints]:
+        """A on the remaining unknowns, which are ordered (n,) within bodies to keep the band narrow.
 
         Bodies without supports keep their blocks and the order of their unknowns.
         """
-        motions = rigid_motions.copy()
-        motions[self.fixed] = 0.0
         supported = np.zeros(blocks.size - 1, dtype=bool)
         supported[np.searchsorted(blocks, self.fixed, side="right") - 1] = True
         own = np.repeat(supported, np.diff(blocks) // 2)
@@ -52,13 +57,11 @@ class Elimination:
         diagonal[self.fixed] = A.diagonal().mean()
         reduced = (sp.csr_array(remaining.T @ part @ remaining) + sp.diags_array(diagonal[held])).tobsr((2, 2))
         order = narrowing(reduced, np.append(0, np.cumsum(np.diff(blocks)[supported])))
-        if order is None:
-            return Supported(self.T, linear(_with_nodes(A, own, reduced), blocks, motions))
-        reduced = sp.csr_array(reduced.tocsr()[order][:, order]).tobsr((2, 2))
         every = np.arange(A.shape[0])
-        every[held] = held[order]
-        solver = linear(_with_nodes(A, own, reduced), blocks, motions[every])
-        return Supported(sp.csr_array(self.T[:, every]), solver)
+        if order is not None:
+            reduced = sp.csr_array(reduced.tocsr()[order][:, order]).tobsr((2, 2))
+            every[held] = held[order]
+        return _with_nodes(A, own, reduced), every
 
 
 def _of_nodes(A: sp.bsr_array, own: NDArray[np.bool_]) -> sp.bsr_array:

@@ -2,11 +2,11 @@
 
 A solver is a function (A, blocks, rigid_motions) -> solve. `solve(b)` returns A^-1 b, and `solve.delassus(H)` returns
 H A^-1 H^T, the Delassus operator of constraints H. `blocks` (bodies + 1,) are the first unknowns of the bodies and
-`rigid_motions` (n, 3) the rigid-body motions of all bodies. `default` selects `banded` or `amg` by size.
+`rigid_motions` (n, 3) the rigid-body motions of all bodies. `default` selects `banded` or `amg` by cost.
 """
 
-from skmpm.linear.band import Banded, banded
-from skmpm.linear.choice import CROSSOVER, default
+from skmpm.linear.band import Banded, banded, column_lengths
+from skmpm.linear.choice import chosen, default
 from skmpm.linear.delassus import Delassus
 from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.joined import Joined, joined
@@ -18,7 +18,6 @@ from skmpm.linear.solver import Linear, NotPositiveDefinite, Solver, half_bandwi
 from skmpm.linear.threads import one_thread
 
 __all__ = [
-    "CROSSOVER",
     "Amg",
     "Banded",
     "Delassus",
@@ -32,6 +31,8 @@ __all__ = [
     "Solver",
     "amg",
     "banded",
+    "chosen",
+    "column_lengths",
     "default",
     "diagonal",
     "direct",

@@ -63,13 +63,12 @@ class Banded:
 
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """Banded Cholesky of every body; for bodies of up to about 170 cells across."""
+    """Banded Cholesky of every body; for bodies of up to about 270 cells across."""
     blocks = np.asarray(blocks, dtype=np.int64)
     width, widest = half_bandwidth(A), cholesky.WIDEST
     if width > widest:
         raise ValueError(f"linear.banded: half bandwidth {width}, at most {widest}; use linear.amg")
-    ends, heights = np.empty(A.indptr.size - 1, dtype=np.int64), np.empty(blocks.size - 1, dtype=np.int64)
-    _profile(A.indptr, A.indices, blocks, ends, heights)
+    ends, heights = _profile(A, blocks)
     offsets = np.append(0, np.cumsum(heights * np.diff(blocks)))
     chosen = np.ones(blocks.size - 1, dtype=bool)
     parts = np.searchsorted(offsets, np.arange(0, max(int(offsets[-1]), 1), PART))
@@ -88,11 +87,25 @@ def _factorised(factor: Banded, A: sp.bsr_array, chosen: NDArray[np.bool_]) -> B
     return factor
 
 
+def column_lengths(A: sp.bsr_array, blocks: Ints) -> Ints:
+    """Entries between the diagonal and the end of the columns of L, for the first unknown of each node (nodes,)."""
+    ends, _ = _profile(A, blocks)
+    unknown = 2 * np.arange(ends.size)
+    return np.asarray(ends + blocks[np.searchsorted(blocks, unknown, side="right") - 1] - unknown)
+
+
+def _profile(A: sp.bsr_array, blocks: Ints) -> tuple[Ints, Ints]:
+    """The rows that columns of L reach (nodes,), and the rows of the band of each body (bodies,)."""
+    ends, heights = np.empty(A.indptr.size - 1, dtype=np.int64), np.empty(blocks.size - 1, dtype=np.int64)
+    _write_profile(A.indptr, A.indices, blocks, ends, heights)
+    return ends, heights
+
+
 @compiled
-def _profile(
+def _write_profile(
     indptr: NDArray[np.integer], indices: NDArray[np.integer], blocks: Ints, ends: Ints, heights: Ints
 ) -> None:
-    """Write the rows that columns of L reach (nodes,), and the rows of the band of each body (bodies,)."""
+    """Write what `_profile` returns."""
     for body in range(blocks.size - 1):
         start, stop, height = blocks[body] // 2, blocks[body + 1] // 2, cholesky.PANEL
         for node in range(start, stop):

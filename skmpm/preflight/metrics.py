@@ -14,7 +14,7 @@ from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import is_linear, poisson_ratio, youngs_modulus
 from skmpm.outline import chord_sagitta, slit_width
 from skmpm.preflight.sampling import stress_errors
-from skmpm.scene import Scene, check_walls_at_start
+from skmpm.scene import Derived, Scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.driven import check_driven, driven_by_force, moving_at_start
@@ -26,7 +26,7 @@ from skmpm.simulate.initial_state import (
     initial_motion,
 )
 from skmpm.simulate.loading import loading_of
-from skmpm.simulate.regrid import inward_normals, torn_bodies
+from skmpm.simulate.regrid import derived_data, inward_normals, torn_bodies
 from skmpm.simulate.springs import check_explicit_springs
 from skmpm.simulate.step_length import pace_of
 
@@ -105,8 +105,9 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         check_outlines(scene)
     own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
     area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
-    wave, (grid, width) = scene.fastest_wave, _grid(scene)
-    solver, touches, step = _solver(scheme, width), can_touch(scene), dt / scene.cell
+    wave, (grid, columns) = scene.fastest_wave, _grid(scene, scheme)
+    width, solver = int(columns.max(initial=1)) - 1, _solver(scheme, columns)
+    touches, step = can_touch(scene), dt / scene.cell
     lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
     if not lid:
         lid_name = ", ".join(name for name, _ in driven_by_force(scene))
@@ -154,15 +155,35 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     )
 
 
-def _grid(scene: Scene) -> tuple[BodyGrids, int]:
-    """The first body grids, and the half bandwidth of their matrix, with ghost facets and without supports."""
+def _grid(scene: Scene, scheme: Scheme) -> tuple[BodyGrids, Ints]:
+    """The first body grids, and the lengths (nodes,) of the columns of the factor of their matrix, with supports."""
     soft, x, volume = scene.deformable[scene.owner], scene.initial_positions, scene.initial_volumes
+    if scene.supports:
+        return _supported_grid(derived_data(scene, scheme, x, volume))
     grid = build_grids(
         x[:, soft], scene.owner[soft], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, soft]
     )
     facets, _ = ghost_facets(grid, volume[soft])
-    reach = max(int(np.ptp(nodes, axis=0).max(initial=0)) for nodes in (grid.nodes_of_cell, facets))
-    return grid, 2 * reach + 1
+    node = np.arange(grid.nodes)
+    last = node.copy()
+    for nodes in (grid.nodes_of_cell, facets):
+        np.maximum.at(last, nodes.min(axis=0), nodes.max(axis=0))
+    return grid, 2 * (np.maximum.accumulate(last) - node + 1)
+
+
+def _supported_grid(data: Derived) -> tuple[BodyGrids, Ints]:
+    """The same with supports, whose elimination couples further nodes and reorders them."""
+    grid, pattern = data.assembly.grid, data.assembly.ghost_data
+    A = data.assembly.matrix(np.random.default_rng(0).random(pattern.shape), 1.0)  # whose entries do not cancel
+    if data.supports is not None:
+        A, _ = data.supports.reduced(A, grid.blocks)
+    return grid, linear.column_lengths(A, grid.blocks)
+
+
+def _solver(scheme: Scheme, columns: Ints) -> str:
+    """Name of the solver: that which `linear.default` selects, otherwise the scheme's own."""
+    solver = linear.chosen(columns) if scheme.linear is linear.default else scheme.linear
+    return str(getattr(solver, "__name__", type(solver).__name__))
 
 
 def _contact_law(scheme: Scheme) -> str:
@@ -170,13 +191,6 @@ def _contact_law(scheme: Scheme) -> str:
     if acts_at_grid_nodes(scheme.contact):
         return "shared grid"
     return str(getattr(scheme.contact, "__name__", type(scheme.contact).__name__)).replace("_", " ")
-
-
-def _solver(scheme: Scheme, width: int) -> str:
-    """Name of the solver: that which `linear.default` selects, otherwise the scheme's own."""
-    if scheme.linear is linear.default:
-        return "banded" if width <= linear.CROSSOVER else "amg"
-    return str(getattr(scheme.linear, "__name__", type(scheme.linear).__name__))
 
 
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:

@@ -47,7 +47,7 @@ def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, 
             displacement=np.zeros(0),
             nodal_velocity=np.zeros(0),
         )
-    derived = _derived(scene, state, scheme)
+    derived = _at_anchor(scene, state, scheme)
     nodes = derived.assembly.grid.nodes
     displacement = state.displacement if state.displacement.size else np.zeros(2 * nodes)
     if displacement.size != 2 * nodes:
@@ -62,7 +62,7 @@ def _deformation_since_anchor(scene: Scene, state: State, scheme: Scheme) -> Arr
     """Deformation gradients at the points, where their velocity gradients are, relative to the anchor, (2, 2, n)."""
     relative = np.broadcast_to(np.eye(2)[:, :, None], state.F.shape).copy()
     if state.displacement.size:
-        kept = state.derived or _derived(scene, state, scheme)  # of a state from a file
+        kept = state.derived or _at_anchor(scene, state, scheme)  # of a state from a file
         relative[..., scene.deformable_points] += kept.assembly.grid.gradient_at_points(state.displacement)
     return relative
 
@@ -79,21 +79,26 @@ def _still_valid(scene: Scene, state: State, scheme: Scheme) -> bool:
     )
 
 
-def _derived(scene: Scene, state: State, scheme: Scheme) -> Derived:
-    """Body grids in the reference configuration, and the data that depend only on it."""
-    deformable = scene.deformable[state.body]
-    x, inward = state.x_anchor, inward_normals(scene, state.x_anchor)
-    grid = build_grids(x[:, deformable], state.body[deformable], scene.cell, len(scene.bodies), inward[:, deformable])
-    volume = (scene.initial_volumes * determinant(state.F_anchor))[deformable]
-    weights = volume
+def _at_anchor(scene: Scene, state: State, scheme: Scheme) -> Derived:
+    return derived_data(scene, scheme, state.x_anchor, scene.initial_volumes * determinant(state.F_anchor))
+
+
+def derived_data(scene: Scene, scheme: Scheme, x: Array, volume: Array) -> Derived:
+    """Body grids in the reference configuration, and the data that depend only on it.
+
+    There the points have the positions `x` (2, n) [m] and the volumes `volume` (n,) [m2].
+    """
+    own = scene.deformable_points
+    grid = build_grids(x[:, own], scene.owner[own], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, own])
+    weights = volume[own]
     if scheme.moment_fitting:
-        weights, grid = _fitted(scene, grid, volume, x)
+        weights, grid = _fitted(scene, grid, weights, x)
     modulus = _ghost_moduli(scene, scheme, grid)
     return Derived(
-        assembly=prepare(grid, weights, state.mass[deformable], modulus),
+        assembly=prepare(grid, weights, scene.masses[own], modulus),
         ghost=modulus,
         moment_fitting=scheme.moment_fitting,
-        supports=_supports(scene, grid, np.cumsum(deformable) - 1),
+        supports=_supports(scene, grid),
         supporting=scene.supporting,
     )
 
@@ -131,10 +136,11 @@ def _fitted(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> tuple[Arr
     return weights, replace(grid, quadrature=places)
 
 
-def _supports(scene: Scene, grid: BodyGrids, number: NDArray[np.int64]) -> Elimination | None:
+def _supports(scene: Scene, grid: BodyGrids) -> Elimination | None:
     """Elimination of the constraints N(c) v = prescribed velocity, for each prescribed component at every point c."""
     if not scene.supports:
         return None
+    number = np.cumsum(scene.deformable[scene.owner]) - 1
     rows, columns = [], []
     for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
         at = grid.interpolation[number[supported.points]]

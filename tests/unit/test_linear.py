@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -291,21 +292,41 @@ def test_amg_that_does_not_converge_names_a_remedy():
 # The choice.
 
 
-def bands(nodes, distance):
-    """A block matrix with an entry at this distance, in nodes, from the diagonal."""
-    rows = np.concatenate([np.arange(nodes), [distance]])
-    A = sp.coo_array((np.ones(rows.size), (rows, np.concatenate([np.arange(nodes), [0]]))), shape=(nodes, nodes))
+def bands(nodes, distance, wide):
+    """A block matrix whose first `wide` columns have an entry at this distance, in nodes, from the diagonal."""
+    each, first = np.arange(nodes), np.arange(wide)
+    rows, columns = np.append(each, first + distance), np.append(each, first)
+    A = sp.coo_array((np.ones(rows.size), (rows, columns)), shape=(nodes, nodes))
     return sp.bsr_array(sp.kron(A.tocsr(), np.eye(2), format="bsr"))
 
 
 @pytest.mark.parametrize(
-    ("nodes", "distance", "chosen"),
-    [(100, 99, "banded"), (50_000, 100, "banded"), (50_000, 300, "banded"), (2500, 400, "amg"), (50_000, 400, "amg")],
+    ("nodes", "distance", "wide", "chosen"),
+    [
+        (100, 99, 1, "banded"),
+        (50_000, 300, 49_700, "banded"),
+        (50_000, 400, 49_600, "amg"),
+        (50_000, 400, 30_000, "banded"),  # some columns are longer than 700
+        (50_000, 2100, 1, "amg"),  # wider than a band may be
+    ],
 )
-def test_default_takes_banded_for_small_bodies_and_amg_for_large_ones(monkeypatch, nodes, distance, chosen):
+def test_default_takes_what_costs_less(monkeypatch, nodes, distance, wide, chosen):
     for name in ("banded", "amg"):
         monkeypatch.setattr(linear.choice, name, lambda A, blocks, motions, name=name: name)
-    assert linear.default(bands(nodes, distance), np.array([0, 2 * nodes]), np.ones((2 * nodes, 3))) == chosen
+    A = bands(nodes, distance, wide)
+    assert linear.default(A, np.array([0, 2 * nodes]), np.ones((2 * nodes, 3))) == chosen
+
+
+def test_columns_of_the_factor_reach_as_far_as_those_before_them():
+    """Of three bodies, from a dense pattern."""
+    A, blocks, _ = system(1.0)
+    lengths = []
+    for first, last in pairwise((blocks // 2).tolist()):
+        ones = np.ones((A.indices.size, 1, 1))
+        pattern = sp.bsr_array((ones, A.indices, A.indptr)).toarray()[first:last, first:last]
+        reach = np.array([np.flatnonzero(pattern[:, : k + 1].any(axis=1))[-1] + 1 for k in range(last - first)])
+        lengths.extend(2 * (reach - np.arange(last - first)))
+    assert linear.column_lengths(A, blocks).tolist() == lengths
 
 
 def test_default_solves_packings_with_the_band():
