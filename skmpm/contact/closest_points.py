@@ -85,7 +85,7 @@ def _on_wall(
     scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics, reference: Array, shifted: Bools
 ) -> _Minima:
     """Minima of the gap to wall i at `point` (2,) [m]."""
-    curve, boundary, normal = near.curve, near.curve.outlines, np.asarray(scene.walls[i].normal, dtype=float)
+    curve, boundary, normal = near.curve, near.curve.outlines, scene.normals[:, i]
     found, values = np.empty(boundary.size, dtype=np.int64), np.empty((4, boundary.size))
     size = _minima_on_wall(
         normal, point, near.reach, shifted[boundary.body], ahead.x, ahead.c, curve.loops, reference, found, values

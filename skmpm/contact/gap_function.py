@@ -93,7 +93,7 @@ def contacts_with_wall(
 ) -> ContactPairs:
     """Contact pairs of boundary points with wall i, which moves from `point` by `step`, both (2,) [m]."""
     curve, boundary = near.curve, near.curve.outlines
-    normal = np.asarray(scene.walls[i].normal, dtype=float)
+    normal = scene.normals[:, i]
     before, gap, c = np.empty(boundary.size), np.empty(boundary.size), np.empty(boundary.size, dtype=np.int64)
     movable = scene.movable[boundary.body]
     c = c[: _wall_gaps(normal, start, point, moved, step, movable, near.reach, before, gap, c)]

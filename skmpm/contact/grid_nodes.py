@@ -103,8 +103,7 @@ def _walls(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
     """Nodes of walls: slabs of rigid material points, four per cell, that exceed the bodies by three cells."""
     spacing, layers = 0.5 * cell, round(2 * WALL_THICKNESS)
     parts, owner = [], []
-    for i, wall in enumerate(scene.walls):
-        normal = np.asarray(wall.normal, dtype=float)
+    for i, normal in enumerate(scene.normals.T):
         tangent = np.array([-normal[1], normal[0]])
         reach = tangent @ (state.x - state.walls[i][:, None])
         along = np.arange(reach.min() - 3.0 * cell, reach.max() + 3.0 * cell, spacing)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from copy import copy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,11 +15,15 @@ from skmpm.points.mesh_groups import cell_groups
 
 if TYPE_CHECKING:
     import meshio
+    import skfem
+
+_log = logging.getLogger("skmpm")
 
 # Weights at the corners, edge midpoints and centre of a reference cell by its number of corners: the degree 3
 # rule of the triangle (Zienkiewicz & Taylor, The Finite Element Method, vol. 1; its area is 1/2), Simpson's.
 BOUNDARY_RULES = {3: (1 / 40, 1 / 15, 9 / 40), 4: (1 / 36, 4 / 36, 16 / 36)}
 CORNERS = {"triangle": 3, "quad": 4}
+SECOND_ORDER = {"triangle6": "triangle", "triangle7": "triangle", "quad8": "quad", "quad9": "quad"}
 NOT_AREAS = ("vertex", "line", "line3")
 HIGHEST = 19  # degree of the last rule that scikit-fem has for triangles; its weights are positive
 # Boundaries that turn by less from edge to edge are smooth: circles of twelve edges and more.
@@ -27,7 +33,7 @@ LARGEST_BULGE = 0.75  # of a midpoint's area that a concave boundary takes from 
 Rule = tuple[Integers, Integers, Floats]  # sites (m, cells) of cells, the centre last, their groups, weights
 
 
-def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
+def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
     """Return the points of a mesh of triangles and quadrilaterals.
 
     Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
@@ -41,7 +47,8 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     Physical groups of cells, as gmsh writes them, sets of cells (`meshio.Mesh.cell_sets`) and subdomains of
     scikit-fem become the groups of the points (`Points.group`), for a body of several materials: see `Body`. An
     unnamed group has its number as a name; of several sets the smallest that a cell belongs to counts, cells in none
-    are "other". The volumes of a group add up to the area of its cells.
+    are "other". The sets that gmsh makes of all curves and surfaces of an Abaqus file, "Surface1" and so on, count
+    where no other does. The volumes of a group add up to the area of its cells.
 
     With `order` 2 edges of the mesh should be about 1.2 cells of the scene long, in both directions: a uniform stress
     is then right to 2 %. With edges of 2 cells some cells have no points, the body may be 10 to 50 % too soft, and
@@ -50,17 +57,19 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
 
     Parameters
     ----------
-    mesh : a meshio.Mesh in the plane; blocks of lines and vertices and unused nodes are ignored
+    mesh : a meshio.Mesh or a mesh of scikit-fem, in the plane; blocks of lines and vertices and unused nodes are
+        ignored. Of cells with six to nine nodes the corners are taken, and the log says so
     order : polynomial degree of the rule of the inner cells
 
     Raises
     ------
     ValueError
-        If the order is out of range; if the mesh has no or other cells, nodes out of the plane or at the same
-        position, degenerate or overlapping cells, or parts joined by one node only.
+        If the order is out of range; if the mesh has no or other cells, sets of cells that it does not have, nodes
+        out of the plane or at the same position, degenerate or overlapping cells, or parts joined by one node only.
     """
     if not 0 <= order <= HIGHEST:
         raise ValueError(f"order is {order}; give a degree from 0 to {HIGHEST}")
+    mesh = _first_order(mesh)
     nodes, blocks = _read(mesh)
     names, groups = cell_groups(mesh, tuple(CORNERS))
     count = max(len(names), 1)
@@ -99,13 +108,30 @@ def from_mesh(mesh: meshio.Mesh, *, order: int = 2) -> Points:
     return Points(x, volume, tuple(number[loop] for loop in loops), own_group)
 
 
-def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
-    """Nodes in use (2, n) and, per type, the nodes of each cell (corners, cells), counter-clockwise."""
+def _first_order(mesh: meshio.Mesh | skfem.Mesh) -> meshio.Mesh:
+    """The mesh as one of meshio, whose cells have only their corners."""
+    from meshio import CellBlock
+    from skfem import Mesh
+    from skfem.io.meshio import to_meshio
+
+    if isinstance(mesh, Mesh):
+        mesh = to_meshio(mesh)
     if not (hasattr(mesh, "cells") and hasattr(mesh, "points")):
         raise ValueError(
-            f"the mesh is a {type(mesh).__name__}; give a meshio.Mesh, as meshio.read(path) or, of a mesh of"
-            " scikit-fem, skfem.io.meshio.to_meshio(mesh)"
+            f"the mesh is a {type(mesh).__name__}; give a meshio.Mesh, as meshio.read(path), or one of scikit-fem"
         )
+    if kinds := sorted({block.type for block in mesh.cells} & SECOND_ORDER.keys()):
+        _log.warning("from_mesh takes the corners of cells of type %s", ", ".join(kinds))
+    first = copy(mesh)
+    first.cells = []
+    for block in mesh.cells:
+        kind = SECOND_ORDER.get(block.type, block.type)
+        first.cells.append(CellBlock(kind, block.data[:, : CORNERS.get(kind)]))
+    return first
+
+
+def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
+    """Nodes in use (2, n) and, per type, the nodes of each cell (corners, cells), counter-clockwise."""
     if others := sorted({block.type for block in mesh.cells} - {*CORNERS, *NOT_AREAS}):
         raise ValueError(f"the mesh has cells of type {others}; give cells of type 'triangle' and 'quad'")
     data = [[block.data for block in mesh.cells if block.type == kind and len(block.data)] for kind in CORNERS]
@@ -155,6 +181,7 @@ def _edges(blocks: list[Integers]) -> tuple[Integers, Integers, Integers, NDArra
     edges, edge, count = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True, return_counts=True)
     if np.unique(ends, axis=1).shape[1] < ends.shape[1]:
         raise ValueError("cells of the mesh overlap: an edge has two cells on the same side; remove one of them")
+    edge = edge.ravel()  # of shape (1, s) in NumPy 2.0.0
     return ends, edges, edge, count[edge] == 1
 
 

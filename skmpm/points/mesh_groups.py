@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ PHYSICAL = "gmsh:physical"
 SUBDOMAIN = "skfem:s:"  # begins the names of the cell data in which scikit-fem keeps its subdomains
 INTERNAL = ("gmsh:", "skfem:")  # begin the names of sets that are no groups
 REST = "other"
+ELEMENTARY = re.compile(r"(Line|Surface)\d+")  # sets that gmsh writes to Abaqus files, one for each curve and surface
 
 
 def cell_groups(mesh: meshio.Mesh, kinds: Sequence[str]) -> tuple[list[str], list[Integers]]:
@@ -52,10 +54,14 @@ def _smallest_set(mesh: meshio.Mesh, k: int, size: int) -> NDArray[Any]:
         (sum(int(np.count_nonzero(d)) for d in data), name, np.asarray(data[k]) != 0) for name, data in masks.items()
     ]
     for name, data in sets.items():
-        index = np.zeros(size, dtype=bool)
-        if data[k] is not None:
-            index[np.asarray(data[k], dtype=np.int64)] = True
+        index, cells = np.zeros(size, dtype=bool), np.zeros(0) if len(data) <= k or data[k] is None else data[k]
+        if len(data) != len(mesh.cells) or np.max(cells, initial=-1) >= size:
+            raise ValueError(
+                f"the set {name!r} has cells that the mesh has not; in an Abaqus file give numbers of elements after"
+                " *ELSET, for meshio mixes up names of sets and the ELSET of several *ELEMENT"
+            )
+        index[np.asarray(cells, dtype=np.int64)] = True
         chosen.append((sum(np.size(d) for d in data if d is not None), name, index))
-    for _, name, inside in sorted(chosen, key=lambda one: (-one[0], one[1])):
+    for _, name, inside in sorted(chosen, key=lambda one: (not ELEMENTARY.fullmatch(one[1]), -one[0], one[1])):
         found[inside.reshape(size)] = name
     return found

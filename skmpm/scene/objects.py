@@ -77,7 +77,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Wall:
-    """A rigid half-plane through `point`; the unit `normal` points to the free side.
+    """A rigid half-plane through `point`; `normal`, of any length, points to the free side.
 
     It moves with a given velocity or, along its normal, by a force or a pressure; its velocity along the normal is
     then an unknown of the contact problem, in which the force is exact at the end of every step. Across the normal it

@@ -261,7 +261,8 @@ class Scene:
     @cached_property
     def normals(self) -> Array:
         """Unit normals of the walls, (2, walls)."""
-        return np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T
+        normals = np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T
+        return np.asarray(normals / np.hypot(*normals))
 
     @cached_property
     def driven_walls(self) -> Ints:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import youngs_modulus
-from skmpm.scene import Scene, State, Wall
+from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
 from skmpm.simulate.functions_of_time import values_at
 from skmpm.simulate.loading import SLOPE, strongest_gravity
@@ -126,7 +126,7 @@ class StrokeWatch:
     def __init__(self, scene: Scene, t: float, *, wanted: bool) -> None:
         self._t = t  # at the end of the step before [s]
         named: list[tuple[str, Any]] = [
-            *((f"wall {i}", _given(wall)) for i, wall in enumerate(scene.walls)),
+            *((f"wall {i}", _given(scene, i)) for i in range(len(scene.walls))),
             *((f"body {b}", body.motion) for b, body in enumerate(scene.bodies)),
             *((f"support {i}", held.velocity) for i, held in enumerate(scene.supports) if held.displacement is None),
         ]
@@ -154,12 +154,12 @@ class StrokeWatch:
         return ""
 
 
-def _given(wall: Wall) -> Any:
+def _given(scene: Scene, i: int) -> Any:
     """The velocity of a wall as far as it is given: along it, if a force drives it."""
+    wall, (x, y) = scene.walls[i], scene.normals[:, i]
     velocity = wall.velocity
     if not (wall.driven and callable(velocity)):
         return velocity
-    x, y = np.asarray(wall.normal, dtype=float)
     along = np.array([-y, x])
     return lambda t: along * (along @ np.asarray(velocity(t), dtype=float))
 

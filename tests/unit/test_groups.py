@@ -132,6 +132,61 @@ def test_groups_of_a_mesh_keep_their_areas(kind):
     assert areas(points) == pytest.approx(wanted, rel=1e-13)
 
 
+NODES = """*NODE
+1, 0., 0.
+2, 1., 0.
+3, 1., 1.
+4, 0., 1.
+5, 2., 0.
+6, 2., 1.
+7, 3., 0.
+8, 3., 1.
+"""
+
+
+ONE, TWO, THREE = "1, 1, 2, 3, 4\n", "2, 2, 5, 6, 3\n", "3, 5, 7, 8, 6\n"
+PICKED = "*ELSET, ELSET=CORE\n1\n*ELSET, ELSET=SKIN\n2, 3\n"
+
+
+def of(name=""):
+    return f"*ELEMENT, TYPE=CPS4, ELSET={name}\n" if name else "*ELEMENT, TYPE=CPS4\n"
+
+
+@pytest.mark.parametrize(
+    "elements",
+    [
+        of("CORE") + ONE + of("SKIN") + TWO + THREE,
+        of() + ONE + TWO + THREE + PICKED,
+        of("ALL") + ONE + TWO + THREE + PICKED,
+        "*ELEMENT, TYPE=T3D2, ELSET=Line1\n9, 1, 2\n"
+        + (of("Surface1") + ONE + of("Surface2") + TWO + of("Surface3") + THREE + PICKED),
+    ],
+    ids=["of elements", "of numbers", "within one of all", "gmsh"],
+)
+def test_sets_of_an_abaqus_file_are_groups(elements, tmp_path):
+    """Three squares, one core and two skin."""
+    (tmp_path / "mesh.inp").write_text(NODES + elements)
+    points = from_mesh(meshio.read(tmp_path / "mesh.inp"))
+    assert {name: points.volume[points.group == name].sum() for name in np.unique(points.group)} == pytest.approx(
+        {"CORE": 1.0, "SKIN": 2.0}, rel=1e-13
+    )
+
+
+@pytest.mark.parametrize(
+    ("elements", "name"),
+    [
+        (of() + ONE + of("SKIN") + TWO + THREE, "SKIN"),
+        (of("A") + ONE + of("B") + TWO + "*ELSET, ELSET=AB\nA, B\n", "AB"),
+    ],
+)
+def test_sets_that_meshio_mixes_up_are_refused(elements, name, tmp_path):
+    (tmp_path / "mesh.inp").write_text(NODES + elements)
+    with pytest.raises(
+        ValueError, match=rf"the set '{name}' has cells that the mesh has not; .* numbers of elements"
+    ):
+        from_mesh(meshio.read(tmp_path / "mesh.inp"))
+
+
 def test_a_mesh_of_triangles_and_quadrilaterals_keeps_its_groups():
     mesh, group, _ = layered()
     quads, (a, b, c, d) = mesh.t[:, group == "low"], mesh.t[:, group == "high"]

@@ -285,6 +285,47 @@ def test_mesh_as_generators_write_it():
     assert points.x.max() == 1
 
 
+def test_numpy_2_0_0_returns_inverses_along_an_axis_with_two_dimensions(monkeypatch):
+    unique = np.unique
+
+    def of_2_0_0(x, axis=None, return_inverse=False, **options):
+        found = unique(x, axis=axis, return_inverse=return_inverse, **options)
+        if not return_inverse or axis is None:
+            return found
+        at = 1 + options.get("return_index", False)
+        return (*found[:at], found[at].reshape(1, -1), *found[at + 1 :])
+
+    expected = from_mesh(ring("quad"))
+    monkeypatch.setattr(np, "unique", of_2_0_0)
+    assert np.array_equal(from_mesh(ring("quad")).x, expected.x)
+
+
+@pytest.mark.parametrize("kind", ["triangle6", "quad8", "quad9"])
+def test_cells_of_second_order_count_by_their_corners(kind, caplog):
+    """The same points as of the cells of first order, and the log says so once."""
+    nodes = np.array([[0.0, 1, 1, 0, 0.5, 1, 0.5, 0, 0.5], [0.0, 0, 1, 1, 0, 0.5, 1, 0.5, 0.5]])
+    cells = {
+        "triangle6": [[0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 6, 8]],
+        "quad8": [[0, 1, 2, 3, 4, 5, 6, 7]],
+        "quad9": [[0, 1, 2, 3, 4, 5, 6, 7, 8]],
+    }[kind]
+    corners = [cell[: 3 if kind == "triangle6" else 4] for cell in cells]
+    points = from_mesh(mesh_of((kind, cells), points=nodes))
+    assert [record.getMessage() for record in caplog.records] == [
+        f"from_mesh takes the corners of cells of type {kind}"
+    ]
+    first = from_mesh(mesh_of((kind[:-1], corners), points=nodes))
+    assert np.array_equal(points.x, first.x) and points.volume.sum() == pytest.approx(1.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("kind", [skfem.MeshTri, skfem.MeshQuad, skfem.MeshTri2, skfem.MeshQuad2])
+def test_meshes_of_scikit_fem_are_taken_as_they_are(kind):
+    """With their subdomains; an integer grid of 16 squares."""
+    points = from_mesh(kind().refined(2).with_subdomains({"left": lambda x: x[0] < 0.5}))
+    assert points.volume[points.group == "left"].sum() == pytest.approx(0.5, rel=1e-13)
+    assert points.volume.sum() == pytest.approx(1.0, rel=1e-13)
+
+
 TWO = [[0, 1, 2], [0, 2, 3]]
 
 
@@ -292,7 +333,7 @@ TWO = [[0, 1, 2], [0, 2, 3]]
     ("mesh", "words"),
     [
         (mesh_of(("tetra", [[0, 1, 2, 3]]), points=SQUARE), "tetra"),
-        (mesh_of(("triangle6", [[0, 1, 2, 3, 1, 2]]), points=SQUARE), "triangle6"),
+        (mesh_of(("triangle10", [[0, 1, 2, 3, 1, 2, 3, 0, 1, 2]]), points=SQUARE), "triangle10"),
         (mesh_of(("line", [[0, 1]]), points=SQUARE), "no cells"),
         (mesh_of(("triangle", TWO), points=[*SQUARE, [0, 0, 0, 1]]), "plane"),
         (mesh_of(("triangle", TWO), points=[SQUARE[0], [0, 0, np.nan, 1]]), "finite"),
