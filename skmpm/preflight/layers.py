@@ -30,7 +30,7 @@ def layer_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Itera
         group = np.asarray(points.group)
         for name in np.unique(group).tolist():
             own = group == name
-            if not _shares_cells(points.x / h, own):
+            if not shares_cells(points.x / h, own):
                 continue
             boundary = [points.x[:, loop] for loop in points.outline]
             around = np.concatenate([points.x[:, ~own], *boundary], axis=1)
@@ -46,7 +46,7 @@ def layer_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Itera
                 yield f"{who}; {LAYER.where}; {remedy}"
 
 
-def _shares_cells(x: NDArray[np.float64], own: NDArray[np.bool_]) -> bool:
+def shares_cells(x: NDArray[np.float64], own: NDArray[np.bool_]) -> bool:
     """Whether a cell holds points x (2, n) [cells] of a group and others."""
     cells = np.floor(x + ON_LINE).astype(np.int64)
     _, of = np.unique(cells, axis=1, return_inverse=True)

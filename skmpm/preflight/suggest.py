@@ -6,12 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
-from skmpm.material import poisson_ratio
-from skmpm.outline import slit_width, thickness
+from skmpm.material import poisson_ratio, youngs_modulus
+from skmpm.outline import slit_width
+from skmpm.points import Points
+from skmpm.preflight.layers import shares_cells
 from skmpm.preflight.limit import rounded_up
-from skmpm.preflight.limits import APPROACH, CONFINED, COURANT, LID, RESOLUTION, SLIT, SMALLEST, THIN
-from skmpm.scene import Scene, check_scene
+from skmpm.preflight.limits import APPROACH, CONFINED, COURANT, EXPLICIT, LID, RESOLUTION, SLIT, SMALLEST, THIN
+from skmpm.scene import Body, Scene, check_scene
+from skmpm.scheme import Scheme
+from skmpm.simulate.algorithm import SHORTEST, check_time
+from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.initial_state import can_touch
 from skmpm.simulate.loading import SEVERAL, Loading, loading_of, smallest_radii
 
@@ -19,9 +25,10 @@ Array = NDArray[np.float64]
 
 LARGEST = 0.25  # error; coarser resolutions were not measured
 RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
-# Cells across a thin part, and the error of its deflection then at 45 degrees to the grid, 2.3 % at nu = 0.3 and 4.6
-# at 0.499, which falls by 3 from 4 to 8; along the grid it is a third of that (`THIN`).
+# Cells across a thin part, and the error of its deflection then at 45 degrees to the grid and nu = 0.499, of finite
+# elements 2.8 %, which falls by 3 from 4 to 8; at nu = 0.3 it is two thirds, along the grid a third of that (`THIN`).
 THIN_CELLS, THIN_ERROR, THIN_POWER = 8.0, 0.032, 1.57
+ROUND_OFF = 1e-9  # of a cell
 WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
 
 
@@ -29,6 +36,7 @@ WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
 class Law:
     """error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step.
 
+    R is that of a disc of the same area, in bending twice the least radius of gyration, which is that of a disc, too.
     s is dt c / R in impacts and free motion, c the speed of pressure waves; otherwise the displacement of the driven
     object over R.
     For `Scheme.balanced()`, whose backward Euler is of first order.
@@ -48,7 +56,7 @@ LAWS = {
     "bending": (Law(0.5, 0.45, 0.95, 0.37),),
     "pressing": (Law(0.74, 2.6, 1.63, 0.37),),
     "impact": (Law(0.74, 0.27, 1.32, 0.37), Law(0.5, 0.57, 1.8, 0.37)),
-    "packing": (Law(0.74, 0.245, 2.0, 0.79),),
+    "packing": (Law(0.74, 1.35, 2.0, 0.79),),
 }
 
 
@@ -60,57 +68,89 @@ class Suggestion:
     ----------
     cell : side of the grid cells, for `Scene.cell` [m]
     spacing : of material points, for `disc` and `box` [m]
-    dt : time step [s]
+    dt : time step [s]; None where nothing limits it, as of equilibrium under constant loads
     kind : "bending", "pressing", "impact", "packing" or "pour"
     why : the reason for the kind and the time step
     """
 
     cell: float
     spacing: float
-    dt: float
+    dt: float | None
     kind: str
     why: str
 
     def __str__(self) -> str:
         """The suggestion as a sentence."""
-        return (
-            f"{self.kind}: {self.why}; use cell = {self.cell:.3g} m, spacing = {self.spacing:.3g} m,"
-            f" dt = {self.dt:.3g} s"
+        return f"{self.kind}: {self.why}; use cell = {self.cell:.3g} m, spacing = {self.spacing:.3g} m," + (
+            " any dt" if self.dt is None else f" dt = {self.dt:.3g} s"
         )
 
 
-def suggest(scene: Scene, *, error: float) -> Suggestion:
+def suggest(
+    scene: Scene,
+    *,
+    error: float,
+    scheme: Scheme = Scheme(),  # noqa: B008
+    until: float | None = None,
+) -> Suggestion:
     """The cheapest cell, spacing of points and time step for an error, with `Scheme.balanced()`.
 
     The error is relative: the largest of those that the study work_precision measures on its scene of that kind.
     *Bending*, without contact: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts.
     *Impact*, bodies with initial velocities: velocities afterwards. *Packing*, six or more bodies that are driven:
     pressure, work and aspect ratio. *Pour*, bodies that fall: as packing, or pressing if few. Only materials,
-    sizes, gravity and motion at t = 0 are used, not the scene's own cell and points. In impacts, and if nothing is
+    sizes, gravity and motion are used, not the scene's own cell and points. In impacts, and if nothing is
     driven, dt resolves waves; otherwise it follows from the displacement per step. Where `preflight` would warn, the
     cell or the step is smaller than needed for the error. For four scenes that are not in the study the error is less
-    than twice the wanted one (`examples/studies/work_precision/promises.py`). The walls of hollow bodies have cells
-    enough for the error of their bending. Points are at most half a cell apart
-    for Poisson's ratios above 0.49.
+    than twice the wanted one (`examples/studies/work_precision/promises.py`). In contact, bodies with parts thinner
+    than the radius of a disc of their area, as lips and rings, have cells enough for the error of their deflection.
+    Interfaces of materials cost at most the error where they lie inside cells; where they lie on grid lines of the
+    scene's own cell, the cell is a fraction of it. Points are at most half a cell apart for Poisson's ratios above
+    0.49.
+
+    Parameters
+    ----------
+    error : wanted, above zero
+    scheme : without inertia nothing vibrates or falls; explicit steps are shorter
+    until : end of the run [s], for scenes with functions of time, whose largest values count
 
     Raises
     ------
     ValueError
-        if the error is larger than those measured, or so small that a body would be 200 cells across
+        if the error is larger than those measured, or so small that a body would be 200 cells across, or if the scene
+        has functions of time and `until` is not given
     """
     check_scene("suggest", scene)
-    loading, size = loading_of(scene), float(smallest_radii(scene).min())
+    loading = loading_of(scene, _times(scene, until), inertia=scheme.inertia)
+    radius, measured = _radii(scene), ~_slender(scene)
+    if loading.kind == "bending":
+        radius, measured = smallest_radii(scene), np.ones_like(measured)
+    size = float(radius.min())
+    paced = scheme.inertia or not loading.waves
     laws = LAWS[_measured_as(scene, loading.kind)]
-    found = [best for law in laws if (best := _cheapest(law, error)) is not None]
+    found = [best for law in laws if (best := _cheapest(law, error, paced)) is not None]
     if not found:
         least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
         raise ValueError(f"suggest: error = {error!r}; use one between {rounded_up(1.01 * least)} and {LARGEST}")
     _, n, spacing, stride = min(found)
-    cell = min(size / n, _coarsest(scene, error))
+    cell = float(min(radius[measured].min(initial=np.inf) / n, _coarsest(scene, error)))
+    cell = _with_interfaces(scene, cell, error)
     spacing = min(spacing, 0.5) if max(map(poisson_ratio, scene.materials)) > CONFINED.value else spacing
-    dt = min(stride * size / loading.speed, _longest(scene, loading, cell))
-    paced = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
-    return Suggestion(cell, spacing * cell, dt, loading.kind, f"{loading.why}, so {paced}")
+    longest = [stride * size / loading.speed] if paced else []
+    dt = min([*longest, *_longest(scene, loading, cell, scheme), *([] if until is None else [until])], default=None)
+    paces = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
+    why = f"{loading.why}, so {paces if paced else 'nothing limits dt'}"
+    return Suggestion(cell, spacing * cell, dt, loading.kind, why)
+
+
+def _times(scene: Scene, until: float | None) -> Array:
+    """Times of a run at which functions of time are evaluated [s]."""
+    if until is None:
+        if not FunctionsOfTime.of(scene, 1.0, np.zeros(1)).none:
+            raise ValueError("suggest: the scene has functions of time; give until, the end of the run in seconds")
+        return np.zeros(1)
+    check_time("suggest: until", until, SHORTEST, "the end of the run")
+    return np.linspace(0.0, until, TIMES)
 
 
 def _measured_as(scene: Scene, kind: str) -> str:
@@ -120,40 +160,83 @@ def _measured_as(scene: Scene, kind: str) -> str:
     return kind
 
 
+def _radii(scene: Scene) -> Array:
+    """Radii of discs of the areas of deformable bodies [m], as `preflight` takes them."""
+    area = np.bincount(scene.owner, scene.initial_volumes, len(scene.bodies))
+    return np.asarray(np.sqrt(area / np.pi)[scene.deformable])
+
+
 def _coarsest(scene: Scene, error: float) -> float:
-    """The largest cell without warnings of `preflight`, and in which thin parts bend with at most this error [m].
-
-    Thin parts are those of bodies that are wider, as rings; of beams the law of the kind takes care.
-    """
+    """The largest cell without warnings of `preflight`, and in which thin parts bend with at most this error [m]."""
     boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
-    radius = np.sqrt(np.bincount(scene.owner, scene.initial_volumes, count) / np.pi)[own].min()
-    across, slit = (
-        f(boundary, scene.initial_positions[:, boundary.point], count)[own] for f in (thickness, slit_width)
-    )
+    slit = slit_width(boundary, scene.initial_positions[:, boundary.point], count)[own]
     limit = (RESOLUTION if can_touch(scene) else SMALLEST).value
-    thin = across < smallest_radii(scene)
-    cells = np.where(
-        thin, np.maximum(THIN.value, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER)), THIN.value
-    )
-    thinnest = np.min((across / cells)[~np.isnan(across)], initial=np.inf)
-    return float(min(radius / limit, thinnest, slit.min() / SLIT.value))
+    enough = max(THIN.value, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER))
+    thinnest = np.nanmin(scene.thickness[own] / np.where(_slender(scene), enough, THIN.value), initial=np.inf)
+    return float(min(_radii(scene).min() / limit, thinnest, slit.min() / SLIT.value))
 
 
-def _longest(scene: Scene, loading: Loading, cell: float) -> float:
-    """The longest step without warnings of `preflight` [s]."""
-    limits = [(COURANT.value, scene.fastest_wave if loading.waves else 0.0)]
+def _slender(scene: Scene) -> NDArray[np.bool_]:
+    """Which deformable bodies have a part thinner than their radius, so that it bends: strips, lips, rings."""
+    return np.asarray(scene.thickness[scene.deformable] < _radii(scene))
+
+
+def _with_interfaces(scene: Scene, cell: float, error: float) -> float:
+    """The largest cell up to one at which interfaces of materials cost at most this error [m].
+
+    If interfaces lie on grid lines of the scene's own cell, it is a fraction of that.
+    """
+    parts = [(body.points, _moduli(body)) for body in scene.bodies if len(body.materials) > 1]
+    if not parts:
+        return cell
+    if not any(shares_cells(points.x / scene.cell, e == E) for points, E in parts for e in np.unique(E)):
+        return scene.cell / float(np.ceil(scene.cell / cell * (1.0 - ROUND_OFF)))
+    return min(cell, *(error / lost for points, E in parts if (lost := _smeared(points, E)) > 0.0))
+
+
+def _moduli(body: Body) -> Array:
+    """Young's moduli of points, (n,) [Pa]."""
+    E = np.empty(body.points.size)
+    for material, own in body.parts:
+        E[own] = youngs_modulus(material)
+    return E
+
+
+def _smeared(points: Points, E: Array) -> float:
+    """Share of the compliance of a body that it loses by interfaces inside cells, over the side of these [1/m].
+
+    A cell that an interface divides into a soft and a stiff part, strained alike instead of in series, is short of at
+    most (1 - sqrt(E / E'))^2 of the soft part's compliance, wherever the interface lies.
+    """
+    compliance, spacing, lost = points.volume / E, float(np.sqrt(points.volume.mean())), 0.0
+    for modulus in np.unique(E)[:-1]:
+        soft, stiff = modulus == E, modulus < E
+        distance, nearest = KDTree(points.x[:, stiff].T).query(points.x[:, soft].T)
+        loss = (1.0 - np.sqrt(modulus / E[stiff][nearest])) ** 2
+        lost += float((distance < 2.5 * spacing) @ (loss * compliance[soft]))  # of two layers of points
+    return lost / float(compliance.sum()) / (2.0 * spacing)
+
+
+def _longest(scene: Scene, loading: Loading, cell: float, scheme: Scheme) -> list[float]:
+    """The longest steps without warnings of `preflight` [s]."""
+    limits = [(EXPLICIT.value, scene.fastest_wave)] if scheme.explicit else []
+    if scheme.inertia and loading.waves:
+        limits.append((COURANT.value, scene.fastest_wave))
     if can_touch(scene):
-        limits += [(LID.value, loading.driven), (APPROACH.value, loading.approach)]
-    return min((value * cell / speed for value, speed in limits if speed > 0.0), default=float("inf"))
+        limits += [(LID.value, loading.driven), (APPROACH.value, loading.approach if scheme.inertia else 0.0)]
+    return [value * cell / speed for value, speed in limits if speed > 0.0]
 
 
-def _cheapest(law: Law, error: float) -> tuple[float, float, float, float] | None:
-    """Cost, R/h, spacing [cells] and length of a step that reach an error at least cost; None if none does."""
+def _cheapest(law: Law, error: float, paced: bool) -> tuple[float, float, float, float] | None:
+    """Cost, R/h, spacing [cells] and length of a step that reach an error at least cost; None if none does.
+
+    If the scene is not paced, the length of steps does not matter.
+    """
     room = error - law(RESOLUTIONS, 0.0)
     enough = room > 0.0
     if not (enough.any() and error <= LARGEST):
         return None
     n, step = RESOLUTIONS[enough], room[enough] / law.time
-    cost = n**WORK * (1.0 + 0.5 / law.spacing**2) / step
+    cost = n**WORK * (1.0 + 0.5 / law.spacing**2) / (step if paced else 1.0)
     k = int(np.argmin(cost))
     return float(cost[k]), float(n[k]), law.spacing, float(step[k])

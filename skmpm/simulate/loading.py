@@ -49,8 +49,11 @@ class Loading:
         return self.waves and not self.settles
 
 
-def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
-    """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity."""
+def loading_of(scene: Scene, times: Iterable[float] = (0.0,), inertia: bool = True) -> Loading:
+    """The kind of a scene, from possible contacts, initial velocities, prescribed ones at some times, and gravity.
+
+    Without inertia bodies have no velocities of their own and do not fall.
+    """
     times = tuple(times)
     v, _ = initial_motion(scene)
     strongest = strongest_gravity(scene, times)
@@ -60,13 +63,14 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,)) -> Loading:
     given = max((speed for _, moved in each for _, speed in moved), default=0.0)
     every = chain(*(chain(*both) for both in each))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
-    own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max())
+    own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max()) if inertia else 0.0
     height = free_height(scene, g) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*g) * height))
-    drop = fall if fall > _settling(scene, g) else 0.0
+    drop = fall if inertia and fall > _settling(scene, g) else 0.0
     kind, why, speed = _kind(scene, own, prescribed, drop, name)
     settled = max(_settling(scene, strongest), _bounce(scene, strongest))
-    passing = np.hypot(*np.ptp(np.concatenate([v, scene.wall_velocities(0.0).T], axis=1), axis=1))
+    ends = np.stack([v.min(axis=1), v.max(axis=1)])
+    passing = max(np.hypot(*np.ptp(np.concatenate([ends, scene.wall_velocities(t)]), axis=0)) for t in times)
     return Loading(
         kind,
         why,
@@ -97,7 +101,7 @@ def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -
     if not can_touch(scene):
         if prescribed > own:
             return "bending", f"nothing can touch it and {moved}", prescribed
-        return "bending", "nothing can touch it and nothing is driven: it vibrates", 0.0
+        return "bending", "nothing can touch it and nothing is driven", 0.0
     if own > max(prescribed, fall) or (own > 0.0 and not several):
         return "impact", f"bodies move at {own:.3g} m/s at t = 0", 0.0
     if fall > prescribed:

@@ -15,7 +15,7 @@ from skmpm.preflight.limits import APPROACH, warnings_of
 from skmpm.preflight.limits import LID as WAY
 from skmpm.preflight.metrics import examine
 from skmpm.preflight.suggest import LAWS, Suggestion, suggest
-from skmpm.scene import Body, Load, Scene, Support, Wall
+from skmpm.scene import Body, Load, Pressure, Scene, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate.loading import free_height, gravity_of, loading_of
 
@@ -141,13 +141,63 @@ def test_it_says_what_it_took_the_scene_for():
     says = r"packing: wall 1 moves at 0\.001 m/s, so dt follows from the displacement per step; "
     assert re.match(says + r"use cell = .* m, spacing = .* m, dt = .* s$", str(found))
     for scene, words in (
-        (discs(1), "bending: nothing can touch it and nothing is driven: it vibrates, so dt resolves waves"),
+        (discs(1), "bending: nothing can touch it and nothing is driven, so dt resolves waves"),
         (discs(2), "pressing: bodies can touch and nothing moves at t = 0, so dt resolves waves"),
         (discs(2, velocity=(1.0, 0.0)), "impact: bodies move at 1 m/s at t = 0, so dt resolves waves"),
         (replace(discs(2, walls=[Wall((0, -5), (0, 1))]), gravity=(0.0, -10.0)),
          "pour: gravity lets bodies fall, at up to 10 m/s, so dt follows from the displacement per step"),
     ):  # fmt: skip
         assert str(suggest(scene, error=0.05)).startswith(words)
+
+
+STATIC = Scheme(inertia=False)
+
+
+def test_without_inertia_nothing_vibrates_or_falls():
+    """A ring under pressure may take any step; a pour is no pour; a lid's step is that of its displacement."""
+    pressed = Scene([Body(ring(), SOFT)], cell=0.01, loads=[Pressure(lambda x: x[1] > -1.0, 1e3)])
+    found = suggest(pressed, error=0.05, scheme=STATIC)
+    assert found.dt is None and found.cell == pytest.approx(0.3 * R / 6.02, rel=0.01)
+    says = "bending: nothing can touch it and nothing is driven, so nothing limits dt; use cell = "
+    assert str(found).startswith(says) and str(found).endswith(" m, any dt")
+    assert suggest(pressed, error=0.05, scheme=STATIC, until=3.0).dt == 3.0
+    assert suggest(pressed, error=0.05).dt < 1e-3
+    assert suggest(FAMILY["pour"], error=0.05, scheme=STATIC).kind == "pressing"
+    assert suggest(FAMILY["slow lid"], error=0.05, scheme=STATIC) == suggest(FAMILY["slow lid"], error=0.05)
+
+
+def test_explicit_steps_are_stable():
+    scene = FAMILY["slow lid"]
+    found = suggest(scene, error=0.05, scheme=Scheme(explicit=True))
+    assert found.dt * WAVE / found.cell == pytest.approx(0.7)
+    assert found.cell == suggest(scene, error=0.05).cell
+
+
+def ramped(t):
+    return (0.0, -0.5 * min(t / 2.0, 1.0))
+
+
+@pytest.mark.parametrize("count", [1, 8])
+def test_functions_of_time_count_by_their_largest_values_in_the_run(count):
+    """A lid that starts from rest is as one at its final speed; without the end of the run it is refused."""
+    ramp = discs(count, walls=[FLOOR, Wall((0, 2), (0, -1), velocity=ramped)])
+    assert suggest(ramp, error=0.05, until=5.0) == suggest(discs(count, walls=[FLOOR, LID]), error=0.05)
+    quarter = discs(count, walls=[FLOOR, Wall((0, 2), (0, -1), velocity=(0, -0.125))])
+    assert suggest(ramp, error=0.05, until=0.5) == suggest(quarter, error=0.05)
+    with pytest.raises(ValueError, match="has functions of time; give until, the end of the run in seconds"):
+        suggest(ramp, error=0.05)
+    with pytest.raises(ValueError, match=r"suggest: until = -1\.0; give the end of the run"):
+        suggest(ramp, error=0.05, until=-1.0)
+
+
+def test_thin_parts_of_what_is_pressed_follow_their_deflection():
+    """Lips and rings have six cells across for 5 %, whatever their length; as thick as long, they are as discs."""
+    for length in (0.5, 1.0, 3.0):
+        lip = Scene([Body(box((0, 0), (length, 0.1), spacing=0.02), SOFT)], cell=0.05, walls=lid(0.01))
+        assert 0.1 / suggest(lip, error=0.05).cell == pytest.approx(6.02, rel=0.01)
+    block = Scene([Body(box((0, 0), (0.1, 0.1), spacing=0.01), SOFT)], cell=0.05, walls=lid(0.01))
+    same = discs(1, radius=0.1 / np.sqrt(np.pi), spacing=0.01, walls=lid(0.01))
+    assert suggest(block, error=0.05).cell == pytest.approx(suggest(same, error=0.05).cell, rel=0.01)
 
 
 def test_free_heights():

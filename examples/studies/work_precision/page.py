@@ -89,7 +89,8 @@ TEXT = {
     "limits": "d ln(error) / d ln(parameter) at the presets; of h, dt, spacing, `contact_tol`.",
     "laws": "error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step, dt c /"
     " R or, where a lid drives, its way over R. Fitted to all runs that differ from `balanced` in R/h, spacing and dt"
-    " only (tighter tolerances make no difference), the second d to the lids; in brackets what `skmpm.suggest` has.",
+    " only (tighter tolerances make no difference), the second d to the lids; in brackets what `skmpm.suggest` has: c"
+    " of packings is that of a square array of equal discs, whose errors do not cancel (`test_promises`).",
 }
 
 
