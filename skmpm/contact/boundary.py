@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact.closest_points import closest_points
-from skmpm.contact.cohesion import opening, tensile_strength
+from skmpm.contact.cohesion import tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise, no_constraints
-from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, no_contacts
+from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
 from skmpm.contact.motion import Motion
-from skmpm.contact.neighbours import Neighbours, Roles, neighbours, pairs_of_bodies
+from skmpm.contact.neighbours import Neighbours, Roles, Tension, neighbours, pairs_of_bodies
 from skmpm.contact.reach import contact_reach
 from skmpm.contact.rows import combinations
 from skmpm.contact.self_contact import SelfContact
@@ -78,7 +78,7 @@ def point_to_curve(
     within, start = contact_reach(scene), state.x[:, boundary.point]
     kept = 1.0 - PUSH_OUT * (min(1.0, dt * scene.fastest_wave / scene.cell) if inertia else 1.0)
 
-    def search(margin: float) -> tuple[Neighbours, Roles] | None:
+    def search(margin: float) -> Neighbours | None:
         """The candidates, complete for motions up to half the margin; None if nothing is near anything."""
         surfaces = scene.images(start, state.box, within + margin)
         at, own = surfaces.at(start, state.box), SelfContact.of(scene, state, surfaces.outlines)
@@ -87,46 +87,61 @@ def point_to_curve(
             return None
         initial = scene.initial_positions[:, surfaces.outlines.point]
         curve, roles = outline.curve(surfaces.outlines, initial, at), _roles(scene, surfaces, initial)
-        return neighbours(scene, surfaces, curve, roles, own, at, within, margin, pairs), roles
+        return neighbours(scene, surfaces, curve, roles, own, at, within, margin, pairs)
 
     motion = Motion.of(scene, state, motions, dt)
     margin = 0.5 * within + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
     close = search(margin)
     shifted = scene.movable if inertia else scene.free_to_turn
     if close is not None and shifted.any():
-        close = (_with_closest_points(scene, state, *close, motion, theta, shifted), close[1])
+        close = _with_closest_points(scene, state, close, motion, theta, shifted)
+    if close is not None and scene.cohesive:
+        close = _with_tension(scene, close, motion)
 
     def linearise(w: Array, motions: PrescribedVelocities = motions) -> Constraints:
         motion = Motion.of(scene, state, motions, dt)
         velocity = (interpolation @ w.reshape(-1, 2)).T
         moved = dt * velocity + motion.points
-        needed, found = 2.0 * motion.largest(moved, start), close
+        needed, near = 2.0 * motion.largest(moved, start), close
         if needed > margin:
-            found = search(needed)
-            if found is not None and close is not None:
-                found = (replace(found[0], shifts=close[0].shifts), found[1])
-        pairs = no_contacts() if found is None else _contacts(scene, found[0], motion, moved, theta)
-        if found is None or pairs.gap.size == 0:
+            near = search(needed)
+            if near is not None and close is not None:
+                near = replace(near, shifts=close.shifts, tension=close.tension)
+        if near is None:
             return no_constraints(interpolation)
-        return _constraints(scene, pairs, *found, motion, moved, interpolation, velocity, kept)
+        moved = motion.of_surfaces(near.surfaces, moved)
+        pairs = _contacts(scene, near, motion.walls, moved, theta)
+        if pairs.gap.size == 0:
+            return no_constraints(interpolation)
+        return _constraints(scene, pairs, near, motion, moved, interpolation, velocity, kept)
 
     return linearise
 
 
-def _contacts(scene: Scene, near: Neighbours, motion: Motion, moved: Array, theta: float) -> ContactPairs:
-    """The contact pairs of boundary points that have moved by `moved` (2, m) [m]."""
-    start, moved = near.start.x, motion.of_surfaces(near.surfaces, moved)
-    walls = enumerate(zip(*motion.walls, strict=True))
-    on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in walls)
-    between = no_contacts() if near.none else contacts_between_bodies(scene, near, start, moved, theta)
-    return joined([between, *on_walls])
+def _contacts(scene: Scene, near: Neighbours, walls: Array, moved: Array, theta: float) -> ContactPairs:
+    """The contact pairs of surfaces whose boundary points have moved by `moved` (2, m) [m].
+
+    `walls` (2, walls, 2) are points of the walls at the start of the step, and their displacements [m].
+    """
+    start, each = near.start.x, enumerate(zip(*walls, strict=True))
+    on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in each)
+    between = [] if near.none and walls.size else [contacts_between_bodies(scene, near, start, moved, theta)]
+    return joined([*between, *on_walls])
+
+
+def _with_tension(scene: Scene, near: Neighbours, motion: Motion) -> Neighbours:
+    """The candidates with the contacts that bear tension in the step."""
+    start, walls = near.start.x, motion.walls[0]
+    found = _contacts(scene, near, np.stack([walls, 0.0 * walls]), 0.0 * start, 1.0)
+    strength = tensile_strength(scene, near.surfaces, start, found, near.roles.rank)
+    bears = np.flatnonzero(strength)
+    return replace(near, tension=Tension(found.key[bears], strength[bears]))
 
 
 def _with_closest_points(
     scene: Scene,
     state: State,
     near: Neighbours,
-    roles: Roles,
     motion: Motion,
     theta: float,
     shifted: NDArray[np.bool_],
@@ -144,7 +159,7 @@ def _with_closest_points(
     ahead = near.curve.through(near.start.x + theta * motion.of_surfaces(near.surfaces, moved))
     start, displacement = motion.walls
     walls = start + theta * displacement
-    return replace(near, shifts=closest_points(scene, near, roles, ahead, walls, state.contacts, shifted))
+    return replace(near, shifts=closest_points(scene, near, ahead, walls, state.contacts, shifted))
 
 
 def check_outlines(scene: Scene) -> None:
@@ -194,20 +209,18 @@ def _constraints(
     scene: Scene,
     found: ContactPairs,
     near: Neighbours,
-    roles: Roles,
     motion: Motion,
     moved: Array,
     interpolation: sp.csr_array,
     velocity: Array,
     kept: float,
 ) -> Constraints:
-    """Constraints of the contact pairs, linearised about a motion of the boundary points by `moved` (2, m) [m].
+    """Constraints of the contact pairs, linearised about a motion of the surfaces by `moved` (2, m) [m].
 
-    `velocity` (2, m) [m/s] is the part of it that the nodes cause. Of an initial overlap a share is `kept`.
+    `velocity` (2, points) [m/s] is what the nodes cause of it at the boundary points of bodies. Of an initial overlap
+    a share is `kept`.
     """
-    surfaces, start, dt = near.surfaces, near.start.x, motion.dt
-    strength = tensile_strength(scene, surfaces, start, found, roles.rank) if scene.cohesive else 0.0 * found.gap
-    x = start + motion.of_surfaces(surfaces, moved)
+    surfaces, dt, x, points = near.surfaces, motion.dt, near.start.x + moved, velocity.shape[1]
     at = np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own])
     first, second = (surfaces.lattice[:, np.maximum(body, 0)] for body in found.bodies)
     before, image, home = (
@@ -215,7 +228,7 @@ def _constraints(
     )
     found = _of_bodies(found, surfaces)
     columns = np.concatenate([found.own, found.stencil])
-    relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), moved.shape[1])
+    relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), points)
     moving = (before - image) / dt
     on_wall = found.bodies[1] < 0
     moving[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
@@ -231,14 +244,14 @@ def _constraints(
         point=scene.outlines.point[found.point],
         base=interpolation,
         difference=relative,
-        tangent_shares=combinations(found.stencil, found.tangent_shares, moved.shape[1]),
+        tangent_shares=combinations(found.stencil, found.tangent_shares, points),
         curvature=found.curvature,
         rigid=motion.points.T / dt,
         surfaces=moving,
         offset_normal=(found.gap - allowed) / dt - now,
         pushed_out=np.where(found.before < 0.0, np.maximum(np.minimum(found.gap, 0.0) - found.before, 0.0), 0.0),
-        tensile_strength=strength,
-        opening=opening(found, strength) if scene.cohesive else np.zeros(found.gap.size),
+        tensile_strength=near.tension.strength_of(found.key),
+        opening=np.maximum(found.gap, 0.0) - np.maximum(found.before, 0.0),
         image=image,
     )
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from skmpm.compiled import compiled
 from skmpm.contact.constraints import lookup
 from skmpm.contact.feet import foot_of, nearest_of_group
-from skmpm.contact.neighbours import Neighbours, Roles
+from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import MAX_DEPTH, wall_keys
 from skmpm.contact.shifts import MIN_SHIFT, NO_SHIFTS, Shifts, guard_keys
 from skmpm.contact.tables import among, joined
@@ -48,7 +48,7 @@ FOLLOWS = 0.3
 
 
 def closest_points(
-    scene: Scene, near: Neighbours, roles: Roles, ahead: Cubics, walls: Array, contacts: Contacts, shifted: Bools
+    scene: Scene, near: Neighbours, ahead: Cubics, walls: Array, contacts: Contacts, shifted: Bools
 ) -> Shifts:
     """Shifts of contact points from boundary points to the closest points in the configuration `ahead`.
 
@@ -60,7 +60,7 @@ def closest_points(
     reference = scene.initial_positions[:, ahead.curve.outlines.point]
     found = [_on_wall(scene, near, i, point, ahead, reference, shifted) for i, point in enumerate(walls)]
     if near.point.size:
-        found.append(_on_bodies(scene, near, roles, ahead, reference, shifted))
+        found.append(_on_bodies(scene, near, ahead, reference, shifted))
     return _shifts(joined(found), contacts)
 
 
@@ -95,13 +95,11 @@ def _on_wall(
     return _Minima(key, np.stack(slope), turn, length, scene.compliance[boundary.body[c]])
 
 
-def _on_bodies(
-    scene: Scene, near: Neighbours, roles: Roles, ahead: Cubics, reference: Array, shifted: Bools
-) -> _Minima:
+def _on_bodies(scene: Scene, near: Neighbours, ahead: Cubics, reference: Array, shifted: Bools) -> _Minima:
     """Minima of the gaps to other bodies."""
     curve, boundary, owner = near.curve, near.curve.outlines, near.surfaces.owner
     c, segment = near.point[near.begins], near.segment[near.begins]
-    ranks = roles.rank[boundary.body[np.stack([c, segment])]]
+    ranks = near.roles.rank[boundary.body[np.stack([c, segment])]]
     chosen = (ranks[0] < ranks[1]) & shifted[owner[c]]  # not the corners of the other body
     found, values = np.empty((3, c.size), dtype=np.int64), np.empty((4, c.size))
     most = max(MAX_DEPTH * near.cell, near.reach)

@@ -12,6 +12,8 @@ segment is divided between the corner and the covered end, so that the lengths a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,26 +32,17 @@ Bools = NDArray[np.bool_]
 CLOSED_GAP = 1e-3
 
 
-def tensile_strength(scene: Scene, surfaces: Images, start: Array, found: ContactPairs, rank: Ints) -> Array:
-    """Largest tension c l of contact pairs in a step, (k,) [N/m]; zero where the gap is out of range at its start.
+def tensile_strength(scene: Scene, surfaces: Images, x: Array, found: ContactPairs, rank: Ints) -> Array:
+    """Largest tension c l of contact pairs in a step, (k,) [N/m]; zero where the gap is out of range.
 
-    c [Pa] is the cohesion of the two bodies or of the wall, and l the length of boundary that belongs to the contact
-    point at the start of the step, `start` (2, m) [m]: of the boundary of the body of lower `rank` (bodies,), which
-    gives the points.
+    The pairs are those of the boundary points x (2, m) [m] at the start of the step, so that no iterate changes the
+    strength. c [Pa] is the cohesion of the two bodies or of the wall, and l the length of boundary that belongs to
+    the contact point: of the boundary of the body of lower `rank` (bodies,), which gives the points.
     """
     bodies = np.where(found.bodies < 0, found.bodies, surfaces.body[np.maximum(found.bodies, 0)])
     c, range_ = scene.cohesion_between(bodies), scene.cohesion_range
-    acts = (c > 0.0) & (found.before <= max(range_, CLOSED_GAP * scene.cell))
-    strength = np.zeros(c.size)
-    if acts.any():
-        strength[acts] = (c * contact_length(surfaces.outlines, start, found, rank, acts, range_))[acts]
-    return strength
-
-
-def opening(found: ContactPairs, strength: Array) -> Array:
-    """Change of the positive part of the gap in the step, (k,) [m]; zero for contacts that bear no tension."""
-    change = np.maximum(found.gap, 0.0) - np.maximum(found.before, 0.0)
-    return np.where(strength > 0.0, change, 0.0)
+    acts = (c > 0.0) & (found.gap <= max(range_, CLOSED_GAP * scene.cell))
+    return np.where(acts, c * contact_length(surfaces.outlines, x, found, rank, acts, range_), 0.0)
 
 
 def contact_length(
@@ -60,55 +53,44 @@ def contact_length(
     Of two parts of one body that which comes first along the outline gives the points (`neighbours`).
     """
     first, second = found.bodies
-    order = np.where(
-        first == second, np.sign(found.stencil[1] - found.point), np.sign(rank[np.maximum(second, 0)] - rank[first])
-    )
-    order = np.where(second < 0, 1, order)
+    order = np.where(first == second, found.stencil[1] - found.point, rank[np.maximum(second, 0)] - rank[first])
+    order[second < 0] = 1
     length = np.zeros((2, first.size))
     giving = np.flatnonzero((order > 0) & acts)
-    identity = _Identity(rank.size, -int(second.min()))
+    lowest = int(second.min(initial=0))
+
+    def identity(point: Ints, other: Ints) -> Ints:
+        return np.asarray(point * (rank.size - lowest) + other - lowest)
+
     length[:, giving] = outline.half_segments(outlines, x, found.point[giving], found.normal[:, giving])
     if range_ > 0.0:
         length[:, giving] *= _in_range(outlines, x, found, giving, range_, identity)
     corners = np.flatnonzero(order < 0)
     if corners.size:
-        at, ends = identity.of(found.point, second)[giving], found.stencil[1:3, corners]
+        at, ends = identity(found.point, second)[giving], found.stencil[1:3, corners]
         kept, length[0, corners] = _ends(outlines, x, found, corners)
         for side in (0, 1):  # the segment lies ahead of its first end and behind its second
-            length[side, giving] *= lookup(identity.of(ends[side], first[corners]), kept[side], at, 1.0)
+            length[side, giving] *= lookup(identity(ends[side], first[corners]), kept[side], at, 1.0)
     return np.asarray(length.sum(axis=0))
 
 
-class _Identity:
-    """Numbers for pairs of a boundary point and a body or wall that it touches."""
-
-    def __init__(self, bodies: int, walls: int) -> None:
-        self.walls = max(walls, 0)
-        self.others = bodies + self.walls
-
-    def of(self, point: Ints, other: Ints) -> Ints:
-        """One integer for each pair, (k,)."""
-        return np.asarray(point * self.others + other + self.walls)
-
-
 def _in_range(
-    outlines: Outlines, x: Array, found: ContactPairs, giving: Ints, range_: float, identity: _Identity
+    outlines: Outlines, x: Array, found: ContactPairs, giving: Ints, range_: float, identity: Callable[..., Ints]
 ) -> Array:
     """Factors (2, k) on the half segments after and before boundary points, for segments that are partly in range.
 
     The gap is linear along a segment. Of a segment whose other end is out of range, the part in range belongs to the
-    point. The gap at that end is estimated from the curvature of the other surface at the point, since detection may
-    find it in one iterate and not in the next.
+    point. The gap at an end beyond detection is estimated from the curvature of the other surface at the point.
     """
-    c, second, gap = found.point[giving], found.bodies[1, giving], found.before[giving]
-    known = identity.of(found.point, found.bodies[1])
+    c, second, gap = found.point[giving], found.bodies[1, giving], found.gap[giving]
+    known = identity(found.point, found.bodies[1])
     factors = []
     for neighbour in (outlines.next, outlines.previous):
         edge = x[:, neighbour[c]] - x[:, c]
         away = np.einsum("ik,ik->k", found.normal[:, giving], edge)
         beside = gap + away - 0.5 * found.curvature[giving] * ((edge**2).sum(axis=0) - away**2)
-        detected = lookup(known, found.before, identity.of(neighbour[c], second), np.inf)
-        end = np.where(detected <= range_, detected, np.maximum(beside, range_))
+        detected = lookup(known, found.gap, identity(neighbour[c], second), np.inf)
+        end = np.where(np.isfinite(detected), detected, np.maximum(beside, range_))
         part = (range_ - gap) / np.maximum(end - gap, 1e-300)
         factors.append(np.where(end <= range_, 1.0, 2.0 * part))
     return np.stack(factors)

@@ -46,7 +46,7 @@ class Constraints:
     offset_normal: Array  # (k,) [m/s]
     pushed_out: Array  # (k,) part of an initial overlap that this step removes [m]
     tensile_strength: Array  # (k,) largest tension c l that the contact bears in this step [N/m]
-    opening: Array  # (k,) change of the positive part of the gap of cohesive contacts in this step [m]
+    opening: Array  # (k,) change of the positive part of the gap in this step [m]
     image: Array  # (2, k) displacement of the second body to its image in contact, at the end of the step [m]
 
     @property
@@ -195,11 +195,6 @@ class Constraints:
     def lowered(self, r: Array, dt: float) -> Array:
         """The inverse of `lifted`."""
         return self._plus(r, -dt * self.tensile_strength) if self.cohesive else r
-
-    def without_excess_tension(self, r: Array, dt: float) -> Array:
-        """Impulses r [N s/m] without the tension that exceeds the strength, as that of broken contacts."""
-        excess = np.maximum(-dt * self.tensile_strength - r[:: 2 if self.tangential else 1], 0.0)
-        return self._plus(r, excess) if excess.any() else r
 
     def _plus(self, r: Array, normal: Array) -> Array:
         """Impulses r with `normal` (k,) added to their normal components."""

@@ -43,6 +43,7 @@ class CornerContact:
     normal: Array  # (2, k)
     gap: Array  # (k,) [m]
     key: Ints  # (k,) identity of the contact
+    other_key: Ints  # (k,) identity that it has on the other side of the axis of the wedge
 
 
 def wedge(
@@ -72,8 +73,8 @@ def wedge(
     gap = distance - radius + (along - above) * above / distance
     seen = (size > PARALLEL_NORMALS) & (half >= 0.0) & (np.abs(across) <= above * np.tan(half))
     # The key changes beside the axis: corners that meet head-on keep it, and with it their impulses.
-    key = np.where(across > -0.5 * radius * np.sin(half), keys[1], keys[0])
-    return CornerContact(seen, normal, gap, key)
+    beyond = across > -0.5 * radius * np.sin(half)
+    return CornerContact(seen, normal, gap, np.where(beyond, keys[1], keys[0]), np.where(beyond, *keys))
 
 
 def _keys(

@@ -33,6 +33,7 @@ def contacts(
     start_c: Array,
     loops: Loops,
     limits: tuple[float, float, float],
+    kept: Bools,
     chosen: Ints,
     parameter: Array,
     place: Array,
@@ -41,18 +42,20 @@ def contacts(
     """Write the contacts of groups first:last of candidates.
 
     `chosen` are the segment of the foot, -1 where there is no contact, and that at the start of the step; `place` the
-    normal, the gap and that at the start; `limits` are depth, reach, and depth of edges [m].
+    normal, the gap and that at the start; `limits` are depth, reach, and depth of edges [m]. Groups `kept` are
+    in contact at any gap, and beyond the ends of sides.
     """
     depth, reach, edge_depth = limits
     most = max(depth, reach)
     for group in range(first, last):
         chosen[0, group] = -1
-        i, t = nearest_of_group(ends[group], ends[group + 1], point, segment, x, loops.following, most)
+        within = np.inf if kept[group] else most
+        i, t = nearest_of_group(ends[group], ends[group + 1], point, segment, x, loops.following, within)
         if i < 0:
             continue
         at = point[ends[group]]
         i, t, x_normal, y_normal, gap, off = foot_of(at, shift[group], i, t, c, loops)
-        if off or not -depth < gap < reach:
+        if not kept[group] and (off or not -depth < gap < reach):
             continue
         i_before, _, x_before, y_before, gap_before, off_before = foot_of(at, shift[group], i, t, start_c, loops)
         if not _faces(at, (x_before, y_before), start_x, loops, edge_depth):

@@ -66,28 +66,6 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     )
 
 
-def no_contacts() -> ContactPairs:
-    """A table of none."""
-    none, four = np.zeros(0), np.zeros((4, 0))
-    no_index, four_indices = np.zeros(0, dtype=np.int64), np.zeros((4, 0), dtype=np.int64)
-    return ContactPairs(
-        bodies=np.zeros((2, 0), dtype=np.int64),
-        point=no_index,
-        own=four_indices,
-        own_weights=four,
-        key=no_index,
-        stencil=four_indices,
-        weights=four,
-        tangent_shares=four,
-        curvature=none,
-        normal=np.zeros((2, 0)),
-        gap=none,
-        before=none,
-        friction=none,
-        kept=none,
-    )
-
-
 def contacts_with_wall(
     scene: Scene, near: Neighbours, i: int, start: Array, moved: Array, point: Array, step: Array
 ) -> ContactPairs:
@@ -97,8 +75,6 @@ def contacts_with_wall(
     before, gap, c = np.empty(boundary.size), np.empty(boundary.size), np.empty(boundary.size, dtype=np.int64)
     movable = scene.movable[boundary.body]
     c = c[: _wall_gaps(normal, start, point, moved, step, movable, near.reach, before, gap, c)]
-    if c.size == 0:
-        return no_contacts()
     key = wall_keys(curve, i, c)
     shift = near.shifts.of(key)
     guarded = shift != 0.0
@@ -138,12 +114,12 @@ def _wall_gaps(
     gap: Array,
     near: Ints,
 ) -> int:
-    """Write the gaps (m,) between points and a wall before and after both have moved, and which are within reach."""
+    """Write the gaps (m,) between points and a wall before and after both have moved, and which are in reach then."""
     size = 0
     for c in range(gap.size):
         before[c] = normal[0] * (start[0, c] - point[0]) + normal[1] * (start[1, c] - point[1])
         gap[c] = before[c] + normal[0] * (moved[0, c] - step[0]) + normal[1] * (moved[1, c] - step[1])
-        if gap[c] < reach and movable[c]:
+        if min(before[c], gap[c]) < reach and movable[c]:
             near[size] = c
             size += 1
     return size

@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.contact.constraints import lookup
 from skmpm.contact.lattice_keys import lattice_code
 from skmpm.contact.self_contact import SelfContact
-from skmpm.contact.shifts import NO_SHIFTS, Shifts
+from skmpm.contact.shifts import NO_SHIFTS, Shifts, guard_keys
 from skmpm.outline import Cubics, Curve, Images
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 # A rigid boundary that turns by more than this within a spacing s of the other boundary is treated as an edge: beside
 # edges boundaries stretch to twice their length, and a chord of 2 s would lie deeper in it than s SHARP_TURN / 2,
@@ -34,10 +36,33 @@ class Roles:
 
 
 @dataclass(frozen=True)
+class Tension:
+    """The contacts that bear tension in a step, those of its start.
+
+    They are contacts in all iterates, wherever these lead: were one lost, so would be its tension.
+    """
+
+    key: Ints  # (n,) identities of contacts
+    strength: Array  # (n,) largest tensions [N/m]
+
+    def strength_of(self, key: Ints) -> Array:
+        """Largest tensions (k,) [N/m] of the contacts with keys (k,)."""
+        return lookup(self.key, self.strength, key, 0.0)
+
+    def holds(self, key: Ints) -> Bools:
+        """Whether contacts with keys (k,), or their second ones at the boundary points, bear tension."""
+        return np.isin(key, np.maximum(self.key, guard_keys(self.key)))
+
+
+NO_TENSION = Tension(np.zeros(0, dtype=np.int64), np.zeros(0))
+
+
+@dataclass(frozen=True)
 class Neighbours:
     """Candidate points and segments, all if no boundary point moves by more than half the margin of the search."""
 
     surfaces: Images  # what they are numbered by
+    roles: Roles
     start: Cubics  # the outlines at the start of the step
     cell: float  # [m]
     reach: float  # detection distance [m]
@@ -47,6 +72,7 @@ class Neighbours:
     corner_pairs: Ints  # (2, k) pairs of convex corners of two bodies, or of parts of one
     own: SelfContact
     shifts: Shifts = NO_SHIFTS  # to the closest points of the curves
+    tension: Tension = NO_TENSION
 
     @cached_property
     def key(self) -> Ints:
@@ -121,6 +147,7 @@ def neighbours(
     begins[1:] = (point[1:] != point[:-1]) | (np.diff(curve.side[segment]) != 0)
     return Neighbours(
         surfaces=surfaces,
+        roles=roles,
         start=curve.through(x),
         cell=scene.cell,
         reach=reach,

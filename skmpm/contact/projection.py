@@ -60,6 +60,7 @@ def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, Array]:
     if near.curve.convex.any():
         corner_pairs = _corner_pairs(near, now)
         kept = _outermost(near.curve, found) & ~_superseded(near.curve, found, corner_pairs)
+        kept |= near.tension.holds(found.key) & ~np.isin(found.key, corner_pairs.key)
         found = joined([among(found, kept), corner_pairs])
         before = joined([among(before, kept), _Before.of(project(near, near.start, corner_pairs))])
     guards = among(found, found.shift != 0.0)
@@ -91,7 +92,8 @@ def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]
     beside = np.empty(groups, dtype=bool)
     candidates = (near.ends, near.point, near.segment, near.shift)
     limits = (MAX_DEPTH * near.cell, near.reach, feet.MAX_EDGE_DEPTH * near.cell)
-    arguments = (*candidates, now.x, now.c, start.x, start.c, near.curve.loops, limits, chosen, s, place, beside)
+    shapes = (now.x, now.c, start.x, start.c, near.curve.loops)
+    arguments = (*candidates, *shapes, limits, near.tension.holds(near.key), chosen, s, place, beside)
     over_points(lambda first, last: feet.contacts(first, last, *arguments), groups)
     group = np.flatnonzero(chosen[0] >= 0)
     (segment, segment_before), place = chosen[:, group], place[:, group]
@@ -121,10 +123,9 @@ def project(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:
     if pairs.size:
         depth, key = CORNER_DISC_DEPTH * near.cell, key.copy()
         corners = wedge(near.curve, near.keys, shape.x, found.point[pairs], segment[pairs], depth)
-        normal[:, pairs], gap[pairs], beside[pairs], key[pairs] = (
-            *(corners.normal, corners.gap),
-            *(~corners.seen, corners.key),
-        )
+        normal[:, pairs], gap[pairs], beside[pairs] = corners.normal, corners.gap, ~corners.seen
+        keeps_other = near.tension.holds(corners.other_key) & ~near.tension.holds(corners.key)
+        key[pairs] = np.where(keeps_other, corners.other_key, corners.key)
     return FootPoints(found.point, found.shift, segment, s, found.corner_pair, normal, gap, beside, key)
 
 

@@ -39,7 +39,7 @@ class KnownForces:
 
         Components are those along the normal and the tangent, which change with the contact geometry.
         """
-        r = constraints.without_excess_tension(constraints.impulses(self.key, self.force, dt), dt)
+        r = constraints.impulses(self.key, self.force, dt)
         if not constraints.tangential or self.normal is None:
             return r
         n, t = self.normal, np.stack([-self.normal[1], self.normal[0]])

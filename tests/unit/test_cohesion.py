@@ -126,6 +126,48 @@ def test_two_discs_have_the_zone_of_their_common_curvature():
     assert found.tensile_strength.sum() == pytest.approx(4.0 * np.arccos(0.99), rel=0.02)
 
 
+def wet_pair(angle, gap):
+    """Two discs of R/h = 4.4 whose centres lie at an angle, with a range of a tenth of the radius."""
+    radius, cell = 5e-3, 1.125e-3
+    along, gel = np.array([np.cos(angle), np.sin(angle)]), NeoHookean(1e5, 0.4, 1000.0, viscosity=4.0)
+    centres = (side * (radius + 0.5 * gap) * along for side in (-1.0, 1.0))
+    bodies = [Body(disc(tuple(x), radius, spacing=0.5 * cell), gel) for x in centres]
+    return Scene(bodies, cell=cell, friction=0.3, cohesion=200.0, cohesion_range=0.1 * radius)
+
+
+@pytest.mark.parametrize("motion", ["turns", "opens", "slides off"])
+def test_tension_is_that_of_the_start_of_the_step_in_all_iterates(motion):
+    """Contacts that bear tension, and their strengths, in iterates that turn, part or shift the second body.
+
+    Discs had lengths by the normals of the iterate; contacts beyond detection or the end of a side lost theirs.
+    """
+    if motion == "slides off":
+        scene = Scene([block(-HEIGHT - 0.1 * CELL), block(0.0)], cell=CELL, cohesion=3.0, cohesion_range=0.2 * CELL)
+    else:
+        scene = wet_pair(np.radians(0.9), 0.0)
+    state, dt = initial(scene), 1e-3
+    grid = assembly_of(state).grid
+    linearise, second = point_to_curve(scene, state, grid, dt), grid.node_body == 1
+    arms = grid.position - grid.position[:, second].mean(axis=1, keepdims=True)
+    velocity = {
+        "turns": 0.05 * np.stack([-arms[1], arms[0]]) / np.abs(arms).max() * scene.cell,
+        "opens": np.full(arms.shape, 3.0 * scene.cohesion_range),
+        "slides off": np.stack([np.full(arms.shape[1], 0.3 * scene.cell), np.zeros(arms.shape[1])]),
+    }[motion] / dt
+    found = [linearise(np.where(second, factor * velocity, 0.0).T.ravel()) for factor in (0.0, -1.0, 1.0)]
+    tension = [dict(zip(c.key[bears], c.tensile_strength[bears], strict=True)) for c in found
+               for bears in [c.tensile_strength > 0.0]]  # fmt: skip
+    assert tension[0]
+    assert tension[0] == tension[1] == tension[2]
+
+
+@pytest.mark.parametrize("angle, gap", [(0.015636587550950647, 0.0), (1.553038997973427, 1e-4)])
+def test_steps_of_discs_with_a_range_converge_at_any_angle(angle, gap):
+    """At these two of 200 angles a segment was in contact in every other iterate, and no step converged."""
+    scene = wet_pair(angle, gap)
+    assert step(scene, initial(scene), 1e-4).report.newton <= 4
+
+
 def test_bodies_out_of_range_do_not_attract():
     scene = Scene([block(-HEIGHT - 2e-3 * CELL), block(0.0)], cell=CELL, cohesion=1e3)
     found = strengths(scene, initial(scene))
@@ -140,16 +182,6 @@ def test_bodies_in_range_attract_from_any_gap_in_it():
     assert state.contacts.force[0].sum() == pytest.approx(-1e2 * WIDTH, rel=1e-6)
     closed = 0.12 * CELL - np.average(state.contacts.gap, weights=-state.contacts.force[0])
     assert state.report.energy.cohesion == pytest.approx(1e2 * WIDTH * closed, rel=1e-3)
-
-
-def test_the_tension_of_a_broken_contact_is_no_guess_of_its_force():
-    """Tension beyond the strength is cut to it; admissible impulses stay as they are."""
-    scene = Scene([block(-HEIGHT), block(0.0)], cell=CELL, cohesion=1e3, friction=0.5)
-    found, dt = strengths(scene, initial(scene)), 0.1
-    r = np.zeros(2 * found.size)
-    assert found.without_excess_tension(r, dt) is r
-    r[::2] = -2.0 * dt * found.tensile_strength
-    assert found.without_excess_tension(r, dt)[::2] == pytest.approx(-dt * found.tensile_strength)
 
 
 # Strength
@@ -326,7 +358,6 @@ def test_without_cohesion_nothing_of_it_runs(monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(contact.boundary, "tensile_strength", fail)
-        patch.setattr(contact.boundary, "opening", fail)
         patch.setattr(contact.Constraints, "_plus", fail)
         plain, ranged = run(), run(cohesion_range=0.3 * CELL)
         with pytest.raises(AssertionError, match="without cohesion"):
@@ -410,15 +441,15 @@ def test_tension_across_an_open_gap_pulls_with_the_midpoint_rule_too(theta):
 
 
 def test_cohesive_discs_that_turn_about_each_other_hold_together():
-    """Two discs with a range of a tenth of a cell: no step fails because a gap beside them is detected or not."""
+    """Two discs with a range of a tenth of a cell: no step fails."""
     r, h, spin = 1e-2, 2e-3, 5.0
     gel = NeoHookean(1e5, 0.3, 1000.0)
     turning = [
-        Body(disc((x, 0.0), r, spacing=0.65 * h), gel, velocity=lambda X: spin * np.stack([-X[1], X[0] - r]))
+        Body(disc((x, 0.0), r, spacing=0.5 * h), gel, velocity=lambda X: spin * np.stack([-X[1], X[0] - r]))
         for x in (0.0, 2.0 * r)
     ]
     scene = Scene(turning, cell=h, friction=0.5, cohesion=3e3, cohesion_range=2e-4)
     states = list(simulate(scene, until=0.06))
-    assert sum(state.report.retries for state in states) <= 0.05 * len(states)
+    assert sum(state.report.retries for state in states) == 0
     centres = [states[-1].x[:, states[-1].body == b].mean(axis=1) for b in range(2)]
     assert np.hypot(*(centres[1] - centres[0])) == pytest.approx(2.0 * r, rel=0.01)

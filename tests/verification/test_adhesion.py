@@ -109,6 +109,29 @@ def test_two_blocks_come_off_at_their_cohesion(placing, c, range_):
     assert block_pull_off(placing, c * E, range_) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.parametrize("left, width, turn", [(0.0, 1.0, 0.0), (0.21, 0.43, 0.4), (-0.4, 1.0, 0.4)])
+def test_the_work_of_separation_of_two_blocks_is_that_of_their_cohesive_zone(left, width, turn, steps=50):
+    """Blocks thrown apart that touch along L: the tension takes c delta L, up to one of the steps that cross delta.
+
+    The corners of the upper block lie on those, between the corners and beyond the side of the lower one.
+    """
+    cell, c, delta, speed, axes = 0.1, 1e3, 0.02, 0.2, rotation(turn)
+
+    def thrown(corner, size, spacing, velocity):
+        x = box(corner, size, spacing=spacing * cell)
+        body = Points(axes @ x.x + cell * np.array([[0.3], [0.7]]), x.volume, x.outline)
+        return Body(body, NeoHookean(E, 0.0, DENSITY), velocity=velocity * axes[:, 1])
+
+    lower = thrown((0.0, -0.6), (1.0, 0.6), 0.5, -speed)
+    upper = thrown((left, 0.0), (width, 0.6), 0.37, speed)
+    scene = Scene([lower, upper], cell=cell, friction=0.5, cohesion=c, cohesion_range=delta)
+    dt = 0.5 * delta / speed / steps
+    *_, state = simulate(scene, dt=dt, until=1.5 * steps * dt)
+    assert not state.contacts.force.any()
+    length = min(left + width, 1.0) - max(left, 0.0)
+    assert 1.0 <= -state.report.energy.cohesion / (c * delta * length) < 1.0 + 1.0 / steps
+
+
 # Disc
 
 
