@@ -1,4 +1,7 @@
-"""Non-overlapping motion of rigid discs, for `packing`: in a box with walls, or in a periodic one."""
+"""Non-overlapping motion of rigid discs, for `packing`: in a box with walls, or in a periodic one.
+
+`Contacts` and `least_motion` are those of other shapes, too.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,10 @@ from scipy.spatial import cKDTree
 from skmpm import coulomb
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 START = 0.3  # initial over final size of the discs
-MARGIN = 0.5  # pairs with a smaller gap are constraints [mean radius]
+MARGIN = 0.5  # pairs with a smaller gap are constraints, and no body moves farther at once [mean radius]
 OVERLAP = 1e-6, 1e-3  # allowed at the end and during growth [smallest radius]
 TOLERANCE = 1e-9  # of the contact solver
 ACCEPTED = 1e-5  # if the solver stalls; the next linearisation corrects the error
@@ -29,7 +33,7 @@ class Box:
     size: Array  # (2,)
     periodic: bool
 
-    def pairs(self, x: Array, distance: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    def pairs(self, x: Array, distance: float) -> tuple[Ints, Ints, Array]:
         """Pairs of centres x (2, N) closer than a distance, and the vectors (2, pairs) from second to first."""
         if not self.periodic:
             a, b = cKDTree(x.T).query_pairs(distance, output_type="ndarray").T
@@ -62,20 +66,22 @@ def separate(x: Array, R: Array, box: Box, friction: float, tolerance: float) ->
         contacts = contacts_of(x, R, box)
         if contacts.gap.min(initial=0.0) >= -tolerance * R.min():
             return x
-        motion = _motion(contacts, R, friction)
-        if motion is None or np.abs(motion).max() > MARGIN:
+        motion = least_motion(contacts, R**2, 0.5 * R**4, friction, 0.5 * OVERLAP[0] * float(R.min()))
+        if motion is None or np.abs(motion[:2]).max() > MARGIN:
             return None
-        x = x + motion
+        x = x + motion[:2]
     return None
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """Pairs of discs, then discs at walls, closer than the margin."""
+    """Constraints of pairs of bodies, then of bodies at walls, closer than the margin."""
 
-    first: NDArray[np.intp]  # (k,)
-    second: NDArray[np.intp]  # (pairs,)
+    first: Ints  # (k,)
+    second: Ints  # (pairs,)
     normal: Array  # (2, k) towards the first
+    arm: Array  # (2, k) from the centre of the first to the contact
+    arm_of_second: Array  # (2, pairs)
     gap: Array  # (k,)
 
 
@@ -88,45 +94,34 @@ def contacts_of(x: Array, R: Array, box: Box) -> Contacts:
     wall_gap = box.walls(x, R)
     wall, disc = np.divmod(np.flatnonzero(wall_gap < MARGIN), R.size)
     inward = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])[:, wall]
-    return Contacts(
-        np.concatenate([a[near], disc]),
-        b[near],
-        np.hstack([(apart / distance)[:, near], inward]),
-        np.concatenate([gap[near], wall_gap[wall_gap < MARGIN]]),
-    )
+    between, first = (apart / distance)[:, near], np.concatenate([a[near], disc])
+    normal = np.hstack([between, inward])
+    gaps = np.concatenate([gap[near], wall_gap[wall_gap < MARGIN]])
+    return Contacts(first, b[near], normal, -R[first] * normal, R[b[near]] * between, gaps)
 
 
-def _motion(contacts: Contacts, R: Array, friction: float) -> Array | None:
-    """Least mass-weighted motion (2, N) that opens all gaps, linearised; None if there is none."""
-    k, pairs = contacts.gap.size, contacts.second.size
-    mu = np.where(np.arange(k) < pairs, friction, 0.0)
-    mass, inertia = R**2, 0.5 * R**4
+def least_motion(contacts: Contacts, mass: Array, inertia: Array, friction: float, slack: float) -> Array | None:
+    """Least mass-weighted motion (3, N) that opens all gaps by a slack more, linearised; None if there is none."""
+    k, pairs, n = contacts.gap.size, contacts.second.size, contacts.normal
+    H, q = rows(contacts, n, mass.size), contacts.gap - slack
     if friction > 0.0:
-        H, q = rows(contacts, R), np.zeros(2 * k)
-    else:
-        H, q = rows(contacts, R)[::2], np.zeros(k)
-    q[:: q.size // k] = contacts.gap - 0.5 * OVERLAP[0] * R.min()
+        both = sp.vstack([H, rows(contacts, np.array([-n[1], n[0]]), mass.size)], format="csr")
+        H, q = (
+            sp.csr_array(both[np.arange(2 * k).reshape(2, k).T.ravel()]),
+            np.stack([q, np.zeros(k)], axis=1).ravel(),
+        )
+    mu = np.where(np.arange(k) < pairs, friction, 0.0)
     H_M = H @ sp.diags_array(1.0 / np.concatenate([mass, mass, inertia]))
     r, info = coulomb.solve(H_M @ H.T, q, mu, tol=TOLERANCE, iterations=NEWTON)
-    return (H_M.T @ r)[: 2 * R.size].reshape(2, -1) if info.residual < ACCEPTED else None
+    return (H_M.T @ r).reshape(3, -1) if info.residual < ACCEPTED else None
 
 
-def rows(contacts: Contacts, R: Array) -> sp.csr_array:
-    """Contact Jacobian (2k, 3N): normal and tangential rows in turn; columns x, then y, then angles of all discs."""
-    N, pairs = R.size, contacts.second.size
-    n = contacts.normal
-    t = np.array([-n[1], n[0]])
-    a, b = contacts.first, contacts.second
-    i = 2 * np.arange(a.size)
-    j = i[:pairs]
-    entries = [
-        (i, a, n[0]),
-        (i, N + a, n[1]),
-        (i + 1, a, t[0]),
-        (i + 1, N + a, t[1]),
-        (i + 1, 2 * N + a, -R[a]),
-    ]
-    entries += [(j, b, -n[0, :pairs]), (j, N + b, -n[1, :pairs])]
-    entries += [(j + 1, b, -t[0, :pairs]), (j + 1, N + b, -t[1, :pairs]), (j + 1, 2 * N + b, -R[b])]
-    rows, columns, values = (np.concatenate(e) for e in zip(*entries, strict=True))
-    return sp.csr_array((values, (rows, columns)), shape=(2 * a.size, 3 * N))
+def rows(contacts: Contacts, d: Array, N: int) -> sp.csr_array:
+    """Velocities of the first along d (2, k) less those of the second; columns x, then y, then angles, (k, 3 N)."""
+    a, b, r, s = contacts.first, contacts.second, contacts.arm, contacts.arm_of_second
+    i = np.arange(a.size)
+    entries = [(i, a, d[0]), (i, N + a, d[1]), (i, 2 * N + a, r[0] * d[1] - r[1] * d[0])]
+    j, e = i[: b.size], -d[:, : b.size]
+    entries += [(j, b, e[0]), (j, N + b, e[1]), (j, 2 * N + b, s[0] * e[1] - s[1] * e[0])]
+    rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
+    return sp.csr_array((values, (rows, columns)), shape=(a.size, 3 * N))

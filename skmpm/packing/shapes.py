@@ -10,17 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm import coulomb
 from skmpm.compiled import compiled
 from skmpm.outline import chord_sagitta, outlines
 from skmpm.outline.topology import ranges
-from skmpm.packing.discs import Box
+from skmpm.packing.discs import MARGIN, OVERLAP, Box, Contacts, least_motion
 from skmpm.points import Points
 from skmpm.points.cloud import signed_area
 
@@ -29,9 +26,6 @@ Ints = NDArray[np.int64]
 
 ROWS = 3  # constraints of a pair: of the nearest vertex, and of the outermost ones that are nearly as close ...
 NEARLY = 0.1  # ... by this [mean radius]
-MARGIN = 0.5  # pairs with a smaller gap are constraints, and no shape moves farther at once [mean radius]
-OVERLAP = 1e-6  # allowed at the end [smallest radius]
-TOLERANCE, ACCEPTED, NEWTON = 1e-9, 1e-5, 20  # of the contact solver, accepted if it stalls, its iterations
 ROUNDS = 20  # linearisations per step
 STRAIGHT = 1e-9  # sine of an angle of a polygon that turns the wrong way by round-off
 
@@ -102,39 +96,27 @@ def separate(shapes: Shapes, x: Array, size: float, box: Box, friction: float, t
         contacts = _contacts(shapes, x, size, box)
         if contacts.gap.min(initial=0.0) >= -tolerance * float(shapes.radius.min()):
             return x
-        motion = _motion(shapes, x, size, contacts, friction)
+        slack = 0.5 * OVERLAP[0] * float(shapes.radius.min())
+        motion = least_motion(contacts, shapes.area, size**2 * shapes.inertia, friction, slack)
         if motion is None or max(np.abs(motion[:2]).max(), np.abs(size * shapes.reach * motion[2]).max()) > MARGIN:
             return None
         x = x + motion
     return None
 
 
-class _Contacts(NamedTuple):
-    """Constraints of pairs of shapes, then of shapes at walls."""
-
-    first: Ints  # (k,)
-    second: Ints  # (pairs,)
-    normal: Array  # (2, k) towards the first
-    point: Array  # (2, k)
-    gap: Array  # (k,)
-    image: Array  # (2, pairs) displacement of the second shape to its image that is near
-
-
-def _contacts(shapes: Shapes, x: Array, size: float, box: Box) -> _Contacts:
+def _contacts(shapes: Shapes, x: Array, size: float, box: Box) -> Contacts:
     v, skin = shapes.at(x, size), size * shapes.skin
     a, b, image = _near_pairs(x[:2], size * shapes.reach, box)
     normal, point, gap = np.zeros((a.size, 2)), np.zeros((a.size, ROWS, 2)), np.full((a.size, ROWS), np.inf)
     _pairs(a, *_with_images(shapes.offsets, v, skin, b, image), NEARLY, normal, point, gap)
     rows, which = np.nonzero(gap < MARGIN)
-    on_wall = _at_walls(shapes, v, skin, box)
-    return _Contacts(
-        np.concatenate([a[rows], on_wall.first]),
-        b[rows],
-        np.concatenate([normal[rows].T, on_wall.normal], axis=1),
-        np.concatenate([point[rows, which].T, on_wall.point], axis=1),
-        np.concatenate([gap[rows, which], on_wall.gap]),
-        image[:, rows],
-    )
+    wall_first, wall_normal, wall_point, wall_gap = _at_walls(shapes, v, skin, box)
+    first = np.concatenate([a[rows], wall_first])
+    points = np.concatenate([point[rows, which].T, wall_point], axis=1)
+    of_second = point[rows, which].T - x[:2, b[rows]] - image[:, rows]
+    normals = np.concatenate([normal[rows].T, wall_normal], axis=1)
+    gaps = np.concatenate([gap[rows, which], wall_gap])
+    return Contacts(first, b[rows], normals, points - x[:2, first], of_second, gaps)
 
 
 def _near_pairs(x: Array, reach: Array, box: Box) -> tuple[Ints, Ints, Array]:
@@ -159,11 +141,10 @@ def _with_images(offsets: Ints, v: Array, skin: Array, second: Ints, image: Arra
     return number, np.append(offsets, offsets[-1] + np.cumsum(count)), vertices, np.append(skin, skin[copies])
 
 
-def _at_walls(shapes: Shapes, v: Array, skin: Array, box: Box) -> _Contacts:
-    """Constraints of the nearest and the outermost nearly as close vertices at the four walls."""
-    none, two = np.zeros(0, dtype=np.int64), np.zeros((2, 0))
+def _at_walls(shapes: Shapes, v: Array, skin: Array, box: Box) -> tuple[Ints, Array, Array, Array]:
+    """Shapes, normals, points, gaps of the nearest and the outermost nearly as close vertices at the four walls."""
     if box.periodic:
-        return _Contacts(none, none, two, two, two[0], two)
+        return np.zeros(0, dtype=np.int64), np.zeros((2, 0)), np.zeros((2, 0)), np.zeros(0)
     shape = np.repeat(np.arange(skin.size), np.diff(shapes.offsets))
     found = []
     for axis, sign in ((0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0)):
@@ -177,7 +158,7 @@ def _at_walls(shapes: Shapes, v: Array, skin: Array, box: Box) -> _Contacts:
         normal[axis] = sign
         found.append((shape[order[kept]], normal, v[:, order[kept]], gap[order[kept]]))
     first, normal, point, gap = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
-    return _Contacts(first, none, normal, point, gap, two)
+    return first, normal, point, gap
 
 
 @compiled
@@ -231,31 +212,3 @@ def _pairs(
             distance = nx * (v[0, q] - ex) + ny * (v[1, q] - ey)
             if distance > lowest or v[0, q] != point[p, 0, 0] or v[1, q] != point[p, 0, 1]:
                 gap[p, k], point[p, k, 0], point[p, k, 1] = distance - skins, v[0, q], v[1, q]
-
-
-def _motion(shapes: Shapes, x: Array, size: float, contacts: _Contacts, friction: float) -> Array | None:
-    """Least mass-weighted motion (3, N) that opens all gaps, linearised; None if there is none."""
-    k, pairs, N = contacts.gap.size, contacts.second.size, shapes.area.size
-    n = contacts.normal
-    directions = [n] if friction == 0.0 else [n, np.array([-n[1], n[0]])]
-    rows = [_rows(contacts, direction, x[:2], N) for direction in directions]
-    H, q = rows[0], contacts.gap - 0.5 * OVERLAP * float(shapes.radius.min())
-    if friction > 0.0:
-        order = np.arange(2 * k).reshape(2, k).T.ravel()
-        H, q = sp.csr_array(sp.vstack(rows, format="csr")[order]), np.stack([q, np.zeros(k)], axis=1).ravel()
-    mu = np.where(np.arange(k) < pairs, friction, 0.0)
-    H_M = H @ sp.diags_array(1.0 / np.concatenate([shapes.area, shapes.area, size**2 * shapes.inertia]))
-    r, info = coulomb.solve(H_M @ H.T, q, mu, tol=TOLERANCE, iterations=NEWTON)
-    return (H_M.T @ r).reshape(3, -1) if info.residual < ACCEPTED else None
-
-
-def _rows(contacts: _Contacts, d: Array, x: Array, N: int) -> sp.csr_array:
-    """Velocities of the first along d (2, k) less those of the second; columns x, then y, then angles, (k, 3 N)."""
-    a, b, pairs = contacts.first, contacts.second, contacts.second.size
-    i, r = np.arange(a.size), contacts.point - x[:, a]
-    s = contacts.point[:, :pairs] - x[:, b] - contacts.image
-    entries = [(i, a, d[0]), (i, N + a, d[1]), (i, 2 * N + a, r[0] * d[1] - r[1] * d[0])]
-    j, e = i[:pairs], -d[:, :pairs]
-    entries += [(j, b, e[0]), (j, N + b, e[1]), (j, 2 * N + b, s[0] * e[1] - s[1] * e[0])]
-    rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
-    return sp.csr_array((values, (rows, columns)), shape=(a.size, 3 * N))

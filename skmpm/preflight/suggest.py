@@ -186,7 +186,8 @@ def _with_interfaces(scene: Scene, cell: float, error: float) -> float:
 
     If interfaces lie on grid lines of the scene's own cell, it is a fraction of that.
     """
-    parts = [(body.points, _moduli(body)) for body in scene.bodies if len(body.materials) > 1]
+    moduli = [(body.points, _moduli(body)) for body in scene.bodies if len(body.materials) > 1]
+    parts = [(points, E) for points, E in moduli if np.ptp(E) > 0.0]
     if not parts:
         return cell
     if not any(shares_cells(points.x / scene.cell, e == E) for points, E in parts for e in np.unique(E)):

@@ -180,7 +180,9 @@ def test_threads_of_blas_do_not_matter():
 def test_two_discs_that_turn_as_one_do_not_slide():
     """A rigid rotation of a touching pair about any point has no relative velocity in its contact."""
     x, R = np.array([[5.0, 6.2], [5.0, 6.6]]), np.array([0.8, 1.2])
-    H = rows(contacts_of(x, R, Box(np.array([20.0, 20.0]), periodic=False)), R)
+    contacts = contacts_of(x, R, Box(np.array([20.0, 20.0]), periodic=False))
+    normal, tangent = contacts.normal, contacts.normal[::-1] * [[-1.0], [1.0]]
+    H = np.vstack([rows(contacts, d, 2).toarray() for d in (normal, tangent)])
     turn = np.concatenate([-(x[1] - 3.0), x[0] + 7.0, np.ones(2)])
     np.testing.assert_allclose(H @ turn, 0.0, atol=1e-12)
     own_spin = H @ np.concatenate([np.zeros(4), np.ones(2)])

@@ -200,6 +200,20 @@ def test_thin_parts_of_what_is_pressed_follow_their_deflection():
     assert suggest(block, error=0.05).cell == pytest.approx(suggest(same, error=0.05).cell, rel=0.01)
 
 
+def test_groups_of_equal_stiffness_are_no_interface():
+    """Parts that differ in density alone; ten times as stiff, the interface takes finer cells."""
+
+    def halves(density, E):
+        points = disc((0.0, R), R, spacing=0.02).with_groups(lambda x: np.where(x[0] < 0.013, "a", "b"))
+        return Scene([Body(points, {"a": SOFT, "b": NeoHookean(E, 0.3, density)})], cell=0.05, walls=lid(0.01))
+
+    plain = discs(1, spacing=0.02, walls=lid(0.01))
+    assert suggest(halves(500.0, 1e5), error=0.2).cell == pytest.approx(suggest(plain, error=0.2).cell, rel=1e-6)
+    # Halves of a disc: the interface is 2 R long, the soft part pi R^2 / 2 large, and the compliance 1.1 of it.
+    loss = (1.0 - np.sqrt(0.1)) ** 2 * 2.0 * R / (0.55 * np.pi * R**2)
+    assert suggest(halves(1000.0, 1e6), error=0.05).cell == pytest.approx(0.05 / loss, rel=0.15)
+
+
 def test_free_heights():
     """To the floor from the lowest point, along gravity; without a floor to the lowest body; none without gravity."""
     pair = replace(discs(2), bodies=[*discs(1).bodies, Body(disc((0, 2.0), R, spacing=0.03), SOFT)])
