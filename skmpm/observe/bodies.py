@@ -48,7 +48,7 @@ class PerBody:
     aspect_ratio : (bodies,) extents along the principal axes, long over short; 1 if round
     angle : (bodies,) of the long axis, in (-pi/2, pi/2] [rad]; nan for a round body
     overlap : (bodies,) area shared with other bodies / area
-    stress : (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive
+    stress : (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive; see `observe`
     pressure : (bodies,) -tr/2 of it [Pa]
     pressure_points : (bodies,) of the material points, with inertia that of their velocities relative to the centre
         included [Pa], without viscous stress, which `stress` and `pressure` contain; nan for rigid bodies
@@ -105,7 +105,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
     long, short, angle = outline.dimensions(boundary, x, n)
     isotropic = _isotropic(boundary, x, n)
     lengths = contact_lengths(state.contacts, boundary, x, scene.cell)
-    stress = moments(half_branches(state.contacts, centre, np.ones(n, dtype=bool)), 1.0, n) / volume
+    stress = moments(half_branches(state.contacts, centre, np.ones(n, dtype=bool)), 1.0, scene.free_to_turn) / volume
     return PerBody(
         counted=_counted(scene, state, centre, diameter, interior),
         centre=centre,

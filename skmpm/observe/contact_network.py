@@ -131,14 +131,13 @@ def half_branches(contacts: Contacts, centre: Array, movable: Bools) -> HalfBran
     return HalfBranches(body[own], force[:, own], centre[:, body[own]], x[:, own])
 
 
-def moments(branches: HalfBranches, weight: Array | float, bodies: int) -> Array:
+def moments(branches: HalfBranches, weight: Array | float, torque_free: Bools) -> Array:
     """Sum force (x) arm of each body, arm from the centre to the contact: (2, 2, bodies) [N].
 
     Divided by a volume it is a stress, tension positive. The sum over the bodies is Love's and Weber's,
-    -sum f (x) branch (Christoffersen, Mehrabadi & Nemat-Nasser, J. Appl. Mech. 48, 1981).
+    -sum f (x) branch (Christoffersen, Mehrabadi & Nemat-Nasser, J. Appl. Mech. 48, 1981). It is symmetric for bodies
+    `torque_free` (bodies,): a moment of their contacts is an error of the discretisation (`implicit.gauge`).
     """
-    arm = weight * (branches.x - branches.centre)
-    M = np.empty((2, 2, bodies))
-    for i, j in np.ndindex(2, 2):
-        M[i, j] = np.bincount(branches.body, branches.force[i] * arm[j], bodies)
-    return M
+    arm, n = weight * (branches.x - branches.centre), torque_free.size
+    M = np.array([[np.bincount(branches.body, f * a, n) for a in arm] for f in branches.force])
+    return np.where(torque_free, 0.5 * (M + M.swapaxes(0, 1)), M)

@@ -89,8 +89,9 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     - anisotropy: A_m = 2 (G1 - G2), G the mean of (cos, sin) (x) (cos, sin) of the long axes of the
       grains, I/2 for a round one. aspect_ratio: mean of their long over short extents.
     - stress: -sum f (x) branch / V over the contacts (Love-Weber), branches from centre to centre, for walls
-      and bodies of prescribed motion from the contact point; without inertia. pressure (= pressure_contacts) is its
-      -tr/2.
+      and bodies of prescribed motion from the contact point; without inertia. Of round bodies that nothing but
+      frictionless contact acts on, it is the symmetric part: the mean Cauchy stress. pressure (= pressure_contacts)
+      is its -tr/2.
     - pressure_points: -tr/2 of [sum w sigma - sum m v' (x) v'] / V over the points of deformable bodies, w their
       weights, v' the velocity relative to their mean; without v' after a quasi-static step. sigma is `State.stress`,
       without the viscous stress of materials, which pressure_contacts and pressure_walls contain.
@@ -168,7 +169,7 @@ def _stress(scene: Scene, state: State, bodies: PerBody, box: Region, interior: 
     ends = scene.movable | (scene.periodic is not None)
     branches = half_branches(state.contacts, bodies.centre, ends)
     weight = share_inside(box, branches.centre, branches.x) if interior else 1.0
-    return np.asarray(moments(branches, weight, len(scene.bodies)).sum(axis=2) / box.area)
+    return np.asarray(moments(branches, weight, scene.free_to_turn).sum(axis=2) / box.area)
 
 
 def _pressure_points(scene: Scene, state: State, box: Region, interior: bool) -> float:
