@@ -12,8 +12,11 @@ from typing import get_type_hints
 import h5py
 import numpy as np
 import pytest
+import pyvista
+import vtk
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from vtk.util.numpy_support import vtk_to_numpy
 
 from skmpm.io import CheckpointError, checkpoint, load, read, record, save, vtkhdf
 from skmpm.material import LinearElastic, NeoHookean, Rigid
@@ -22,10 +25,6 @@ from skmpm.points import Points, disc
 from skmpm.scene import Body, Contacts, Report, Scene, State, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, step
-
-pyvista = pytest.importorskip("pyvista")
-vtk = pytest.importorskip("vtk")
-from vtk.util.numpy_support import vtk_to_numpy  # noqa: E402
 
 DT = 2e-5
 

@@ -4,14 +4,13 @@ import json
 import os
 import signal
 
+import distributed
 import ensembles
 import pytest
 from ensembles import DT, STEPS
 
 import skmpm
 from skmpm.sweep import lock, manifest, records
-
-distributed = pytest.importorskip("distributed")
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+"""Run some 400 fast tests with the lowest versions that pyproject.toml allows of all that the tests need.
+
+Every `>=` is read as `==`, and must be there as a wheel for the Python that runs this script: 3.11, the lowest, too.
+The tests are those of the modules that own a library.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+TESTS = [
+    *("unit/test_grid.py", "unit/test_forms.py", "unit/test_points.py"),  # scikit-fem, meshio
+    *("unit/test_assembly.py", "unit/test_material.py", "unit/test_transfer.py"),  # numba, hypothesis
+    *("unit/test_linear.py", "unit/test_krylov.py"),  # scipy, pyamg, threadpoolctl
+    *("unit/test_io.py", "unit/test_plot.py", "unit/test_network.py", "unit/test_sweep_dask.py"),  # h5py, vtk, ...
+]
+
+
+def lowest(requirements: list[str]) -> list[str]:
+    """The requirements with `==` for `>=`, those of extras of the project itself included."""
+    found = []
+    for requirement in requirements:
+        if extras := re.fullmatch(r"skmpm\[(.*)\]", requirement):
+            for extra in extras[1].split(","):
+                found += lowest(PROJECT["optional-dependencies"][extra])
+        else:
+            found.append(requirement.replace(">=", "=="))
+    return found
+
+
+def main() -> int:
+    """Install and test in a directory that is removed again; return the exit code of the tests."""
+    needed = lowest([*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["test"]])
+    with TemporaryDirectory() as folder:
+        python = Path(folder, "bin", "python")
+        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+        subprocess.run([python, "-m", "pip", "install", "--quiet", "--only-binary", ":all:", *needed], check=True)
+        variables = {
+            "PYTHONPATH": str(ROOT),
+            "NUMBA_CACHE_DIR": folder,
+            "OPENBLAS_NUM_THREADS": "1",
+            "MPLBACKEND": "Agg",
+        }
+        options = ["-m", "not slow", "-p", "no:cacheprovider", "--basetemp", f"{folder}/tests"]
+        options += ["-W", "default::DeprecationWarning"]  # what old libraries use of newer ones
+        command = [python, "-m", "pytest", "-q", *options, *(f"tests/{name}" for name in TESTS)]
+        return subprocess.run(command, cwd=ROOT, env=os.environ | variables).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
