@@ -6,8 +6,8 @@ Contact pressure of an O-ring's cross section squeezed between two plates, and t
     python examples/contact_pressure.py
 
 A disc of rubber is squeezed by 20 % in steps without inertia. `contact_pressure` recovers the pressure along its
-boundary from the contact forces, as a mean over about a cell: forces of single points alternate. A seal holds as long
-as the peak exceeds the pressure of the fluid. `network` merges the contacts to pairs of bodies.
+boundary from the contact forces, as the grid feels them: forces of single points alternate. A seal holds as long as
+the peak exceeds the pressure of the fluid. `network` merges the contacts to pairs of bodies.
 """
 
 import argparse
@@ -51,7 +51,8 @@ def main(out: Path) -> tuple[float, float]:
     right.legend()
     out.mkdir(parents=True, exist_ok=True)
     right.figure.savefig(out / "contact_pressure.png", bbox_inches="tight")
-    print(f"force {force:.0f} N/m; peak pressure {found.pressure.max():.3g} Pa, Hertz {hertz:.3g} Pa")
+    error = found.error[found.pressure.argmax()]
+    print(f"force {force:.0f} N/m; peak pressure {found.pressure.max():.3g} +- {error:.1g} Pa, Hertz {hertz:.3g} Pa")
     return float(found.pressure.max()), hertz
 
 

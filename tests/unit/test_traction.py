@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import nnls
 
 from skmpm import (
     Body,
@@ -59,7 +60,7 @@ def test_tension_is_negative_pressure_on_outward_normals():
     state = loaded(scene, x, np.tile([[0.0], [-1.0]], 39), [size, np.full(39, 0.5)])
     found = contact_pressure(scene, state, 0, length=0.1)
     top = found.x[1] > 0.99
-    left, right = (top & (found.x[0] > low) & (found.x[0] < low + 0.6) for low in (0.2, 1.2))
+    left, right = (top & (found.x[0] > low) & (found.x[0] < low + 0.4) for low in (0.2, 1.4))
     np.testing.assert_allclose(found.normal[:, left | right], [[0.0], [1.0]] @ np.ones((1, (left | right).sum())))
     np.testing.assert_allclose(found.pressure[left], -40.0, rtol=0.05)
     np.testing.assert_allclose(found.pressure[right], 60.0, rtol=0.05)
@@ -91,12 +92,9 @@ def even(segments):
 
 
 def pressed_below(scene):
-    """Forces of 5 Pa on half the segments beside each point of the bottom, tangential ones of -2 Pa."""
-    boundary = scene.initial_positions[:, scene.outlines.point]
-    x = np.sort(boundary[0, np.abs(boundary[1]) < 1e-9])
-    weight = np.append(np.diff(x) / 2, 0) + np.append(0, np.diff(x) / 2)
-    zero, one = np.zeros(x.size), np.ones(x.size)
-    return loaded(scene, [x, zero], [zero, one], [5.0 * weight, -2.0 * weight])
+    """A uniform pressure of 5 Pa and shear of -2 Pa on the bottom, in 2000 forces."""
+    x, one = (np.arange(2000) + 0.5) / 1000, np.full(2000, 0.001)
+    return loaded(scene, [x, 0.0 * x], [0.0 * x, np.ones(2000)], [5.0 * one, -2.0 * one])
 
 
 @given(SEEDS, st.sampled_from([None, 0.0, 0.05, 0.7, 50.0]))
@@ -132,27 +130,54 @@ def test_a_force_at_the_side_of_a_disc_keeps_its_moment():
     state = loaded(scene, [[1.0], [0.0]], [[-1.0], [0.0]], [[1.0], [-1.0]])
     found = contact_pressure(scene, state, 0, length=L)
     lost = 1.0 - moment(found.x, found.traction * found.length)
-    assert lost == pytest.approx(L**2 / 12, rel=0.01)
+    assert 0.0 < lost < L**2 / 12  # of a tent of half-width L
 
 
 @pytest.mark.parametrize("segments", [13, 20, 50])
 @pytest.mark.parametrize("length", [None, 0.0, 0.1, 0.5, 3.0])
 def test_uniform_forces_are_a_uniform_traction_up_to_the_corners(segments, length):
-    """Equal spacing: pressure 5 Pa on the bottom, corners included, none on the other sides."""
+    """Equal spacing: pressure 5 Pa on the bottom, corners included, none on the other sides, and no error."""
     found = contact_pressure(even(segments), pressed_below(even(segments)), 0, length=length)
     bottom = found.normal[1] < -0.5
     assert bottom.sum() == segments + 1
-    np.testing.assert_allclose(found.pressure[bottom], 5.0, rtol=1e-9)
-    np.testing.assert_allclose(found.shear[bottom], 2.0, rtol=1e-9)
+    np.testing.assert_allclose(found.pressure[bottom], 5.0, rtol=2e-3)
+    np.testing.assert_allclose(found.shear[bottom], 2.0, rtol=2e-3)
     assert not found.traction[:, ~bottom].any()
+    assert found.error.max() < 0.02
 
 
-@pytest.mark.parametrize(("spacing", "error"), [(0.05, 0.004), (0.1, 0.015), (0.15, 0.035)])
-def test_uneven_points_beside_corners_cost_little(spacing, error):
-    """`box` has segments of 2/3 and 5/6 of the others beside its corners; 1/4, 1/2 and 3/4 cells."""
+@pytest.mark.parametrize("spacing", [0.05, 0.1, 0.15, 0.24])
+def test_uneven_points_beside_corners_cost_nothing(spacing):
+    """`box` has segments of 2/3 and 5/6 of the others beside its corners; a quarter to 1.2 cells."""
     found = contact_pressure(block(spacing), pressed_below(block(spacing)), 0)
     bottom = found.normal[1] < -0.5
-    assert np.abs(found.pressure[bottom] / 5.0 - 1.0).max() < error
+    assert np.abs(found.pressure[bottom] / 5.0 - 1.0).max() < 0.003
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("per_cell", [1.17, 1.41, 1.9])
+def test_point_forces_that_load_the_grid_uniformly_are_a_uniform_traction(turn, per_cell):
+    """Non-negative forces by least squares of the nodal forces of 1 Pa alternate and beat with the grid."""
+    n, along = round(10.0 * per_cell), np.array([np.cos(turn), np.sin(turn)])
+    start, across = np.array([0.03, 0.07]), np.array([-along[1], along[0]])
+    corners = start[:, None] + np.stack([0.0 * along, 2.0 * along, 2.0 * along + across, across], axis=1)
+    steps = np.roll(corners, -1, axis=1) - corners
+    x = (corners[:, :, None] + steps[:, :, None] * np.arange(n) / n).reshape(2, -1)
+    scene = Scene([Body(Points(x, np.full(4 * n, 0.5 / n), (np.arange(4 * n),)), SOFT)], cell=CELL)
+    points, fine = (
+        start[:, None] + 2.0 * along[:, None] * s for s in (np.arange(n + 1) / n, np.linspace(0, 1, 4001))
+    )
+    nodes = np.stack(np.meshgrid(np.arange(-1, 12), np.arange(-1, 12))).reshape(2, -1, 1)
+
+    def hats(at):
+        return np.prod(np.maximum(1.0 - np.abs(at[:, None] / CELL - nodes), 0.0), axis=0)
+
+    force, missed = nnls(hats(points), hats(fine).mean(axis=1) * 2.0)
+    assert missed < 0.02
+    normal = np.tile(across[:, None], n + 1)
+    found = contact_pressure(scene, loaded(scene, points, normal, [force, 0.0 * force]), 0)
+    bottom = across @ found.normal < -0.9
+    assert np.abs(found.pressure[bottom] - 1.0).max() < 0.08
 
 
 def test_corners_appear_once_for_each_side():
@@ -227,14 +252,27 @@ def test_a_contact_at_a_point_of_the_other_body_has_the_opposite_force():
 
 
 def test_no_force_passes_along_an_unloaded_boundary():
-    """Beyond the kernel and the segment at its end there is exactly nothing."""
+    """Beyond four cells and the segment at their end there is exactly nothing."""
     scene, L = ring(), 0.3
     found = contact_pressure(scene, loaded(scene, [1.0, 0.0], [-1.0, 0.0], [1.0, 0.0]), 0, length=L)
     arc = np.abs(np.arctan2(found.x[1], found.x[0]))
-    assert not found.traction[:, arc > L + 0.1].any()
+    assert not found.traction[:, arc > 4.0 * L + 0.1].any()
     assert (found.pressure[arc < 0.9 * L] > 0.0).all()
-    d = 2 * np.pi / 64  # the mean of the tent over the hat function of the loaded point
-    assert found.pressure.max() == pytest.approx((1.0 - d / (3 * L)) / L, rel=1e-3)
+    assert 1.0 / L < found.pressure.max() < 1.5 / L
+
+
+def test_no_force_passes_to_the_other_face_of_a_part_thinner_than_a_cell():
+    """A strip of half a cell with round ends, whose outline is one smooth side."""
+    r, s, angle = 0.25 * CELL, np.linspace(0.0, 2.0, 81), np.linspace(0.0, np.pi, 9)[1:-1]
+    x = np.hstack([[s, -r + 0.0 * s], [2 + r * np.sin(angle), -r * np.cos(angle)]])
+    x = np.hstack([x, [2.0 - s, r + 0.0 * s], [-r * np.sin(angle), r * np.cos(angle)]]) + 0.05
+    n = x.shape[1]
+    scene = Scene([Body(Points(x, np.full(n, 0.2 / n), (np.arange(n),)), SOFT)], cell=CELL)
+    found = contact_pressure(scene, loaded(scene, [1.0, 0.05 - r], [0.0, 1.0], [1.0, 0.0]), 0)
+    assert np.unique(found.side).size == 1
+    upper = found.x[1] > 0.05
+    assert not found.pressure[upper].any()
+    np.testing.assert_allclose(found.force, [0.0, 1.0], atol=1e-12)
 
 
 def test_lengths_of_zero_are_point_forces_over_tributary_lengths():
@@ -246,9 +284,9 @@ def test_lengths_of_zero_are_point_forces_over_tributary_lengths():
     np.testing.assert_allclose(found.pressure, expected, rtol=1e-9)
 
 
-def test_a_kernel_longer_than_the_boundary_spreads_the_force_over_it():
+def test_cells_longer_than_the_boundary_spread_the_force_over_it():
     found = contact_pressure(ring(), loaded(ring(), [1.0, 0.0], [-1.0, 0.0], [1.0, 0.0]), 0, length=1e3)
-    np.testing.assert_allclose(np.hypot(*found.traction), 1.0 / found.length.sum(), rtol=1e-9)
+    np.testing.assert_allclose(np.hypot(*found.traction), 1.0 / found.length.sum(), rtol=0.005)
 
 
 def test_holes_have_sides_of_their_own():

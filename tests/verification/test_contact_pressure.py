@@ -1,29 +1,34 @@
-"""Contact pressures recovered from point forces: Hertz's ellipse, and a block between plates.
+"""Contact pressures recovered from point forces: Hertz's ellipse, a block between plates, a rubber-covered roller.
 
 Hertz: a disc between frictionless plates, quasi-static, linear elastic, nu = 0.3, random grid offset, direction and
-angle of the cloud. Reference: the ellipse of the same force, p0 = 2 P / (pi a), a^2 = 4 P R / (pi E*). It is that of
-small strains, so pressures are taken per undeformed length; the current ones, which `contact_pressure` returns, are 3
-to 4 % higher at d/R = 0.1. Block: uniform pressure E / (1 - nu^2) times the strain, smooth plates, corners included.
+angle of the cloud. Reference: the ellipse of the same force, p0 = 2 P / (pi a), a^2 = 4 P R / (pi E*), a narrower by
+up to 2.3 % as finite elements have it (`test_hertz.TABLE`). It is that of small strains, so pressures are taken per
+undeformed length; the current ones, which `contact_pressure` returns, are 3 to 4 % higher at d/R = 0.1. Thick rings
+have bulk points at most 0.55 h apart, whatever the spacing of those of the boundary. Block: uniform pressure
+E / (1 - nu^2) times the strain, smooth plates, corners included. Roller: finite elements, see `covered_roller`.
 
-Goals: rms error over the contact at most 0.10 p0 for points h/3 and h/2 apart and 0.15 p0 for 0.74 h, peak within
-10 %, where the contact is wider than 1.2 cells on either side (`RESOLVED`, as for Hertz's force).
+Goals: rms error over the contact at most 0.10 p0 for points h/3 and h/2 apart and 0.15 p0 for 0.74 h, peak on average
+within 5 %, where the contact is wider than 1.2 cells on either side (`RESOLVED`, as for Hertz's force). Each peak
+from a half-width of one cell on: within 5 %, or within `Traction.error`.
 """
 
 from dataclasses import replace
 from functools import cache
 
+import meshio
 import numpy as np
 import pytest
 from ledger import Row
 from pictures import canvas, keep
 from test_contact_patch import HEIGHT, WIDTH, blocks
 from test_contact_patch import STRAIN as PATCH_STRAIN
-from test_hertz import DEPTHS, MATERIAL, MODULUS, NU, RESOLVED, R, formula, frame, half_width, stroke
+from test_hertz import DEPTHS, MATERIAL, MODULUS, NU, RESOLVED, R, formula, frame, half_width, reference, stroke
 
 from skmpm import (
     Body,
     NeoHookean,
     Points,
+    Rigid,
     Scene,
     Scheme,
     Support,
@@ -31,6 +36,7 @@ from skmpm import (
     box,
     contact_pressure,
     disc,
+    from_mesh,
     initial,
     linear,
     network,
@@ -40,10 +46,12 @@ from skmpm import (
 SIZES = (5, 10)  # R/h
 SPACINGS = (0.74, 0.5, 1 / 3)  # of the points [h]
 OFFSETS = 10
-LENGTHS = (0.0, 1.0, 1.3, 1.7)  # half-width of the kernel [h]; 1.3 is the default
+LENGTHS = (0.0, None)  # point forces, and the default
 BARS = {0.74: 0.15, 0.5: 0.10, 1 / 3: 0.10}  # of the rms error, over p0
-PEAK = 0.10
-WORST = {0.74: 0.25, 0.5: 0.12, 1 / 3: 0.12}  # peak in a single contact: what is measured, see the table
+PEAK = 0.05
+WORST = {0.74: 0.10, 0.5: 0.10, 1 / 3: 0.13}  # peak in a single contact: what is measured, see the table
+RING_SPACINGS = (0.5, 0.6, 0.71, 0.86, 1.0, 1.2)  # of boundary points of rings [h]
+RING_DEPTHS = (0.015, 0.025, 0.05)  # half-widths of 1.0, 1.3 and 2.0 cells
 SCHEME = Scheme(inertia=False, linear=linear.banded)
 STRAIN = 0.02  # of the block
 
@@ -56,55 +64,94 @@ def turned(points, angle, shift):
 @cache
 def pressed_discs(size, spacing, count):
     """Scenes and states of discs between plates by depth, with the frame of each."""
-    rng, out = np.random.default_rng(7 * size), []
-    for _ in range(count):
-        middle, normal, across = frame(size, rng)
-        cloud = turned(disc((0, 0), R, spacing=spacing * R / size), rng.uniform(0, 2 * np.pi), middle)
-        walls = [Wall(middle + s * R * normal, -s * normal, velocity=-s * normal) for s in (1, -1)]
-        scene = Scene([Body(cloud, MATERIAL)], cell=R / size, walls=walls)
-        state, found = initial(scene, scheme=SCHEME), []
-        for depth in DEPTHS:
-            state, _ = stroke(scene, state, depth, SCHEME)
-            found.append(state)
-        out.append((scene, found, middle, normal, across))
-    return out
+    rng = np.random.default_rng(7 * size)
+    return [_pressed(disc((0, 0), R, spacing=spacing * R / size), size, DEPTHS, rng) for _ in range(count)]
 
 
-def undeformed(scene, traction):
-    """Pressure per undeformed length (m,) [Pa], and the undeformed length of each point (m,) [m]."""
+@cache
+def pressed_rings(size, spacing, count):
+    """The same of rings of inner radius 0.3 R with boundary points `spacing` cells apart."""
+    rng = np.random.default_rng(round(100 * spacing))
+    n, m = round(2.0 * np.pi * size / spacing), round(0.7 * size / 0.55)
+    return [_pressed(ring(0.3 * R, R, n, m), size, RING_DEPTHS, rng) for _ in range(count)]
+
+
+def ring(inner, outer, n, m):
+    """A ring of n by m quadrilaterals as points, the first of them on top."""
+    r, angle = np.linspace(inner, outer, m + 1)[:, None], 0.5 * np.pi + 2.0 * np.pi * np.arange(n) / n
+    points = np.stack([r * np.cos(angle), r * np.sin(angle)], axis=-1).reshape(-1, 2)
+    first, after = np.arange(n * m), (np.arange(n * m) + 1) % n + np.arange(n * m) // n * n
+    return from_mesh(meshio.Mesh(points, [("quad", np.stack([first, first + n, after + n, after], axis=1))]))
+
+
+def _pressed(points, size, depths, rng):
+    middle, normal, across = frame(size, rng)
+    cloud = turned(points, rng.uniform(0, 2 * np.pi), middle)
+    walls = [Wall(middle + s * R * normal, -s * normal, velocity=-s * normal) for s in (1, -1)]
+    scene = Scene([Body(cloud, MATERIAL)], cell=R / size, walls=walls)
+    state, found = initial(scene, scheme=SCHEME), {}
+    for depth in depths:
+        found[depth] = state = stroke(scene, state, depth, SCHEME)[0]
+    return scene, found, middle, normal, across
+
+
+def stretch(scene, traction):
+    """Current over undeformed length of each point (m,), and the undeformed one (m,) [m]."""
     X = scene.initial_positions[:, traction.point]
-    step = np.hypot(*(np.roll(X, -1, axis=1) - X))  # a disc has no corners: its points are one loop
-    length = 0.5 * (step + np.roll(step, 1))
-    return traction.pressure * traction.length / length, length
+    length = np.zeros(X.shape[1])
+    for side in np.unique(traction.side):  # a disc has no corners: its points are one loop
+        loop = np.flatnonzero(traction.side == side)
+        step = np.hypot(*(np.roll(X[:, loop], -1, axis=1) - X[:, loop]))
+        length[loop] = 0.5 * (step + np.roll(step, 1))
+    return traction.length / length, length
 
 
-def against_the_ellipse(case, depth, width):
-    """Of both contacts of a disc: rms error over the contact, error of the peak, both over p0."""
+def against_the_ellipse(case, depth, length):
+    """Of both contacts: rms error over the contact, error of the peak, its estimate, all over p0; half-width [h]."""
     scene, states, middle, normal, across = case
-    state = states[DEPTHS.index(depth)]
-    cells = None if width is None else width * scene.cell
-    traction = contact_pressure(scene, state, 0, length=cells)
-    pressure, length = undeformed(scene, traction)
+    state = states[depth]
+    traction = contact_pressure(scene, state, 0, length=length)
+    longer, weight = stretch(scene, traction)
     X = scene.initial_positions[:, traction.point] - middle[:, None]
+    narrower = reference(depth)[1] / half_width(reference(depth)[0])
     out = []
     for wall, s in ((-1, 1), (-2, -1)):
         force = state.contacts.force[0, state.contacts.bodies[1] == wall].sum()
-        a = R * half_width(force / MODULUS)
+        a = R * half_width(force / MODULUS) * narrower
         p0 = 2.0 * force / (np.pi * a)
-        mine = s * normal @ X > 0.0
-        x, p, w = across @ X[:, mine], pressure[mine] / p0, length[mine]
+        mine = s * normal @ X > 0.5 * R
+        x, p, w = across @ X[:, mine], (longer * traction.pressure)[mine] / p0, weight[mine]
+        estimate = (longer * traction.error)[mine][p.argmax()] / p0
         inside = np.abs(x) < a
         ellipse = np.sqrt(np.clip(1.0 - (x / a) ** 2, 0.0, None))
-        out.append((np.sqrt(w[inside] @ (p - ellipse)[inside] ** 2 / w[inside].sum()), p.max() - 1.0))
+        rms = np.sqrt(w[inside] @ (p - ellipse)[inside] ** 2 / w[inside].sum())
+        out.append((rms, p.max() - 1.0, estimate, a / scene.cell))
     return out
 
 
-def errors(size, spacing, depth, width, count):
-    """Rms over contacts of their rms errors, and the errors of the peaks (contacts,)."""
-    found = np.array(
-        [e for case in pressed_discs(size, spacing, count) for e in against_the_ellipse(case, depth, width)]
-    )
-    return float(np.sqrt(np.mean(found[:, 0] ** 2))), found[:, 1]
+def errors(cases, depth, length=None):
+    """Rms over contacts of rms errors; (contacts,) errors of peaks, their estimates, and half-widths [h]."""
+    rms, *rest = np.array([e for case in cases for e in against_the_ellipse(case, depth, length)]).T
+    return float(np.sqrt(np.mean(rms**2))), *rest
+
+
+@cache
+def covered_roller(angle, edges, h=0.4e-3):
+    """A steel roller pressed by 0.8 mm into one covered by 8 mm of rubber, in the direction `angle` off the grid.
+
+    Frictionless, NeoHookean(2e6, 0.49), radii 20 and 25 mm, the rubber bonded to its core. Independent finite
+    elements of a fitted mesh have a force of 2553 N/m, a peak of 0.484 MPa per current length, a nip of 6.8 mm.
+    """
+    n, m = 4 * round(2.0 * np.pi * 21e-3 / (1.2 * edges * h) / 4), round(8e-3 / (edges * h))
+    middle = angle * h * np.array([0.3, 0.7])
+    up = np.array([-np.sin(angle), np.cos(angle)])
+    cover = turned(ring(17e-3, 25e-3, n, m), angle, middle)
+    steel = disc(middle + 45e-3 * up, 20e-3, spacing=h)
+    core = Support(lambda x: np.hypot(*(x - middle[:, None])) < 17e-3 + 1e-6)
+    bodies = [Body(cover, NeoHookean(2e6, 0.49, 1100.0)), Body(steel, Rigid(7800.0), motion=(*(-0.8e-3 * up), 0.0))]
+    scene = Scene(bodies, cell=h, supports=[core])
+    *_, state = simulate(scene, dt=0.5, until=1.0, scheme=SCHEME)
+    return scene, state
 
 
 def resolved(size, depth):
@@ -168,23 +215,52 @@ def spread(found):
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("spacing", SPACINGS)
 def test_hertz(size, spacing):
-    """The goals, of four offsets; the peak on average, and in single contacts within what is measured."""
+    """The goals; the peak on average, and in single contacts within what is measured."""
     for depth in (d for d in DEPTHS if resolved(size, d)):
-        rms, peak = errors(size, spacing, depth, None, 4)
+        rms, peak, *_ = errors(pressed_discs(size, spacing, OFFSETS if size == 5 else 4), depth)
         assert rms < BARS[spacing]
         assert np.abs(peak.mean()) < PEAK
         assert np.abs(peak).max() < WORST[spacing]
 
 
+@pytest.mark.parametrize("spacing", RING_SPACINGS)
+def test_peaks_are_within_their_error_whatever_the_spacing(spacing):
+    """Half-widths of 1.0, 1.3 and 2.0 cells: each peak within 5 % or its estimate, from 1.3 cells on within 13 %.
+
+    Points 1.2 cells apart: from 1.3 cells on.
+    """
+    for depth in RING_DEPTHS[spacing > 1.0 :]:
+        _, peak, estimate, half_widths = errors(pressed_rings(12, spacing, 3), depth)
+        assert (np.abs(peak) < np.maximum(0.05, estimate)).all()
+        assert (np.abs(peak)[half_widths > 1.2] < 0.13).all()
+        assert estimate.mean() < {0.015: 0.30, 0.025: 0.22, 0.05: 0.12}[depth]
+
+
+ROLLERS = [(0.0, 1.0), (0.0, 0.85), (1.1, 0.85), pytest.param(0.85, 1.2, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize(("angle", "edges"), ROLLERS)
+def test_covered_roller(angle, edges):
+    """Boundary points 0.6 to 0.86 cells apart, which beat with the grid in waves of two to six cells."""
+    scene, state = covered_roller(angle, edges)
+    peak = 0.484e6
+    assert np.hypot(*state.body_force[:, 0]) == pytest.approx(2553.0, rel=0.03)
+    for body in (0, 1):
+        found = contact_pressure(scene, state, body)
+        assert found.pressure.max() == pytest.approx(peak, rel=0.04)
+        assert found.error[found.pressure.argmax()] < 0.06 * peak
+
+
 def test_point_forces_are_no_pressures():
-    """Without averaging, points h/3 apart alternate: the reason for it. Narrow contacts are too flat with it."""
-    rms, peak = errors(10, 1 / 3, 0.1, 0.0, 4)
+    """Points h/3 apart alternate, which the estimate of the error shows. Peaks of narrow contacts are too low."""
+    rms, peak, estimate, _ = errors(pressed_discs(10, 1 / 3, 4), 0.1, 0.0)
     assert rms > 0.6
     assert peak.mean() > 1.5
-    assert errors(5, 1 / 3, 0.02, None, 4)[1].mean() < -0.3
+    assert estimate.mean() > 0.5
+    assert errors(pressed_discs(5, 1 / 3, 4), 0.02)[1].mean() < -0.25
 
 
-@pytest.mark.parametrize(("spacing", "rms", "worst"), [(0.5, 0.05, 0.15), (1 / 3, 0.03, 0.08)])
+@pytest.mark.parametrize(("spacing", "rms", "worst"), [(0.74, 0.01, 0.03), (0.5, 0.01, 0.03), (1 / 3, 0.01, 0.03)])
 @pytest.mark.parametrize("angle", [0.0, 0.3])
 def test_block(angle, spacing, rms, worst):
     """Uniform pressure up to the corners: rms and largest error; of the force 0.3 %."""
@@ -194,20 +270,21 @@ def test_block(angle, spacing, rms, worst):
     assert np.abs(length @ off / length.sum()) < 0.003
 
 
-@pytest.mark.parametrize(("scheme", "rms"), [(SCHEME, 0.06), (Scheme(), 0.2)], ids=["quasi-static", "inertia"])
-def test_between_two_blocks_pressure_scatters_more_than_on_plates(scheme, rms):
-    """Single forces between bodies are not unique within a cell; with inertia they keep what motion has left."""
+@pytest.mark.parametrize("scheme", [SCHEME, Scheme()], ids=["quasi-static", "inertia"])
+def test_pressure_between_two_blocks_is_uniform(scheme):
+    """Single forces are not unique within a cell, and with inertia keep what motion has left: nodal ones do not."""
     found = [between_blocks(0.5, seed, scheme) for seed in range(2)]
-    plates, blocks_ = (spread([run[place] for run in found])[0] for place in (0, 1))
-    assert blocks_ < rms
-    assert plates < 0.7 * rms
+    for place in (0, 1):
+        rms, most = spread([run[place] for run in found])
+        assert rms < 0.01
+        assert most < 0.03
 
 
 @pytest.mark.parametrize("spacing", SPACINGS)
 def test_resultant_and_moment(spacing):
     """Force of each contact on a disc to round-off; moment about its centre, smooth plates, to 1e-3 a P."""
     for scene, states, middle, *_ in pressed_discs(5, spacing, 4):
-        for state in states:
+        for state in states.values():
             traction, c = contact_pressure(scene, state, 0), state.contacts
             force, f = traction.traction * traction.length, c.force[0] * c.normal
             P = c.force[0].sum() / 2.0
@@ -253,6 +330,8 @@ def rows():
     return [
         *(_hertz_row(width) for width in LENGTHS),
         _narrow_row(),
+        _ring_row(),
+        _roller_row(),
         _block_row(),
         *map(_interface_row, (SCHEME, Scheme())),
     ]
@@ -261,7 +340,7 @@ def rows():
 def _text(size, spacing, depths, width):
     parts = []
     for depth in depths:
-        rms, peak = errors(size, spacing, depth, width, OFFSETS)
+        rms, peak, *_ = errors(pressed_discs(size, spacing, OFFSETS), depth, width)
         parts.append(f"{rms:.2f} / {100 * peak.mean():+.0f} ({100 * np.abs(peak).max():.0f})")
     return f"{size}, {spacing:.2f} h: " + ", ".join(parts)
 
@@ -271,18 +350,18 @@ def _hertz_row(width):
     good = True
     for size, depths in cases:
         for spacing in SPACINGS:
-            for rms, peak in (errors(size, spacing, d, width, OFFSETS) for d in depths):
+            for rms, peak, *_ in (errors(pressed_discs(size, spacing, OFFSETS), d, width) for d in depths):
                 good &= rms < BARS[spacing] and np.abs(peak.mean()) < PEAK
-    name = "point forces" if width == 0.0 else f"averaged over {width} h"
+    name = "default" if width is None else "point forces"
     return Row(
-        f"contact pressure, Hertz, {name}{' (default)' if width == 1.3 else ''}",
+        f"contact pressure, Hertz, {name}",
         "ellipse of the same force",
         "R/h = 5 (d/R = 0.1), 10 (d/R = 0.05, 0.1)",
         "rms over p0 / peak in % mean (worst); R/h, spacing: "
         + "; ".join(_text(size, spacing, depths, width) for size, depths in cases for spacing in SPACINGS),
         "-",
-        "rms 0.15 (0.74 h), 0.10; mean peak within 10 %: " + ("met" if good else "missed"),
-        "test_hertz" if width else "test_point_forces_are_no_pressures",
+        "rms 0.15 (0.74 h), 0.10; mean peak within 5 %: " + ("met" if good else "missed"),
+        "test_point_forces_are_no_pressures" if width == 0.0 else "test_hertz",
     )
 
 
@@ -300,6 +379,49 @@ def _narrow_row():
     )
 
 
+def _ring_row():
+    texts = []
+    for spacing in RING_SPACINGS:
+        parts = []
+        for depth in RING_DEPTHS:
+            _, peak, estimate, _ = errors(pressed_rings(12, spacing, OFFSETS), depth)
+            within = (np.abs(peak) < np.maximum(0.05, estimate)).mean()
+            error = f"{100 * peak.mean():+.0f} ({100 * np.abs(peak).max():.0f})"
+            parts.append(f"{error} / {100 * estimate.mean():.0f}, {100 * within:.0f} %")
+        texts.append(f"{spacing:.2f} h: " + "; ".join(parts))
+    return Row(
+        "contact pressure, Hertz, half-widths of 1.0, 1.3 and 2.0 cells, spacing of boundary points",
+        "ellipse of the same force",
+        "R/h = 12 (d/R = 0.015, 0.025, 0.05)",
+        "peak in % mean (worst) / mean estimate of the error in %, share of peaks within 5 % or their estimate: "
+        + ". ".join(texts),
+        "-",
+        "-",
+        "test_peaks_are_within_their_error_whatever_the_spacing",
+    )
+
+
+def _roller_row():
+    texts = []
+    for angle, edges in ((0.0, 1.0), (0.0, 0.85), (0.85, 1.2), (1.1, 0.85)):
+        scene, state = covered_roller(angle, edges)
+        found = contact_pressure(scene, state, 0)
+        spacing = found.length[found.pressure > 0.0].mean() / scene.cell
+        error = found.error[found.pressure.argmax()] / 0.484e6
+        texts.append(
+            f"{spacing:.2f} h, {angle} rad: {100 * (found.pressure.max() / 0.484e6 - 1):+.1f} ({100 * error:.1f})"
+        )
+    return Row(
+        "contact pressure, rubber-covered roller pressed by a steel one",
+        "finite elements",
+        "cover 20 h thick, nip 17 h wide",
+        "peak in % (estimate of the error) by spacing of boundary points and direction: " + ", ".join(texts),
+        "-",
+        "-",
+        "test_covered_roller",
+    )
+
+
 def _block_row():
     texts = []
     for spacing in SPACINGS:
@@ -312,7 +434,7 @@ def _block_row():
         "contact pressure, block between smooth plates, along the grid and at 0.3 rad",
         "uniform pressure",
         "height 5 h",
-        "rms (largest) error in %, point forces -> averaged: " + ", ".join(pairs),
+        "rms (largest) error in %, point forces -> default: " + ", ".join(pairs),
         "-",
         "-",
         "test_block",
@@ -333,7 +455,7 @@ def _interface_row(scheme):
         f"rms (largest) error in %, between blocks / on plates: {', '.join(texts)}",
         "-",
         "-",
-        "test_between_two_blocks_pressure_scatters_more_than_on_plates",
+        "test_pressure_between_two_blocks_is_uniform",
     )
 
 
@@ -342,16 +464,16 @@ def figures(folder):
     s = np.linspace(-1.0, 1.0, 201)
     for ax, size in zip(axes, SIZES, strict=True):
         for i, (scene, states, middle, normal, across) in enumerate(pressed_discs(size, 1 / 3, OFFSETS)[:4]):
-            contacts = states[-1].contacts
+            contacts = states[DEPTHS[-1]].contacts
             force = contacts.force[0, contacts.bodies[1] == -1].sum()
             a = R * half_width(force / MODULUS)
             for length, style in ((0.0, ".C7"), (None, "-C0")):
-                traction = contact_pressure(scene, states[-1], 0, length=length)
+                traction = contact_pressure(scene, states[DEPTHS[-1]], 0, length=length)
                 X = scene.initial_positions[:, traction.point] - middle[:, None]
                 order = np.argsort(across @ X)
                 order = order[normal @ X[:, order] > 0.5 * R]
-                p = undeformed(scene, traction)[0][order] * np.pi * a / (2.0 * force)
-                label = ("point forces" if length == 0.0 else "averaged") if i == 0 else None
+                p = (stretch(scene, traction)[0] * traction.pressure)[order] * np.pi * a / (2.0 * force)
+                label = ("point forces" if length == 0.0 else "default") if i == 0 else None
                 ax.plot((across @ X)[order] / a, p, style, ms=3, lw=0.8, label=label)
         ax.plot(s, np.sqrt(1.0 - s**2), "k", lw=1.5, label="Hertz")
         ax.set(title=f"R/h = {size}", xlabel="position / half-width", xlim=(-1.8, 1.8), ylim=(-0.1, 4.0))
