@@ -25,7 +25,7 @@ _SHAKES = 4  # random displacements to leave a jammed state ...
 _SHAKE = 0.05  # ... and their size [mean radius]
 _HEXAGONAL, _SQUARE = np.pi / np.sqrt(12.0), np.pi / 4.0
 # Solid fraction at which many equal discs jam, layer that a wall costs [mean radius], and excess of the densest
-# of 700 packings, times the root of the number of discs; in narrower boxes lattices may fit [mean radius].
+# of 500 packings, times the root of the number of discs; in narrower boxes lattices may fit [mean radius].
 _JAMMED, _LAYER, _EXCESS, _NARROW = 0.84, 0.3, 0.35, 8.0
 
 
