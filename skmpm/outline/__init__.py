@@ -26,7 +26,7 @@ from skmpm.outline.near import both_ways, candidates, closest, distance_to_segme
 from skmpm.outline.overlaps import box_pairs, boxes, lens_depth, overlap
 from skmpm.outline.polylines import Polylines, joined, polylines
 from skmpm.outline.topology import Outlines, outlines
-from skmpm.outline.widths import slit_width, thickness
+from skmpm.outline.widths import inclined_thickness, slit_width, thickness
 
 __all__ = [
     "TURNED_AWAY",
@@ -57,6 +57,7 @@ __all__ = [
     "foot",
     "half_segments",
     "images",
+    "inclined_thickness",
     "inside",
     "joined",
     "lens_depth",

@@ -25,6 +25,7 @@ from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 
 # Sides at a larger angle form a wedge and no wall; the thickness of an ellipse of 4:1 is 0.89 of its short axis.
 FACING_COSINE = np.cos(np.deg2rad(15.0))
+INCLINED = np.sin(np.deg2rad(15.0))  # least component of a normal that is inclined to the axes
 TIP_COSINE = np.cos(np.deg2rad(150.0))  # of the turn of the boundary at a tip, a wedge of 30 degrees or less
 # Pairs wider than this fraction of the wedge at a tip belong to the tip; a lens has half that width in its middle.
 MIN_WEDGE_FRACTION = 0.5
@@ -51,6 +52,17 @@ def thickness(outlines: Outlines, x: Floats, bodies: int) -> Floats:
     return np.where(count == 0, np.nan, found)
 
 
+def inclined_thickness(outlines: Outlines, x: Floats, chosen: NDArray[np.bool_]) -> Floats:
+    """Width of the thinnest part of chosen bodies (bodies,) whose sides are inclined to the axes, (bodies,) [m].
+
+    By more than 15 degrees; inf without such a part, and for bodies that are not chosen.
+    """
+    if not chosen.any():
+        return np.full(chosen.size, np.inf)
+    count = np.where(chosen, np.bincount(outlines.body, minlength=chosen.size), 0)
+    return _narrowest(outlines, x, _edges(outlines, x), count, inclination=INCLINED)[0]
+
+
 def slit_width(outlines: Outlines, x: Floats, bodies: int) -> Floats:
     """Return the width of the narrowest slit, mouth or hole of each body (bodies,) [m]; inf without one or outline.
 
@@ -74,8 +86,13 @@ def slit_width(outlines: Outlines, x: Floats, bodies: int) -> Floats:
     return np.minimum(*_narrowest(back, x, _edges(back, x), count))[::-1]
 
 
-def _narrowest(outlines: Outlines, x: Floats, edges: _Edges, count: Integers) -> tuple[Floats, Floats]:
-    """Least double normals of bodies with `count` boundary points or none, and least mouths of wedges, (bodies,)."""
+def _narrowest(
+    outlines: Outlines, x: Floats, edges: _Edges, count: Integers, inclination: float = 0.0
+) -> tuple[Floats, Floats]:
+    """Least double normals of bodies with `count` boundary points or none, and least mouths of wedges, (bodies,).
+
+    Of double normals those count whose components are at least `inclination`.
+    """
     found, mouth = np.full((2, count.size), np.inf)
     tips = np.flatnonzero(_turned(outlines, edges))
     widest = np.zeros(tips.size)
@@ -83,7 +100,7 @@ def _narrowest(outlines: Outlines, x: Floats, edges: _Edges, count: Integers) ->
         p, e, s, width = _facing(outlines, x, edges, p, e)
         pair, tip = _at_tip(outlines, edges, tips, p, e, s, width)
         np.maximum.at(widest, tip, width[pair])
-        wide = np.ones(p.size, dtype=bool)
+        wide = np.abs(edges.across[:, e]).min(axis=0) >= inclination
         wide[pair] = False
         np.minimum.at(found, outlines.body[p[wide]], width[wide])
     np.minimum.at(mouth, outlines.body[tips[widest > 0.0]], widest[widest > 0.0])

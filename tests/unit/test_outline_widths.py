@@ -227,3 +227,15 @@ def test_nothing_depends_on_where_a_long_loop_begins(shape, width, expected):
     assert x.shape[1] > MAX_POINTS
     for shift in range(5):
         assert width(*build([np.roll(x, shift, axis=1)]))[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "expected"), [(0.0, np.inf), (10.0, np.inf), (20.0, 0.2), (45.0, 0.2), (75.5, np.inf), (90.0, np.inf)]
+)
+def test_parts_that_are_inclined_to_the_axes(degrees, expected):
+    """A strip that is turned, and a ring, which has such parts at any angle; not of bodies that are not chosen."""
+    strip = turn(np.radians(degrees)) @ sampled([(0, 0), (3, 0), (3, 0.2), (0, 0.2)], 0.05)
+    boundary, x, _ = build([strip], [ring(1.0, 0.05), ring(0.7, 0.05)[:, ::-1]])
+    found = outline.inclined_thickness(boundary, x, np.array([True, True]))
+    assert found == pytest.approx([expected, 0.3], rel=0.01)
+    assert outline.inclined_thickness(boundary, x, np.array([False, True]))[0] == np.inf
