@@ -21,7 +21,7 @@ import numpy as np
 import skmpm
 
 R, THICK, E, NU, CLOSING = 10e-3, 1e-3, 1e6, 0.3, 0.02  # mean radius, thickness [m], [Pa], -, of the mean diameter
-AROUND, ACROSS, STEPS = 240, 4, 8
+AROUND, ACROSS, STEPS = 300, 5, 10
 
 
 def tube(path: Path) -> meshio.Mesh:
@@ -43,7 +43,7 @@ def main(out: Path) -> tuple[float, float]:
     body = skmpm.Body(skmpm.from_mesh(tube(out / "tube.msh")), skmpm.NeoHookean(E, NU, density=1100.0))
     top, speed = R + THICK / 2, CLOSING * R / STEPS  # of each plate, in steps of 1 s
     plates = [skmpm.Wall((0.0, -y * top), (0.0, y), velocity=(0.0, y * speed), friction=0.3) for y in (1.0, -1.0)]
-    scene, scheme = skmpm.Scene([body], cell=THICK / 5, walls=plates), skmpm.Scheme(inertia=False)
+    scene, scheme = skmpm.Scene([body], cell=THICK / 6, walls=plates), skmpm.Scheme(inertia=False)
     print(skmpm.preflight(scene, 1.0, scheme=scheme))
     *_, state = skmpm.simulate(scene, dt=1.0, until=float(STEPS), scheme=scheme)
     force = float(state.wall_force[1, 1])

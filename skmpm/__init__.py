@@ -23,7 +23,8 @@ from skmpm.observe import Network, Observables, Traction, contact_pressure, netw
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
 from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, polygon
-from skmpm.preflight import Suggestion, preflight, suggest
+from skmpm.preflight import Preflight, PreflightWarning, Suggestion, preflight, suggest
+from skmpm.run import simulate
 from skmpm.scene import (
     Body,
     Load,
@@ -41,7 +42,7 @@ from skmpm.scene import (
     spring_forces,
 )
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 from skmpm.sweep import Run, Sweep, SweepError, sweep
 
 __version__ = "0.2.0.dev0"
@@ -63,6 +64,8 @@ __all__ = [
     "PackingError",
     "Periodic",
     "Points",
+    "Preflight",
+    "PreflightWarning",
     "Pressure",
     "Rigid",
     "Run",

@@ -12,12 +12,12 @@ from skmpm.assembly import ghost_facets
 from skmpm.contact import acts_at_grid_nodes, check_outlines
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import is_linear, poisson_ratio, youngs_modulus
-from skmpm.outline import chord_sagitta, slit_width
+from skmpm.outline import chord_sagitta, inclined_thickness, slit_width
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Derived, Scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.driven import check_driven, driven_by_force, moving_at_start
+from skmpm.simulate.driven import check_driven, driven_by_force
 from skmpm.simulate.initial_state import (
     can_touch,
     check_cohesion,
@@ -28,7 +28,6 @@ from skmpm.simulate.initial_state import (
 from skmpm.simulate.loading import loading_of
 from skmpm.simulate.regrid import derived_data, inward_normals, torn_bodies
 from skmpm.simulate.springs import check_explicit_springs
-from skmpm.simulate.step_length import pace_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,6 +47,7 @@ class SceneMetrics:
     torn: dict[int, int]  # bodies whose cells fall apart: number of pieces
     resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
     across: Array  # (deformable,) cells across the thinnest part; nan without outline
+    inclined: Array  # (deformable,) the same of parts inclined to the grid, of bodies wider than those; else inf
     chords: Array  # (deformable,) by which chords of a smooth outline cut off from a width at most [cells]
     slit: Array  # (deformable,) cells across the narrowest slit or hole; inf without one
     cells: int
@@ -85,14 +85,6 @@ def _around(scene: Scene) -> dict[str, object]:
     return found | ({"springs": len(scene.springs)} if scene.springs else {})
 
 
-def first_step(scene: Scene, scheme: Scheme) -> float:
-    """The length of the first step where steps are chosen [s]; 1 s if nothing limits it."""
-    check_driven("preflight", scene, scheme)
-    now = moving_at_start(scene, initial_motion(scene)[0])
-    dt = pace_of(scene, scheme, 0.0, 0.0).limit(scene, scheme, 0.0, now, np.inf)
-    return dt if np.isfinite(dt) else 1.0
-
-
 def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
     check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
@@ -115,6 +107,8 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     rotation = np.zeros(count.size)
     np.maximum.at(rotation, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
     boundary, x = scene.outlines, scene.initial_positions[:, scene.outlines.point]
+    thin = np.zeros(count.size, dtype=bool)
+    thin[own] = scene.thickness[own] < np.sqrt(area / np.pi) * scene.cell
     return SceneMetrics(
         points=count,
         rigid=count.size - own.size,
@@ -126,6 +120,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         torn={b: int(grid.pieces[b]) for b in torn_bodies(scene, grid).tolist()},
         resolution=np.sqrt(area / np.pi),
         across=scene.thickness[own] / scene.cell,
+        inclined=inclined_thickness(boundary, x, thin)[own] / scene.cell,
         chords=2.0 * chord_sagitta(boundary, x, count.size)[own] / scene.cell,
         slit=slit_width(boundary, x, count.size)[own] / scene.cell,
         cells=grid.cells,

@@ -1,17 +1,12 @@
-"""Warning about soft round bodies that stop on gentle slopes."""
+"""Soft round bodies that stop on gentle slopes."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.contact.closest_points import LIGHT
 from skmpm.outline.curve import CORNER_COSINE
-from skmpm.preflight.limit import rounded_down
-from skmpm.preflight.metrics import SceneMetrics
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.loading import gravity_of
@@ -23,19 +18,22 @@ STRAIGHT = 1e-6  # [rad] turn of an outline that is round-off
 Array = NDArray[np.float64]
 
 
-def rolling_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Iterator[str]:
-    """Bodies on a gentle slope whose contacts under their own weight are too wide to glide and too narrow to average.
+def contacts_on_slopes(scene: Scene, scheme: Scheme) -> tuple[list[int], list[float], list[float]]:
+    """Bodies on a gentle slope whose contacts under their own weight are too narrow to average over segments.
 
     A contact of a half-width of more than `LIGHT` segments acts at boundary points, so that the body stands on the
     chords between them. The half-width is that of Hertz's theory for a disc on a plane. Slopes are walls and the
     straight sides of bodies that a motion or a support holds.
+
+    Also returns the half-widths [boundary segments], and cells so small that contacts average [m].
     """
+    bodies, widths, cells = list[int](), list[float](), list[float]()
     gravity = gravity_of(scene)
     weight = float(np.hypot(*gravity))
     if not (scheme.inertia and weight > 0.0) or acts_at_grid_nodes(scheme.contact):
-        return
+        return bodies, widths, cells
     slopes = _gentle_slopes(scene, gravity)
-    for b in np.flatnonzero(scene.round & scene.movable).tolist():
+    for b in np.flatnonzero(scene.round & scene.movable).tolist() if slopes.size else ():
         under = slopes[slopes != b]
         under = under[scene.frictions.between(np.stack([np.full_like(under, b), under])) > 0.0]
         if under.size == 0:
@@ -46,14 +44,11 @@ def rolling_warnings(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Ite
         segment = 2.0 * np.pi * R / max(map(len, scene.bodies[b].points.outline))
         density = float(np.average(scene.densities[own], weights=scene.initial_volumes[own]))
         half_width = 2.0 * R * np.sqrt(density * weight * R * compliance)
-        if half_width > LIGHT * segment and half_width < WIDE * metrics.cell:
-            yield (
-                f"body {b}: its weight widens contacts to {half_width / segment:.2g} boundary segments on either"
-                f" side; discs rolled on slopes of 1 degree up to {LIGHT:g}, wider contacts stopped them below 6"
-                f" degrees; use a stiffer material or, to average over segments,"
-                f" cell = {rounded_down(half_width / WIDE)} m or less"
-            )
-            return
+        if 0.0 < half_width < WIDE * scene.cell:
+            bodies.append(b)
+            widths.append(float(half_width / segment))
+            cells.append(float(half_width / WIDE))
+    return bodies, widths, cells
 
 
 def _gentle_slopes(scene: Scene, gravity: Array) -> NDArray[np.int64]:

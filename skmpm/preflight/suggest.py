@@ -12,8 +12,18 @@ from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import slit_width
 from skmpm.points import Points
 from skmpm.preflight.layers import shares_cells
-from skmpm.preflight.limit import rounded_up
-from skmpm.preflight.limits import APPROACH, CONFINED, COURANT, EXPLICIT, LID, RESOLUTION, SLIT, SMALLEST, THIN
+from skmpm.preflight.limits import (
+    APPROACH,
+    CONFINED,
+    COURANT,
+    EXPLICIT,
+    LID,
+    RESOLUTION,
+    SLIT,
+    SMALLEST,
+    THIN,
+    rounded_up,
+)
 from skmpm.scene import Body, Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time

@@ -2,30 +2,69 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.preflight.limits import warnings_of
-from skmpm.preflight.metrics import SceneMetrics, examine, first_step
+from skmpm.preflight.checks import warnings_of
+from skmpm.preflight.cost import chosen_steps, first_step, seconds_of_step
+from skmpm.preflight.limits import PreflightWarning
+from skmpm.preflight.metrics import SceneMetrics, examine
+from skmpm.representation import table
 from skmpm.scene import Scene, check_scene, prescribed_motions
 from skmpm.scheme import Scheme
+from skmpm.simulate.algorithm import check_time
 from skmpm.simulate.loading import loading_of
 from skmpm.simulate.step_length import MAX_APPROACH
+from skmpm.units import quantity
 
 PAGE = "docs/how_to/warnings.md"
 
 
-def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme()) -> str:  # noqa: B008
-    """Summary of a run as text: sizes, resolution, motion per step, solver, memory, warnings.
+@dataclass(frozen=True, repr=False)
+class Preflight:
+    """The preflight check of a scene, printed as text; in a notebook a table.
+
+    Attributes
+    ----------
+    lines : the summary, text by subject
+    warnings : of what lies outside of the verified range, at most one of a kind, `PreflightWarning`
+    """
+
+    lines: dict[str, str]
+    warnings: tuple[PreflightWarning, ...]
+
+    def __str__(self) -> str:
+        """The lines, then a line that begins with ``!`` for each warning."""
+        said = [f"! {warning}" for warning in self.warnings]
+        said += [f"about [...]: sections of {PAGE}"] if said else ["no warnings"]
+        return "\n".join([*(f"{name:8s}  {text}" for name, text in self.lines.items()), *said])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        said = {f"! {warning.kind}": str(warning) for warning in self.warnings}
+        return table("Preflight", self.lines | (said or {"": "no warnings"}))
+
+
+def preflight(
+    scene: Scene,
+    dt: float | None = None,
+    *,
+    scheme: Scheme = Scheme(),  # noqa: B008
+    until: float | None = None,
+) -> Preflight:
+    """Summary of a run before it starts: sizes, resolution, motion per step, solver, memory; and warnings.
 
     Without dt [s], motions per step are those of the first step that `simulate` chooses by what acts at t = 0.
+    With `until` [s], the number of steps and the time that a run takes are estimated, to an order of magnitude.
 
-    Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling. A line
-    that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in brackets, the section
-    docs/how_to/warnings.md that explains it.
+    Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling. In the
+    printed text a line that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in
+    brackets, the section of docs/how_to/warnings.md that explains it. `simulate` logs the same warnings.
 
     Raises
     ------
@@ -41,11 +80,12 @@ def preflight(scene: Scene, dt: float | None = None, *, scheme: Scheme = Scheme(
     if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen
         metrics = replace(metrics, waves=False, approach=min(metrics.approach, MAX_APPROACH), fall=0.0)
     chosen = {"step": _chosen(scene, step, scheme)} if dt is None else {}
-    lines = [f"{name:8s}  {text}" for name, text in {**_lines(metrics), **chosen}.items()]
-    warnings = [f"! {text} [{topic}]" for topic, text in warnings_of(scene, metrics, scheme)]
-    if warnings:
-        warnings.append(f"about [...]: sections of {PAGE}")
-    return "\n".join([*lines, *(warnings or ["no warnings"])])
+    steps = None
+    if until is not None:
+        check_time("preflight: until", until, 0.0, "the time to stop at")
+        steps = chosen_steps(scene, scheme, until) if dt is None else ceil(until / dt - 1e-9)
+    cost = {"cost": _cost(metrics, steps)}
+    return Preflight(_lines(metrics) | cost | chosen, warnings_of(scene, metrics, scheme))
 
 
 def _chosen(scene: Scene, step: float, scheme: Scheme) -> str:
@@ -66,8 +106,9 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
     balance = f"theta = {metrics.theta:g}" if metrics.inertia else "quasi-static"
     return {
         "bodies": f"{metrics.points.size}, rigid {metrics.rigid}{_free(metrics)}; {around}",
+        "sizes": f"{_sizes(metrics)} across; cells of {quantity(metrics.cell, 'm')}",
         "points": f"{metrics.points.sum()}, {each} a body, {fewest:.3g} or more per filled cell",
-        "grid": f"{metrics.cells} cells of {metrics.cell:.6g} m, {metrics.unknowns} unknowns",
+        "grid": f"{metrics.cells} cells, {metrics.unknowns} unknowns",
         "R/h": f"{metrics.resolution.min():.3g} smallest, {metrics.resolution.mean():.3g} mean; {_across(metrics)}",
         "dt c/h": f"{metrics.courant:.3g}, c = {metrics.wave:.4g} m/s" if metrics.inertia else "none without inertia",
         "driven": f"{metrics.lid_name}, {metrics.lid:.3g} h a step" if metrics.lid else metrics.lid_name or "nothing",
@@ -87,6 +128,24 @@ def _materials(metrics: SceneMetrics) -> str:
 def _span(values: NDArray[Any], digits: str) -> str:
     low, high = values.min(), values.max()
     return f"{low:{digits}}" if low == high else f"{low:{digits}} to {high:{digits}}"
+
+
+def _sizes(metrics: SceneMetrics) -> str:
+    """Diameters of discs of the areas of deformable bodies, with units."""
+    diameter = 2.0 * metrics.resolution * metrics.cell
+    low, high = (quantity(float(each), "m") for each in (diameter.min(), diameter.max()))
+    return low if low == high else f"{low} to {high}"
+
+
+def _cost(metrics: SceneMetrics, steps: int | None) -> str:
+    """How long a step takes, and some steps."""
+    size = (int(metrics.points.sum()), metrics.unknowns, metrics.half_bandwidth, metrics.solver)
+    each = seconds_of_step(*size, touches=metrics.touches, inertia=metrics.inertia)
+    if steps is None:
+        return f"about {each:.1g} s a step"
+    seconds = steps * each
+    unit, name = next((u, name) for u, name in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if seconds >= u)
+    return f"about {steps} steps of {each:.1g} s or more: {seconds / (unit or 1.0):.1g} {name}"
 
 
 def _free(metrics: SceneMetrics) -> str:

@@ -1,7 +1,6 @@
-"""Time stepping: `initial` makes the first state, `step` advances it, `simulate` is the generator around `step`."""
+"""Time stepping: `initial` makes the first state, `step` advances it; `skmpm.run` has the loop around `step`."""
 
 from skmpm.simulate.algorithm import step
 from skmpm.simulate.initial_state import initial
-from skmpm.simulate.run import exit_at_sigterm, simulate
 
-__all__ = ["exit_at_sigterm", "initial", "simulate", "step"]
+__all__ = ["initial", "step"]

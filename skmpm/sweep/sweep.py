@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import Any
 from uuid import uuid4
 
-from skmpm.simulate import exit_at_sigterm
+from skmpm.run import exit_at_sigterm
 from skmpm.sweep import manifest
 from skmpm.sweep.errors import SweepError
 from skmpm.sweep.execution import Build, Outcome, Task

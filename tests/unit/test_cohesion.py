@@ -13,9 +13,10 @@ from skmpm.io import load, save
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import observe
 from skmpm.points import Points, box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 from skmpm.simulate.regrid import assembly_of
 
 CELL, WIDTH, HEIGHT, G, DENSITY, E = 0.1, 1.0, 0.6, 10.0, 1000.0, 1e6
@@ -404,7 +405,7 @@ def test_preflight_names_cohesion_and_warns_of_what_was_not_verified():
         ([round_one], {"cohesion": 1e3, "cohesion_range": 0.02}, ()),
     ):
         range_ = law.pop("cohesion_range", 0.0)
-        text = preflight(Scene(bodies, cell=CELL, walls=[ceiling(**law)], cohesion_range=range_), 1e-4)
+        text = str(preflight(Scene(bodies, cell=CELL, walls=[ceiling(**law)], cohesion_range=range_), 1e-4))
         assert f"cohesion up to {law['cohesion']:g} Pa" in text
         assert all(line in text for line in said)
         assert any(warning in text for warning in ("range covers", "is 0.2 of E", "range is")) == bool(said)

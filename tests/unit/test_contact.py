@@ -13,9 +13,10 @@ from skmpm.contact.constraints import lookup
 from skmpm.contact.projection import CORNER_DISC_DEPTH
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 
 GEL = NeoHookean(1e6, 0.3, 1000.0)
 R, CELL = 1e-3, 0.25e-3

@@ -171,7 +171,7 @@ def test_pressures_on_two_sides_are_exact_on_the_sides_that_they_leave():
 
 def test_chosen_steps_bring_a_cushion_to_rest_under_pressure():
     scene = cushions(2e4)
-    assert "driven    wall 1 by its force, wall 3 by its force" in preflight(scene)
+    assert "driven    wall 1 by its force, wall 3 by its force" in str(preflight(scene))
     states = list(simulate(scene, until=0.3))
     assert len(states) < 150
     assert observe(scene, states[-1]).pressure == pytest.approx(2e4, rel=1e-2)

@@ -139,4 +139,4 @@ def test_preflight_tells_where_friction_differs():
         ({("gel", "gel"): 0.2, "default": 0.4}, {}, "friction 0.2 to 0.4 between bodies, 0.4 at walls"),
     ):
         scene = blocks({"name": "gel"}, {}, friction=friction, walls=[replace(walls[0], **own)])
-        assert text in skmpm.preflight(scene, dt=1e-5)
+        assert text in str(skmpm.preflight(scene, dt=1e-5))

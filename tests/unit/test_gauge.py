@@ -11,9 +11,10 @@ import skmpm
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 from skmpm.simulate.forces import external_force
 from skmpm.simulate.turning import gauge_condition
 

@@ -13,9 +13,10 @@ from skmpm.observe.regions import area_inside, contains, region, share_inside
 from skmpm.outline import outlines
 from skmpm.points import Points, disc
 from skmpm.points import box as block
+from skmpm.run import simulate
 from skmpm.scene import Body, Contacts, Pressure, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 
 SOFT = NeoHookean(1e7, 0.45, 990.0)
 SEEDS = st.integers(0, 2**32 - 1)

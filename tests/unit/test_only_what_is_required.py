@@ -17,9 +17,10 @@ from skmpm import assembly_loops, linear, transfer
 from skmpm.contact import shared_grid
 from skmpm.material import ElastoPlastic, LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 
 sys.path.append(str(Path(__file__).parents[1] / "verification"))
 from self_contact import rectilinear
@@ -71,12 +72,18 @@ def squeezed(material=SOFT, **options):
     return Scene([round_body(material)], cell=CELL, walls=walls, **options)
 
 
-def run(scene, scheme=Scheme(), steps=STEPS):  # noqa: B008
-    """Calls of a whole run, and its states."""
+def run(scene, scheme=Scheme(), steps=STEPS, warn=False):  # noqa: B008
+    """Calls of a whole run, and its states; the warnings before it look at what steps may not need."""
     with Calls() as calls:
-        states = list(simulate(scene, dt=DT, until=steps * DT, scheme=scheme))
+        states = list(simulate(scene, dt=DT, until=steps * DT, scheme=scheme, warn=warn))
     assert len(states) == steps
     return calls, states
+
+
+def test_warnings_are_looked_for_once_in_a_run_and_not_where_nobody_wants_them():
+    calls = [run(squeezed(), steps=steps, warn=True)[0].below("skmpm.preflight") for steps in (2, 6)]
+    assert 0 < calls[0] == calls[1]
+    assert run(squeezed())[0].below("skmpm.preflight") == 0
 
 
 # --- contact

@@ -31,8 +31,9 @@ from skmpm import (
     linear,
 )
 from skmpm.moment_fitting import MAX_WEIGHT
-from skmpm.preflight import limits, preflight, suggest
-from skmpm.preflight.limits import warnings_of
+from skmpm.preflight import limits, suggest
+from skmpm.preflight.checks import STEPS, warnings_of
+from skmpm.preflight.cost import seconds_of_step
 from skmpm.preflight.metrics import examine, memory_of
 from skmpm.preflight.summary import PAGE
 
@@ -61,6 +62,12 @@ def dense(**changes):
     """The same with twice as many points in the second disc, of another gel."""
     second = Body(disc((2.1 * R, 0.3 * H), R, spacing=0.45 * H), gel(**changes))
     return Scene([round_body(0.0), second], cell=H)
+
+
+def preflight(*arguments, **options):
+    """The check as text, but for warnings that nothing acts and of sizes in metres, as in most scenes here."""
+    found = skmpm.preflight(*arguments, **options)
+    return str(replace(found, warnings=tuple(w for w in found.warnings if w.section not in ("what-acts", "sizes"))))
 
 
 def lines(text):
@@ -196,7 +203,7 @@ def test_units_do_not_matter(scale):
     assert (found.cell, found.wave) == pytest.approx((scale * H, scale * WAVE))
     assert found.young == pytest.approx(scale**2 * expected.young)
     texts = [preflight(scaled(s), 5e-6) for s in (scale, 1.0)]
-    plain = [re.sub(r"[-+.e\d]+ (m|m/s|Pa)\b", "length", text) for text in texts]
+    plain = [re.sub(r"[-+.e\d]+ [nµmkMG]?(m|m/s|Pa)\b", "length", text) for text in texts]
     assert plain[0] == plain[1]
     assert len(lines(texts[0])) == 3  # lid, motion, friction
 
@@ -305,9 +312,22 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
     "density of a rigid body": (limits.DENSITY, r"bodies 0 and 1: ratio of density 10001;",
                                 lambda v: pair(second=Rigid(density=990.0 * v)), None, {}),
     "turning": (limits.ROTATION, r"body 0: LinearElastic rotates by 0.05 rad in 1e\+03 steps;", lambda v: Scene(
-        [round_body(material=LinearElastic(1e7, 0.45, 990.0), spin=-v / limits.STEPS / DT)], cell=H),
+        [round_body(material=LinearElastic(1e7, 0.45, 990.0), spin=-v / STEPS / DT)], cell=H),
         lambda s, v: DT, {}),
 }  # fmt: skip
+
+
+TESTED_BELOW = {
+    limits.SIZE,
+    limits.INCLINED,
+    limits.AUXETIC,
+    limits.LAYER,
+    limits.COHESION,
+    limits.PEELING,
+    limits.ZONE,
+    limits.GLIDE,
+    limits.LIGHT_PARTS,
+}
 
 
 @pytest.mark.parametrize("name", LIMITED)
@@ -439,11 +459,12 @@ CHOICES = {  # what the warning says first, the scene and scheme that bring it, 
         ],
     ),
     "quasi-static without friction": (
-        r"scheme: inertia = False;",
+        r"body 1: no friction and no support holds it;",
         (pair(**SUPPORTED), {"inertia": False}),
         [
             (pair(friction=0.3, **SUPPORTED), {"inertia": False}),
             (pair(STIFF, STIFF, **SUPPORTED), {"inertia": False}),
+            (pair(supports=[Support(lambda x: x[1] < -0.9 * R)]), {"inertia": False}),
         ],
     ),
     "sharp edges without inertia": (
@@ -452,7 +473,7 @@ CHOICES = {  # what the warning says first, the scene and scheme that bring it, 
         [(stamped((0.0, -1.0)), {}), (stamped((0.0, 1.0)), {"inertia": False})],
     ),
     "thin layers": (
-        r"body 0: group 'skin' is about 2\.\d cells thick and shares cells with others; .* cell = 0\.000[01]\d m",
+        r"group 'skin' of body 0: about 2\.\d+ cells thick, and shares cells .* cell = 0\.000[01]\d m",
         (laminate(2.3), {}),
         [(laminate(4.5), {}), (laminate(2.0), {})],
     ),
@@ -551,7 +572,9 @@ def test_a_body_alone_needs_no_warning_of_contact():
 def test_every_check_and_limit_is_tested_here_and_documented():
     """The table of docs/how_to/preflight.md has every limit."""
     known = {name: value for name, value in vars(limits).items() if isinstance(value, limits.Limit)}
-    assert {limit for limit, *_ in LIMITED.values()} == set(known.values())
+    assert len({limit.kind for limit in known.values()}) == len(known)
+    known = {name: limit for name, limit in known.items() if np.isfinite(limit.value)}
+    assert {limit for limit, *_ in LIMITED.values()} | TESTED_BELOW == set(known.values())
     page = (ROOT / "docs" / "how_to" / "preflight.md").read_text()
     for name, limit in known.items():
         assert re.search(rf"^\| `{name}` \|.*\| {limit.value:g} \|", page, re.MULTILINE), name
@@ -560,9 +583,89 @@ def test_every_check_and_limit_is_tested_here_and_documented():
 
 def test_every_warning_names_a_section_that_explains_it():
     page = (ROOT / PAGE).read_text()
-    assert set(limits.CHECKS) == {title.lower().replace(" ", "-") for title in re.findall(r"(?m)^## (.+)$", page)}
+    sections = {limit.section for limit in vars(limits).values() if isinstance(limit, limits.Limit)}
+    assert sections == {title.lower().replace(" ", "-") for title in re.findall(r"(?m)^## (.+)$", page)}
     text = preflight(Scene([round_body(spin=0.2 / DT, material=STIFF)], cell=H), DT).splitlines()
     assert text[-2].endswith("use NeoHookean [small-strain]") and text[-1] == f"about [...]: sections of {PAGE}"
+
+
+def test_a_warning_holds_what_it_says():
+    """Both discs are too coarse, the second one by more: one warning, of that one."""
+    scene = Scene([round_body(), round_body(2.1 * R, radius=0.5 * R)], cell=0.4 * R, gravity=(0.0, -1.0))
+    found = skmpm.preflight(scene, 1e-9)
+    (warning,) = (each for each in found.warnings if each.section == "resolution")
+    assert (warning.kind, warning.object, warning.count, warning.limit) == ("R/h", "body 1", 2, 3.2)
+    assert warning.value == pytest.approx(1.25)
+    assert str(found).count("[resolution]") == 1
+    assert f"! {warning}\n" in str(found) and "body 1, the worst of 2: R/h = 1.25; " in warning.text
+    html = found._repr_html_()
+    assert html.startswith("<table>") and "<td>! R/h</td>" in html and "R/h = 1.25" in html
+
+
+def test_one_line_for_all_layers():
+    """Skins of 1, 2 and 3 tenths of a cell on three bodies: the thinnest is named."""
+    bodies = [replace(laminate(cells).bodies[0]) for cells in (2.3, 1.3, 3.3)]
+    bodies = [replace(body, points=body.points.placed((50 * i * H, 0.0))) for i, body in enumerate(bodies)]
+    found = [w for w in skmpm.preflight(Scene(bodies, cell=H), 1e-9).warnings if w.kind == "layer"]
+    assert [(w.object, w.count) for w in found] == [("group 'skin' of body 1", 3)]
+    assert 0.9 < found[0].value < 1.5
+
+
+FLOOR, LID = Wall((0, -1.1 * R), (0, 1)), Wall((0, 1.1 * R), (0, -1), velocity=(0.0, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("options", "kinds"),
+    [
+        ({}, ["nothing acts"]),
+        ({"walls": [FLOOR]}, ["nothing acts"]),
+        ({"gravity": (0.0, -9.81)}, []),
+        ({"gravity": lambda x, t: -t * np.ones_like(x)}, []),
+        ({"loads": [Load(lambda x: x[0] > 0, (1.0, 0.0))]}, []),
+        ({"walls": [FLOOR, replace(LID, velocity=lambda t: (0.0, -t))]}, []),
+        ({"walls": [FLOOR, Wall((0, 1.1 * R), (0, -1), force=1.0)]}, []),
+        ({"velocity": 1.0}, []),
+        ({"walls": [FLOOR, replace(LID, velocity=(0.0, -0.1))]}, []),
+        ({"walls": [FLOOR, LID]}, ["wall moves away"]),
+        ({"walls": [FLOOR, LID], "gravity": (0.0, -9.81)}, ["wall moves away"]),
+        ({"walls": [FLOOR, LID], "gravity": (0.0, 9.81)}, []),  # bodies fall after it
+        ({"walls": [replace(FLOOR, velocity=(0.0, 0.1)), LID]}, []),  # both go up
+        ({"walls": [FLOOR, LID], "cohesion": 1.0, "cohesion_range": H}, []),
+        ({"walls": [FLOOR, Wall((-1.1 * R, 0), (1, 0), velocity=(-0.1, 0.0))], "gravity": (0.0, -9.81)}, []),
+    ],
+)
+def test_a_warning_where_nothing_happens(options, kinds):
+    found = skmpm.preflight(pair(**options), 1e-9)
+    assert [w.kind for w in found.warnings if w.section == "what-acts"] == kinds
+    if kinds == ["wall moves away"]:
+        assert "wall 1: its velocity (0, 0.1) m/s leads away from all bodies" in str(found)
+
+
+def test_sizes_have_units_and_millimetres_given_as_metres_are_told():
+    """Discs of 2 mm, and of 2 m of the same rubber, which may touch; not with a modulus of 1."""
+    scene = pair(gravity=(0.0, -9.81))
+    assert "\nsizes     2 mm across; cells of 200 µm\n" in str(skmpm.preflight(scene, 1e-9))
+    bodies = [Body(disc((2.1 * i, 0.0), 1.0, spacing=0.14), gel()) for i in (0, 1)]
+    large = Scene(bodies, cell=0.2, gravity=(0.0, -9.81))
+    (warning,) = skmpm.preflight(large, 1e-6).warnings
+    assert (warning.section, warning.value, warning.limit) == ("sizes", pytest.approx(2.0), 1.0)
+    assert "bodies: the smallest is 2 m across" in warning.text and "millimetre" in warning.text
+    without_units = [replace(body, material=gel(E=1.0, density=1.0)) for body in bodies]
+    for other in (scene, replace(large, bodies=without_units)):
+        assert not skmpm.preflight(other, 1e-6).warnings
+
+
+@pytest.mark.parametrize(("cells", "degrees", "warned"), [(5, 35, True), (5, 0, False), (6.5, 35, False)])
+def test_a_warning_of_thin_parts_that_are_inclined_to_the_grid(cells, degrees, warned):
+    """A lip of five cells at 35 degrees bends 7 to 8 % too little (`test_thin_parts`); discs as thick are none."""
+    lip = box((0.0, 0.0), (10.0, 1.0), spacing=0.5 / cells).placed((0.013, 0.027), np.radians(degrees))
+    scene = Scene([Body(lip, GEL)], cell=1.0 / cells, gravity=(0.0, -1.0))
+    found = [w for w in skmpm.preflight(scene, 1e-9).warnings if w.section == "thin-parts"]
+    assert [w.kind for w in found] == ["inclined thin part"] * warned
+    if warned:
+        assert found[0].value == pytest.approx(5.0) and "of 1 m that is inclined to the grid" in found[0].text
+    small = Scene([round_body(radius=0.5 * cells * H)], cell=H, gravity=(0.0, -1.0))
+    assert not [w for w in skmpm.preflight(small, 1e-9).warnings if w.section == "thin-parts"]
 
 
 def test_moduli_are_shown_and_a_negative_poisson_ratio_is_warned_of():
@@ -649,6 +752,12 @@ HELD = {"motion": (0.0, 0.0, 0.0)}
 def test_the_warning_holds_on_straight_sides_of_held_bodies(scene, warned):
     """Of what is warned of, discs rolled at 0.1 to 0.44 of the speed; the rigid one on 2e5 Pa at 1.009."""
     assert ("stopped them below 6" in preflight(scene, 1e-4)) == warned
+
+
+def test_a_free_rigid_disc_on_a_slope_widens_no_contact():
+    gravity = (9.81 * np.sin(0.03), -9.81 * np.cos(0.03))
+    scene = pair(second=STONE, walls=[Wall((0.0, -1.1 * R), (0.0, 1.0), friction=0.5)], gravity=gravity)
+    assert "[gentle-slopes]" not in preflight(scene, 1e-6)
 
 
 def test_round_and_polygonal_sides_of_held_bodies_are_no_gentle_slopes():
@@ -778,6 +887,39 @@ def test_memory_is_what_a_run_takes_within_a_factor_of_one_and_a_half():
     assert 1.0 / 1.5 < estimate / measured < 1.5
 
 
+PERFORMANCE = [  # of docs/studies/performance.md: what seconds_of_step asks for, ms
+    ((2003, 2500, 63, "banded"), {}, 9.31),
+    ((60030, 75060, 63, "banded"), {}, 155.0),
+    ((2001000, 2502000, 63, "banded"), {}, 5204.0),
+    ((59692, 74858, 63, "banded"), {"touches": False}, 53.4),
+    ((141204, 168012, 87, "banded"), {}, 395.0),
+    ((100_000, 110_000, 900, "amg"), {"touches": False}, 840.0),
+    ((100_000, 110_000, 900, "amg"), {"touches": False, "inertia": False}, 1982.0),
+]
+
+
+@pytest.mark.parametrize(("size", "options", "measured"), PERFORMANCE)
+def test_a_step_takes_as_long_as_was_measured_within_a_factor_of_two(size, options, measured):
+    assert 0.5 < seconds_of_step(*size, **options) / (1e-3 * measured) < 2.0
+
+
+@pytest.mark.parametrize("ramped", [False, True])
+def test_the_number_of_steps_is_that_of_a_run(ramped):
+    """Of a disc that a lid presses by an eighth of its diameter, at a constant or a growing speed."""
+    speed = 0.1
+    until = 0.25 * R / speed * (2.0 if ramped else 1.0)
+    velocity = (lambda t: (0.0, -speed * t / until)) if ramped else (0.0, -speed)
+    walls = [Wall((0, -R), (0, 1)), Wall((0, 1.1 * R), (0, -1), velocity=velocity)]
+    scene = Scene([round_body(material=gel(E=1e6))], cell=H, walls=walls, friction=0.3)
+    line = skmpm.preflight(scene, until=until).lines["cost"]
+    foreseen = int(re.match(r"about (\d+) steps of 0.00\d s or more: 0\.\d+ s$", line).group(1))
+    assert len(list(skmpm.simulate(scene, until=until))) == pytest.approx(foreseen, rel=0.25)
+    assert "about 1000 steps" in skmpm.preflight(scene, 1e-3 * until, until=until).lines["cost"]
+    assert re.match(r"about 0.00\d s a step$", skmpm.preflight(scene, 1e-6).lines["cost"])
+    with pytest.raises(ValueError, match=r"preflight: until = -1\.0; give the time to stop at"):
+        skmpm.preflight(scene, 1e-6, until=-1.0)
+
+
 def test_memory_grows_as_it_should():
     """The band by its width, contact by boundary points; one body of a million points by amg took 4.4 GB."""
     assert memory_of(0, 1000, 0, 99, "banded") - memory_of(0, 0, 0, 99, "banded") == 8 * 100 * 1000
@@ -790,5 +932,7 @@ def test_warnings_are_made_of_numbers():
     """`warnings_of` needs no second look at the grid."""
     scene, scheme = pair(), Scheme()
     metrics = examine(scene, DT, scheme)
-    assert warnings_of(scene, metrics, scheme) == []
+    assert [warning.kind for warning in warnings_of(scene, metrics, scheme)] == ["nothing acts"]
+    scene = replace(scene, gravity=(0.0, -9.81))
+    assert not warnings_of(scene, metrics, scheme)
     assert len(warnings_of(scene, replace(metrics, courant=100.0), scheme)) == 1

@@ -88,7 +88,7 @@ def test_a_drum_takes_a_disc_along():
     fill = Body(disc((0.0, R - inner), R, spacing=R / 6), GEL)
     scene = Scene([drum(inner, R, R / 4, motion=(0.0, 0.0, omega)), fill],
                   cell=R / 4, friction=0.8, gravity=(0.0, -9.81))  # fmt: skip
-    assert preflight(scene).endswith("no warnings")
+    assert str(preflight(scene)).endswith("no warnings")
     moment = 0.0
     for state in simulate(scene, dt=2e-4, until=0.02):
         moment += state.report.dt * state.body_moment[1]

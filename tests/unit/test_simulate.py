@@ -10,9 +10,10 @@ import pytest
 from skmpm.io import load, save
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 from skmpm.transfer import flip, pic
 
 SOFT, LINEAR = NeoHookean(1e6, 0.3, 1000.0), LinearElastic(1e6, 0.3, 1000.0)
@@ -280,7 +281,7 @@ def test_a_checkpoint_is_written_at_the_end_and_now_and_then(tmp_path, monkeypat
     assert written == (0,) * 6
     identical(load(path), states[-1])
     path.unlink()
-    monkeypatch.setattr(import_module("skmpm.simulate.run"), "CHECKPOINT_EVERY", 0.0)
+    monkeypatch.setattr(import_module("skmpm.run"), "CHECKPOINT_EVERY", 0.0)
     _, written = zip(*run(), strict=True)
     assert written == (1, 2, 3, 4, 5, 6)
 

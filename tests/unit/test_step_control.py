@@ -19,9 +19,11 @@ from skmpm.compiled import compiled
 from skmpm.io import load, save
 from skmpm.material import NeoHookean
 from skmpm.points import Points, disc
+from skmpm.preflight import preflight
+from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 
 STEP_CONTROL = import_module("skmpm.simulate.step_control")
 IMPACT = Scene(
@@ -115,7 +117,7 @@ def test_a_moment_that_nothing_balances_is_named_as_one():
 def test_every_retry_is_logged_at_level_info_and_all_of_them_in_one_warning(monkeypatch, caplog):
     scripted(monkeypatch, lambda t, dt: dt > DT / 2 and t < 4 * DT)
     with caplog.at_level(logging.INFO, logger="skmpm"):
-        ended(free(), 8 * DT)
+        ended(free(), 8 * DT, warn=False)
     prescribed, warned = (
         [r.message for r in caplog.records if r.levelno == n] for n in (logging.INFO, logging.WARNING)
     )
@@ -146,8 +148,25 @@ def test_few_failures_of_chosen_steps_are_no_warning(monkeypatch, caplog, fails,
 
 def test_a_run_without_failures_logs_nothing(monkeypatch, caplog):
     scripted(monkeypatch, lambda t, dt: False)
-    ended(free(), 4 * DT)
+    ended(free(), 4 * DT, warn=False)
     assert not caplog.records
+
+
+def test_warnings_of_preflight_are_logged_once_where_a_run_begins(caplog):
+    """Of a body on which nothing acts; a run that goes on from a state was warned of at its beginning."""
+    scene = free()
+    (warning,) = preflight(scene, DT).warnings
+    *_, state = simulate(scene, dt=DT, until=3 * DT)
+    assert [(r.levelno, r.message) for r in caplog.records] == [(logging.WARNING, f"preflight: {warning}")]
+    caplog.clear()
+    ended(scene, 3 * DT, warn=False)
+    ended(scene, 5 * DT, start=state)
+    assert not caplog.records
+    ended(scene, DT, start=initial(scene))
+    assert len(caplog.records) == 1
+    caplog.clear()
+    simulate(replace(squeeze(), cell=10 * R), dt=DT, until=DT)
+    assert any("[resolution]" in record.message and "R/h = 0.1;" in record.message for record in caplog.records)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -274,7 +293,7 @@ def test_a_killed_run_loses_at_most_the_steps_since_its_last_checkpoint(tmp_path
 import sys
 sys.path.insert(0, {str(__file__.rpartition("/")[0])!r})
 from importlib import import_module
-import_module("skmpm.simulate.run").CHECKPOINT_EVERY = 0.0
+import_module("skmpm.run").CHECKPOINT_EVERY = 0.0
 from test_simulate import DT, simulate, squeeze
 for state in simulate(squeeze(), dt=DT, until=4000 * DT, checkpoint={str(path)!r}):
     print(round(state.t / DT), flush=True)

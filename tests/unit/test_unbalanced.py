@@ -5,9 +5,10 @@ import pytest
 
 from skmpm.material import NeoHookean, Rigid
 from skmpm.points import disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Load, Periodic, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 
 R, CELL = 1e-3, 2e-4
 GEL = NeoHookean(10e6, 0.45, 990.0)

@@ -21,9 +21,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Scene, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import simulate
 
 E, NU, G, DENSITY = 1e6, 0.3, 10.0, 1000.0
 STIFFNESS = E / (1.0 - NU**2)  # E*

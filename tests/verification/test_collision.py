@@ -18,9 +18,10 @@ from test_dynamics import angular_momentum
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate
+from skmpm.simulate import initial
 
 end_of_step = import_module("skmpm.implicit.end")
 

@@ -11,9 +11,10 @@ from ledger import Row, numbers, rate
 from skmpm import linear, transfer
 from skmpm.material import Anchored, LinearElastic, NeoHookean
 from skmpm.points import box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Support
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate
+from skmpm.simulate import initial
 from skmpm.simulate.regrid import assembly_of
 from skmpm.transfer import nodal_velocity
 

@@ -17,9 +17,10 @@ from test_dynamics import PERIOD, L, angular_momentum, b, bar, period, vibration
 from skmpm import explicit_mass
 from skmpm.material import NeoHookean
 from skmpm.points import disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Scene, StepFailed, Support, Wall, fitted_motions
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 from skmpm.simulate.regrid import assembly_of, bulk_of
 
 GEL = NeoHookean(10e6, 0.45, 990.0)

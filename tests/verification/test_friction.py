@@ -16,9 +16,10 @@ from placements import ALIGNED, Placement, at_random
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate
+from skmpm.simulate import initial
 
 G, DENSITY, SLOPE = 10.0, 1000.0, np.radians(30.0)
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}

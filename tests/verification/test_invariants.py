@@ -13,9 +13,10 @@ import pytest
 from skmpm import linear, transfer
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import box, disc
+from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, simulate, step
+from skmpm.simulate import initial, step
 from skmpm.simulate.regrid import bulk_of, regridded_state
 
 SOFT, LINEAR = NeoHookean(1e6, 0.3, 1000.0), LinearElastic(1e6, 0.3, 1000.0)

@@ -169,7 +169,7 @@ def test_sharp_edges_that_meet_a_soft_body_are_warned_of():
 
 
 def _warned(scene, scheme):
-    return [line for line in preflight(scene, 1e-3, scheme=scheme).splitlines() if "an edge at" in line]
+    return [line for line in str(preflight(scene, 1e-3, scheme=scheme)).splitlines() if "an edge at" in line]
 
 
 if __name__ == "__main__":

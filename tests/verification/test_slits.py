@@ -111,7 +111,7 @@ def test_the_reference_is_fine_enough():
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_check_warns_of_slits_below_two_cells(width):
-    text = preflight(slit_block(width, POSITIONS[1]), 1.0, scheme=Scheme(inertia=False))
+    text = str(preflight(slit_block(width, POSITIONS[1]), 1.0, scheme=Scheme(inertia=False)))
     assert ("across its narrowest slit" in text) == (width < 2)
     assert f"{width:g} the narrowest slit" in text
 

@@ -28,7 +28,8 @@ def indented(friction, depth):
 def turned(friction, depth, dt):
     """The states when pressed, after one turn and after two; the largest angle of frozen normals."""
     until = PRESSED + 2.0 * ANGLE
-    states = list(simulate(indented(friction, depth), dt=dt, until=until, scheme=Scheme(inertia=False)))
+    scene, static = indented(friction, depth), Scheme(inertia=False)
+    states = list(simulate(scene, dt=dt, until=until, scheme=static, warn=False))
     t = np.array([state.t for state in states])
     at = [int(np.abs(t - when).argmin()) for when in (PRESSED, PRESSED + ANGLE, until)]
     return [states[i] for i in at], max(state.report.frozen_angle for state in states)

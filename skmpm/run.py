@@ -15,6 +15,7 @@ import numpy as np
 
 from skmpm.implicit import StepRejected
 from skmpm.io import save, writable
+from skmpm.preflight import preflight
 from skmpm.progress import Progress
 from skmpm.scene import (
     Scene,
@@ -63,6 +64,7 @@ def simulate(
     start: State | None = None,
     progress: bool = False,
     checkpoint: str | Path | None = None,
+    warn: bool = True,
 ) -> Iterator[State]:
     """Yield the state after every step until `t >= until` [s]; the last step is shortened to end there.
 
@@ -85,6 +87,9 @@ def simulate(
     `progress` shows step, time, ETA, solid fraction or stroke, and retries on a terminal or in a notebook;
     `checkpoint` is a file that keeps the last state, written every half minute and when the run ends: at `until`, by
     an error, because the caller's loop does, or by SIGTERM (unless the caller handles that signal).
+
+    `warn` logs the warnings of `preflight` at the beginning, not where a run goes on from a state; that takes as long
+    as a step or two.
 
     Raises
     ------
@@ -116,6 +121,9 @@ def simulate(
         if scheme.inertia and (warning := _velocities_of_statics(scene, start)):
             _log.warning("%s", warning)
     first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
+    if warn and first.report.dt == 0.0:
+        for found in preflight(scene, dt, scheme=scheme).warnings:
+            _log.warning("preflight: %s", found)
     pace = pace_of(scene, scheme, first.step_control.began, until) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))
 
