@@ -21,6 +21,7 @@ from skmpm.scene import (
     Scene,
     SceneError,
     State,
+    StepFailed,
     check_fits,
     check_initial_positions,
     check_scene,
@@ -187,6 +188,9 @@ def _run(
                     saved = perf_counter()
                 bar.show(state)
                 yield state
+    except StepFailed as failure:
+        retried = retried.given_up(failure)
+        raise
     finally:
         if checkpoint is not None:
             save(checkpoint, state)

@@ -24,11 +24,14 @@ Ints = NDArray[np.int64]
 
 
 class StepFailed(RuntimeError):  # noqa: N818  (public name)
-    """A step that failed; `state` is the last good one, `retryable` whether a smaller dt may help."""
+    """A step that failed after `retries` with longer dt; `state` is the last good one.
 
-    def __init__(self, message: str, state: State, *, retryable: bool = True) -> None:
+    `retryable` is whether a smaller dt may help.
+    """
+
+    def __init__(self, message: str, state: State, *, retryable: bool = True, retries: int = 0) -> None:
         super().__init__(message)
-        self.state, self.retryable = state, retryable
+        self.state, self.retryable, self.retries = state, retryable, retries
 
 
 @dataclass(frozen=True, repr=False)

@@ -32,7 +32,7 @@ SHORTEST_SHARE = CUT**-3  # of the limit: shortest chosen step
 
 # Remedies in place of a smaller dt, where all of them have failed.
 AT_ITS_LIMIT = "look at the last state, and try what docs/how_to/failures.md says of its picture"
-NO_EQUILIBRIUM = "there may be no equilibrium near: use inertia, friction, or a Support"
+NO_EQUILIBRIUM = "there may be no equilibrium near, as beyond a limit load: use inertia, friction or a Support"
 
 _log = logging.getLogger("skmpm")
 
@@ -50,11 +50,13 @@ class RetrySummary:
     def after(self, state: State, failures: Sequence[StepFailed]) -> RetrySummary:
         """The summary with one more step, which reached `state` after some failures."""
         summary = replace(self, steps=self.steps + 1, failures=self.failures + len(failures))
-        if not failures:
-            return summary
         if state.report.dt < self.shortest:
             summary = replace(summary, shortest=state.report.dt, at=state.t - state.report.dt)
-        return replace(summary, last=str(failures[-1]))
+        return replace(summary, last=str(failures[-1])) if failures else summary
+
+    def given_up(self, failure: StepFailed) -> RetrySummary:
+        """The summary of a run that ends with a step that failed for good."""
+        return replace(self, failures=self.failures + failure.retries, last=str(failure))
 
     @property
     def frequent(self) -> bool:
@@ -63,8 +65,13 @@ class RetrySummary:
 
     def __str__(self) -> str:
         return (
-            f"{self.failures} steps failed and were repeated with shorter ones, {self.steps} succeeded; the"
-            f" shortest was {self.shortest:.3g} s at t = {self.at:.6g} s; the last failure: {self.last}"
+            f"{self.failures} steps failed and were repeated with shorter ones, {self.steps} succeeded"
+            + (
+                f"; the shortest was {self.shortest:.3g} s at t = {self.at:.6g} s"
+                if self.shortest < float("inf")
+                else ""
+            )
+            + f"; the last failure: {self.last}"
         )
 
 
@@ -205,10 +212,9 @@ def _after_success(step_control: StepControl, shortened: bool) -> StepControl:
 
 def _given_up(failure: StepFailed, state: State, scheme: Scheme, retries: int) -> StepFailed:
     """The error after the last retry, with the last state that was reached."""
-    if not retries:
-        return StepFailed(str(failure), state, retryable=failure.retryable)
+    if not failure.retryable:
+        return StepFailed(str(failure), state, retryable=False, retries=retries)
     other = AT_ITS_LIMIT if scheme.inertia else NO_EQUILIBRIUM
-    reason = str(failure).removesuffix(f"; {SMALLER}")
-    remedy = reason if reason == str(failure) else f"{reason}; {other}"
-    tried = f"given up after {retries} {'retry' if retries == 1 else 'retries'} with ever smaller dt"
-    return StepFailed(f"{remedy}; {tried}", state, retryable=failure.retryable)
+    tried = f"after {retries} {'retry' if retries == 1 else 'retries'} with ever smaller dt"
+    reason = str(failure).replace(f"; {SMALLER}", f"; {other}")
+    return StepFailed(f"{reason}; given up {tried if retries else 'with the shortest dt'}", state, retries=retries)

@@ -169,6 +169,28 @@ def test_warnings_of_preflight_are_logged_once_where_a_run_begins(caplog):
     assert any("[resolution]" in record.message and "R/h = 0.1;" in record.message for record in caplog.records)
 
 
+@pytest.mark.parametrize("chosen", [False, True])
+def test_retries_of_a_run_that_fails_are_counted_as_they_are_logged(monkeypatch, caplog, chosen):
+    """Some in steps that succeed at last, the others in the last step, which does not."""
+    scripted(monkeypatch, lambda t, dt: dt > 2e-6 or t > 2 * DT)
+    scene, dt = (IMPACT, None) if chosen else (free(), DT)
+    with caplog.at_level(logging.INFO, logger="skmpm"), pytest.raises(StepFailed) as failure:
+        list(simulate(scene, dt=dt, until=1.0, warn=False))
+    logged = sum("; retrying with dt" in record.message for record in caplog.records)
+    assert logged > failure.value.retries > 0
+    assert caplog.records[-1].message.startswith(f"{logged} steps failed and were repeated")
+
+
+def test_what_fails_with_the_shortest_step_at_once_is_given_up_in_the_same_words(monkeypatch):
+    """Steps are at their shortest already, as in statics near a limit load: not a smaller dt, but what may help."""
+    scripted(monkeypatch, lambda t, dt: dt > DT / 1024 or t > 0.0)
+    with pytest.raises(
+        StepFailed, match=r"scripted; there may be no equilibrium near.* use inertia.*shortest dt"
+    ) as e:
+        ended(free(), DT, scheme=Scheme(inertia=False), warn=False)
+    assert "use a smaller dt" not in str(e.value)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_states_at_round_times_exist_whatever_fails_in_between(monkeypatch, seed):
     """One good half step and another failure, and all steps were off by half a step for good."""
