@@ -50,7 +50,10 @@ def _misshapen(material: Material) -> str:
     try:
         lame = material.lame
     except ArithmeticError as error:
-        return f"lame raises {type(error).__name__}: {error}; give 0 <= nu < 0.5 and E > 0, or other moduli"
+        return (
+            f"lame raises {type(error).__name__}: {error}; give E > 0 and 0 <= nu < 0.5: for rubber 0.499, which mean"
+            " dilatation, the default, keeps from locking"
+        )
     lam, mu = lame if np.shape(lame) == (2,) and all(map(_is_number, lame)) else (np.nan, np.nan)
     if not (mu > 0.0 and 3.0 * lam + 2.0 * mu > 0.0):
         return f"lame = {lame!r}; give (lambda, mu) in Pa with mu > 0 and 3 lambda + 2 mu > 0"
