@@ -5,6 +5,8 @@ until=...)`; `observe`, `network` and `contact_pressure` evaluate the states it 
 ParaView. `sweep` runs the members of an ensemble.
 """
 
+import logging
+
 from skmpm import contact, coulomb, linear, outline, transfer
 from skmpm.io import CheckpointError, load, read, record, save
 from skmpm.material import (
@@ -46,6 +48,10 @@ from skmpm.simulate import initial, step
 from skmpm.sweep import Run, Sweep, SweepError, sweep
 
 __version__ = "0.2.0.dev0"
+
+# scikit-fem tells of every assembly at level INFO: not to a caller who asks the root logger for that level only.
+if (_skfem := logging.getLogger("skfem")).level == logging.NOTSET:
+    _skfem.setLevel(logging.WARNING)
 
 __all__ = [
     "Body",

@@ -1,5 +1,7 @@
 """The weak forms against closed forms, each other, and the elasticity forms of scikit-fem."""
 
+import logging
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -34,6 +36,13 @@ def interior_facets(mesh):
 def assert_close(actual, expected, tol=1e-12):
     assert actual.shape == expected.shape
     assert abs(actual - expected).max() <= tol * abs(expected).max()
+
+
+def test_assemblies_are_not_told_to_a_root_logger(caplog):
+    """scikit-fem tells of each at level INFO, which a caller may ask the root logger for."""
+    caplog.set_level(logging.INFO)
+    forms.mass.assemble(plain_basis(), rho=7.0)
+    assert not caplog.records
 
 
 # Bulk forms.
