@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.plot.snapshot import Snapshot
-from skmpm.units import prefixed
 
 Array = NDArray[np.float64]
 Limits = tuple[float, float]
@@ -102,9 +101,3 @@ def beyond(seen: Snapshot, field: Field, limits: Limits) -> str:
     values = field.values[seen.inside_deformable]
     ends = bool((values < limits[0]).any()), bool((values > limits[1]).any())
     return {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
-
-
-def scale_of(field: Field, limits: Limits) -> tuple[float, str]:
-    """Scale and label of a colour bar."""
-    scale, unit = prefixed(field.unit, max(abs(limits[0]), abs(limits[1])))
-    return scale, f"{field.name} [{unit}]" if unit else field.name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -9,16 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.plot.bodies import draw_bodies
-from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of, scale_of
+from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of
 from skmpm.plot.forces import add_key, draw_forces
 from skmpm.plot.snapshot import OfState, Snapshot
-from skmpm.plot.style import Style, in_multiples, style_of
+from skmpm.plot.style import Style, View, in_multiples, scale_of, style_of
 from skmpm.plot.surroundings import draw_box, draw_supports, draw_walls, offsets
 from skmpm.scene import Scene, State, check_fits
 from skmpm.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+BAR = 0.8  # [inches] of a colour bar with its label
 
 
 def plot(
@@ -29,6 +32,8 @@ def plot(
     forces: bool = False,
     axes: Axes | None = None,
     limits: Limits | None = None,
+    view: View | None = None,
+    units: Sequence[str] = (),
     legend: bool = True,
     label: str = "",
 ) -> Axes:
@@ -48,6 +53,8 @@ def plot(
     axes : drawn into; by default those of a new figure
     limits : of the colour scale, in SI units; by default the range of the values without 1 % at each end, from zero
         where these have one sign but for little, else symmetric about zero
+    view : what is shown, ((left, right), (lower, upper)) [m]; by default all bodies and the walls near them
+    units : multiples of units on axes and legends, as ("mm", "kPa"); by default those that suit the values
     legend : add a colour bar and, with forces, a key of their lines
     label : of the colour bar of an array, with the unit in which its values are
 
@@ -60,14 +67,15 @@ def plot(
     ImportError
         if matplotlib is not installed
     ValueError
-        if colour is no name or array of these shapes, or limits are not two ascending numbers
+        if colour is no name or array of these shapes, limits or a range of the view are not two ascending numbers, or
+        a unit is no multiple
     SceneError
         if the state belongs to another scene
     """
     check_fits(scene, state, "plot")
     seen = OfState.of(scene, state)
     field = field_of(seen, colour, label)
-    style = style_of([seen], [field], forces=forces, limits=limits)
+    style = style_of([seen], [field], forces=forces, limits=limits, view=view, units=units)
     axes = new_axes() if axes is None else axes
     draw(axes, seen, field, style)
     if legend:
@@ -101,7 +109,7 @@ def draw(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
     axes.set_aspect("equal")
     (left, low), (right, high) = style.view.tolist()
     axes.set(xlim=(left, right), ylim=(low, high))
-    scale, unit = prefixed("m", max(right - left, high - low))
+    scale, unit = prefixed("m", max(right - left, high - low), style.units)
     for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
         axis.set_major_formatter(in_multiples(scale))
         axis.set_label_text(f"{name} [{unit}]")
@@ -113,11 +121,24 @@ def add_legend(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
     from matplotlib.colors import Normalize
 
     if field.values is not None:
-        scale, name = scale_of(field, style.limits)
+        scale, name = scale_of(field, style)
         colours = ScalarMappable(Normalize(*style.limits), colour_map(style.limits))
         picture: Any = axes.get_figure()
+        _make_room(axes)
         place, ends = axes.inset_axes((1.03, 0.0, 0.035, 1.0)), beyond(seen, field, style.limits)
         bar = picture.colorbar(colours, cax=place, label=name, extend=ends)
         bar.ax.yaxis.set_major_formatter(in_multiples(scale))
     if style.largest_force:
-        add_key(axes, seen, style.largest_force)
+        add_key(axes, seen, style)
+
+
+def _make_room(axes: Axes) -> None:
+    """Leave room for a colour bar in the place of axes in a grid, once, where no layout of the figure does."""
+    figure: Any = axes.get_figure()
+    place = axes.get_subplotspec()
+    if place is None or figure.get_layout_engine() is not None:
+        return
+    if isinstance(place.get_gridspec(), matplotlib_module("gridspec").GridSpecFromSubplotSpec):
+        return
+    share = BAR / (place.get_position(figure).width * figure.bbox.width / figure.dpi)
+    axes.set_subplotspec(place.subgridspec(1, 2, width_ratios=(1.0 - min(share, 0.5), min(share, 0.5)))[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from skmpm.io import Frame
 from skmpm.plot.fields import Limits, field_of
 from skmpm.plot.figure import add_legend, draw, matplotlib_module, new_axes
 from skmpm.plot.snapshot import OfFrame, OfState, Snapshot
-from skmpm.plot.style import style_of
+from skmpm.plot.style import View, style_of
 from skmpm.scene import Scene, State, check_fits
 from skmpm.units import prefixed
 
@@ -28,6 +28,8 @@ def animate(
     colour: str | NDArray[np.floating] = "pressure",
     forces: bool = False,
     limits: Limits | None = None,
+    view: View | None = None,
+    units: Sequence[str] = (),
     label: str = "",
     fps: int = 20,
     dpi: float = 120.0,
@@ -39,7 +41,7 @@ def animate(
     states : states, or frames of a recording as of `read("run.vtkhdf")[::10]`; all are held in memory
     path : the file; its suffix .mp4 (needs ffmpeg), .gif or .html decides the format
     scene : the scene of the states; recordings need none
-    colour, forces, limits, label : as for `plot`
+    colour, forces, limits, view, units, label : as for `plot`
     fps : frames per second
     dpi : pixels per inch, of a figure of 6.4 by 4.8 inches
 
@@ -62,7 +64,7 @@ def animate(
     pictures = _pictures(states, scene)
     writer, axes = _writer(path, fps), new_axes()
     fields = [field_of(seen, colour, label) for seen in pictures]
-    style = style_of(pictures, fields, forces=forces, limits=limits)
+    style = style_of(pictures, fields, forces=forces, limits=limits, view=view, units=units)
     picture: Any = axes.get_figure()
     add_legend(axes, pictures[-1], fields[-1], style)
     with writer.saving(picture, str(path), dpi):
@@ -70,7 +72,7 @@ def animate(
             for artist in [*axes.collections, *axes.lines, *axes.patches]:
                 artist.remove()
             draw(axes, seen, field, style)
-            scale, unit = prefixed("s", seen.t)
+            scale, unit = prefixed("s", seen.t, style.units)
             axes.set_title(f"t = {seen.t / scale:.4g} {unit}", loc="right")
             writer.grab_frame()
     matplotlib_module("pyplot").close(picture)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.plot.snapshot import Snapshot
+from skmpm.plot.style import Style
 from skmpm.units import prefixed
 
 if TYPE_CHECKING:
@@ -35,13 +36,15 @@ def draw_forces(axes: Axes, seen: Snapshot, largest: float, offset: Array) -> No
     axes.add_collection(LineCollection(list(lines + offset), linewidths=widths, **options))
 
 
-def add_key(axes: Axes, seen: Snapshot, largest: float) -> None:
+def add_key(axes: Axes, seen: Snapshot, style: Style) -> None:
     """Add the width of the line of a round force above the axes, on the left."""
     from matplotlib.lines import Line2D
 
+    largest = style.largest_force
+    assert largest
     power = 10.0 ** floor(log10(largest))
     force = max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= largest * (1.0 + 1e-9))
-    scale, unit = prefixed("N/m", force)
+    scale, unit = prefixed("N/m", force, style.units)
     width = float(_width(seen, np.array(force), largest))
     line = Line2D([], [], color=COLOUR, linewidth=width, solid_capstyle="butt")
     place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}

@@ -123,6 +123,34 @@ def test_a_hole_is_not_filled():
     assert np.hypot(*mesh.x[:, mesh.corners].mean(axis=2)).min() > 0.99 * R
 
 
+def test_chosen_units_and_view_are_shown(squeezed):
+    """Lengths in micrometres of a part of the picture, pressures in Pa; others have no meaning."""
+    scene, states = squeezed
+    axes = plot(scene, states[-1], units=("um", "Pa"), view=((-R, R), (0.5 * R, 1.5 * R)))
+    assert axes.get_xlabel() == "x [um]" and axes.get_xlim() == (-R, R) and axes.get_ylim() == (0.5 * R, 1.5 * R)
+    assert axes.xaxis.get_major_formatter()(R, None) == "1000"
+    (bar,) = axes.child_axes
+    assert bar.get_ylabel() == "pressure [Pa]" and bar.yaxis.get_major_formatter()(2e4, None) == "20000"
+    assert plot(scene, states[-1], units="mm").get_xlabel() == "x [mm]"
+    with pytest.raises(ValueError, match=r"plot: units has 'inch'; give multiples of Pa, m, .* as \('mm', 'kPa'\)"):
+        plot(scene, states[-1], units=("mm", "inch"))
+    with pytest.raises(ValueError, match=r"plot: view = \(1.0, 0.0\); give two numbers"):
+        plot(scene, states[-1], view=((1.0, 0.0), (0.0, 1.0)))
+
+
+@pytest.mark.parametrize("layout", [None, "constrained"])
+def test_a_colour_bar_does_not_cover_what_is_beside_it(squeezed, layout):
+    scene, states = squeezed
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(6, 4), layout=layout)
+    for axes in (left, right, left):
+        axes.clear()
+        plot(scene, states[-1], axes=axes)
+    figure.draw_without_rendering()
+    assert left.child_axes[0].get_tightbbox().x1 < right.get_tightbbox().x0
+    assert right.child_axes[0].get_tightbbox().x1 <= figure.bbox.x1
+    assert left.bbox.width == pytest.approx(right.bbox.width)
+
+
 @given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
 def test_linear_fields_are_drawn_exactly(a, b, c):
     scene = Scene([Body(annulus(), GEL), Body(box((3 * R, 0.0), (R, R), spacing=R / 6), GEL)], cell=R / 4)
