@@ -11,7 +11,7 @@ from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.contact import acts_at_grid_nodes, check_outlines
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.material import is_linear, poisson_ratio, youngs_modulus
+from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import chord_sagitta, inclined_thickness, slit_width
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Derived, Scene, check_walls_at_start
@@ -38,9 +38,6 @@ class SceneMetrics:
     """The numbers of the preflight check; arrays are per deformable body, motions at t = 0 or after falling."""
 
     points: Ints  # (bodies,) including rigid ones
-    rigid: int
-    free_rigid: int  # of these, moved by forces
-    around: dict[str, object]  # walls or a periodic box, numbers of supports, loads and springs
     own: Ints  # (deformable,) indices among the bodies
     points_per_cell: Array  # (deformable,) points over area in cells
     softening: Array  # (deformable,) estimated error of a uniform stress; nan without outline
@@ -62,27 +59,14 @@ class SceneMetrics:
     fall: float  # free height, 0 without gravity or inertia [m]
     rotation: Array  # (deformable,) largest rotation of points in a step [rad]
     touches: bool  # whether contact is possible
-    contact: str  # law
     friction: float  # largest coefficient
-    frictions: str  # the ranges of coefficients, as text
     cohesion: float  # the largest [Pa]
     young: Array  # (materials,) small-strain moduli of the deformable bodies [Pa]
     poisson: Array  # (materials,) Poisson's ratios
-    linear: bool  # whether a step without contact is one linear solve
     inertia: bool
-    theta: float
     half_bandwidth: int
     solver: str
     memory: float  # [bytes] in addition to the program
-
-
-def _around(scene: Scene) -> dict[str, object]:
-    """What acts on bodies: numbers of walls or the periodic box, numbers of supports, loads and springs."""
-    found: dict[str, object] = {"walls": len(scene.walls)}
-    if scene.periodic is not None:
-        found = {"periodic box": f"{scene.periodic.width:.4g} x {scene.periodic.height:.4g} m"}
-    found |= {"supports": len(scene.supports), "loads": len(scene.loads)}
-    return found | ({"springs": len(scene.springs)} if scene.springs else {})
 
 
 def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
@@ -111,9 +95,6 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     thin[own] = scene.thickness[own] < np.sqrt(area / np.pi) * scene.cell
     return SceneMetrics(
         points=count,
-        rigid=count.size - own.size,
-        free_rigid=scene.free_rigid.size,
-        around=_around(scene),
         own=own,
         points_per_cell=count[own] / area,
         softening=stress_errors(scene, fitted=scheme.moment_fitting)[own],
@@ -135,15 +116,11 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         fall=loading.fall if scheme.inertia else 0.0,
         rotation=rotation[own],
         touches=touches,
-        contact=_contact_law(scheme),
-        frictions=str(scene.frictions),
         friction=scene.frictions.largest if touches else 0.0,
         cohesion=float(max([scene.cohesion, *(wall.cohesion for wall in scene.walls)])) if touches else 0.0,
         young=np.array([youngs_modulus(material) for material in scene.materials]),
         poisson=np.array([poisson_ratio(material) for material in scene.materials]),
-        linear=all(is_linear(material) for material in scene.materials),
         inertia=scheme.inertia,
-        theta=scheme.theta,
         half_bandwidth=width,
         solver=solver,
         memory=memory_of(int(count.sum()), 2 * grid.nodes, boundary.size if touches else 0, width, solver),
@@ -179,13 +156,6 @@ def _solver(scheme: Scheme, columns: Ints) -> str:
     """Name of the solver: that which `linear.default` selects, otherwise the scheme's own."""
     solver = linear.chosen(columns) if scheme.linear is linear.default else scheme.linear
     return str(getattr(solver, "__name__", type(solver).__name__))
-
-
-def _contact_law(scheme: Scheme) -> str:
-    """Name of the contact formulation in words."""
-    if acts_at_grid_nodes(scheme.contact):
-        return "shared grid"
-    return str(getattr(scheme.contact, "__name__", type(scheme.contact).__name__)).replace("_", " ")
 
 
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.contact import acts_at_grid_nodes
+from skmpm.material import is_linear
 from skmpm.preflight.checks import warnings_of
 from skmpm.preflight.cost import chosen_steps, first_step, seconds_of_step
 from skmpm.preflight.limits import PreflightWarning
@@ -85,7 +87,7 @@ def preflight(
         check_time("preflight: until", until, 0.0, "the time to stop at")
         steps = chosen_steps(scene, scheme, until) if dt is None else ceil(until / dt - 1e-9)
     cost = {"cost": _cost(metrics, steps)}
-    return Preflight(_lines(metrics) | cost | chosen, warnings_of(scene, metrics, scheme))
+    return Preflight(_lines(scene, metrics, scheme) | cost | chosen, warnings_of(scene, metrics, scheme))
 
 
 def _chosen(scene: Scene, step: float, scheme: Scheme) -> str:
@@ -98,14 +100,13 @@ def _chosen(scene: Scene, step: float, scheme: Scheme) -> str:
     return f"{text}; all resolve waves: {loading.why}" if resolved else text
 
 
-def _lines(metrics: SceneMetrics) -> dict[str, str]:
+def _lines(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> dict[str, str]:
     """The lines of the summary, by subject."""
     each, fewest = _span(metrics.points, "d"), metrics.points_per_cell.min()
-    around = ", ".join(f"{name} {number}" for name, number in metrics.around.items())
-    law = "linear, one solve" if metrics.linear else "nonlinear, Newton"
-    balance = f"theta = {metrics.theta:g}" if metrics.inertia else "quasi-static"
+    law = "linear, one solve" if all(map(is_linear, scene.materials)) else "nonlinear, Newton"
+    balance = f"theta = {scheme.theta:g}" if scheme.inertia else "quasi-static"
     return {
-        "bodies": f"{metrics.points.size}, rigid {metrics.rigid}{_free(metrics)}; {around}",
+        "bodies": f"{_bodies(scene)}; {_around(scene)}",
         "sizes": f"{_sizes(metrics)} across; cells of {quantity(metrics.cell, 'm')}",
         "points": f"{metrics.points.sum()}, {each} a body, {fewest:.3g} or more per filled cell",
         "grid": f"{metrics.cells} cells, {metrics.unknowns} unknowns",
@@ -114,7 +115,7 @@ def _lines(metrics: SceneMetrics) -> dict[str, str]:
         "driven": f"{metrics.lid_name}, {metrics.lid:.3g} h a step" if metrics.lid else metrics.lid_name or "nothing",
         "motion": _motion(metrics),
         "bulk": f"{_materials(metrics)}; {law}; {balance}",
-        "contact": _contact(metrics),
+        "contact": _contact(scene, metrics, scheme),
         "solver": f"{metrics.solver}, half bandwidth {metrics.half_bandwidth}",
         "memory": f"about {_bytes(metrics.memory)} besides the program",
     }
@@ -148,8 +149,16 @@ def _cost(metrics: SceneMetrics, steps: int | None) -> str:
     return f"about {steps} steps of {each:.1g} s or more: {seconds / (unit or 1.0):.1g} {name}"
 
 
-def _free(metrics: SceneMetrics) -> str:
-    return f" ({metrics.free_rigid} free)" if metrics.free_rigid else ""
+def _bodies(scene: Scene) -> str:
+    free = f" ({scene.free_rigid.size} free)" if scene.free_rigid.size else ""
+    return f"{len(scene.bodies)}, rigid {(~scene.deformable).sum()}{free}"
+
+
+def _around(scene: Scene) -> str:
+    """What acts on bodies: numbers of walls or the periodic box, numbers of supports, loads and springs."""
+    box, springs = scene.periodic, f", springs {len(scene.springs)}" if scene.springs else ""
+    walls = f"walls {len(scene.walls)}" if box is None else f"periodic box {box.width:.4g} x {box.height:.4g} m"
+    return f"{walls}, supports {len(scene.supports)}, loads {len(scene.loads)}{springs}"
 
 
 def _motion(metrics: SceneMetrics) -> str:
@@ -167,11 +176,12 @@ def _across(metrics: SceneMetrics) -> str:
     return f"{known.min():.3g} cells across the thinnest part{slit}" if known.size else "no outlines"
 
 
-def _contact(metrics: SceneMetrics) -> str:
+def _contact(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> str:
     if not metrics.touches:
         return "of bodies with themselves only"
     cohesion = f", cohesion up to {metrics.cohesion:g} Pa" if metrics.cohesion else ""
-    return f"{metrics.contact}, {metrics.frictions}{cohesion}"
+    law = getattr(scheme.contact, "__name__", type(scheme.contact).__name__).replace("_", " ")
+    return f"{'shared grid' if acts_at_grid_nodes(scheme.contact) else law}, {scene.frictions}{cohesion}"
 
 
 def _bytes(number: float) -> str:

@@ -94,9 +94,10 @@ def test_a_box_on_grid_lines():
     assert metrics.wave == pytest.approx(np.sqrt(1.2e6 / 1000.0))  # lambda = mu = E / 2.5 at nu = 1/4
     assert metrics.courant == pytest.approx(np.sqrt(1200.0) * 2e-3 / h)
     assert (metrics.lid, metrics.lid_name) == (pytest.approx(3.0 * 2e-3 / h), "support 0")
-    assert metrics.around == {"walls": 0, "supports": 1, "loads": 1}
-    assert metrics.linear and metrics.inertia and not metrics.touches
-    assert (metrics.approach, metrics.friction, metrics.rigid) == (0.0, 0.0, 0)
+    lines = skmpm.preflight(scene, 2e-3).lines
+    assert lines["bodies"] == "1, rigid 0; walls 0, supports 1, loads 1" and "linear, one solve" in lines["bulk"]
+    assert metrics.inertia and not metrics.touches
+    assert (metrics.approach, metrics.friction) == (0.0, 0.0)
     assert metrics.solver == "banded"
     assert metrics.half_bandwidth == 2 * (5 + 1) + 1  # rows of five nodes; every cell is full: no ghost penalty
 
@@ -116,7 +117,7 @@ def test_bodies_walls_and_a_rigid_one():
     )
     metrics = examine(scene, 1e-6, Scheme(anchor=0.0))
     assert metrics.points.sum() == scene.initial_volumes.size
-    assert metrics.own.tolist() == [0, 1] and metrics.rigid == 1
+    assert metrics.own.tolist() == [0, 1]
     assert metrics.resolution == pytest.approx([5.0, 5.0])
     state = skmpm.initial(scene)
     assert metrics.unknowns == state.displacement.size
@@ -126,8 +127,11 @@ def test_bodies_walls_and_a_rigid_one():
     up = 1.0 + 2.0 * R  # the right end of the disc that spins
     assert metrics.approach == pytest.approx(1e-6 / H * np.hypot(3.0 + 2.0 * R, up + 4.0), rel=1e-3)
     assert metrics.rotation == pytest.approx([0.0, 2e-6])
-    assert metrics.friction == 0.7 and metrics.contact == "point to curve" and metrics.touches and not metrics.linear
-    assert examine(scene, 1e-6, Scheme.nezamabadi2017()).contact == "shared grid"
+    assert metrics.friction == 0.7 and metrics.touches
+    lines = skmpm.preflight(scene, 1e-6).lines
+    assert lines["contact"].startswith("point to curve, friction 0.3 between bodies") and "nonlinear" in lines["bulk"]
+    assert lines["bodies"].startswith("3, rigid 1; walls 2")
+    assert skmpm.preflight(scene, 1e-6, scheme=Scheme.nezamabadi2017()).lines["contact"].startswith("shared grid")
 
 
 @pytest.mark.parametrize("radius", [3.3, 12.0, 90.0])

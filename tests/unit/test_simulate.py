@@ -318,7 +318,7 @@ def test_gravity_in_time_is_taken_at_t_plus_theta_dt(theta):
         return a * t * np.array([[0.0], [-1.0]]) * np.ones(X.shape)
 
     scene = free(gravity=gravity)
-    *_, state = simulate(scene, dt=DT, until=5 * DT, scheme=Scheme(theta=theta))
+    *_, state = simulate(scene, dt=DT, until=5 * DT, scheme=Scheme(theta=theta), warn=False)
     times = (np.arange(5) + theta) * DT
     assert np.allclose(seen, [0.0, *times], rtol=1e-12)  # the first is the scene's check
     assert np.allclose(state.v[1], -a * DT * times.sum(), rtol=1e-10)
