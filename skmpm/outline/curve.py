@@ -1,11 +1,12 @@
 """The smooth curve through the boundary points, the surface for contact with other bodies.
 
-On each segment the curve is a cubic whose end tangents are those of the parabolas through three neighbouring boundary
-points (Catmull & Rom 1974, with the reference lengths of the segments as knots). The curve is a linear function of
-the boundary points, its normal is continuous, and its deviation from the circle through the points is of fourth order
-in their spacing, that of the polygon of second order. Corners, where the boundary turns by more than 50 degrees,
-remain corners and divide the outline into sides. At a re-entrant corner (notch) a side is extended a little beyond
-its end, so that it still bounds the points in front of it there.
+On each segment the curve is a cubic whose end tangents are means of the directions of two segments: on circles those
+of the parabolas through three boundary points (Catmull & Rom 1974, with the reference lengths of the segments as
+knots), with shares that `tangents` finds in the reference shape. The curve is a linear function of the boundary
+points, its normal is continuous, straight parts are straight, and its deviation from a smooth outline through the
+points is of fourth order in their spacing, that of the polygon of second order. Corners, where the boundary turns by
+more than 50 degrees, remain corners and divide the outline into sides. At a re-entrant corner (notch) a side is
+extended a little beyond its end, so that it still bounds the points in front of it there.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from skmpm.compiled import compiled, compiled_in_order
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.topology import Floats, Integers, Outlines
+from skmpm.tangents import backward_shares
 
 CORNER_COSINE = np.cos(np.deg2rad(50.0))  # of the turn: a regular octagon (45 degrees) is smooth, a hexagon is not
 NOTCH_EXTENSION = 0.5  # [segments] extension of a side beyond a notch
@@ -109,19 +111,20 @@ def _tangents(
 ) -> None:
     """Write the weights of the tangents at both ends of the segments, and which boundary points are corners.
 
-    They are the derivatives at the middle of three points of the parabola through them, times the length of the
-    segment; at corners those of the chord.
+    They are means of the directions of the two segments at the point, times the length of the segment; at corners
+    those of the chord.
     """
     length = np.empty(corner.size)
     for i in range(length.size):
         length[i] = _length(x, i, following[i])
     for i in range(length.size):
         corner[i] = _cosine(x, previous[i], i, following[i]) < CORNER_COSINE
+    share = backward_shares(x, previous, following, corner)
     for i in range(length.size):
         j, here, back, front = following[i], length[i], length[previous[i]], length[following[i]]
-        far, near = here**2 / (back * (back + here)), back / (back + here)
+        far, near = here / back * share[i], 1.0 - share[i]
         first[0, i], first[1, i], first[2, i] = (0.0, -1.0, 1.0) if corner[i] else (-far, far - near, near)
-        far, near = here**2 / (front * (front + here)), front / (front + here)
+        far, near = here / front * (1.0 - share[j]), share[j]
         last[0, i], last[1, i], last[2, i] = (-1.0, 1.0, 0.0) if corner[j] else (-near, near - far, far)
 
 

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from skmpm.points.cloud import Floats, Integers, Points, signed_area
 from skmpm.points.mesh_groups import cell_groups
+from skmpm.tangents import backward_shares
 
 if TYPE_CHECKING:
     import meshio
@@ -234,14 +235,15 @@ def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
 def _bulges(x: Floats) -> tuple[Floats, Floats]:
     """From midpoints of edges to a smooth curve through the corners x (2, m) of a loop, (2, m); areas added, (m,).
 
-    Tangents at corners are those of parabolas through three corners; Hermite's cubic is off the chord by
-    (T_1 - T_2) l / 8 in the middle. Areas are those of the triangles between edge and midpoint.
+    Tangents are those of the outline's curve; Hermite's cubic is off the chord by (T_1 - T_2) l / 8 in the middle.
+    Areas are those of the triangles between edge and midpoint.
     """
     edge = np.roll(x, -1, axis=1) - x
     length = np.hypot(*edge)
     along, before = edge / length, np.roll(edge / length, 1, axis=1)
-    share = length / (length + np.roll(length, 1))
     smooth = (along * before).sum(axis=0) > SMOOTH_COSINE
+    number = np.arange(length.size)
+    share = backward_shares(x, np.roll(number, 1), np.roll(number, -1), ~smooth)
     tangent = (1.0 - share) * along + share * before
     turn = np.where(smooth & np.roll(smooth, -1), tangent - np.roll(tangent, -1, axis=1), 0.0)
     bulge = length / 8.0 * turn

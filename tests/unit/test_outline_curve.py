@@ -33,6 +33,24 @@ def test_leaves_the_circle_by_the_fourth_power_of_the_spacing():
     assert errors[1] < 0.01 * (1.0 - np.cos(np.pi / 32))
 
 
+@pytest.mark.parametrize("uneven", [0.0, 0.3])
+def test_leaves_an_ellipse_by_the_fourth_power_of_the_spacing_and_its_normals_by_the_third(uneven):
+    """Half axes 1 and 0.6, points even in the angle or not; parabolas leave it by the third and the second power."""
+    apart, turned = [], []
+    axes = np.array([[1.0], [0.6]])
+    for n in (32, 64, 128):
+        angle = 2.0 * np.pi * np.arange(n) / n
+        angle += uneven * 2.0 * np.pi / n * np.sin(5.0 * angle)
+        x = axes * np.stack([np.cos(angle), np.sin(angle)])
+        shape = curve(one_body(x), x).through(x)
+        y, normal = shape.at(*everywhere(n)), shape.normals(*everywhere(n))
+        slope = y / axes**2
+        apart.append(np.abs(((y / axes) ** 2).sum(axis=0) - 1.0).max())
+        turned.append(np.abs((slope[0] * normal[1] - slope[1] * normal[0]) / np.hypot(*slope)).max())
+    assert (np.log2(np.divide(apart[:-1], apart[1:])) > 3.7).all()
+    assert (np.log2(np.divide(turned[:-1], turned[1:])) > 2.7).all()
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_shares_are_a_partition_of_unity_and_normals_are_continuous(seed):
     rng = np.random.default_rng(seed)
