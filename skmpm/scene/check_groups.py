@@ -33,7 +33,8 @@ def check_groups(name: str, points: Points, materials: Mapping[str, object]) -> 
             )
         if isinstance(material, Rigid):
             raise SceneError(
-                f"{name}, group {group!r}: its material is Rigid, which only whole bodies are; use a stiff material"
+                f"{name}, group {group!r}: its material is Rigid, which only whole bodies are; use a stiff material,"
+                " and to turn it beds with a moving rest, a Spring at each of its boundary points"
             )
 
 

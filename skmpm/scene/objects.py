@@ -186,7 +186,7 @@ def prescribed_components(support: Support, t: float, name: str) -> Array:
         if it is not two components, each a finite number or None
     """
     value = support.prescribed(t) if callable(support.prescribed) else support.prescribed
-    remedy = "give two components (x, y), each a finite number or None"
+    remedy = "give two components (x, y), each a finite number or None; to turn points, a Spring with a rest at each"
     if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
         raise SceneError(f"{name} = {value!r}; {remedy}")
     filled = numbers(name, [0.0 if v is None else v for v in value], remedy)

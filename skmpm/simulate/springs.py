@@ -74,7 +74,7 @@ def check_bars_held(increment: Increment) -> None:
         raise StepRejected(
             f"body {loose[0]}",
             "a spring joins it to something, and nothing else holds it; a step without inertia needs more",
-            "add a Support or a spring to ground, or use inertia",
+            "add a Support or a spring to ground, take a bed with a moving rest for the bar, or use inertia",
             retryable=False,
         )
 

@@ -4,13 +4,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 import skmpm
 from skmpm import LinearElastic, NeoHookean, Spring, coulomb, linear, spring_forces
-from skmpm.points import box, disc
+from skmpm.points import box, disc, from_mesh
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
@@ -489,3 +490,78 @@ def test_a_scene_without_springs_calls_none_of_them():
 
     assert calls(replace(pair(), springs=())) == 0
     assert calls(pair()) > 0
+
+
+# --- what messages advise
+
+
+def bonded_cover(angle, supports):
+    """A cover of radii 1 and 1.5 whose inner boundary points are turned by `angle` by t = 1, by a bed at each."""
+    n, radii = 80, np.linspace(1.0, 1.5, 7)
+    x = (radii[:, None] * np.exp(2j * np.pi / n * np.arange(n))).ravel()
+    layer, along = n * np.arange(6)[:, None], np.arange(n)
+    corners = (layer + along, layer + n + along, layer + n + (along + 1) % n, layer + (along + 1) % n)
+    quads = np.stack([corner.ravel() for corner in corners], axis=1)
+    cover = from_mesh(meshio.Mesh(np.stack([x.real, x.imag], axis=1), [("quad", quads)]))
+    inner = cover.x[:, np.hypot(*cover.x) < 1.0 + 1e-6]
+
+    def bed(place):
+        z = complex(*place)
+
+        def rest(t):
+            moved = (np.exp(1j * angle * t) - 1.0) * z
+            return moved.real, moved.imag
+
+        return Spring(lambda x: np.hypot(x[0] - z.real, x[1] - z.imag) < 1e-6, 1e7, rest=rest)
+
+    material, (c, s) = NeoHookean(1e6, 0.3, 1000.0), (np.cos(angle), np.sin(angle))
+    turned = np.array([[c, -s], [s, c]]) @ inner
+    scene = Scene([Body(cover, material)], cell=0.08, springs=[bed(place) for place in inner.T], supports=supports)
+    *_, state = simulate(scene, dt=0.2, until=1.0, scheme=Scheme(inertia=False))
+    fx, fy = spring_forces(scene, state).T
+    torque = float((turned[0] * fy - turned[1] * fx).sum())
+    return cover.x, state, torque
+
+
+def test_beds_at_its_boundary_points_turn_a_bonded_cover():
+    """Free outside, it turns by half a radian without stress."""
+    x, state, torque = bonded_cover(0.5, ())
+    z = np.exp(0.5j) * (x[0] + 1j * x[1])
+    assert np.hypot(state.x[0] - z.real, state.x[1] - z.imag).max() < 1e-9
+    assert np.abs(state.stress).max() < 1e-3 and abs(torque) < 1e-3
+
+
+def test_beds_that_turn_a_bonded_cover_bear_its_torque():
+    """Held outside: T = 4 pi G angle / (1 / a^2 - 1 / b^2) (Timoshenko & Goodier), to 2 % with six cells across."""
+    _, _, torque = bonded_cover(0.01, [Support(lambda x: np.hypot(*x) > 1.5 - 1e-6)])
+    exact = 4.0 * np.pi * 1e6 / 2.6 * 0.01 / (1.0 - 1.0 / 1.5**2)
+    assert abs(torque) == pytest.approx(exact, rel=2e-2)
+
+
+def test_a_bed_with_a_moving_rest_is_the_bolt_that_a_bar_cannot_be_without_inertia():
+    """Its force on a gasket is k (gap - drop of its end), of two beds that each pull down one end of a flange."""
+    k, gap = 2e6, 1e-3
+    gasket = Body(box((-0.01, 0.0), (0.02, 5e-3), spacing=5e-4), NeoHookean(3e6, 0.45, 1100.0))
+    flange = Body(box((-0.02, 5e-3), (0.04, 4e-3), spacing=5e-4), NeoHookean(2e9, 0.3, 2000.0))
+    ends = [lambda x, s=s: (s * x[0] > 0.02 - 1e-6) & (x[1] > 5e-3 - 1e-9) for s in (-1, 1)]
+    middle = Support(lambda x: (np.abs(x[0]) < 3e-4) & (x[1] > 9e-3 - 1e-9), velocity=(0.0, None))
+
+    def clamped(springs):
+        scene = Scene(
+            [gasket, flange],
+            cell=1e-3,
+            springs=springs,
+            supports=[middle],
+            walls=[Wall((0, 0), (0, 1))],
+            friction=0.3,
+        )
+        *_, state = simulate(scene, dt=0.2, until=1.0, scheme=Scheme(inertia=False))
+        return scene, state
+
+    with pytest.raises(StepFailed, match="take a bed with a moving rest for the bar"):
+        clamped([Spring(end, k, to=(s * 0.02, -0.02), rest=0.026) for end, s in zip(ends, (-1, 1), strict=True)])
+    scene, state = clamped([Spring(end, (1e3, k), rest=lambda t: (0.0, -gap * t)) for end in ends])
+    forces = spring_forces(scene, state)[:, 1]
+    drop = [-(state.x - scene.initial_positions)[1, end(scene.initial_positions)].mean() for end in ends]
+    assert -forces == pytest.approx(k * (gap - np.array(drop)), rel=1e-2)
+    assert abs(state.wall_force[0, 1]) == pytest.approx(-forces.sum(), rel=1e-3)
