@@ -23,7 +23,7 @@ from skmpm.outline.measures import (
     turning_angles,
 )
 from skmpm.outline.near import both_ways, candidates, closest, distance_to_segment, inside
-from skmpm.outline.overlaps import box_pairs, boxes, lens_depth, overlap
+from skmpm.outline.overlaps import box_pairs, boxes, overlap
 from skmpm.outline.polylines import Polylines, joined, polylines
 from skmpm.outline.topology import Outlines, outlines
 from skmpm.outline.widths import inclined_thickness, slit_width, thickness
@@ -60,7 +60,6 @@ __all__ = [
     "inclined_thickness",
     "inside",
     "joined",
-    "lens_depth",
     "normals",
     "outlines",
     "overlap",

@@ -14,6 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
+from skmpm.outline.cubics import Cubics
+from skmpm.outline.near import penetration
 from skmpm.outline.overlaps import box_pairs, boxes, overlap
 from skmpm.outline.topology import Floats, Integers, Outlines, ranges
 
@@ -56,6 +58,12 @@ class Images:
         pairs, area = overlap(self.outlines, x, self.body.size)
         kept = (pairs < self.bodies).any(axis=0)
         return np.sort(self.body[pairs[:, kept]], axis=0), area[kept]
+
+    def depth(self, shape: Cubics) -> tuple[Integers, Floats]:
+        """Pairs of bodies (2, p) whose bounding boxes overlap, and how deep their curves do (p,) [m]."""
+        pairs = box_pairs(*boxes(self.outlines, shape.x, self.body.size))
+        pairs = pairs[:, (pairs < self.bodies).any(axis=0)]
+        return np.sort(self.body[pairs], axis=0), penetration(shape, pairs)
 
 
 def without_images(outlines: Outlines, bodies: int) -> Images:

@@ -1,4 +1,4 @@
-"""Spatial search: boundary points near segments of other bodies, and points inside bodies."""
+"""Spatial search: boundary points near segments of other bodies, points inside bodies, depths of overlaps."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.compiled import compiled
+from skmpm.outline.cubics import Cubics, place, seen, tangent
+from skmpm.outline.measures import normals
 from skmpm.outline.overlaps import box_pairs, boxes
 from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
 from skmpm.parallel import over_bodies
 
 CHUNK = 1_000_000  # pairs processed at a time, which take about 100 MB
+JUST_INSIDE = 1e-6  # [segments] from a boundary point against its normal
 
 
 def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floats, Floats]:
@@ -164,3 +167,81 @@ def inside(outlines: Outlines, x: Floats, body: Integers | int, y: Floats) -> ND
         winding += np.bincount(k, (up & (left > 0)) * 1.0 - (down & (left < 0)), tested.size)
     result: NDArray[np.bool_] = winding != 0
     return result
+
+
+def penetration(shape: Cubics, pairs: Integers) -> Floats:
+    """Return how deep (p,) [m] boundary points of either body of a pair (2, p), and middles of segments, lie inside.
+
+    A place lies inside the other body if the outlines of that wind around a place just inside its own body. Its
+    depth is its distance from the curve where normals are opposite: bodies that coincide overlap by their width.
+    """
+    outlines, x = shape.curve.outlines, shape.x
+    bodies = int(outlines.body.max(initial=-1)) + 1
+    ends, depth = np.searchsorted(outlines.body, np.arange(bodies + 1)), np.zeros(pairs.shape[1])
+    work = np.append(0, np.cumsum(np.diff(ends)[pairs].sum(axis=0)))
+    arguments = (pairs, *boxes(outlines, x, bodies), x, normals(outlines, x), shape.c, outlines.next, ends, depth)
+    over_bodies(lambda first, last: _penetration(first, last, *arguments), work)
+    return depth
+
+
+@compiled
+def _penetration(
+    first: int,
+    last: int,
+    pairs: Integers,
+    low: Floats,
+    high: Floats,
+    x: Floats,
+    outward: Floats,
+    c: Floats,
+    following: Integers,
+    ends: Integers,
+    depth: Floats,
+) -> None:
+    """Write the depths of pairs first:last; bodies have boxes `low` to `high`, boundary points normals `outward`."""
+    for p in range(first, last):
+        for side in range(2):
+            a, b = pairs[side, p], pairs[1 - side, p]
+            for i in range(ends[a], ends[a + 1]):
+                for middle in range(2):
+                    y, normal = (x[0, i], x[1, i]), (outward[0, i], outward[1, i])
+                    along_x, along_y, size = tangent(c, i, 0.5 * middle)
+                    if middle == 1:
+                        y, normal = place(c, i, 0.5), (along_y, -along_x)
+                    if low[0, b] <= y[0] <= high[0, b] and low[1, b] <= y[1] <= high[1, b]:
+                        here = _depth(y, normal, JUST_INSIDE * size, x, c, following, ends[b], ends[b + 1])
+                        depth[p] = max(depth[p], here)
+
+
+@compiled
+def _depth(
+    y: tuple[float, float],
+    normal: tuple[float, float],
+    step: float,
+    x: Floats,
+    c: Floats,
+    following: Integers,
+    first: int,
+    last: int,
+) -> float:
+    """Depth of y, the surface of another body with this normal there, below the segments first:last of one body."""
+    inner_x, inner_y = y[0] - step * normal[0], y[1] - step * normal[1]
+    winding, nearest, segment, at = 0, np.inf, -1, 0.0
+    for j in range(first, last):
+        i = following[j]
+        start_x, start_y = x[0, j] - inner_x, x[1, j] - inner_y
+        along_x, along_y = x[0, i] - x[0, j], x[1, i] - x[1, j]
+        left = start_x * along_y - start_y * along_x
+        if start_y <= 0.0 < start_y + along_y:
+            winding += left > 0.0
+        elif start_y + along_y <= 0.0 < start_y:
+            winding -= left < 0.0
+        if normal[0] * along_y - normal[1] * along_x < 0.0:
+            s = -(start_x * along_x + start_y * along_y) / max(along_x**2 + along_y**2, 1e-300)
+            s = min(max(s, 0.0), 1.0)
+            distance = (start_x + s * along_x) ** 2 + (start_y + s * along_y) ** 2
+            if distance < nearest:
+                nearest, segment, at = distance, j, s
+    if winding == 0 or segment < 0:
+        return 0.0
+    return float(-seen(y, c, segment, at)[2])

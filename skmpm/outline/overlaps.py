@@ -31,15 +31,6 @@ def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Float
     return pairs, np.maximum(area, 0.0)
 
 
-def lens_depth(shared: Floats, size: Floats) -> Floats:
-    """Return the depth (p,) [m] of lenses of area `shared` (p,) between bodies of areas `size` (2, p) [m2].
-
-    A lens of depth d between bodies of length L has an area of about d^1.5 L^0.5.
-    """
-    length = np.sqrt(np.maximum(size.min(axis=0), 1e-300))
-    return np.asarray((shared / np.sqrt(length)) ** (2.0 / 3.0))
-
-
 def boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
     """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline."""
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)

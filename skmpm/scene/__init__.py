@@ -1,6 +1,6 @@
 """The scene (`Scene`), its state (`State`), and the checks of both."""
 
-from skmpm.scene.check import TOUCHING, check_walls_at_start
+from skmpm.scene.check import MAX_OVERLAP, TOUCHING, check_walls_at_start, overlaps
 from skmpm.scene.contacts import Contacts
 from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
@@ -28,6 +28,7 @@ from skmpm.scene.state import Derived, State, StepFailed
 from skmpm.scene.walls_in_view import view_of, wall_lines
 
 __all__ = [
+    "MAX_OVERLAP",
     "TOUCHING",
     "Body",
     "Contacts",
@@ -65,6 +66,7 @@ __all__ = [
     "mises",
     "motion",
     "normal_speeds",
+    "overlaps",
     "plastic_strain",
     "prescribed_motions",
     "prescribed_velocities",

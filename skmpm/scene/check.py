@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.material import ElastoPlastic, Isotropic, Rigid, lacking
-from skmpm.outline import area, lens_depth
+from skmpm.outline import curve
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
@@ -37,9 +37,11 @@ if TYPE_CHECKING:
     from skmpm.scene.scene import Scene
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 MAX_AREA_RATIO = 1.5  # of the points' volume and the area in their outline, which may exclude half a spacing
 TOUCHING = 1e-3  # [cells] overlap at the start up to which things touch
+MAX_OVERLAP = 0.25  # [cells] of an overlap that is meant; more at the end of a step has missed contacts
 
 
 def check(scene: Scene) -> None:
@@ -49,6 +51,7 @@ def check(scene: Scene) -> None:
     positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
     not_negative("cohesion between bodies", scene.cohesion, "a stress in Pa")
     not_negative("cohesion_range", scene.cohesion_range, "a length in metres")
+    not_negative("overlap", scene.overlap, "a length in metres")
     check_functions(scene)
     for i, body in enumerate(scene.bodies):
         _check_body(f"body {i}", body)
@@ -203,28 +206,22 @@ def check_walls(scene: Scene, x: Array, walls: Mapping[int, ArrayLike], remedy: 
 
 
 def _check_overlaps(scene: Scene) -> None:
-    """Bodies may touch at the start, but not overlap by more than `TOUCHING` cells."""
+    """Bodies may touch at the start, but not overlap by more than `TOUCHING` cells or what is meant."""
     boundary = scene.outlines
     if boundary.point.size == 0:
         return
-    first = _first_overlap(scene, scene.initial_positions[:, boundary.point], TOUCHING * scene.cell)
-    if first is not None:
-        a, b, depth = first
+    box = None if scene.periodic is None else scene.periodic.box
+    pairs, depth = overlaps(scene, scene.initial_positions[:, boundary.point], box)
+    if depth.max(initial=0.0) > max(TOUCHING * scene.cell, min(1.01 * scene.overlap, MAX_OVERLAP * scene.cell)):
+        a, b = pairs[:, np.argmax(depth)]
         raise SceneError(
-            f"bodies {a} and {b} overlap at the start: a boundary point lies about {depth:.3g} m inside;"
-            " move them apart or shrink them"
+            f"bodies {a} and {b} overlap at the start: a boundary point lies {depth.max():.3g} m inside;"
+            " move them apart or shrink them, or give Scene(overlap=...), up to a quarter of a cell, if it is meant"
         )
 
 
-def _first_overlap(scene: Scene, x: Array, slack: float) -> tuple[int, int, float] | None:
-    box = None if scene.periodic is None else scene.periodic.box
+def overlaps(scene: Scene, x: Array, box: Array | None) -> tuple[Ints, Array]:
+    """Pairs of bodies (2, p) whose boxes overlap, and their depths (p,) [m], for boundary points at x (2, m) [m]."""
     near = scene.images(x, box, 0.0)
-    pairs, shared = near.overlap(near.at(x, box))
-    if not shared.size:
-        return None
-    size = area(scene.outlines, x, len(scene.bodies))
-    depth = lens_depth(shared, size[pairs])
-    worst = int(np.argmax(depth))
-    if depth[worst] <= slack:
-        return None
-    return int(pairs[0, worst]), int(pairs[1, worst]), float(depth[worst])
+    at, reference = near.at(x, box), scene.initial_positions[:, near.outlines.point]
+    return near.depth(curve(near.outlines, reference, at).through(at))

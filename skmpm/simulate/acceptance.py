@@ -9,7 +9,7 @@ from skmpm import outline
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import StepRejected, pair
 from skmpm.material import Rigid, determinant, is_linear
-from skmpm.scene import TOUCHING, Scene, State, centres, fitted_motions, material_at
+from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
 from skmpm.simulate.energy_budget import Budget
 from skmpm.simulate.initial_state import can_touch
@@ -20,7 +20,6 @@ Ints = NDArray[np.int64]
 MAX_MOTION = 1.0  # [cells] of a point in one step; contact detection finds penetrations of less than a cell
 MAX_THICKNESS_SHARE = 0.25  # the same, over the thickness of the thinnest part of all bodies
 MAX_WALL_PENETRATION = 0.05  # [cells]
-MAX_BODY_PENETRATION = 0.25  # [cells]
 UNRESOLVED_FOLD = 2.0  # [cells] of outline between crossing segments: a shorter fold is hardly resolved by the grid
 FOLDS = "it folds there: use smaller loads, a finer cell or rounder corners"
 PASSES = "use a smaller dt, or a smaller cell if these parts were less than a cell apart at the start"
@@ -169,7 +168,7 @@ def _check_crossings(scene: Scene, after: State) -> None:
         raise _crossed(boundary, x, pairs[:, np.argmax(local)], "", FOLDS)
     for b in np.unique(boundary.body[pairs[0]]):
         depth = float(outline.depth(boundary, x, b).max(initial=0.0)) / scene.cell
-        if depth > MAX_BODY_PENETRATION:
+        if depth > MAX_OVERLAP:
             first = pairs[:, np.argmax(boundary.body[pairs[0]] == b)]
             raise _crossed(boundary, x, first, f", {depth:.3g} cells deep", PASSES)
 
@@ -240,10 +239,10 @@ def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
         return 0.0
     x = after.x[:, boundary.point]
     near = scene.images(x, after.box, 0.0)
-    pairs, shared = near.overlap(near.at(x, after.box))
-    size = outline.area(boundary, x, bodies)
-    depth = outline.lens_depth(shared, size[pairs]) / scene.cell
-    if exact and float(depth.max(initial=0.0)) > MAX_BODY_PENETRATION:
-        a, b = pairs[:, np.argmax(depth)]
-        raise StepRejected(f"bodies {a} and {b}", f"they overlap by {depth.max():.3g} cells")
-    return float(shared.sum() / size.sum())
+    if exact:
+        pairs, depth = overlaps(scene, x, after.box)
+        if float(depth.max(initial=0.0)) > MAX_OVERLAP * scene.cell:
+            a, b = pairs[:, np.argmax(depth)]
+            raise StepRejected(f"bodies {a} and {b}", f"they overlap by {depth.max() / scene.cell:.3g} cells")
+    _, shared = near.overlap(near.at(x, after.box))
+    return float(shared.sum() / outline.area(boundary, x, bodies).sum())

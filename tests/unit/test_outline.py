@@ -261,6 +261,47 @@ def test_bodies_that_touch_or_are_apart_share_nothing(shift):
     assert pairs.shape == (2, 0)
 
 
+def depths(*bodies):
+    """How deep bodies overlap, by pairs."""
+    o, x, n = build(*bodies)
+    pairs, depth = outline.without_images(o, n).depth(outline.curve(o, x).through(x))
+    return dict(zip(map(tuple, pairs.T.tolist()), depth.tolist(), strict=True))
+
+
+def sides(corners, n):
+    """A polygon with n boundary points on each side."""
+    ends = zip(corners.T, np.roll(corners.T, -1, axis=0), strict=True)
+    return np.concatenate([np.linspace(a, b, n, endpoint=False) for a, b in ends]).T
+
+
+@pytest.mark.parametrize("depth", [0.02, 1e-3, 1e-5, 0.0, -1e-5])
+@pytest.mark.parametrize("n", [60, 97])
+def test_depth_of_a_shaft_in_a_ring_is_the_difference_of_their_radii(depth, n):
+    """Their polygons overlap by a sagitta of 1.4e-3 more. Ring of radii 1 and 1.6."""
+    found = depths([regular(90, 1.6), reversed_loop(regular(60))], [regular(n, 1.0 + depth)])[0, 1]
+    assert found == pytest.approx(max(depth, 0.0), abs=3e-6 + 0.02 * abs(depth))
+
+
+@pytest.mark.parametrize("n", [4, 7])
+def test_depths_of_boxes(n):
+    """Flush, one in the other's side, a corner in it, one inside the other and both at one place."""
+    box, low = sides(SQUARE, 5), np.array([[0.1], [-1.0]])
+    other = sides(SQUARE, n)
+    assert depths([box], [other + low]) == {}
+    assert depths([box], [other + low + 1e-15])[0, 1] < 1e-14
+    assert depths([box], [other + low + [[0.0], [0.02]]])[0, 1] == pytest.approx(0.02, rel=1e-12)
+    corner = turn(np.pi / 4) @ other + np.array([[0.5], [-np.sqrt(2.0) + 0.03]])
+    assert depths([box], [corner])[0, 1] == pytest.approx(0.03, rel=1e-12)
+    assert depths([box], [0.5 * other + 0.2])[0, 1] == pytest.approx(0.7, rel=0.3)
+    assert depths([box], [other])[0, 1] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_depth_of_bars_that_cross():
+    """No boundary point of either lies inside the other, by half of the width: middles of segments do."""
+    bar = sides(np.array([[-5.0, 5.0, 5.0, -5.0], [0.0, 0.0, 1.0, 1.0]]), 10)
+    assert depths([bar], [turn(np.pi / 2) @ bar])[0, 1] > 0.45
+
+
 def test_overlap_of_boxes_is_not_overlap_of_bodies():
     triangle = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     pairs, area = outline.overlap(*build([triangle], [1.2 - triangle]))

@@ -2,13 +2,14 @@
 
 import re
 
+import meshio
 import numpy as np
 import pytest
 
 import skmpm
 from skmpm.linear import Banded
 from skmpm.material import LinearElastic, NeoHookean, Rigid
-from skmpm.points import Points, box, disc
+from skmpm.points import Points, box, disc, from_mesh
 from skmpm.preflight import preflight
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, Spring, Support, Wall
@@ -32,6 +33,11 @@ def scene(points=ROUND, material=GEL, *, walls=(), others=(), cell=CELL, frictio
 
 def wall(point=(0.0, -R), normal=(0.0, 1.0), **options):
     return scene(walls=[Wall((0.0, 9.0), (0.0, -1.0)), Wall(point, normal, **options)])
+
+
+def pair(apart, overlap):
+    """Two discs; the second is `apart` radii away."""
+    return Scene([Body(ROUND, GEL), Body(at(apart * R), GEL)], cell=CELL, overlap=overlap)
 
 
 def two_loops():
@@ -119,7 +125,13 @@ BAD = {
     "wall cuts": (lambda: initial(wall(point=(0.0, -0.9 * R))), "wall 1 cuts body 0.*0.1 m behind.*move"),
     "no wall": (lambda: scene(walls=[(0.0, -1.0)]), "wall 0 is a tuple.*skmpm.Wall"),
     "walls alone": (lambda: scene(walls=Wall((0, -1), (0, 1))), "walls: expected a list, got a Wall"),
-    "overlap": (lambda: scene(others=[Body(at(1.9 * R), GEL)]), "bodies 0 and 1 overlap.*move them apart"),
+    "overlap": (
+        lambda: scene(others=[Body(at(1.9 * R), GEL)]),
+        r"bodies 0 and 1 overlap.* lies 0\.\d+ m inside; move them apart.*Scene\(overlap=",
+    ),
+    "overlap by more than is meant": (lambda: pair(1.95, 0.04), "lies 0.0[45].* inside"),
+    "overlap by more than a quarter of a cell": (lambda: pair(1.8, 0.3), "lies 0.* inside.*a quarter of a cell"),
+    "overlap negative": (lambda: pair(2.0, -1.0), "overlap = -1.0.*zero or more"),
     "the same place": (lambda: scene(others=[Body(ROUND, GEL)]), "bodies 0 and 1 overlap"),
     "one inside another": (lambda: scene(others=[Body(at(0.0, 0.0, 0.5), GEL)]), "bodies 0 and 1 overlap"),
     "no bodies": (lambda: Scene([], cell=CELL), "no bodies.*at least one"),
@@ -374,3 +386,22 @@ def test_normals_of_walls_are_given_in_any_length(normal):
     given, expected = (step(each, initial(each), 0.05 * R) for each in falling)
     assert given.wall_force[0, 1] < 0.0
     assert np.array_equal(given.x, expected.x) and np.array_equal(given.wall_normals, expected.wall_normals)
+
+
+@pytest.mark.parametrize("spacing", [0.4, 0.2])
+def test_a_punch_with_fillets_lies_flush_on_a_slab(spacing):
+    """Its smooth outline is straight up to where the fillets of radius 1 begin: gaps are zero along the flat face."""
+    n, m = int(np.ceil(np.pi / 2 / spacing)), round(8.0 / spacing)
+    angle = np.linspace(0.0, np.pi / 2, n + 1)
+    arc = np.stack([4.0 + np.sin(angle), 1.0 - np.cos(angle)])
+    flat = np.stack([np.linspace(-4.0, 4.0, m + 1), np.zeros(m + 1)])
+    top = np.array([[5.0, -5.0], [5.0, 5.0]])
+    loop = np.concatenate([flat, arc[:, 1:], top, arc[:, :0:-1] * [[-1.0], [1.0]]], axis=1)
+    nodes, k = np.append(loop, [[0.0], [2.0]], axis=1), loop.shape[1]
+    cells = np.stack([np.arange(k), (np.arange(k) + 1) % k, np.full(k, k)], axis=1)
+    punch = from_mesh(meshio.Mesh(nodes.T, [("triangle", cells)]))
+    slab = Body(box((-20.0, -4.0), (40.0, 4.0), spacing=spacing), GEL)
+    both = Scene([slab, Body(punch, Rigid(1000.0), motion=(0.0, -1.0, 0.0))], cell=2 * spacing)
+    contacts = initial(both, scheme=Scheme(inertia=False)).contacts
+    under = np.abs(contacts.x[0]) < 4.0 + 1e-9
+    assert under.sum() > 2.0 / spacing and np.abs(contacts.gap[under]).max() < 1e-6 * spacing
