@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from inspect import signature
 from typing import TYPE_CHECKING
 
-from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall
+from skmpm.scene.objects import TURNING, Body, Load, Pressure, SceneError, Support, Wall
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.springs import Spring
 
@@ -35,9 +35,11 @@ def check_functions(scene: Scene) -> None:
         try:
             accepted.bind(*arguments.split(", "))
         except TypeError:
-            raise SceneError(
-                f"{name} takes the arguments {accepted} and is called with ({arguments}); {REMEDY[arguments]}"
-            ) from None
+            remedy = REMEDY[arguments]
+            if name.startswith("support") and arguments == TIME:
+                remedy = f"{remedy}; {TURNING}"
+            message = f"{name} takes the arguments {accepted} and is called with ({arguments}); {remedy}"
+            raise SceneError(message) from None
 
 
 def _given(scene: Scene) -> Given:

@@ -13,6 +13,8 @@ from skmpm.material import Material, MaterialWithMemory, Rigid
 from skmpm.points import Points
 
 Array = NDArray[np.float64]
+
+TURNING = "to turn points, a Spring with a rest at each"
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
 Components = Sequence[float | None]  # of a support's velocity; None is free
 Part = tuple[Material, NDArray[np.int64] | slice]  # a material and its points
@@ -186,7 +188,7 @@ def prescribed_components(support: Support, t: float, name: str) -> Array:
         if it is not two components, each a finite number or None
     """
     value = support.prescribed(t) if callable(support.prescribed) else support.prescribed
-    remedy = "give two components (x, y), each a finite number or None; to turn points, a Spring with a rest at each"
+    remedy = f"give two components (x, y), each a finite number or None; {TURNING}"
     if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
         raise SceneError(f"{name} = {value!r}; {remedy}")
     filled = numbers(name, [0.0 if v is None else v for v in value], remedy)

@@ -20,7 +20,7 @@ def rigid_motion(body: Body, t: float, name: str) -> Array:
         return np.append(motion(body.velocity, t, f"{name}: velocity"), body.spin)
     called = callable(body.motion)
     name = f"{name}: motion at t = {t:.6g} s" if called else f"{name}: motion"
-    remedy = "give three finite numbers (vx, vy, spin)"
+    remedy = "give three finite numbers (vx, vy, spin), or no motion for a body that forces move"
     value = body.motion(t) if callable(body.motion) else body.motion
     array = numbers(name, value, remedy)
     if array.shape != (3,) or not np.isfinite(array).all():

@@ -171,8 +171,10 @@ def test_functions_of_other_arguments_are_refused(name):
     what, _, arguments = name.partition("(")
     with pytest.raises(
         SceneError, match=rf"^{what} takes the arguments \(.*\) and is called with \({re.escape(arguments)}; give a"
-    ):
+    ) as refused:
         FUNCTIONS[name]()
+    turning = name.startswith("support") and arguments == "t)"
+    assert str(refused.value).endswith("; to turn points, a Spring with a rest at each") == turning
 
 
 @pytest.mark.parametrize(("make", "message"), BAD.values(), ids=BAD.keys())
