@@ -82,8 +82,10 @@ def draw(scene: skmpm.Scene, stages: list[skmpm.State], path: Path) -> None:
 def run(options: argparse.Namespace) -> list[Line]:
     """Run the compaction from its last checkpoint, if there is one; write and draw the results; return the table."""
     (scene, until), scheme, out = build(options), SCHEMES[options.scheme], options.out
-    print(skmpm.preflight(scene, options.dt, scheme=scheme))
+    print(skmpm.preflight(scene, options.dt, scheme=scheme, until=until))
     out.mkdir(parents=True, exist_ok=True)
+    kept = vars(options).keys() - {"out", "film", "resume"}
+    (out / "options.json").write_text(json.dumps({name: getattr(options, name) for name in sorted(kept)}))
     checkpoint, observables = out / "last.checkpoint", out / "observables.csv"
     state = skmpm.load(checkpoint) if checkpoint.exists() else None
     lines = [] if state is None else [line for line in read(observables) if float(line["t"]) < state.t]
@@ -155,10 +157,6 @@ def main(arguments: list[str] | None = None) -> None:
         if not begun.exists():
             raise SystemExit(f"{options.out} has no run to resume: leave out --resume")
         vars(options).update(json.loads(begun.read_text()))
-    else:
-        options.out.mkdir(parents=True, exist_ok=True)
-        kept = vars(options).keys() - {"out", "film", "resume"}
-        begun.write_text(json.dumps({name: getattr(options, name) for name in sorted(kept)}))
     try:
         run(options)
     except KeyboardInterrupt:

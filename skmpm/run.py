@@ -123,7 +123,7 @@ def simulate(
             _log.warning("%s", warning)
     first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
     if warn and first.report.dt == 0.0:
-        for found in preflight(scene, dt, scheme=scheme).warnings:
+        for found in preflight(scene, dt, scheme=scheme, until=until or None).warnings:
             _log.warning("preflight: %s", found)
     pace = pace_of(scene, scheme, first.step_control.began, until) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))

@@ -74,7 +74,8 @@ def contacts_with_wall(
     normal = scene.normals[:, i]
     before, gap, c = np.empty(boundary.size), np.empty(boundary.size), np.empty(boundary.size, dtype=np.int64)
     movable = scene.movable[boundary.body]
-    c = c[: _wall_gaps(normal, start, point, moved, step, movable, near.reach, before, gap, c)]
+    kept = near.tension.holds(wall_keys(curve, i, np.arange(boundary.size)))
+    c = c[: _wall_gaps(normal, start, point, moved, step, movable, kept, near.reach, before, gap, c)]
     key = wall_keys(curve, i, c)
     shift = near.shifts.of(key)
     guarded = shift != 0.0
@@ -109,17 +110,18 @@ def _wall_gaps(
     moved: Array,
     step: Array,
     movable: Bools,
+    kept: Bools,
     reach: float,
     before: Array,
     gap: Array,
     near: Ints,
 ) -> int:
-    """Write the gaps (m,) between points and a wall before and after both have moved, and which are in reach then."""
+    """Write the gaps (m,) between points and a wall before and after both have moved, and which are in reach then or `kept`."""
     size = 0
     for c in range(gap.size):
         before[c] = normal[0] * (start[0, c] - point[0]) + normal[1] * (start[1, c] - point[1])
         gap[c] = before[c] + normal[0] * (moved[0, c] - step[0]) + normal[1] * (moved[1, c] - step[1])
-        if min(before[c], gap[c]) < reach and movable[c]:
+        if (gap[c] < reach or kept[c]) and movable[c]:
             near[size] = c
             size += 1
     return size

@@ -19,6 +19,8 @@ from skmpm.outline.near import penetration
 from skmpm.outline.overlaps import box_pairs, boxes, overlap
 from skmpm.outline.topology import Floats, Integers, Outlines, ranges
 
+ROUND_OFF = 1e-14  # of the area of a polygon's overlap, over that of the box around all
+
 
 @dataclass(frozen=True, eq=False)
 class Images:
@@ -60,10 +62,13 @@ class Images:
         return np.sort(self.body[pairs[:, kept]], axis=0), area[kept]
 
     def depth(self, shape: Cubics) -> tuple[Integers, Floats]:
-        """Pairs of bodies (2, p) whose bounding boxes overlap, and how deep their curves do (p,) [m]."""
-        pairs = box_pairs(*boxes(self.outlines, shape.x, self.body.size))
-        pairs = pairs[:, (pairs < self.bodies).any(axis=0)]
-        return np.sort(self.body[pairs], axis=0), penetration(shape, pairs)
+        """Pairs of bodies (2, p) whose polygons overlap, and how deep their curves do (p,) [m].
+
+        Curves of polygons that only touch overlap by what smoothing has added, which does not count.
+        """
+        pairs, area = overlap(self.outlines, shape.x, self.body.size)
+        kept = (pairs < self.bodies).any(axis=0) & (area > ROUND_OFF * float(np.ptp(shape.x, axis=1).prod()))
+        return np.sort(self.body[pairs[:, kept]], axis=0), penetration(shape, pairs[:, kept])
 
 
 def without_images(outlines: Outlines, bodies: int) -> Images:

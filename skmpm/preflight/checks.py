@@ -9,6 +9,7 @@ import numpy as np
 
 from skmpm import outline
 from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact.boundary import PUSH_OUT
 from skmpm.contact.cohesion import CLOSED_GAP
 from skmpm.material import has_memory, is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight import limits
@@ -44,7 +45,7 @@ def _acts(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
     if others or initial_motion(scene)[0][:, scene.movable[scene.owner]].any():
         return
     gravity, moving = gravity_of(scene), {name for name, speed in driven(scene) if speed > 0.0}
-    if not moving and not gravity.any():
+    if not moving and not gravity.any() and scene.overlap == 0.0:
         yield from limits.NOTHING.of(["scene"])
     v, n = scene.wall_velocities(0.0).T, scene.normals
     leaves = np.flatnonzero((v * n).sum(axis=0) < 0.0).tolist()
@@ -52,6 +53,12 @@ def _acts(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
         away = [i for i in leaves if gravity @ n[:, i] > 0.0 or not gravity.any()]
         x, y = v[:, away[:1]].sum(axis=1)
         yield from limits.AWAY.of([f"wall {i}" for i in away], x=x, y=y)
+
+
+def _overlap(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
+    if scene.overlap > 0.0 and not scheme.inertia:
+        steps = metrics.steps
+        yield from limits.OVERLAP.passed(["overlap"], [(1.0 - PUSH_OUT) ** steps], steps=steps)
 
 
 def _sizes(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
@@ -218,6 +225,7 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
 
 CHECKS = (
     _acts,
+    _overlap,
     _sizes,
     _resolution,
     _points,

@@ -18,6 +18,7 @@ from skmpm.scene import Derived, Scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.driven import check_driven, driven_by_force
+from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.initial_state import (
     can_touch,
     check_cohesion,
@@ -67,10 +68,14 @@ class SceneMetrics:
     half_bandwidth: int
     solver: str
     memory: float  # [bytes] in addition to the program
+    steps: float = np.inf  # of the run, if its end is known
 
 
-def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
-    """The numbers of a scene; its body grids are built, nothing is assembled or solved."""
+def examine(scene: Scene, dt: float, scheme: Scheme, until: float | None = None) -> SceneMetrics:
+    """The numbers of a scene; its body grids are built, nothing is assembled or solved.
+
+    Of functions of time the largest values up to `until` [s] count. Without it, which waves matter is not known.
+    """
     check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     check_explicit("preflight", scene, scheme)
     check_explicit_springs("preflight", scene, scheme)
@@ -84,10 +89,13 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
     wave, (grid, columns) = scene.fastest_wave, _grid(scene, scheme)
     width, solver = int(columns.max(initial=1)) - 1, _solver(scheme, columns)
     touches, step = can_touch(scene), dt / scene.cell
-    lid_name, lid = max(driven(scene), key=lambda named: named[1], default=("", 0.0))
+    times = np.zeros(1) if until is None else np.linspace(0.0, until, TIMES)
+    known = until is not None or FunctionsOfTime.of(scene, scheme.theta, times).none
+    fastest = (named for t in times.tolist() for named in driven(scene, t))
+    lid_name, lid = max(fastest, key=lambda named: named[1], default=("", 0.0))
     if not lid:
         lid_name = ", ".join(name for name, _ in driven_by_force(scene))
-    loading, (_, C) = loading_of(scene), initial_motion(scene)
+    loading, (_, C) = loading_of(scene, times), initial_motion(scene)
     rotation = np.zeros(count.size)
     np.maximum.at(rotation, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
     boundary, x = scene.outlines, scene.initial_positions[:, scene.outlines.point]
@@ -109,7 +117,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme) -> SceneMetrics:
         cell=scene.cell,
         wave=wave,
         courant=wave * step if scheme.inertia else 0.0,
-        waves=scheme.inertia and loading.waves,
+        waves=scheme.inertia and loading.waves and known,
         lid=lid * step,
         lid_name=lid_name,
         approach=loading.approach * step if touches and scheme.inertia else 0.0,

@@ -18,9 +18,9 @@ from skmpm.preflight.metrics import SceneMetrics, examine
 from skmpm.representation import table
 from skmpm.scene import Scene, check_scene, prescribed_motions
 from skmpm.scheme import Scheme
-from skmpm.simulate.algorithm import check_time
+from skmpm.simulate.algorithm import SHORTEST, check_time
 from skmpm.simulate.loading import loading_of
-from skmpm.simulate.step_length import MAX_APPROACH
+from skmpm.simulate.step_length import MAX_APPROACH, STROKE
 from skmpm.units import quantity
 
 PAGE = "docs/how_to/warnings.md"
@@ -64,7 +64,8 @@ def preflight(
     Without dt [s], motions per step are those of the first step that `simulate` chooses by what acts at t = 0.
     With `until` [s], the number of steps and the time that a run takes are estimated, to an order of magnitude.
 
-    Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling. In the
+    Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling; with
+    `until` walls and supports that are functions of time count by their largest speeds. In the
     printed text a line that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in
     brackets, the section of docs/how_to/warnings.md that explains it. `simulate` logs the same warnings.
 
@@ -78,15 +79,17 @@ def preflight(
     """
     check_scene("preflight", scene)
     step = first_step(scene, scheme) if dt is None else dt
-    metrics = examine(scene, step, scheme)
-    if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen
-        metrics = replace(metrics, waves=False, approach=min(metrics.approach, MAX_APPROACH), fall=0.0)
-    chosen = {"step": _chosen(scene, step, scheme)} if dt is None else {}
-    steps = None
     if until is not None:
-        check_time("preflight: until", until, 0.0, "the time to stop at")
+        check_time("preflight: until", until, SHORTEST, "the time to stop at")
+    metrics = examine(scene, step, scheme, until)
+    if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen
+        lid, approach = min(metrics.lid, STROKE), min(metrics.approach, MAX_APPROACH)
+        metrics = replace(metrics, waves=False, lid=lid, approach=approach, fall=0.0)
+    chosen = {"step": _chosen(scene, step, scheme)} if dt is None else {}
+    if until is not None:
         steps = chosen_steps(scene, scheme, until) if dt is None else ceil(until / dt - 1e-9)
-    cost = {"cost": _cost(metrics, steps)}
+        metrics = replace(metrics, steps=steps)
+    cost = {"cost": _cost(metrics)}
     return Preflight(_lines(scene, metrics, scheme) | cost | chosen, warnings_of(scene, metrics, scheme))
 
 
@@ -138,15 +141,15 @@ def _sizes(metrics: SceneMetrics) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _cost(metrics: SceneMetrics, steps: int | None) -> str:
-    """How long a step takes, and some steps."""
+def _cost(metrics: SceneMetrics) -> str:
+    """How long a step takes, and all of a run whose end is known."""
     size = (int(metrics.points.sum()), metrics.unknowns, metrics.half_bandwidth, metrics.solver)
     each = seconds_of_step(*size, touches=metrics.touches, inertia=metrics.inertia)
-    if steps is None:
+    if not np.isfinite(metrics.steps):
         return f"about {each:.1g} s a step"
-    seconds = steps * each
+    seconds = metrics.steps * each
     unit, name = next((u, name) for u, name in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if seconds >= u)
-    return f"about {steps} steps of {each:.1g} s or more: {seconds / (unit or 1.0):.1g} {name}"
+    return f"about {metrics.steps} steps of {each:.1g} s or more: {seconds / (unit or 1.0):.1g} {name}"
 
 
 def _bodies(scene: Scene) -> str:

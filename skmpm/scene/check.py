@@ -52,6 +52,11 @@ def check(scene: Scene) -> None:
     not_negative("cohesion between bodies", scene.cohesion, "a stress in Pa")
     not_negative("cohesion_range", scene.cohesion_range, "a length in metres")
     not_negative("overlap", scene.overlap, "a length in metres")
+    if scene.overlap > MAX_OVERLAP * scene.cell:
+        raise SceneError(
+            f"overlap = {scene.overlap:g} m is {scene.overlap / scene.cell:.3g} cells; give at most a quarter of a cell,"
+            " and remove more in steps: a rigid body that moves, or a larger cell"
+        )
     check_functions(scene)
     for i, body in enumerate(scene.bodies):
         _check_body(f"body {i}", body)
@@ -212,7 +217,7 @@ def _check_overlaps(scene: Scene) -> None:
         return
     box = None if scene.periodic is None else scene.periodic.box
     pairs, depth = overlaps(scene, scene.initial_positions[:, boundary.point], box)
-    if depth.max(initial=0.0) > max(TOUCHING * scene.cell, min(1.01 * scene.overlap, MAX_OVERLAP * scene.cell)):
+    if depth.max(initial=0.0) > max(TOUCHING * scene.cell, 1.01 * scene.overlap):
         a, b = pairs[:, np.argmax(depth)]
         raise SceneError(
             f"bodies {a} and {b} overlap at the start: a boundary point lies {depth.max():.3g} m inside;"

@@ -61,10 +61,10 @@ def _check_push_out(scene: Scene, before: State, after: State, budget: Budget) -
     """Raise StepRejected if the removal of an overlap takes more energy than there is.
 
     Contact removes an overlap within the step, at a speed that grows as the step gets shorter. Overlaps up to
-    `TOUCHING`, which bodies may begin with, are exempt.
+    `TOUCHING`, which bodies may begin with, are exempt, and those that `Scene.overlap` says are meant.
     """
     available = budget.before + abs(budget.external)
-    if budget.overlap > TOUCHING * scene.cell and budget.push_out > available:
+    if budget.overlap > max(TOUCHING * scene.cell, scene.overlap) and budget.push_out > available:
         raise StepRejected(
             pair(budget.overlapping),
             f"they overlap by {budget.overlap / scene.cell:.2g} cells, and to part them in a step of"

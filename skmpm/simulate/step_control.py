@@ -43,14 +43,14 @@ class RetrySummary:
 
     steps: int = 0  # successful
     failures: int = 0
-    shortest: float = float("inf")  # [s]
+    shortest: float = float("inf")  # that succeeded after failures [s]
     at: float = 0.0  # [s] time at which the shortest step began
     last: str = ""  # message of the last failure
 
     def after(self, state: State, failures: Sequence[StepFailed]) -> RetrySummary:
         """The summary with one more step, which reached `state` after some failures."""
         summary = replace(self, steps=self.steps + 1, failures=self.failures + len(failures))
-        if state.report.dt < self.shortest:
+        if failures and state.report.dt < self.shortest:
             summary = replace(summary, shortest=state.report.dt, at=state.t - state.report.dt)
         return replace(summary, last=str(failures[-1])) if failures else summary
 
