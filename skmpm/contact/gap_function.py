@@ -116,7 +116,7 @@ def _wall_gaps(
     gap: Array,
     near: Ints,
 ) -> int:
-    """Write the gaps (m,) between points and a wall before and after both have moved, and which are in reach then or `kept`."""
+    """Write the gaps (m,) of points and a wall before and after both have moved, and which are near or `kept`."""
     size = 0
     for c in range(gap.size):
         before[c] = normal[0] * (start[0, c] - point[0]) + normal[1] * (start[1, c] - point[1])

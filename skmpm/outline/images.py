@@ -62,13 +62,16 @@ class Images:
         return np.sort(self.body[pairs[:, kept]], axis=0), area[kept]
 
     def depth(self, shape: Cubics) -> tuple[Integers, Floats]:
-        """Pairs of bodies (2, p) whose polygons overlap, and how deep their curves do (p,) [m].
+        """Pairs of bodies (2, p) whose bounding boxes overlap, and how deep their curves do (p,) [m].
 
         Curves of polygons that only touch overlap by what smoothing has added, which does not count.
         """
         pairs, area = overlap(self.outlines, shape.x, self.body.size)
-        kept = (pairs < self.bodies).any(axis=0) & (area > ROUND_OFF * float(np.ptp(shape.x, axis=1).prod()))
-        return np.sort(self.body[pairs[:, kept]], axis=0), penetration(shape, pairs[:, kept])
+        kept = (pairs < self.bodies).any(axis=0)
+        pairs, area, depth = pairs[:, kept], area[kept], np.zeros(np.count_nonzero(kept))
+        over = area > ROUND_OFF * float(np.ptp(shape.x, axis=1).prod())
+        depth[over] = penetration(shape, pairs[:, over])
+        return np.sort(self.body[pairs], axis=0), depth
 
 
 def without_images(outlines: Outlines, bodies: int) -> Images:

@@ -127,8 +127,8 @@ AWAY = Limit(
     " follows it", "", "use the opposite velocity if it is to press",
 )
 OVERLAP = Limit(
-    "overlap left", "overlap", 0.01, "a share of {value} of what is given is left after {steps} steps without inertia",
-    "a step removes a fifth of it", "use a dt of which 21 or more steps fit in the run",
+    "overlap left", "overlap", 0.01, "a share of {value} of it is left after {steps} steps without inertia",
+    "a step removes a fifth", "use a dt of which 21 or more steps fit in the run",
 )  # test_interference
 SIZE = Limit(
     "size", "sizes", 1.0, "the smallest is {size:.3g} m across, and moduli are as large as in Pa",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from skmpm.material import poisson_ratio, youngs_modulus
-from skmpm.outline import inclined_thickness, slit_width
+from skmpm.outline import slit_width
 from skmpm.points import Points
 from skmpm.preflight.layers import shares_cells
 from skmpm.preflight.limits import (
@@ -17,7 +17,6 @@ from skmpm.preflight.limits import (
     CONFINED,
     COURANT,
     EXPLICIT,
-    INCLINED,
     LID,
     RESOLUTION,
     SLIT,
@@ -184,10 +183,7 @@ def _coarsest(scene: Scene, error: float) -> float:
     limit = (RESOLUTION if can_touch(scene) else SMALLEST).value
     enough = max(THIN.value, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER))
     thinnest = np.nanmin(scene.thickness[own] / np.where(_slender(scene), enough, THIN.value), initial=np.inf)
-    thin = np.zeros(count, dtype=bool)
-    thin[own] = _slender(scene)
-    inclined = inclined_thickness(boundary, scene.initial_positions[:, boundary.point], thin)[own].min()
-    return float(min(_radii(scene).min() / limit, thinnest, inclined / INCLINED.value, slit.min() / SLIT.value))
+    return float(min(_radii(scene).min() / limit, thinnest, slit.min() / SLIT.value))
 
 
 def _slender(scene: Scene) -> NDArray[np.bool_]:

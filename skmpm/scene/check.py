@@ -54,8 +54,8 @@ def check(scene: Scene) -> None:
     not_negative("overlap", scene.overlap, "a length in metres")
     if scene.overlap > MAX_OVERLAP * scene.cell:
         raise SceneError(
-            f"overlap = {scene.overlap:g} m is {scene.overlap / scene.cell:.3g} cells; give at most a quarter of a cell,"
-            " and remove more in steps: a rigid body that moves, or a larger cell"
+            f"overlap = {scene.overlap:g} m is {scene.overlap / scene.cell:.3g} cells; give at most a quarter of a"
+            " cell, or use a larger cell"
         )
     check_functions(scene)
     for i, body in enumerate(scene.bodies):

@@ -322,6 +322,7 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
 
 
 TESTED_BELOW = {
+    limits.OVERLAP,
     limits.SIZE,
     limits.INCLINED,
     limits.AUXETIC,
@@ -591,6 +592,17 @@ def test_every_warning_names_a_section_that_explains_it():
     assert sections == {title.lower().replace(" ", "-") for title in re.findall(r"(?m)^## (.+)$", page)}
     text = preflight(Scene([round_body(spin=0.2 / DT, material=STIFF)], cell=H), DT).splitlines()
     assert text[-2].endswith("use NeoHookean [small-strain]") and text[-1] == f"about [...]: sections of {PAGE}"
+
+
+def test_an_overlap_that_is_left_at_the_end_is_warned_of():
+    """A step without inertia removes a fifth: 0.107 after ten. An overlap acts, so that something does."""
+    discs = [round_body(), round_body(1.99 * R)]
+    scene = Scene(discs, cell=H, overlap=0.02 * R)
+    few, many = (skmpm.preflight(scene, dt, scheme=Scheme(inertia=False), until=1.0).warnings for dt in (0.1, 0.02))
+    (left,) = (each for each in few if each.section == "overlap")
+    assert left.value == pytest.approx(0.8**10) and "a share of 0.107 of it is left after 10" in str(left)
+    assert {each.section for each in many} == {each.section for each in few} - {"overlap"}
+    assert "what-acts" not in {each.section for each in many}
 
 
 def test_a_warning_holds_what_it_says():

@@ -42,9 +42,26 @@ def test_a_ring_on_a_larger_shaft_has_lames_pressure(difference):
     closed = 1.0 - 0.8**steps
     bore = np.hypot(*state.x[:, scene.owner == 0]).min()
     assert (bore - INNER) / difference == pytest.approx(closed, rel=5e-3)
-    exact = E * difference / ((1 + NU) * INNER) * (OUTER**2 - INNER**2) / (OUTER**2 + (1 - 2 * NU) * INNER**2)
-    pressure = state.contacts.force[0].sum() / (2 * np.pi * INNER)
-    assert pressure == pytest.approx(closed * exact, rel=1e-2)
+    assert pressure(state) == pytest.approx(closed * lame(difference), rel=1e-2)
+
+
+def lame(difference):
+    """The pressure of a shaft larger by `difference` [m]."""
+    return E * difference / ((1 + NU) * INNER) * (OUTER**2 - INNER**2) / (OUTER**2 + (1 - 2 * NU) * INNER**2)
+
+
+def pressure(state):
+    return state.contacts.force[0].sum() / (2 * np.pi * INNER)
+
+
+def test_with_inertia_the_ring_comes_to_rest_under_the_same_pressure():
+    """An overlap that is meant may be removed at the cost of more energy than there is."""
+    scene = fit(0.05e-3, 0.05e-3)
+    state = initial(scene)
+    for _ in range(30):
+        state = step(scene, state, 2e-4)
+    assert state.report.energy.kinetic < 1e-4 * state.report.energy.elastic
+    assert pressure(state) == pytest.approx(lame(0.05e-3), rel=2e-2)
 
 
 @pytest.mark.parametrize("difference", [0.01e-3, 0.05e-3, 0.2e-3])
