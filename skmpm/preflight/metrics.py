@@ -89,7 +89,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme, until: float | None = None)
     wave, (grid, columns) = scene.fastest_wave, _grid(scene, scheme)
     width, solver = int(columns.max(initial=1)) - 1, _solver(scheme, columns)
     touches, step = can_touch(scene), dt / scene.cell
-    times = np.zeros(1) if until is None else np.linspace(0.0, until, TIMES)
+    times = np.zeros(1) if until is None else until * np.append(0.0, (np.arange(TIMES) + 0.5) / TIMES)
     known = until is not None or FunctionsOfTime.of(scene, scheme.theta, times).none
     fastest = (named for t in times.tolist() for named in driven(scene, t))
     lid_name, lid = max(fastest, key=lambda named: named[1], default=("", 0.0))
