@@ -239,10 +239,10 @@ def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
         return 0.0
     x = after.x[:, boundary.point]
     near = scene.images(x, after.box, 0.0)
-    if exact:
+    _, shared = near.overlap(near.at(x, after.box))
+    if exact and shared.any():
         pairs, depth = overlaps(scene, x, after.box)
         if float(depth.max(initial=0.0)) > MAX_OVERLAP * scene.cell:
             a, b = pairs[:, np.argmax(depth)]
             raise StepRejected(f"bodies {a} and {b}", f"they overlap by {depth.max() / scene.cell:.3g} cells")
-    _, shared = near.overlap(near.at(x, after.box))
     return float(shared.sum() / outline.area(boundary, x, bodies).sum())
