@@ -14,6 +14,7 @@ and loses the same amount at its contacts. The two cancel only if normals and st
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -47,6 +48,11 @@ Ints = NDArray[np.int64]
 # Fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies. In dynamic steps
 # shorter than waves take to cross a cell it is as much smaller: velocities would be overlaps over dt.
 PUSH_OUT = 0.2
+
+
+def settles() -> bool:
+    """Whether static steps are those of `implicit.equilibrium_loop`, which is to replace `implicit.statics`."""
+    return os.environ.get("SKMPM_STATICS", "") == "new"
 
 
 def point_to_curve(
@@ -92,9 +98,10 @@ def point_to_curve(
     motion = Motion.of(scene, state, motions, dt)
     margin = 0.5 * within + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
     close = search(margin)
-    shifted = scene.movable if inertia else scene.free_to_turn
+    slide = not inertia and settles()
+    shifted = scene.movable if inertia or slide else scene.free_to_turn
     if close is not None and shifted.any():
-        close = _with_closest_points(scene, state, close, motion, theta, shifted)
+        close = _with_closest_points(scene, state, close, motion, theta, shifted, slide=slide)
     if close is not None and scene.cohesive:
         close = _with_tension(scene, close, motion)
 
@@ -145,6 +152,8 @@ def _with_closest_points(
     motion: Motion,
     theta: float,
     shifted: NDArray[np.bool_],
+    *,
+    slide: bool,
 ) -> Neighbours:
     """The candidates with contact points shifted to the closest points in a step of constant velocities.
 
@@ -159,7 +168,7 @@ def _with_closest_points(
     ahead = near.curve.through(near.start.x + theta * motion.of_surfaces(near.surfaces, moved))
     start, displacement = motion.walls
     walls = start + theta * displacement
-    return replace(near, shifts=closest_points(scene, near, ahead, walls, state.contacts, shifted))
+    return replace(near, shifts=closest_points(scene, near, ahead, walls, state.contacts, shifted, slide=slide))
 
 
 def check_outlines(scene: Scene) -> None:
@@ -246,6 +255,9 @@ def _constraints(
         difference=relative,
         tangent_shares=combinations(found.stencil, found.tangent_shares, points),
         curvature=found.curvature,
+        own_shares=combinations(found.own, np.where(found.travel > 0.0, found.own_shares, 0.0), points),
+        along=found.along,
+        travel=found.travel,
         rigid=motion.points.T / dt,
         surfaces=moving,
         offset_normal=(found.gap - allowed) / dt - now,

@@ -29,7 +29,7 @@ from skmpm.contact.constraints import lookup
 from skmpm.contact.feet import foot_of, nearest_of_group
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import MAX_DEPTH, wall_keys
-from skmpm.contact.shifts import MIN_SHIFT, NO_SHIFTS, Shifts, guard_keys
+from skmpm.contact.shifts import NO_SHIFTS, Shifts, guard_keys, guarded
 from skmpm.contact.tables import among, joined
 from skmpm.outline import Cubics, Loops, tangent
 from skmpm.scene import Contacts, Scene
@@ -42,18 +42,22 @@ Bools = NDArray[np.bool_]
 MIN_TURN = 1e-3
 # Half-widths of contacts over the length of a segment up to which the shift is full and from which on it is zero.
 LIGHT, WIDE = 0.3, 0.6
+# In static steps: the half-width up to which contact points are the closest ones and slide with the iterate, and the
+# least turn of a segment under load, over that in the reference. Shares of the shift have no place there: the contact
+# would be a vertex in part, and solves alternate between its sides.
+SLIDING, LEAST_TURN = 0.5, 0.5
 # A tenth of the largest stable share, 3.3 (c dt / h)^2. Forces of a disc that comes to rest on a wall alternate from
 # step to step, with c dt / h = 0.06, by 35 % without means, by 10 % with 1, and by 0.1 % with 0.3 and 0.1.
 FOLLOWS = 0.3
 
 
 def closest_points(
-    scene: Scene, near: Neighbours, ahead: Cubics, walls: Array, contacts: Contacts, shifted: Bools
+    scene: Scene, near: Neighbours, ahead: Cubics, walls: Array, contacts: Contacts, shifted: Bools, *, slide: bool
 ) -> Shifts:
     """Shifts of contact points from boundary points to the closest points in the configuration `ahead`.
 
     `walls` (walls, 2) [m] are points of the walls then, `contacts` those of the last step, and `shifted` (bodies,)
-    the bodies whose contact points are.
+    the bodies whose contact points are. They may `slide` with the iterate.
     """
     if near.point.size == 0 and walls.size == 0:
         return NO_SHIFTS
@@ -61,7 +65,7 @@ def closest_points(
     found = [_on_wall(scene, near, i, point, ahead, reference, shifted) for i, point in enumerate(walls)]
     if near.point.size:
         found.append(_on_bodies(scene, near, ahead, reference, shifted))
-    return _shifts(joined(found), contacts)
+    return _shifts(joined(found), contacts, slide=slide)
 
 
 def lasting_force(contacts: Contacts, key: Ints, force: Array, courant: float) -> Array:
@@ -209,13 +213,19 @@ def _turn(i: int, x: Array, loops: Loops) -> tuple[float, float]:
     return turn, np.sqrt((x[0, j] - x[0, i]) ** 2 + (x[1, j] - x[1, i]) ** 2)
 
 
-def _shifts(at: _Minima, contacts: Contacts) -> Shifts:
+def _shifts(at: _Minima, contacts: Contacts, *, slide: bool) -> Shifts:
     """The shifts of contacts at the ends of segments on which the slope of the gap changes its sign."""
     keys = np.concatenate([at.key, guard_keys(at.key)])
     force = lookup(contacts.key, contacts.lasting_force, keys.ravel(), 0.0).reshape(4, -1).sum(axis=0)
     width = np.sqrt(4.0 / np.pi * np.maximum(force, 0.0) * at.compliance * at.length / at.turn) / at.length
-    share = np.clip((WIDE - width) / (WIDE - LIGHT), 0.0, 1.0)
-    s = at.slope[0] / (at.slope[0] - at.slope[1])
+    if slide:
+        turn = np.maximum(at.slope[1] - at.slope[0], LEAST_TURN * at.turn)
+        share, s = (width < SLIDING).astype(float), np.clip(0.5 - 0.5 * at.slope.sum(axis=0) / turn, 0.0, 1.0)
+        travel = share * at.length / turn
+    else:
+        share = np.clip((WIDE - width) / (WIDE - LIGHT), 0.0, 1.0)
+        s, travel = at.slope[0] / (at.slope[0] - at.slope[1]), np.zeros(width.size)
     contact = np.where(s > 0.5, at.key[1], at.key[0])
     shift = share * np.where(s > 0.5, s - 1.0, s)
-    return among(Shifts(contact, shift, 0.125 * at.length * at.turn), np.abs(shift) >= MIN_SHIFT)
+    found = Shifts(contact, shift, 0.125 * at.length * at.turn, travel)
+    return among(found, share > 0.0 if slide else guarded(shift))

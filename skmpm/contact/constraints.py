@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.contact.feet import MIN_CURVATURE_FACTOR
 from skmpm.contact.rows import components
 from skmpm.grid import BodyGrids
 from skmpm.scene import PrescribedVelocities, Scene, State
@@ -41,6 +42,9 @@ class Constraints:
     difference: sp.csr_array  # (k, m) first body minus second body
     tangent_shares: sp.csr_array  # (k, m) weights of contact points in the second surface's unit tangent [1/m]
     curvature: Array  # (k,) of the second surface, negative where it is convex [1/m]
+    own_shares: sp.csr_array  # (k, m) weights of contact points in the first surface's unit tangent [1/m]
+    along: Array  # (k,) cosine between the tangents of both surfaces
+    travel: Array  # (k,) of the contact point per turn of both surfaces against each other [m]; 0 if it is fixed
     rigid: Array  # (m, 2) velocities of the contact points on rigid bodies, zero on others [m/s]
     surfaces: Array  # (2, k) relative velocity by the motion of walls and of periodic images [m/s]
     offset_normal: Array  # (k,) [m/s]
@@ -127,6 +131,25 @@ class Constraints:
             components(surface, self.tangent[:, chosen]),
         )
 
+    @property
+    def spread(self) -> Array:
+        """Turn of the normal over that of the surface at its foot, c = 1 / (1 - g kappa), (k,)."""
+        return np.asarray(1.0 / np.maximum(1.0 - self.gap * self.curvature, MIN_CURVATURE_FACTOR))
+
+    def turning(self, chosen: Ints, direction: Array, sliding: Array | float = 1.0) -> sp.csr_array:
+        """Rows (chosen, 2 m) to the rates at which the surfaces turn against each other [1/s].
+
+        With the normals as `direction` (2, chosen): the slope of the gap along the first outline changes with its own
+        rotation and with that of the normal, which turns as the second surface does, and by the curvature of that
+        where the contact slides. With other directions, and other weights of `sliding`, these are the rows in which
+        a force acts that moves along both outlines.
+        """
+        slide, _, _ = self.geometric(chosen)
+        own, other = (components(shares[chosen], direction) for shares in (self.own_shares, self.tangent_shares))
+        factor = self.along[chosen] * self.spread[chosen]
+        bend = sp.diags_array(factor * self.curvature[chosen] * sliding)
+        return sp.csr_array(own - sp.diags_array(factor) @ other - bend @ slide)
+
     @cached_property
     def curved(self) -> NDArray[np.bool_]:
         """Whether the second surface is curved and belongs to a body with unknowns, (k,)."""
@@ -188,6 +211,10 @@ class Constraints:
         some = {name: _some(getattr(self, name), kept) for name in of_contacts}
         return replace(self, **some)
 
+    def normal_part(self, r: Array) -> Array:
+        """The normal components (k,) of impulses."""
+        return r[::2] if self.tangential else r
+
     def lifted(self, r: Array, dt: float) -> Array:
         """Impulses r + c l dt n [N s/m], which obey the law without cohesion, from impulses r [N s/m]."""
         return self._plus(r, dt * self.tensile_strength) if self.cohesive else r
@@ -224,7 +251,7 @@ def no_constraints(base: sp.csr_array) -> Constraints:
     none, two, rows = np.zeros(0), np.zeros((2, 0)), sp.csr_array((0, base.shape[0]))
     no_index, no_pair = np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
     return Constraints(
-        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none),
+        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none, rows, none, none),
         *(np.zeros((base.shape[0], 2)), two, none, none, none, none, two),
     )
 

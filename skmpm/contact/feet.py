@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.compiled import compiled
-from skmpm.outline import Loops, distance_to_segment, foot, place, seen
+from skmpm.outline import Loops, distance_to_segment, foot, place, seen, tangent
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -16,6 +16,8 @@ MAX_NORMALS_COSINE = -0.3  # largest cosine between outward normals of surfaces 
 # The edges beside a contact point may point into the other surface at an angle of up to this sine, or by this depth
 # [cells], whichever is more: compressed boundary points are so close that their heights do not define a slope.
 MAX_EDGE_SINE, MAX_EDGE_DEPTH = 0.5, 0.1
+FARTHEST = 0.95  # shift of a contact point that slides [segments]: the next boundary point has a contact of its own
+MIN_CURVATURE_FACTOR = 0.1  # of 1 - g kappa, which is zero for a point at the centre of curvature
 END_TOLERANCE = 1e-6  # [segments] a point beyond the end of a side by less is still in front of the side
 
 
@@ -27,6 +29,7 @@ def contacts(
     point: Ints,
     segment: Ints,
     shift: Array,
+    travel: Array,
     x: Array,
     c: Array,
     start_x: Array,
@@ -43,7 +46,7 @@ def contacts(
 
     `chosen` are the segment of the foot, -1 where there is no contact, and that at the start of the step; `place` the
     normal, the gap and that at the start; `limits` are depth, reach, and depth of edges [m]. Groups `kept` are
-    in contact at any gap, and beyond the ends of sides.
+    in contact at any gap, and beyond the ends of sides. The shifts of groups that `travel` [m] change to those here.
     """
     depth, reach, edge_depth = limits
     most = max(depth, reach)
@@ -54,6 +57,8 @@ def contacts(
         if i < 0:
             continue
         at = point[ends[group]]
+        if travel[group] > 0.0:
+            shift[group] = slid(at, shift[group], travel[group], (i, t, 0.0, 0.0), c, loops)
         i, t, x_normal, y_normal, gap, off = foot_of(at, shift[group], i, t, c, loops)
         if not kept[group] and (off or not -depth < gap < reach):
             continue
@@ -63,6 +68,16 @@ def contacts(
         chosen[0, group], chosen[1, group], parameter[group] = i, i_before, t
         place[0, group], place[1, group], place[2, group], place[3, group] = x_normal, y_normal, gap, gap_before
         beside[group] = off_before
+
+
+@compiled
+def slide_on_wall(
+    point: Ints, shift: Array, travel: Array, x_normal: float, y_normal: float, c: Array, loops: Loops
+) -> None:
+    """Overwrite the shifts (k,) of contacts with a wall that travel."""
+    for k in range(point.size):
+        if travel[k] > 0.0:
+            shift[k] = slid(point[k], shift[k], travel[k], (0, 0.0, x_normal, y_normal), c, loops)
 
 
 @compiled
@@ -76,6 +91,25 @@ def nearest_of_group(
         if distance < least:
             least, best, at = distance, segment[k], s
     return best, at
+
+
+@compiled
+def slid(
+    point: int, shift: float, travel: float, surface: tuple[int, float, float, float], c: Array, loops: Loops
+) -> float:
+    """The shift of a contact point that slides by `travel` [m] per slope of the gap along its outline.
+
+    The `surface` is a curve, by a segment and its parameter near the foot, or by its normal alone a plane.
+    """
+    i, t, x_normal, y_normal = surface
+    own, s = (loops.previous[point], 1.0 + shift) if shift < 0.0 else (point, shift)
+    x_own, y_own, speed = tangent(c, own, s)
+    if x_normal == 0.0 and y_normal == 0.0:
+        at = place(c, own, s)
+        i, t = foot(at, i, t, c, loops)
+        x_normal, y_normal, _, _ = seen(at, c, i, t)
+    step = -travel * (x_normal * x_own + y_normal * y_own) / speed
+    return min(max(shift + step, -FARTHEST), FARTHEST)
 
 
 @compiled

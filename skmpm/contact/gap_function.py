@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.compiled import compiled_in_order
+from skmpm.contact import feet
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import foot_points, project, tangent_shares, wall_keys
-from skmpm.contact.shifts import guard_keys
+from skmpm.contact.shifts import guard_keys, guarded
+from skmpm.outline import Cubics
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
@@ -31,6 +33,9 @@ class ContactPairs:
     weights: Array  # (4, k) their weights in the foot; zero for walls
     tangent_shares: Array  # (4, k) their weights in the curve's unit tangent [1/m]; zero for walls and at corners
     curvature: Array  # (k,) of the curve, negative where it is convex [1/m]; zero for walls and at corners
+    own_shares: Array  # (4, k) weights of `own` in the unit tangent at the contact point [1/m]
+    along: Array  # (k,) cosine between both tangents
+    travel: Array  # (k,) of the contact point along its outline, per slope of the gap [m]; 0 if it is fixed
     normal: Array  # (2, k) at x + theta dt w
     gap: Array  # (k,) at the end of the step [m]
     before: Array  # (k,) gap at the start of the step [m]
@@ -47,6 +52,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     driving = end if theta == 1.0 else project(near, at, end)
     shares, curvature = tangent_shares(at, driving)
     own, own_s = curve.shifted(end.point, end.shift)
+    own_shares, along = _own_tangents(now, own, own_s, end.normal)
     bodies = boundary.body[np.stack([end.point, end.segment])]
     return ContactPairs(
         bodies=bodies,
@@ -58,6 +64,9 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         weights=curve.weights(driving.segment, driving.s),
         tangent_shares=shares,
         curvature=curvature,
+        own_shares=own_shares,
+        along=along,
+        travel=near.shifts.travel_of(end.key),
         normal=driving.normal,
         gap=end.gap,
         before=before,
@@ -77,13 +86,17 @@ def contacts_with_wall(
     kept = near.tension.holds(wall_keys(curve, i, np.arange(boundary.size)))
     c = c[: _wall_gaps(normal, start, point, moved, step, movable, kept, near.reach, before, gap, c)]
     key = wall_keys(curve, i, c)
-    shift = near.shifts.of(key)
-    guarded = shift != 0.0
-    c, shift = np.append(c, c[guarded]), np.append(shift, np.zeros(np.count_nonzero(guarded)))
-    key = np.append(key, guard_keys(key[guarded]))
+    shift, now, travel = near.shifts.of(key), curve.through(start + moved), near.shifts.travel_of(key)
+    if travel.any():
+        feet.slide_on_wall(c, shift, travel, normal[0], normal[1], now.c, curve.loops)
+    doubled = guarded(shift)
+    c, shift = np.append(c, c[doubled]), np.append(shift, np.zeros(np.count_nonzero(doubled)))
+    key = np.append(key, guard_keys(key[doubled]))
     segment, s = curve.shifted(c, shift)
     own, weights = curve.stencil(segment), curve.weights(segment, s)
     bodies = np.stack([boundary.body[c], np.full(c.size, -1 - i)])
+    normals = np.repeat(normal[:, None], c.size, axis=1)
+    own_shares, along = _own_tangents(now, segment, s, normals)
     return ContactPairs(
         bodies=bodies,
         point=c,
@@ -94,12 +107,23 @@ def contacts_with_wall(
         weights=np.zeros((4, c.size)),
         tangent_shares=np.zeros((4, c.size)),
         curvature=np.zeros(c.size),
-        normal=np.repeat(normal[:, None], c.size, axis=1),
+        own_shares=own_shares,
+        along=along,
+        travel=near.shifts.travel_of(key),
+        normal=normals,
         gap=np.einsum("jk,jk->k", weights, gap[own]),
         before=np.einsum("jk,jk->k", weights, before[own]),
         friction=scene.frictions.between(bodies),
         kept=near.shifts.kept_overlap(key),
     )
+
+
+def _own_tangents(now: Cubics, segment: Ints, s: Array, normal: Array) -> tuple[Array, Array]:
+    """Weights (4, k) [1/m] in the unit tangents at the contact points, and cosines (k,) to those of the surfaces."""
+    slope = now.at(segment, s, 1)
+    speed = np.maximum(np.hypot(*slope), 1e-300)
+    along = (slope[1] * normal[0] - slope[0] * normal[1]) / speed
+    return now.curve.weights(segment, s, 1) / speed, along
 
 
 @compiled_in_order

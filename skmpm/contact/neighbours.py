@@ -85,6 +85,11 @@ class Neighbours:
         return self.shifts.of(self.key)
 
     @cached_property
+    def travel(self) -> Array:
+        """How far the contact points of the groups travel per slope of the gap, (groups,) [m]."""
+        return self.shifts.travel_of(self.key)
+
+    @cached_property
     def ends(self) -> Ints:
         """First candidate of each group, and the number of candidates, (groups + 1,)."""
         return np.append(self.begins, self.point.size)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from skmpm.contact import feet
 from skmpm.contact.corner_contact import dot, wedge
 from skmpm.contact.neighbours import Neighbours
-from skmpm.contact.shifts import guard_keys
+from skmpm.contact.shifts import guard_keys, guarded
 from skmpm.contact.tables import among, joined
 from skmpm.outline import Cubics, Curve
 from skmpm.parallel import over_points
@@ -63,7 +63,7 @@ def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, Array]:
         kept |= near.tension.holds(found.key) & ~np.isin(found.key, corner_pairs.key)
         found = joined([among(found, kept), corner_pairs])
         before = joined([among(before, kept), _Before.of(project(near, near.start, corner_pairs))])
-    guards = among(found, found.shift != 0.0)
+    guards = among(found, guarded(found.shift))
     if guards.gap.size:
         guards = replace(guards, shift=np.zeros(guards.gap.size), key=guard_keys(guards.key))
         guards = project(near, now, guards)
@@ -90,7 +90,8 @@ def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]
     groups, start = near.begins.size, near.start
     chosen, s, place = np.empty((2, groups), dtype=np.int64), np.empty(groups), np.empty((4, groups))
     beside = np.empty(groups, dtype=bool)
-    candidates = (near.ends, near.point, near.segment, near.shift)
+    shift = near.shift.copy()
+    candidates = (near.ends, near.point, near.segment, shift, near.travel)
     limits = (MAX_DEPTH * near.cell, near.reach, feet.MAX_EDGE_DEPTH * near.cell)
     shapes = (now.x, now.c, start.x, start.c, near.curve.loops)
     arguments = (*candidates, *shapes, limits, near.tension.holds(near.key), chosen, s, place, beside)
@@ -99,7 +100,7 @@ def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]
     (segment, segment_before), place = chosen[:, group], place[:, group]
     found = FootPoints(
         point=near.point[near.begins[group]],
-        shift=near.shift[group],
+        shift=shift[group],
         segment=segment,
         s=s[group],
         corner_pair=np.zeros(group.size, dtype=bool),

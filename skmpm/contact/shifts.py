@@ -27,10 +27,15 @@ class Shifts:
     key: Ints  # (n,) identities of contacts
     shift: Array  # (n,) between -1/2 and 1/2, not zero [segments]
     sagitta: Array  # (n,) of a segment against the other surface [m]
+    travel: Array  # (n,) along the outline per slope of the gap there [m]; 0 where places are fixed in a step
 
     def of(self, key: Ints) -> Array:
         """Shifts (k,) of the contacts with keys (k,)."""
         return lookup(self.key, self.shift, key, 0.0)
+
+    def travel_of(self, key: Ints) -> Array:
+        """How far contacts travel along their outlines per slope of the gap, (k,) [m]."""
+        return lookup(self.key, self.travel, key, 0.0)
 
     def kept_overlap(self, key: Ints) -> Array:
         """Overlap at the start of the step that remains, (k,) [m].
@@ -41,7 +46,12 @@ class Shifts:
         return lookup(self.key, self.sagitta, key, 0.0)
 
 
-NO_SHIFTS = Shifts(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
+NO_SHIFTS = Shifts(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def guarded(shift: Array) -> NDArray[np.bool_]:
+    """Whether contacts at shifts (k,) have a second one at the boundary point, (k,)."""
+    return np.asarray(np.abs(shift) >= MIN_SHIFT)
 
 
 def guard_keys(key: Ints) -> Ints:

@@ -66,11 +66,21 @@ class ContactProblem:
     )
     delassus: Delassus | None = None  # of an earlier step with the same matrix
     unknowns: ScalarUnknowns | None = None  # that are not on a grid
+    found: Array | None = None  # (p,) scalar unknowns of an earlier solve in the step [m/s]
 
     @cached_property
     def first_scalars(self) -> Array:
         """The scalar unknowns at which the iteration begins, (p,) [m/s]."""
+        if self.found is not None:
+            return self.found
         return np.zeros(0) if self.unknowns is None else self.unknowns.v0
+
+    def after(self, contact: ContactIterate | None) -> ContactProblem:
+        """The problem of a solve that follows another one in the same step."""
+        if contact is None:
+            return self
+        force = contact.constraints.forces(contact.r, self.increment.dt)
+        return replace(self, known=KnownForces(contact.constraints.key, force), found=contact.z)
 
     def carried(self, w: Array, z: Array) -> Array:
         """A nodal velocity w (2 nodes,) with what a periodic box adds that has scalar unknowns z (p,)."""

@@ -144,7 +144,7 @@ class _Linearised:
         """
         if geometric is None:
             return self._without(self._impulses(None, self.contact.lifted), 0, 0)
-        found, inertia = self._impulses(geometric, self.contact.lifted), self.contact.increment.scheme.inertia
+        found, inertia = self._impulses(geometric, self.contact.lifted), self.contact.increment.inertial
         if found.worst is None and (usable := self._usable(geometric, found, 0)):
             return usable
         without = self._impulses(None, self.contact.lifted)
@@ -210,7 +210,7 @@ class _Linearised:
         Between walls of prescribed motion gaps are a millionth of it anyway. Springs move no body against itself.
         """
         contact, increment, unknowns = self.contact, self.contact.increment, self.contact.problem.unknowns
-        if unknowns is None or increment.scheme.inertia:
+        if unknowns is None or increment.inertial:
             return 1.0
         on_springs, bodies = increment.floating & (increment.proximal is None), contact.constraints.bodies
         soft = ((bodies >= 0) & on_springs[np.maximum(bodies, 0)]).any(axis=0) & (bodies[0] != bodies[1])
@@ -232,7 +232,7 @@ class _Linearised:
             p = geometric.Z @ increment_of_points - by_known[k:]
             W = W + _lower_right(geometric.compliance, k)
             negative = None if constraints.tangential else geometric.contacts.size
-            bilateral = coulomb.Bilateral(p, np.tile(geometric.contacts, 2), negative)
+            bilateral = coulomb.Bilateral(p, geometric.owners, negative)
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}
         elif W.shape[0] > k:
             W, bars = W[:k, :k], None if bars is None else bars.of_contacts(k)
@@ -247,8 +247,8 @@ class _Linearised:
         round_off = contact.problem.speed_round_off / scheme.gap_tol
         limits = round_off, increment.dt, scheme.contact_tol, self._elastic_share()
         scale = contact_scale(constraints, diagonal, free, *limits)
-        options |= {"tol": scheme.contact_tol, "reference": scale.reference, "damped": not scheme.inertia}
-        options |= {"pairs": constraints.pairs if scheme.inertia else None}
+        options |= {"tol": scheme.contact_tol, "reference": scale.reference, "damped": not increment.inertial}
+        options |= {"pairs": constraints.pairs if increment.inertial else None}
         r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)
         contact.problem.timer.lap("contact")
         worst = None

@@ -39,19 +39,24 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 MIN_IMPULSE = 1e-3  # over the largest normal impulse: below it, the geometric stiffness of a contact is neglected
-MIN_CURVATURE_FACTOR = 0.1  # of 1 - g kappa, which is zero for a point at the centre of curvature
 CONE_TOLERANCE = 1e-9  # relative distance from the boundary of the friction cone that counts as slip
 
 
 @dataclass(frozen=True)
 class ContactStiffness:
-    """Geometric stiffness of l loaded contacts that slip or have no friction."""
+    """Geometric stiffness of l loaded contacts that slip or have no friction, and of t contact points that slide."""
 
     contacts: Ints  # (l,) indices among the constraints
     friction_ratio: Array  # (l,) m, tangential over normal impulse; zero without friction
-    Z: sp.csr_array  # (2 l, 2 contact points) from velocities to rates of tau, then of beta
-    acting: sp.csr_array  # (2 l, 2 contact points) directions in which rho acts: Z without friction
-    compliance: sp.csr_array  # (2 l, 2 l) from -rho to the rates of tau and beta; one negative eigenvalue a contact
+    sliding: Ints  # (t,) indices among the constraints
+    Z: sp.csr_array  # (2 l + t, 2 contact points) from velocities to rates of tau, of beta, then of turns
+    acting: sp.csr_array  # (2 l + t, 2 contact points) directions in which rho acts: Z without friction
+    compliance: sp.csr_array  # from -rho to the rates of Z; one negative eigenvalue for each of the l contacts
+
+    @property
+    def owners(self) -> Ints:
+        """The contacts that the rows belong to, (2 l + t,)."""
+        return np.concatenate([self.contacts, self.contacts, self.sliding])
 
     @property
     def size(self) -> int:
@@ -75,28 +80,45 @@ class ContactStiffness:
 
 def contact_stiffness(constraints: Constraints, r: Array, dt: float, theta: float) -> ContactStiffness | None:
     """The geometric stiffness of contacts with impulses r; None if no contact has any."""
-    chosen = loaded(constraints, r)
+    chosen, pressed = loaded(constraints, r), _pressed(constraints, r)
     if constraints.tangential:
         chosen = chosen[~sticking(constraints.lifted(r, dt), constraints.friction)[chosen]]
-    if chosen.size == 0:
+    sliding = pressed[(constraints.travel[pressed] > 0.0) & (constraints.normal_part(r)[pressed] > 0.0)]
+    if chosen.size + sliding.size == 0:
         return None
     normal, friction_ratio = r[chosen], np.zeros(chosen.size)
     if constraints.tangential:
         normal = r[2 * chosen]
         friction_ratio = np.where(constraints.tensile_strength[chosen] > 0.0, 0.0, r[2 * chosen + 1] / normal)
     slide, rotation, stretch = constraints.geometric(chosen)
-    Z = sp.csr_array(sp.vstack([slide, rotation], format="csr"))
-    acting = sp.csr_array(sp.vstack([slide, rotation + sp.diags_array(friction_ratio) @ stretch], format="csr"))
+    turns = constraints.turning(sliding, constraints.normal[:, sliding]), _moving_forces(constraints, r, sliding, dt)
+    turned = rotation + sp.diags_array(friction_ratio) @ stretch
+    Z, acting = (
+        sp.csr_array(sp.vstack([slide, *rows], format="csr")) for rows in zip((rotation, turned), turns, strict=True)
+    )
     compliance = _compliance(constraints, chosen, normal, friction_ratio, dt, theta)
-    return ContactStiffness(chosen, friction_ratio, Z, acting, compliance)
+    if sliding.size:
+        travel = theta * dt * constraints.normal_part(r)[sliding] * constraints.travel[sliding]
+        compliance = sp.csr_array(sp.block_diag([compliance, sp.diags_array(1.0 / travel)], format="csr"))
+    return ContactStiffness(chosen, friction_ratio, sliding, Z, acting, compliance)
+
+
+def _moving_forces(constraints: Constraints, r: Array, sliding: Ints, dt: float) -> sp.csr_array:
+    """Rows in which the forces of contact points that slide act, per normal impulse; those that stick do not turn."""
+    direction = constraints.normal[:, sliding]
+    if not constraints.tangential:
+        return constraints.turning(sliding, direction)
+    ratio = r[2 * sliding + 1] / r[2 * sliding]
+    sticks = sticking(constraints.lifted(r, dt), constraints.friction)[sliding]
+    direction = direction + ratio * constraints.tangent[:, sliding]
+    return constraints.turning(sliding, direction, np.where(sticks, 0.0, 1.0 + ratio**2))
 
 
 def _compliance(
     constraints: Constraints, chosen: Ints, normal: Array, friction_ratio: Array, dt: float, theta: float
 ) -> sp.csr_array:
     """The inverse of theta dt r c [[(1 + m^2) kappa, 1 + m^2], [1, g]] for l contacts, (2 l, 2 l)."""
-    gap, kappa = constraints.gap[chosen], constraints.curvature[chosen]
-    c = 1.0 / np.maximum(1.0 - gap * kappa, MIN_CURVATURE_FACTOR)
+    gap, kappa, c = constraints.gap[chosen], constraints.curvature[chosen], constraints.spread[chosen]
     factor = theta / (theta**2 * dt * normal * c * (gap * kappa - 1.0))
     friction, l = 1.0 / (1.0 + friction_ratio**2), chosen.size  # noqa: E741
     entries = factor * np.array([[gap * friction, -np.ones(l)], [-friction, kappa]])  # (row, column, contact)
@@ -107,9 +129,13 @@ def _compliance(
 
 def loaded(constraints: Constraints, r: Array) -> Ints:
     """The contacts on curved surfaces with a normal impulse, tension or compression, above `MIN_IMPULSE`."""
-    normal = r[::2] if constraints.tangential else r
-    size = np.abs(normal)
-    return np.flatnonzero((size > MIN_IMPULSE * size.max(initial=0.0)) & constraints.curved)
+    pressed = _pressed(constraints, r)
+    return np.asarray(pressed[constraints.curved[pressed]])
+
+
+def _pressed(constraints: Constraints, r: Array) -> Ints:
+    size = np.abs(constraints.normal_part(r))
+    return np.flatnonzero(size > MIN_IMPULSE * size.max(initial=0.0))
 
 
 def sticking(r: Array, friction: Array) -> NDArray[np.bool_]:

@@ -91,7 +91,7 @@ class Persistence:
     def of(cls, scheme: Scheme, *, in_contact: bool) -> Persistence:
         """Of dynamic steps with contacts patience is limited, since shorter steps help."""
         most = scheme.max_newton
-        return cls(most, PATIENCE if in_contact and scheme.inertia else most)
+        return cls(most, PATIENCE if in_contact else most)
 
     def ends(self, iteration: int, distance: float) -> bool:
         """Whether it ends; a full step more balances the momentum of a converged iterate."""

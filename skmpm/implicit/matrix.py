@@ -39,7 +39,7 @@ def solver_of(
     A = increment.matrix(configuration, projected=projected)
     if increment.gauge is not None and increment.gauge.rotation.any():
         return _on_gauge(increment, increment.gauge, A, configuration, in_contact)
-    if in_contact and increment.long and not projected and increment.scheme.inertia:
+    if in_contact and increment.long and not projected and increment.inertial:
         return _with_rotational_inertia(increment, A, configuration, None)
     try:
         return _solver(increment, A)
@@ -62,7 +62,7 @@ def _modified(
     increment: Increment, A: sp.bsr_array, configuration: Configuration, failed: NotPositiveDefinite, in_contact: bool
 ) -> Solver:
     """A solver for A with the blocks of indefinite bodies modified."""
-    if increment.scheme.inertia:
+    if increment.inertial:
         return _with_rotational_inertia(increment, A, configuration, failed)
     # Contacts stabilise modes that A alone does not, such as those of the surface beside an indenting corner, so that
     # a small weight often suffices; any weight slows convergence. Bodies that rotate or buckle need all of it.
@@ -101,7 +101,7 @@ def _with_rotational_inertia(
     touch: those whose rotation is unstable are known to be indefinite.
     """
     grid, assembly = increment.grid, increment.bulk.assembly
-    weight, diagonal = assembly.mass[::2], assembly.diagonal_blocks
+    weight, diagonal = increment.mass[::2], assembly.diagonal_blocks
     arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, weight)
     inertia, missing = _rotational_stiffness(increment, A, np.stack([-arm[1], arm[0]], axis=1).ravel())
     lacking, exact = missing / np.maximum(inertia, 1e-300), A.data[diagonal]
@@ -136,7 +136,7 @@ def _rotational_stiffness(increment: Increment, A: sp.bsr_array, rotation: Array
     In a quasi-static step, where A has the weight of the stiffness alone, so has the inertia. Newton iterations are
     the same with a hundredth of it and with four times as much.
     """
-    mass = increment.bulk.assembly.mass if increment.scheme.inertia else increment.stiffness_as_mass
+    mass = increment.mass if increment.inertial else increment.stiffness_as_mass
     quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)])
     inertia, stiffness = increment.grid.sums(quadratic[:, ::2] + quadratic[:, 1::2])
     return inertia, np.maximum(MIN_ROTATIONAL_STIFFNESS * inertia - stiffness, 0.0)

@@ -88,16 +88,16 @@ def _displacement(increment: Increment, velocity: Array) -> Array:
 
 def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
     """Resultant out-of-balance impulse over mass, (2, bodies) [m/s]; zero in scenes with supports."""
-    assembly, grid = increment.bulk.assembly, increment.grid
-    if not increment.scheme.inertia or increment.supports is not None:
+    grid = increment.grid
+    if not increment.inertial or increment.supports is not None:
         return np.zeros((2, grid.bodies))
     force = increment.theta_dt * (increment.load(w) - increment.spring_force(w))
-    imbalance = assembly.lumped * (w - increment.inertial_velocity) - force - contact_impulse
+    imbalance = increment.mass * (w - increment.inertial_velocity) - force - contact_impulse
     return _over_mass(increment, imbalance)
 
 
 def _over_mass(increment: Increment, impulse: Array) -> Array:
     """Resultants of nodal impulses (2 nodes,) over the masses of bodies, (2, bodies) [m/s]."""
-    lumped = increment.bulk.assembly.lumped
-    resultant, mass = (increment.grid.sums(a.reshape(-1, 2).T) for a in (impulse, lumped))
+    weight = increment.mass if increment.metric is not None else increment.bulk.assembly.lumped
+    resultant, mass = (increment.grid.sums(a.reshape(-1, 2).T) for a in (impulse, weight))
     return np.asarray(resultant / np.maximum(mass, 1e-300))

@@ -102,7 +102,7 @@ def _first(increment: Increment, problem: ContactProblem | None, kept: Solver | 
     """The iterate at the initial guess."""
     w, configuration = first_velocity(increment)
     contact = None if problem is None else problem.at(w)
-    remedies = None if increment.scheme.inertia else Remedies(increment.bulk.assembly.mass)
+    remedies = None if increment.inertial else Remedies(increment.bulk.assembly.mass)
     return _Iterate(increment, w, configuration, contact, _Factor(kept), np.zeros_like(w), remedies)
 
 

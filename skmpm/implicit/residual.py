@@ -60,6 +60,8 @@ class Increment:
     pressure: FollowerPressure | None = None
     springs: Springs | None = None
     known_start: Configuration | None = None  # the configuration at the start, where an earlier step has computed it
+    metric: Array | None = None  # in place of the mass, (2 nodes,) [kg/m]: of a solve of a static step
+    guess: Array | None = None  # where the iteration begins (2 nodes,) [m/s]; v0 if None
     depends_on_dt: bool = True  # whether the equations depend on dt; not in equilibria under constant conditions
 
     @property
@@ -90,14 +92,23 @@ class Increment:
         return self.bulk.modulus + 2.0 * self.bulk.viscosity / self.theta_dt
 
     @property
+    def inertial(self) -> bool:
+        """Whether velocities are weighed against `inertial_velocity`: by inertia or by a static metric."""
+        return self.scheme.inertia or self.metric is not None
+
+    @property
     def long(self) -> bool:
         """Whether pressure waves travel farther than `LONG` in the step."""
+        if self.metric is not None:
+            return True
         wave = max(wave_speed(material) for material, _ in self.bulk.materials)
         return self.theta_dt * wave > LONG * self.grid.cell
 
     @cached_property
     def mass(self) -> Array:
         """Diagonal inertia: lumped mass, in a quasi-static step zero or the proximal weight, (2 nodes,) [kg/m]."""
+        if self.metric is not None:
+            return self.metric
         if self.proximal is not None:
             return self.proximal.weight
         assembly = self.bulk.assembly
@@ -109,7 +120,7 @@ class Increment:
     def floating(self) -> NDArray[np.bool_]:
         """Which bodies of a quasi-static step float, that is have a rigid-body mode free of supports, (bodies,)."""
         bodies = self.grid.bodies
-        if self.scheme.inertia:
+        if self.inertial:
             return np.zeros(bodies, dtype=bool)
         present = np.bincount(self.grid.node_body, minlength=bodies) > 0
         floating = present if self.supports is None else present & ~self.supports.holds
@@ -141,11 +152,12 @@ class Increment:
         """The velocity without forces: v0, in a quasi-static step zero or the proximal centre, (2 nodes,) [m/s]."""
         if self.proximal is not None:
             return self.proximal.centre
-        return self.v0 if self.scheme.inertia else np.zeros_like(self.v0)
+        return self.v0 if self.inertial else np.zeros_like(self.v0)
 
     def initial_guess(self) -> Array:
         """The velocity v0 with the prescribed velocities of supports, on the gauge, (2 nodes,) [m/s]."""
-        w = self.v0 if self.gauge is None else self.gauge.initial_guess(self.v0)
+        w = self.v0 if self.guess is None else self.guess
+        w = w if self.gauge is None else self.gauge.initial_guess(w)
         return w if self.supports is None else self.supports.admissible(w, self.prescribed)
 
     def prescribed_only(self) -> Array:
@@ -251,6 +263,8 @@ class Increment:
         K = self.material_response.stiffness(configuration, projected=points)
         if self.springs is not None:
             K = K + self.springs.bed_stiffness()
+        if self.metric is not None:
+            return assembly.matrix(K, self.theta_dt**2, self.metric.reshape(-1, 2, 1) * np.eye(2))
         if self.scheme.inertia:
             return assembly.matrix(K, self.theta_dt**2)
         if self.proximal is not None:

@@ -26,7 +26,7 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
     components of the velocity, and quasi-static iterations form affine combinations of iterates (Anderson): there it
     is the sum w + step.
     """
-    if not increment.scheme.inertia or increment.material_response.linear or increment.supports is not None:
+    if not increment.inertial or increment.material_response.linear or increment.supports is not None:
         return w + step
     grid, mass = increment.grid, increment.bulk.assembly.lumped
     x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), np.empty_like(w)

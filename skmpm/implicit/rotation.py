@@ -24,7 +24,7 @@ def matrix_turns(increment: Increment) -> bool:
     In quasi-static steps, springs against rigid motions have such directions, too.
     """
     scheme, fixed = increment.scheme, increment.supports is not None or increment.springs is not None
-    return scheme.inertia and not scheme.explicit and not increment.material_response.linear and not fixed
+    return increment.inertial and not scheme.explicit and not increment.material_response.linear and not fixed
 
 
 def turned_solver(increment: Increment, solver: Solver, old: Configuration, new: Configuration) -> Rotated:

@@ -32,6 +32,11 @@ class PrescribedVelocities:
     walls_at_end: Array  # (walls, 2) the same as `walls`, but for driven walls
     box: Array | None = None  # (2, 2) edges of the periodic box at the end of the step [m]
 
+    @property
+    def fastest(self) -> float:
+        """The largest component of a velocity of walls, rigid bodies and supports [m/s]."""
+        return max(float(np.abs(each).max(initial=0.0)) for each in (self.walls, self.rigid[:2], self.supports))
+
 
 def prescribed_velocities(scene: Scene, t: float, dt: float, box: Array | None = None) -> PrescribedVelocities:
     """The prescribed velocities of a step from t to t + dt [s], with the edges `box` of a periodic box at its start.

@@ -6,7 +6,9 @@ from dataclasses import replace
 from numbers import Real
 
 import numpy as np
+from numpy.typing import NDArray
 
+from skmpm.contact.boundary import settles
 from skmpm.implicit import (
     ContactProblem,
     Increment,
@@ -18,7 +20,9 @@ from skmpm.implicit import (
     carried,
     end_of_step,
 )
+from skmpm.implicit.equilibrium_loop import settle
 from skmpm.implicit.errors import SMALLER
+from skmpm.implicit.iteration import Solution
 from skmpm.linear import Delassus, one_thread
 from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
@@ -109,8 +113,12 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         check_bars_held(increment)
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
-            contact = _contact_problem(scene, state, increment, motions, unknowns, timer, delassus)
-            increment, solution = carried(increment, advance(increment, contact, solver, timer))
+            if not scheme.inertia and settles():
+                solution = _equilibrium(scene, state, increment, motions, unknowns, timer)
+            else:
+                contact = _contact_problem(scene, state, increment, motions, unknowns, timer, delassus)
+                solution = advance(increment, contact, solver, timer)
+            increment, solution = carried(increment, solution)
             end = end_of_step(increment, solution, motions)
             after = end_state(scene, state, increment, solution, end)
             timer.lap("transfer")
@@ -145,6 +153,28 @@ def _contact_problem(
     known = KnownForces(contacts.key, contacts.force)
     held = scene.supporting >= 0
     return ContactProblem(linearise, increment, known, timer, supported=held, delassus=delassus, unknowns=unknowns)
+
+
+def _equilibrium(
+    scene: Scene,
+    state: State,
+    increment: Increment,
+    motions: PrescribedVelocities,
+    unknowns: ScalarUnknowns | None,
+    timer: Timer,
+) -> Solution:
+    """The solution of a step without inertia; its first centre is the motion of the box, rest without one."""
+    centre, own = np.zeros_like(increment.v0), scene.deformable_points
+    if state.box is not None:
+        centre = velocity_of_box(state, mean_gradient(state, motions, increment.dt))
+
+    def problem_of(trial: Increment, w: NDArray[np.float64], before: Solution | None) -> ContactProblem | None:
+        v = state.v.copy()
+        v[:, own] = trial.grid.at_points(w)
+        problem = _contact_problem(scene, replace(state, v=v), trial, motions, unknowns, timer, None)
+        return problem if problem is None or before is None else problem.after(before.contact)
+
+    return settle(increment, centre, problem_of, timer, increment.dt * motions.fastest)
 
 
 def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:
