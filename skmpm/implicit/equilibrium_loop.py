@@ -30,8 +30,8 @@ from skmpm.implicit.unbalanced_motion import no_equilibrium
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# Shares of the shear modulus of a body that its metric has: that of a body at rest in the first solve, the least and
-# the largest of all. Below the first, solves of bodies that buckle fail; the least speeds up slender ones.
+# Shares of the shear modulus of a body that its metric has: in the first solve of bodies at rest, the least and the
+# largest of all. Below the first, solves of bodies that buckle fail. Bodies that supports hold begin with the least.
 FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
 MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
 TOO_FAR = 2.0  # of these motions: such a solve is repeated with a larger share
@@ -129,7 +129,7 @@ class _Metric:
         """Let resultants (bodies,) [kg m/s per m] that nothing bears move bodies by `MOTION`."""
         velocity = MOTION * increment.grid.cell / increment.dt
         wanted = unheld / (velocity * np.maximum(self.modulus, 1e-300))
-        self.share = np.clip(np.where(self.held, 0.0, wanted), FIRST, LARGEST)
+        self.share = np.where(self.held, LEAST, np.clip(wanted, FIRST, LARGEST))
 
     def raised(self) -> bool:
         """Larger shares after a solve that failed; whether there are any."""
