@@ -40,8 +40,7 @@ FALLING = 10
 MAX_SOLVES = 60
 AFTER_FAILURE, FLOOR = 10.0, 3.0  # factors of the shares after a solve that failed: of the next, and of the least
 SLOWEST = 0.01  # smallest factor of a share from one solve to the next
-NEGLIGIBLE = 1e-3  # resultant of M (w - v0) over the forces on a body
-NEGLIGIBLE_WORK = 1e-4  # of M (w - v0) along w - v0 over that of the other forces along w
+WORK = 0.1  # over Newton's tolerance: work of M (w - v0) that is negligible beside that of the other forces
 LIGHTEST = 0.1  # smallest force on a body that counts, over the mean of all: rattlers bear almost none
 
 Problems = Callable[[Increment, Array, Solution | None], ContactProblem | None]
@@ -184,8 +183,8 @@ class _Change:
         )
 
     def negligible(self, tol: float) -> bool:
-        """Whether M (w - v0) is."""
-        return self.imbalance <= tol and self.work <= NEGLIGIBLE_WORK and bool((self.resultant <= NEGLIGIBLE).all())
+        """Whether M (w - v0) is, on nodes, on bodies and in the work that it does along w - v0."""
+        return self.imbalance <= tol and self.work <= WORK * tol and bool((self.resultant <= tol).all())
 
 
 def _outer(increment: Increment, w: Array) -> list[Array]:

@@ -44,15 +44,18 @@ def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body:
     pressed = own[normal[own] > 0.0] if own.size else own
     if pressed.size == 0:
         return ("separates" if (normal[own] < 0.0).any() else "falls"), falls[1]
+    corners = [each for each in pressed.tolist() if _at_corner(increment, constraints, each, body)]
     most = int(pressed[np.argmax(normal[pressed])])
-    where = f"on {_other(constraints, most, body)} at {_place(constraints, most, increment.grid.cell)}"
     speed = float(motion.at_surface(motion.velocity(step))[body])
     slip = np.abs(_slip(constraints, step, most))
     on_cone = abs(tangential[most]) >= (1.0 - 1e-6) * constraints.friction[most] * normal[most]
     if slip > SLIP * speed and on_cone:
-        return f"slides {where}", "add a Support, a wall or friction, or use inertia"
-    topples = any(_at_corner(increment, constraints, each, body) for each in pressed.tolist())
-    return ("topples " if topples else "rolls ") + where, falls[1]
+        verb, remedy = "slides", "add a Support, a wall or friction, or use inertia"
+    else:
+        verb, remedy = "topples" if corners else "rolls", falls[1]
+        most = max(corners, key=lambda each: normal[each], default=most)
+    place = _place(constraints, most, increment.grid.cell)
+    return f"{verb} on {_other(constraints, most, body)} at {place}", remedy
 
 
 def _slip(constraints: Constraints, velocity: Array, contact: int) -> float:

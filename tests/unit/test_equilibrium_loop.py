@@ -147,7 +147,9 @@ UNBALANCED = {
         box((0.03, 0.0), (1.0, 1.0), spacing=0.75 * H), 0.1, 0.0
     ),
     r"body 0: .* slides on wall 0": on_slope(box((0.0, 0.0), (2.0, 1.0), spacing=0.66 * H), 0.35, 0.3),
-    r"body 0: .* topples on wall 0": on_slope(box((0.0, 0.0), (0.8, 2.0), spacing=0.75 * H), 0.5, 2.0),
+    r"body 0: .* topples on wall 0 at \(0.8, 0\) m": on_slope(
+        box((0.0, 0.0), (0.8, 2.0), spacing=0.75 * H), 0.5, 2.0
+    ),
     r"body 0: .* rolls on wall 0": on_slope(disc((0.1, R), R, spacing=0.75 * H), 0.1, 10.0),
     r"body 0: .* falls": Scene([Body(disc((0.1, 3.0), R, spacing=0.75 * H), GEL)], cell=H, gravity=(0.0, -10.0)),
     r"body 1: .* slides on body 0": Scene(
