@@ -82,7 +82,7 @@ def expected_energy(t, cell, dt, theta, name):
     return np.exp(t * (euler + (np.log(smoothing(cell)) / dt if name == "pic" else 0.0)))
 
 
-@pytest.mark.parametrize(("solver", "offset"), [("banded", 0.0), ("banded", 0.15), ("amg", 0.15)])
+@pytest.mark.parametrize(("solver", "offset"), [("banded", 0.0), ("amg", 0.15)])
 def test_bar_keeps_its_period_to_a_thousandth_and_its_energy_over_ten_periods(solver, offset):
     """Fixed-free bar, nu = 0, h = 1/2, dt = 0.1 s (c dt = 2 h), midpoint rule, FLIP, against separation of variables.
 
