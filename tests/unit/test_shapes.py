@@ -108,7 +108,7 @@ def test_shapes_come_to_rest_on_each_other():
     sides = [Wall((-2.2 * R, 0), (1, 0), friction=0.4), Wall((2.2 * R, 0), (-1, 0), friction=0.4)]
     scene = Scene(bodies, cell=R / 3.4, walls=[Wall((0, 0), (0, 1), friction=0.4), *sides], friction=0.4,
                   gravity=(0.0, -9.81))  # fmt: skip
-    *_, state = simulate(scene, until=0.3)
+    *_, state = simulate(scene, dt=1e-3, until=0.3)
     weight = 9.81 * state.mass.sum()
     assert -state.wall_force[:, 1].sum() == pytest.approx(weight, rel=1e-3)
     assert np.hypot(*state.v).max() < 1e-3
