@@ -92,7 +92,7 @@ def test_a_crushed_disc_does_not_fold_over_itself():
 
 def test_a_body_between_walls_that_close_to_nothing_ends_clearly():
     """Not in NaN, and not in a body behind the walls."""
-    outcome = examine(crush(Parameters(cells=3.0, closing=0.2)))
+    outcome = examine(crush(Parameters(cells=2.0, closing=0.2)))
     assert outcome.kind == "StepFailed", outcome.violations
     assert outcome.state.t > 0.0 and np.isfinite(outcome.state.x).all()
 
