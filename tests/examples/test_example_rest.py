@@ -12,7 +12,7 @@ def test_rest(tmp_path):
 
     With contact normals of another configuration than the stress, kinetic energy grew after the lid stopped.
     """
-    table = rest.main(tmp_path, 20, 0.9, 160)
+    table = rest.main(tmp_path, 12, 0.9, 160)
     kinetic, elastic, turning = np.transpose(table)
     assert kinetic[-1] <= 0.05 * kinetic[0]
     assert turning[-1] <= 0.01

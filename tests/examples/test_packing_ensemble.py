@@ -117,7 +117,8 @@ def test_the_whole_study_in_small(tmp_path, capsys):
     docs.mkdir()
     shutil.copy(pages.DOCS / "packing_ensemble.md", docs)
     only = ["quasistatic_mu0.5", "periodic_mu0.1_seed0", "fast_mu0.5_seed0", "nu0.3_mu0_seed0", "regridded"]
-    options = [*SMALL, "--slow", "0.05", "--out", str(tmp_path / "out"), "--docs", str(docs), "--processes", "2"]
+    options = [*SMALL, "--start", "0.66", "--slow", "0.05", "--processes", "2"]
+    options += ["--out", str(tmp_path / "out"), "--docs", str(docs)]
     study.main(study.parser().parse_args([*options, "--only", *only]))
     for name in ("quasistatic_mu0.5_seed0", "quasistatic_mu0.5_seed1", "periodic_mu0.1_seed0", "fast_mu0.5_seed0",
                  "nu0.3_mu0_seed0", "regridded_mu0.5_seed0"):  # fmt: skip
@@ -136,7 +137,7 @@ def test_the_whole_study_in_small(tmp_path, capsys):
 
 def test_the_main_job_keeps_its_promises(tmp_path):
     """A small one: the tables are complete, and the checks of the full one hold."""
-    options = ["--discs", "12", "--start", "0.6", "--until", "0.75", "--out", str(tmp_path)]
+    options = ["--discs", "12", "--start", "0.68", "--until", "0.75", "--out", str(tmp_path)]
     checks = main_job.main(main_job.parser().parse_args(options))
     with (tmp_path / "checks.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(checks)
