@@ -49,7 +49,7 @@ def main() -> int:
             "MPLBACKEND": "Agg",
         }
         options = ["-m", "not slow", "-p", "no:cacheprovider", "--basetemp", f"{folder}/tests"]
-        options += ["-k", "not a_worker_that_ends"]  # hangs on how fast a worker is missed
+        options += ["-k", "not a_worker_that_ends and not an_interrupted_client"]  # hang on how fast workers end
         options += ["-W", "default::DeprecationWarning"]  # what old libraries use of newer ones
         command = [python, "-m", "pytest", "-q", *options, *(f"tests/{name}" for name in TESTS)]
         return subprocess.run(command, cwd=ROOT, env=os.environ | variables).returncode
