@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 # Shares of the shear modulus of a body that its metric has: in the first solve of bodies at rest, the least and the
-# largest of all. Below the first, solves of bodies that buckle fail. Bodies that supports hold begin with the least.
+# largest of all. Below the first, solves of bodies that buckle fail. Bodies that supports hold have none.
 FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
 MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
 TOO_FAR = 2.0  # of these motions: such a solve is repeated with a larger share
@@ -40,6 +40,7 @@ FALLING = 10
 MAX_SOLVES = 60
 AFTER_FAILURE, FLOOR = 10.0, 3.0  # factors of the shares after a solve that failed: of the next, and of the least
 SLOWEST = 0.01  # smallest factor of a share from one solve to the next
+NEGLIGIBLE = 1e-3  # resultant of M (w - v0) over the forces on a body: discretised surfaces are not smoother
 WORK = 0.1  # over Newton's tolerance: work of M (w - v0) that is negligible beside that of the other forces
 LIGHTEST = 0.1  # smallest force on a body that counts, over the mean of all: rattlers bear almost none
 
@@ -100,7 +101,7 @@ class _Metric:
     unit: Array  # (2 nodes,) metric of a share of one [kg/m]
     node_body: NDArray[np.int64]
     modulus: Array  # (bodies,) smallest shear moduli times theta^2 dt^2 [kg/m]
-    held: Bools  # (bodies,) whether supports hold points of the body
+    held: Bools  # (bodies,) whether supports prevent all rigid motions of the body
     share: Array  # (bodies,)
     least: Array  # (bodies,) after solves that failed
     moving: NDArray[np.int64]  # (bodies,) solves in a row in which each has moved on
@@ -113,8 +114,7 @@ class _Metric:
         for material, points in increment.bulk.materials:
             np.minimum.at(modulus, grid.cell_body[grid.cell_of_point[points]], material.lame[1])
         modulus = increment.theta_dt**2 * np.where(np.isfinite(modulus), modulus, 0.0)
-        held = np.zeros(grid.bodies, dtype=bool)
-        held[grid.node_body[increment.constrained_dofs // 2]] = True
+        held = np.zeros(grid.bodies, dtype=bool) if increment.supports is None else increment.supports.holds
         unit = np.repeat((modulus / motion.total)[grid.node_body] * motion.mass, 2)
         first, least = np.full(grid.bodies, FIRST), np.full(grid.bodies, LEAST)
         return _Metric(unit, grid.node_body, modulus, held, first, least, np.zeros(grid.bodies, dtype=np.int64))
@@ -128,14 +128,14 @@ class _Metric:
         """Let resultants (bodies,) [kg m/s per m] that nothing bears move bodies by `MOTION`."""
         velocity = MOTION * increment.grid.cell / increment.dt
         wanted = unheld / (velocity * np.maximum(self.modulus, 1e-300))
-        self.share = np.where(self.held, LEAST, np.clip(wanted, FIRST, LARGEST))
+        self.share = np.where(self.held, 0.0, np.clip(wanted, FIRST, LARGEST))
 
     def raised(self) -> bool:
-        """Larger shares after a solve that failed; whether there are any."""
-        if self.share.min() >= LARGEST:
+        """Larger shares after a solve that failed, of bodies that are not held; whether there are any."""
+        if self.share[~self.held].min(initial=LARGEST) >= LARGEST:
             return False
         self.least = np.minimum(np.maximum(self.least, FLOOR * self.share), LARGEST)
-        self.share = np.minimum(AFTER_FAILURE * self.share, LARGEST)
+        self.share = np.where(self.held, 0.0, np.clip(AFTER_FAILURE * self.share, FIRST, LARGEST))
         return True
 
     def too_far(self, moved: Array) -> bool:
@@ -149,7 +149,7 @@ class _Metric:
         moved = np.where(self.held, 0.0, moved)
         self.moving = np.where(moved > MOVING * MOTION, self.moving + 1, 0)
         factor = np.clip(moved / MOTION, SLOWEST, 1.0 / MOTION)
-        self.share = np.clip(self.share * factor, self.least, LARGEST)
+        self.share = np.where(self.held, 0.0, np.clip(self.share * factor, self.least, LARGEST))
         return bool(self.moving.max() >= FALLING)
 
 
@@ -184,7 +184,7 @@ class _Change:
 
     def negligible(self, tol: float) -> bool:
         """Whether M (w - v0) is, on nodes, on bodies and in the work that it does along w - v0."""
-        return self.imbalance <= tol and self.work <= WORK * tol and bool((self.resultant <= tol).all())
+        return self.imbalance <= tol and self.work <= WORK * tol and bool((self.resultant <= NEGLIGIBLE).all())
 
 
 def _outer(increment: Increment, w: Array) -> list[Array]:

@@ -39,7 +39,7 @@ def solver_of(
     A = increment.matrix(configuration, projected=projected)
     if increment.gauge is not None and increment.gauge.rotation.any():
         return _on_gauge(increment, increment.gauge, A, configuration, in_contact)
-    if in_contact and increment.long and not projected and increment.inertial:
+    if in_contact and increment.long and not projected and _gets_inertia(increment):
         return _with_rotational_inertia(increment, A, configuration, None)
     try:
         return _solver(increment, A)
@@ -47,6 +47,11 @@ def solver_of(
         if projected:
             raise
         return _modified(increment, A, configuration, _indefinite(increment, error), in_contact)
+
+
+def _gets_inertia(increment: Increment) -> bool:
+    """Whether indefinite bodies get rotational inertia: in dynamic steps, and in static ones where none is held."""
+    return increment.scheme.inertia or (increment.metric is not None and increment.supports is None)
 
 
 def with_bars(increment: Increment, configuration: Configuration, solver: Solver) -> Solver:
@@ -62,7 +67,7 @@ def _modified(
     increment: Increment, A: sp.bsr_array, configuration: Configuration, failed: NotPositiveDefinite, in_contact: bool
 ) -> Solver:
     """A solver for A with the blocks of indefinite bodies modified."""
-    if increment.inertial:
+    if _gets_inertia(increment):
         return _with_rotational_inertia(increment, A, configuration, failed)
     # Contacts stabilise modes that A alone does not, such as those of the surface beside an indenting corner, so that
     # a small weight often suffices; any weight slows convergence. Bodies that rotate or buckle need all of it.
@@ -124,7 +129,8 @@ def _with_rotational_inertia(
     if solver is None:
         assert failed is not None
         added[failed.bodies] = 0.0
-        solver = _projected(increment, A, configuration, failed, (1.0,))
+        shares = (1.0,) if increment.metric is None else PROJECTED_SHARES
+        solver = _projected(increment, A, configuration, failed, shares)
     if increment.supports is not None or not added.any():
         return solver
     return without_added_inertia(solver, grid.node_body, added, grid.sums(weight[None])[0])
