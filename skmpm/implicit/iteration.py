@@ -15,7 +15,6 @@ from skmpm.implicit.momentum import MAX_DRIFT
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
 from skmpm.material import determinant
-from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
 
@@ -88,10 +87,11 @@ class Persistence:
     progress: int = 0  # the iteration in which it was reached
 
     @classmethod
-    def of(cls, scheme: Scheme, *, in_contact: bool) -> Persistence:
-        """Of dynamic steps with contacts patience is limited, since shorter steps help."""
-        most = scheme.max_newton
-        return cls(most, PATIENCE if in_contact else most)
+    def of(cls, increment: Increment, *, in_contact: bool) -> Persistence:
+        """With contacts patience is limited where shorter steps help, or a larger metric."""
+        most, metric = increment.scheme.max_newton, increment.metric
+        limited = increment.scheme.inertia if metric is None else bool(metric.any())
+        return cls(most, PATIENCE if in_contact and limited else most)
 
     def ends(self, iteration: int, distance: float) -> bool:
         """Whether it ends; a full step more balances the momentum of a converged iterate."""

@@ -59,7 +59,7 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
     if problem is None:
         check_resultants(increment)
     iterate = _first(increment, problem, kept)
-    persistence = Persistence.of(increment.scheme, in_contact=problem is not None)
+    persistence = Persistence.of(increment, in_contact=problem is not None)
     solution = _newton(iterate, persistence, timer)
 
     def again() -> Solution:
