@@ -92,12 +92,16 @@ def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
     if not increment.inertial or increment.supports is not None:
         return np.zeros((2, grid.bodies))
     force = increment.theta_dt * (increment.load(w) - increment.spring_force(w))
-    imbalance = increment.mass * (w - increment.inertial_velocity) - force - contact_impulse
+    imbalance = _weight(increment) * (w - increment.inertial_velocity) - force - contact_impulse
     return _over_mass(increment, imbalance)
 
 
 def _over_mass(increment: Increment, impulse: Array) -> Array:
     """Resultants of nodal impulses (2 nodes,) over the masses of bodies, (2, bodies) [m/s]."""
-    weight = increment.mass if increment.metric is not None else increment.bulk.assembly.lumped
-    resultant, mass = (increment.grid.sums(a.reshape(-1, 2).T) for a in (impulse, weight))
+    resultant, mass = (increment.grid.sums(a.reshape(-1, 2).T) for a in (impulse, _weight(increment)))
     return np.asarray(resultant / np.maximum(mass, 1e-300))
+
+
+def _weight(increment: Increment) -> Array:
+    """The masses of the points at the nodes, in a static step their metric, (2 nodes,) [kg/m]."""
+    return increment.bulk.assembly.lumped if increment.metric is None else increment.metric
