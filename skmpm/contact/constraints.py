@@ -144,7 +144,7 @@ class Constraints:
         where the contact slides. With other directions, and other weights of `sliding`, these are the rows in which
         a force acts that moves along both outlines.
         """
-        slide, _, _ = self.geometric(chosen)
+        slide = components(self.difference[chosen], self.tangent[:, chosen])
         own, other = (components(shares[chosen], direction) for shares in (self.own_shares, self.tangent_shares))
         factor = self.along[chosen] * self.spread[chosen]
         bend = sp.diags_array(factor * self.curvature[chosen] * sliding)

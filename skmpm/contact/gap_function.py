@@ -12,7 +12,7 @@ from skmpm.contact import feet
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import foot_points, project, tangent_shares, wall_keys
 from skmpm.contact.shifts import guard_keys, guarded
-from skmpm.outline import Cubics
+from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
 
 Array = NDArray[np.float64]
@@ -52,7 +52,8 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     driving = end if theta == 1.0 else project(near, at, end)
     shares, curvature = tangent_shares(at, driving)
     own, own_s = curve.shifted(end.point, end.shift)
-    own_shares, along = _own_tangents(now, own, own_s, end.normal)
+    travel = near.shifts.travel_of(end.key)
+    own_shares, along = _own_tangents(now if travel.any() else None, curve, own, own_s, end.normal)
     bodies = boundary.body[np.stack([end.point, end.segment])]
     return ContactPairs(
         bodies=bodies,
@@ -66,7 +67,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         curvature=curvature,
         own_shares=own_shares,
         along=along,
-        travel=near.shifts.travel_of(end.key),
+        travel=travel,
         normal=driving.normal,
         gap=end.gap,
         before=before,
@@ -86,17 +87,18 @@ def contacts_with_wall(
     kept = near.tension.holds(wall_keys(curve, i, np.arange(boundary.size)))
     c = c[: _wall_gaps(normal, start, point, moved, step, movable, kept, near.reach, before, gap, c)]
     key = wall_keys(curve, i, c)
-    shift, now, travel = near.shifts.of(key), curve.through(start + moved), near.shifts.travel_of(key)
-    if travel.any():
+    shift, travel = near.shifts.of(key), near.shifts.travel_of(key)
+    now = curve.through(start + moved) if travel.any() else None
+    if now is not None:
         feet.slide_on_wall(c, shift, travel, normal[0], normal[1], now.c, curve.loops)
     doubled = guarded(shift)
     c, shift = np.append(c, c[doubled]), np.append(shift, np.zeros(np.count_nonzero(doubled)))
-    key = np.append(key, guard_keys(key[doubled]))
+    key, travel = np.append(key, guard_keys(key[doubled])), np.append(travel, np.zeros(np.count_nonzero(doubled)))
     segment, s = curve.shifted(c, shift)
     own, weights = curve.stencil(segment), curve.weights(segment, s)
     bodies = np.stack([boundary.body[c], np.full(c.size, -1 - i)])
     normals = np.repeat(normal[:, None], c.size, axis=1)
-    own_shares, along = _own_tangents(now, segment, s, normals)
+    own_shares, along = _own_tangents(now, curve, segment, s, normals)
     return ContactPairs(
         bodies=bodies,
         point=c,
@@ -109,7 +111,7 @@ def contacts_with_wall(
         curvature=np.zeros(c.size),
         own_shares=own_shares,
         along=along,
-        travel=near.shifts.travel_of(key),
+        travel=travel,
         normal=normals,
         gap=np.einsum("jk,jk->k", weights, gap[own]),
         before=np.einsum("jk,jk->k", weights, before[own]),
@@ -118,12 +120,17 @@ def contacts_with_wall(
     )
 
 
-def _own_tangents(now: Cubics, segment: Ints, s: Array, normal: Array) -> tuple[Array, Array]:
-    """Weights (4, k) [1/m] in the unit tangents at the contact points, and cosines (k,) to those of the surfaces."""
+def _own_tangents(now: Cubics | None, curve: Curve, segment: Ints, s: Array, normal: Array) -> tuple[Array, Array]:
+    """Weights (4, k) [1/m] in the unit tangents at the contact points, and cosines (k,) to those of the surfaces.
+
+    Zeros without a configuration, where no contact point slides.
+    """
+    if now is None:
+        return np.zeros((4, s.size)), np.zeros(s.size)
     slope = now.at(segment, s, 1)
     speed = np.maximum(np.hypot(*slope), 1e-300)
     along = (slope[1] * normal[0] - slope[0] * normal[1]) / speed
-    return now.curve.weights(segment, s, 1) / speed, along
+    return curve.weights(segment, s, 1) / speed, along
 
 
 @compiled_in_order

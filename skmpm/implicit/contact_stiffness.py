@@ -91,15 +91,14 @@ def contact_stiffness(constraints: Constraints, r: Array, dt: float, theta: floa
         normal = r[2 * chosen]
         friction_ratio = np.where(constraints.tensile_strength[chosen] > 0.0, 0.0, r[2 * chosen + 1] / normal)
     slide, rotation, stretch = constraints.geometric(chosen)
-    turns = constraints.turning(sliding, constraints.normal[:, sliding]), _moving_forces(constraints, r, sliding, dt)
-    turned = rotation + sp.diags_array(friction_ratio) @ stretch
-    Z, acting = (
-        sp.csr_array(sp.vstack([slide, *rows], format="csr")) for rows in zip((rotation, turned), turns, strict=True)
-    )
+    measured, loads = [slide, rotation], [slide, rotation + sp.diags_array(friction_ratio) @ stretch]
     compliance = _compliance(constraints, chosen, normal, friction_ratio, dt, theta)
     if sliding.size:
+        measured.append(constraints.turning(sliding, constraints.normal[:, sliding]))
+        loads.append(_moving_forces(constraints, r, sliding, dt))
         travel = theta * dt * constraints.normal_part(r)[sliding] * constraints.travel[sliding]
         compliance = sp.csr_array(sp.block_diag([compliance, sp.diags_array(1.0 / travel)], format="csr"))
+    Z, acting = (sp.csr_array(sp.vstack(rows, format="csr")) for rows in (measured, loads))
     return ContactStiffness(chosen, friction_ratio, sliding, Z, acting, compliance)
 
 
