@@ -212,8 +212,6 @@ class _Linearised:
         contact, increment, unknowns = self.contact, self.contact.increment, self.contact.problem.unknowns
         if unknowns is None or increment.scheme.inertia:
             return 1.0
-        if increment.metric is not None:
-            return np.where(unknowns.drives(contact.z, contact.constraints), SPRING_STIFFNESS, 1.0)
         on_springs, bodies = increment.floating & (increment.proximal is None), contact.constraints.bodies
         soft = ((bodies >= 0) & on_springs[np.maximum(bodies, 0)]).any(axis=0) & (bodies[0] != bodies[1])
         return np.where(soft | unknowns.drives(contact.z, contact.constraints), SPRING_STIFFNESS, 1.0)

@@ -77,14 +77,15 @@ def settle(increment: Increment, centre: Array, problem_of: Problems, timer: Tim
             continue
         newton, factorisations = newton + found.newton, factorisations + found.factorisations
         change = _Change.of(trial, motion, found)
-        if metric.too_far(change.moved - stroke / increment.grid.cell):
+        moved = change.moved - stroke / increment.grid.cell
+        if metric.too_far(moved):
             continue
         solution, centre, w = found, found.w, found.w
         if change.negligible(increment.scheme.newton_tol):
             reaction = increment.reaction(_without_metric(trial, found))
             found = replace(found, newton=newton, factorisations=factorisations, imbalance=change.imbalance)
             return replace(found, solver=None, reaction=reaction)
-        if metric.follows(change.moved - stroke / increment.grid.cell):
+        if metric.follows(moved):
             break
     if solution is None or change is None:
         raise StepRejected(
@@ -109,11 +110,7 @@ class _Metric:
     @staticmethod
     def of(increment: Increment, motion: RigidMotion) -> _Metric:
         """That of bodies at rest."""
-        grid = increment.grid
-        modulus = np.full(grid.bodies, np.inf)
-        for material, points in increment.bulk.materials:
-            np.minimum.at(modulus, grid.cell_body[grid.cell_of_point[points]], material.lame[1])
-        modulus = increment.theta_dt**2 * np.where(np.isfinite(modulus), modulus, 0.0)
+        grid, modulus = increment.grid, increment.shear_modulus
         held = np.zeros(grid.bodies, dtype=bool) if increment.supports is None else increment.supports.holds
         unit = np.repeat((modulus / motion.total)[grid.node_body] * motion.mass, 2)
         first, least = np.full(grid.bodies, FIRST), np.full(grid.bodies, LEAST)

@@ -14,7 +14,7 @@ from skmpm.implicit.equilibrium import LOAD_TOLERANCE, RigidContacts, describe, 
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.floating import FloatingBodies, rigid_contacts
 from skmpm.implicit.residual import Increment
-from skmpm.outline.curve import CORNER_COSINE
+from skmpm.implicit.unbalanced_motion import at_corner
 
 Array = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ def _collapse(increment: Increment, bodies: FloatingBodies, constraints: Constra
     found = describe(q, contacts)
     b, verb, remedy = int(bodies.bodies[found.body]), found.verb, "" if without_slip is not None else " or friction"
     if verb == "rotates":
-        verb = "topples" if _at_corner(increment, closest, found.contact, b) else "rolls"
+        verb = "topples" if at_corner(increment, closest, found.contact, b) else "rolls"
     where = "" if found.contact < 0 else f" {_on(closest, found.contact, b, increment.grid.cell)}"
     force = bodies.resultant[3 * found.body : 3 * found.body + 2]
     motion = f"{verb}{where}; its load is ({force[0]:.3g}, {force[1]:.3g}) N/m"
@@ -143,16 +143,3 @@ def _on(constraints: Constraints, contact: int, body: int, cell: float) -> str:
     other = first if second == body else second
     x, y = cell * np.round(constraints.x[:, contact] / cell, 6) + 0.0  # no -2e-17
     return f"on {f'wall {-1 - other}' if other < 0 else f'body {other}'} at ({x:.4g}, {y:.4g}) m"
-
-
-def _at_corner(increment: Increment, constraints: Constraints, contact: int, body: int) -> bool:
-    """Whether the boundary point of a body that is nearest to the contact is a corner."""
-    grid = increment.grid
-    deformable = np.flatnonzero(np.diff(constraints.base.indptr) > 0)
-    owner = grid.node_body[constraints.base.indices[constraints.base.indptr[deformable]]]
-    of_body = deformable[owner == body]
-    x = (constraints.base[of_body] @ (grid.position + increment.start.reshape(-1, 2).T).T).T
-    nearest = int(np.argmin(np.hypot(*(x - constraints.x[:, contact, None]))))
-    a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % of_body.size]].T
-    ahead, back = c - b, b - a
-    return bool(float(ahead @ back) < CORNER_COSINE * float(np.hypot(*ahead) * np.hypot(*back)))

@@ -263,22 +263,25 @@ class Increment:
         K = self.material_response.stiffness(configuration, projected=points)
         if self.springs is not None:
             K = K + self.springs.bed_stiffness()
-        if self.metric is not None:
-            return assembly.matrix(K, self.theta_dt**2, self.metric.reshape(-1, 2, 1) * np.eye(2))
         if self.scheme.inertia:
             return assembly.matrix(K, self.theta_dt**2)
-        if self.proximal is not None:
-            return assembly.matrix(K, self.theta_dt**2, self.proximal.weight.reshape(-1, 2, 1) * np.eye(2))
+        if self.metric is not None or self.proximal is not None:
+            return assembly.matrix(K, self.theta_dt**2, self.mass.reshape(-1, 2, 1) * np.eye(2))
         return assembly.matrix(K, self.theta_dt**2, self.grid.pins(SPRING_STIFFNESS * self.scaled_shear_modulus))
 
     @property
-    def scaled_shear_modulus(self) -> Array:
-        """Smallest shear moduli of floating bodies times theta^2 dt^2, zero for others, (bodies,) [kg/m]."""
-        grid, modulus = self.grid, np.full(self.floating.size, np.inf)
+    def shear_modulus(self) -> Array:
+        """Smallest shear moduli of bodies times theta^2 dt^2, zero for those without points, (bodies,) [kg/m]."""
+        grid, modulus = self.grid, np.full(self.grid.bodies, np.inf)
         for material, points in self.bulk.materials:
             own = grid.cell_body[grid.cell_of_point[points]]
             modulus[own] = np.minimum(modulus[own], material.lame[1])
-        return np.asarray(self.theta_dt**2 * np.where(self.floating, modulus, 0.0))
+        return np.asarray(self.theta_dt**2 * np.where(np.isfinite(modulus), modulus, 0.0))
+
+    @property
+    def scaled_shear_modulus(self) -> Array:
+        """The same of floating bodies, zero for others, (bodies,) [kg/m]."""
+        return np.where(self.floating, self.shear_modulus, 0.0)
 
     @property
     def stiffness_as_mass(self) -> Array:

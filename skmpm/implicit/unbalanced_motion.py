@@ -44,7 +44,7 @@ def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body:
     pressed = own[normal[own] > 0.0] if own.size else own
     if pressed.size == 0:
         return ("separates" if (normal[own] < 0.0).any() else "falls"), falls[1]
-    corners = [each for each in pressed.tolist() if _at_corner(increment, constraints, each, body)]
+    corners = [each for each in pressed.tolist() if at_corner(increment, constraints, each, body)]
     most = int(pressed[np.argmax(normal[pressed])])
     speed = float(motion.at_surface(motion.velocity(step))[body])
     slip = np.abs(_slip(constraints, step, most))
@@ -78,7 +78,7 @@ def _place(constraints: Constraints, contact: int, cell: float) -> str:
     return f"({x:.4g}, {y:.4g}) m"
 
 
-def _at_corner(increment: Increment, constraints: Constraints, contact: int, body: int) -> bool:
+def at_corner(increment: Increment, constraints: Constraints, contact: int, body: int) -> bool:
     """Whether the boundary point of a body that is nearest to the contact is a corner."""
     grid = increment.grid
     deformable = np.flatnonzero(np.diff(constraints.base.indptr) > 0)
