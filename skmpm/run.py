@@ -41,7 +41,6 @@ from skmpm.simulate.step_control import (
 )
 from skmpm.simulate.step_length import Pace, pace_of
 from skmpm.simulate.watches import (
-    NormalsWatch,
     PressureWatch,
     RegriddingWatch,
     ShakingWatch,
@@ -172,7 +171,7 @@ def _run(
     times = None if pace is None else np.linspace(state.step_control.began, until, TIMES)
     shaking = ShakingWatch(scene, scheme, state.report.dt, times)
     stroke = StrokeWatch(scene, state.t, wanted=pace is None)
-    watches: list[Watch] = [PressureWatch(scene, scheme), NormalsWatch(), RegriddingWatch(), shaking, stroke]
+    watches: list[Watch] = [PressureWatch(scene, scheme), RegriddingWatch(), shaking, stroke]
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > TIME_TOLERANCE * _usual_step(state):

@@ -67,6 +67,8 @@ def _scenes() -> Iterator[tuple[Scene, dict[str, Any]]]:
         yield Scene([bar], cell=CELL, supports=held, gravity=(0.0, -10.0)), {"dt": 1e-4}
     for law in MATERIALS:
         bodies = [Body(disc(x, RADIUS, spacing=SPACING), law) for x in packed.centres.T]
+        fitted = [Body(disc((x, 0.0), RADIUS, spacing=SPACING), law) for x in (0.0, 2.0 * RADIUS - 0.2 * CELL)]
+        yield Scene(fitted, cell=CELL, overlap=0.2 * CELL), {"dt": DT}
         for friction in (0.0, 0.5):
             scene = Scene(bodies, cell=CELL, walls=walls, friction=friction)
             yield scene, {"dt": DT}

@@ -14,7 +14,6 @@ and loses the same amount at its contacts. The two cancel only if normals and st
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -50,11 +49,6 @@ Ints = NDArray[np.int64]
 PUSH_OUT = 0.2
 
 
-def settles() -> bool:
-    """Whether static steps are those of `implicit.equilibrium_loop`, which is to replace `implicit.statics`."""
-    return os.environ.get("SKMPM_STATICS", "") == "new"
-
-
 def point_to_curve(
     scene: Scene,
     state: State,
@@ -69,8 +63,8 @@ def point_to_curve(
     The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
     u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of
     the step may keep 0.8 of this overlap, more in very short steps (`PUSH_OUT`). Light contacts act at the closest
-    points of smooth outlines, without `inertia` those of bodies that nothing keeps from rotating. `motions` are the
-    prescribed velocities of the step, evaluated here if not given.
+    points of smooth outlines; without `inertia` they slide along these. `motions` are the prescribed velocities of
+    the step, evaluated here if not given.
 
     Raises
     ------
@@ -98,10 +92,8 @@ def point_to_curve(
     motion = Motion.of(scene, state, motions, dt)
     margin = 0.5 * within + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
     close = search(margin)
-    slide = not inertia and settles()
-    shifted = scene.movable if inertia or slide else scene.free_to_turn
-    if close is not None and shifted.any():
-        close = _with_closest_points(scene, state, close, motion, theta, shifted, slide=slide)
+    if close is not None and scene.movable.any():
+        close = _with_closest_points(scene, state, close, motion, theta, slide=not inertia)
     if close is not None and scene.cohesive:
         close = _with_tension(scene, close, motion)
 
@@ -146,29 +138,19 @@ def _with_tension(scene: Scene, near: Neighbours, motion: Motion) -> Neighbours:
 
 
 def _with_closest_points(
-    scene: Scene,
-    state: State,
-    near: Neighbours,
-    motion: Motion,
-    theta: float,
-    shifted: NDArray[np.bool_],
-    *,
-    slide: bool,
+    scene: Scene, state: State, near: Neighbours, motion: Motion, theta: float, *, slide: bool
 ) -> Neighbours:
     """The candidates with contact points shifted to the closest points in a step of constant velocities.
 
     They are those at t + theta dt: impulses have no moment about the axis of a body that rolls if their points pass
     below it then.
-
-    Those of the bodies `shifted` (bodies,): without inertia, a round body on one point has no equilibrium against
-    rolling, unless nothing opposes its rotation.
     """
     boundary, v = scene.outlines, state.v + motion.change_of_box_velocity(state)
     moved = np.where(scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
     ahead = near.curve.through(near.start.x + theta * motion.of_surfaces(near.surfaces, moved))
     start, displacement = motion.walls
     walls = start + theta * displacement
-    return replace(near, shifts=closest_points(scene, near, ahead, walls, state.contacts, shifted, slide=slide))
+    return replace(near, shifts=closest_points(scene, near, ahead, walls, state.contacts, slide=slide))
 
 
 def check_outlines(scene: Scene) -> None:

@@ -52,19 +52,19 @@ FOLLOWS = 0.3
 
 
 def closest_points(
-    scene: Scene, near: Neighbours, ahead: Cubics, walls: Array, contacts: Contacts, shifted: Bools, *, slide: bool
+    scene: Scene, near: Neighbours, ahead: Cubics, walls: Array, contacts: Contacts, *, slide: bool
 ) -> Shifts:
     """Shifts of contact points from boundary points to the closest points in the configuration `ahead`.
 
-    `walls` (walls, 2) [m] are points of the walls then, `contacts` those of the last step, and `shifted` (bodies,)
-    the bodies whose contact points are. They may `slide` with the iterate.
+    `walls` (walls, 2) [m] are points of the walls then, and `contacts` those of the last step. The points may `slide`
+    with the iterate.
     """
     if near.point.size == 0 and walls.size == 0:
         return NO_SHIFTS
     reference = scene.initial_positions[:, ahead.curve.outlines.point]
-    found = [_on_wall(scene, near, i, point, ahead, reference, shifted) for i, point in enumerate(walls)]
+    found = [_on_wall(scene, near, i, point, ahead, reference) for i, point in enumerate(walls)]
     if near.point.size:
-        found.append(_on_bodies(scene, near, ahead, reference, shifted))
+        found.append(_on_bodies(scene, near, ahead, reference))
     return _shifts(joined(found), contacts, slide=slide)
 
 
@@ -85,26 +85,33 @@ class _Minima:
     compliance: Array  # (k,) (1 - nu^2) / E of both bodies together [1/Pa]
 
 
-def _on_wall(
-    scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics, reference: Array, shifted: Bools
-) -> _Minima:
+def _on_wall(scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics, reference: Array) -> _Minima:
     """Minima of the gap to wall i at `point` (2,) [m]."""
     curve, boundary, normal = near.curve, near.curve.outlines, scene.normals[:, i]
     found, values = np.empty(boundary.size, dtype=np.int64), np.empty((4, boundary.size))
     size = _minima_on_wall(
-        normal, point, near.reach, shifted[boundary.body], ahead.x, ahead.c, curve.loops, reference, found, values
+        normal,
+        point,
+        near.reach,
+        scene.movable[boundary.body],
+        ahead.x,
+        ahead.c,
+        curve.loops,
+        reference,
+        found,
+        values,
     )
     c, (*slope, turn, length) = found[:size], values[:, :size]
     key = wall_keys(curve, i, np.stack([c, boundary.next[c]]))
     return _Minima(key, np.stack(slope), turn, length, scene.compliance[boundary.body[c]])
 
 
-def _on_bodies(scene: Scene, near: Neighbours, ahead: Cubics, reference: Array, shifted: Bools) -> _Minima:
+def _on_bodies(scene: Scene, near: Neighbours, ahead: Cubics, reference: Array) -> _Minima:
     """Minima of the gaps to other bodies."""
     curve, boundary, owner = near.curve, near.curve.outlines, near.surfaces.owner
     c, segment = near.point[near.begins], near.segment[near.begins]
     ranks = near.roles.rank[boundary.body[np.stack([c, segment])]]
-    chosen = (ranks[0] < ranks[1]) & shifted[owner[c]]  # not the corners of the other body
+    chosen = (ranks[0] < ranks[1]) & scene.movable[owner[c]]  # not the corners of the other body
     found, values = np.empty((3, c.size), dtype=np.int64), np.empty((4, c.size))
     most = max(MAX_DEPTH * near.cell, near.reach)
     groups = (near.ends, near.point, near.segment, curve.side, chosen, most)
@@ -119,7 +126,7 @@ def _minima_on_wall(
     normal: Array,
     point: Array,
     reach: float,
-    shifted: Bools,
+    movable: Bools,
     x: Array,
     c: Array,
     loops: Loops,
@@ -129,11 +136,11 @@ def _minima_on_wall(
 ) -> int:
     """Write the segments, and the slopes at their ends, their turns and lengths; return their number."""
     size = 0
-    for i in range(shifted.size):
+    for i in range(movable.size):
         j = loops.following[i]
         gap = normal[0] * (x[0, i] - point[0]) + normal[1] * (x[1, i] - point[1])
         gap_ahead = normal[0] * (x[0, j] - point[0]) + normal[1] * (x[1, j] - point[1])
-        if not shifted[i] or min(gap, gap_ahead) >= reach:
+        if not movable[i] or min(gap, gap_ahead) >= reach:
             continue
         x_here, y_here, _ = tangent(c, i, 0.0)
         x_ahead, y_ahead, _ = tangent(c, j, 0.0)

@@ -175,33 +175,6 @@ class Constraints:
             return normal
         return np.stack([normal, np.einsum("ik,ik->k", self.tangent, self.prescribed)], axis=1).ravel()
 
-    def with_frames_of(self, earlier: Constraints, w: Array) -> Constraints:
-        """These constraints about w with the normals and contact points of `earlier` constraints of the same key.
-
-        Motions of rigid bodies, walls and images are the present ones: those that forces drive change with w.
-
-        When contact of a corner with a side becomes contact of two corners, the two may exchange their roles: then
-        another body comes first, or of one body another point.
-        """
-        found, where = _match(earlier.key, self.key)
-        i = np.flatnonzero(found)
-        same = earlier.bodies[0, where] == self.bodies[0]
-        itself = self.bodies[0] == self.bodies[1]
-        sign = np.where(same & ~(itself & (earlier.point[where] != self.point)), 1.0, -1.0)
-        taken = sp.csr_array((sign[i], (i, where[i])), shape=(self.size, earlier.size))
-        kept = sp.diags_array((~found).astype(float))
-        normal = np.where(found, sign * earlier.normal[:, where], self.normal)
-        difference = sp.csr_array(kept @ self.difference + taken @ earlier.difference)
-        velocity = self.base @ w.reshape(-1, 2)
-        relative = [(combined @ velocity).T for combined in (self.difference, difference)]
-        rotated = np.einsum("ik,ik->k", self.normal, relative[0]) - np.einsum("ik,ik->k", normal, relative[1])
-        return replace(
-            self,
-            normal=normal,
-            difference=difference,
-            offset_normal=self.offset_normal + rotated,
-        )
-
     def among(self, chosen: NDArray[np.bool_]) -> Constraints:
         """The constraints of the contacts where `chosen` (k,) is true."""
         if chosen.all():

@@ -30,7 +30,6 @@ MAX_DENSE_ROWS = 200  # problems with more rows use sparse matrices; for smaller
 # Added to the unit diagonal of W~ in Newton steps: bounds the impulses of redundant contacts. Steps of 1e4 h / c
 # leave elastic eigenvalues of 1e-7; of 1e-6 to 1e-10, 1e-8 and 1e-9 take the fewest steps for 165 problems.
 REGULARISATION = 1e-8
-DAMPED_REGULARISATION = 1e-6  # the same for damped steps, whose problems have no elastic eigenvalues as small
 ZERO_ENTRY = 1e-14  # entries of W~, whose diagonal is one, below this are round-off
 LARGE_IMPULSE = 1e200  # exceeds mu r_n of every contact, so the contact slips
 

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.coulomb.damped import better, damped_start, damped_steps, sweep
+from skmpm.coulomb.damped import better, damped_steps, sweep
 from skmpm.coulomb.law import Array
 from skmpm.coulomb.newton import full_steps
 from skmpm.coulomb.path import follow
 from skmpm.coulomb.problem import (
-    DAMPED_REGULARISATION,
     MAX_DENSE_ROWS,
     Bilateral,
     Ints,
@@ -78,7 +77,6 @@ def solve(
     iterations: int = 600,
     bilateral: Bilateral | None = None,
     reference: float | None = None,
-    damped: bool = False,
     pairs: Ints | None = None,
 ) -> tuple[Array, Info]:
     """Find r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws; return (r, info).
@@ -104,10 +102,9 @@ def solve(
     tol : largest residual relative to ``|q~|``, or to `reference`
     sweeps : of the first round; the second round doubles them
     iterations : largest number of Newton steps; below 150, for problems that need not be solved, only those from r0
-        are tried unless they are damped, and Lemke's method is not used
+        are tried, and Lemke's method is not used
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of ``|q~|``, as in `residual`
-    damped : whether Newton steps are damped; of many solutions, as in quasi-static steps, r is then closer to r0
     pairs : (k,) labels of contacts, the same for those between the same bodies; given where these are weakly coupled
         with others, as in short dynamic steps, so that an iterative linear solver is tried before LU
 
@@ -122,7 +119,7 @@ def solve(
     if not q.size:
         return np.zeros_like(q), Info(0, 0, 0.0, True)
     with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
-        return _solve(W, q, mu, r0, tol, sweeps, iterations, bilateral, reference, damped, pairs)
+        return _solve(W, q, mu, r0, tol, sweeps, iterations, bilateral, reference, pairs)
 
 
 def _solve(
@@ -135,7 +132,6 @@ def _solve(
     iterations: int,
     bilateral: Bilateral | None,
     reference: float | None,
-    damped: bool,
     pairs: Ints | None,
 ) -> tuple[Array, Info]:
     """`solve` for valid arguments: in scaled variables, with the bilateral unknowns after those of the contacts."""
@@ -146,12 +142,11 @@ def _solve(
     problem, s = scaled(W, q, mu, k, reference)
     problem = replace(
         problem,
-        shift=DAMPED_REGULARISATION if damped else problem.shift,
         negative=None if bilateral is None else bilateral.negative,
         blocks=None if pairs is None else _blocks(pairs, k, bilateral),
     )
     start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
-    best, info = _search(problem, start, tol, sweeps, iterations, damped)
+    best, info = _search(problem, start, tol, sweeps, iterations)
     r = unscaled(best.r[:k], best.u[:k], problem.mu, s[:k], mu)
     return r, replace(info, bilateral=best.r[k:] / s[k:])
 
@@ -170,27 +165,26 @@ def _blocks(pairs: Ints, rows: int, bilateral: Bilateral | None) -> Ints:
     return np.concatenate([of_contacts, np.where(contact < 0, alone, pairs[contact])])
 
 
-def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int, damped: bool) -> tuple[Iterate, Info]:
+def _search(p: Problem, start: Iterate, tol: float, sweeps: int, limit: int) -> tuple[Iterate, Info]:
     """Newton steps, at first and after sweeps; if they fail, proximal problems and Lemke's method.
 
-    With fewer steps than a stall takes, only the first unless they are damped.
+    With fewer steps than a stall takes, only the first.
     """
-    best, steps, swept = damped_start(p, start, tol, limit) if damped else (*full_steps(p, start, tol, limit), 0)
-    if limit < _STALL_LIMIT and not damped:
-        return best, Info(steps, swept, best.error, best.error <= tol)
-    x = best
+    best, steps = full_steps(p, start, tol, limit)
+    if limit < _STALL_LIMIT:
+        return best, Info(steps, 0, best.error, best.error <= tol)
+    swept = 0
     for round_ in range(_ROUNDS):
         if best.error > tol and steps < limit:
-            x, swept = sweep(p, x if damped else best, sweeps << round_), swept + (sweeps << round_)
-            newton_steps = damped_steps if damped else full_steps
-            x, count = newton_steps(p, x, tol, limit - steps)
+            x, swept = sweep(p, best, sweeps << round_), swept + (sweeps << round_)
+            x, count = full_steps(p, x, tol, limit - steps)
             best, steps = better(best, x), steps + count
     for impulse in (None, *_restarts(p.q.size)):
         if best.error > tol and steps < limit:
-            x, count = _proximal(p, best if impulse is None else p.pressed(impulse), tol, limit - steps, damped)
+            x, count = _proximal(p, best if impulse is None else p.pressed(impulse), tol, limit - steps)
             best, steps = better(best, x), steps + count
     pieces = 0
-    if best.error > tol and limit >= _STALL_LIMIT and p.contacts <= _MAX_PATH_ROWS:
+    if best.error > tol and p.contacts <= _MAX_PATH_ROWS:
         x, count, pieces = _paths(p, tol)
         best, steps = better(best, x), steps + count
     return best, Info(steps, swept, best.error, best.error <= tol, pieces=pieces)
@@ -216,7 +210,7 @@ def _paths(p: Problem, tol: float) -> tuple[Iterate, int, int]:
     return p.at(np.zeros_like(p.q)), 0, pieces
 
 
-def _proximal(p: Problem, x: Iterate, tol: float, limit: int, damped: bool) -> tuple[Iterate, int]:
+def _proximal(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate, int]:
     """Proximal point method (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898); return iterate and Newton steps.
 
     The matrices W + weight I are definite even if W is singular, and fixed points of the iteration are solutions. The
@@ -226,12 +220,10 @@ def _proximal(p: Problem, x: Iterate, tol: float, limit: int, damped: bool) -> t
     mark, marked = x.error, 0
     while tol < best.error < np.inf and steps < limit and steps - marked < _STALL_LIMIT:
         near, wanted = p.near(x.r, weight), max(_PROXIMAL_REDUCTION * x.error, 0.3 * tol)
-        most, new, count = min(_MAX_PROXIMAL_STEPS, limit - steps), near.at(x.r), 0
-        if not damped:
-            new, count = full_steps(near, new, wanted, most)
+        most = min(_MAX_PROXIMAL_STEPS, limit - steps)
+        new, count = full_steps(near, near.at(x.r), wanted, most)
         if new.error > wanted:
-            start = new if damped else near.at(x.r)
-            tried, more = damped_steps(near, start, wanted, most - count, _PROXIMAL_GAINS)
+            tried, more = damped_steps(near, near.at(x.r), wanted, most - count, _PROXIMAL_GAINS)
             new, count = better(new, tried), count + more
         solved, steps = new.error <= wanted, steps + max(count, 1)  # 0 at the limit of round-off
         candidate = p.at(new.r)

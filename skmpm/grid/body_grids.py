@@ -221,54 +221,15 @@ class BodyGrids:
         """Root mean square (bodies,) [m] of arms (2, nodes) [m], weighted by (nodes,)."""
         return np.asarray(np.sqrt(self.means((arms**2).sum(axis=0)[None], weight)[0]))
 
-    def rigid_motions(self, displacement: Array | None = None) -> Array:
-        """Two translations and the rotation of each body about the mean position of its nodes, (2 nodes, 3).
-
-        Rotations are those of the nodes at rest or after a displacement (2 nodes,) [m].
-        """
-        if displacement is None:
-            return self._rigid_motions_at_rest
-        return self._rigid_motions(self.position + displacement.reshape(-1, 2).T)
-
     @cached_property
-    def _rigid_motions_at_rest(self) -> Array:
-        motions = self._rigid_motions(self.position)
-        motions.setflags(write=False)  # shared
-        return motions
-
-    def _rigid_motions(self, x: Array) -> Array:
-        """`rigid_motions` with nodes at x (2, nodes) [m]."""
-        arm = self.arms(x) / self.cell
+    def rigid_motions(self) -> Array:
+        """Two translations and the rotation of each body about the mean position of its nodes, (2 nodes, 3)."""
+        arm = self.arms(self.position) / self.cell
         motions = np.zeros((2 * self.nodes, 3))
         motions[0::2, 0] = motions[1::2, 1] = 1.0
         motions[0::2, 2], motions[1::2, 2] = -arm[1], arm[0]
+        motions.setflags(write=False)  # shared
         return motions
-
-    def pins(self, stiffness: Array) -> Array:
-        """Statically determinate springs that suppress the rigid motions of bodies, diagonal blocks (nodes, 2, 2).
-
-        Two springs hold the node closest to the centre of a body; the third one holds the farthest node from it, in
-        the direction normal to the line between both. Under balanced loads they carry no force. `stiffness` (bodies,)
-        [Pa]; bodies with zero stiffness have no springs.
-        """
-        x, body = self.position, self.node_body
-        centre = self.means(x)
-        first = self.blocks[:-1] // 2
-        chosen = np.flatnonzero(stiffness > 0.0)
-
-        def nearest(distance: Array) -> Ints:
-            return np.asarray(np.lexsort((distance, body))[first[chosen]])
-
-        middle = nearest(np.hypot(*(x - centre[:, body])))
-        pinned = np.zeros((2, self.bodies))
-        pinned[:, chosen] = x[:, middle]
-        outer = nearest(-np.hypot(*(x - pinned[:, body])))
-        arm = x[:, outer] - x[:, middle]
-        across = np.stack([-arm[1], arm[0]]) / np.hypot(*arm)
-        springs = np.zeros((self.nodes, 2, 2))
-        springs[middle] = stiffness[chosen, None, None] * np.eye(2)
-        springs[outer] = stiffness[chosen, None, None] * np.einsum("ib,jb->bij", across, across)
-        return springs
 
 
 def _by_point(matrix: sp.csr_array) -> Array:

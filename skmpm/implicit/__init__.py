@@ -10,10 +10,8 @@ density, G the ghost penalty, f gravity and loads. The anchor is the reference c
 grids were last built. U, deformation gradients and volumes V_p are relative to it (`Scheme.anchor`).
 
 With contact, grad E = theta H^T r and (r, u = H w + offset) satisfy Signorini's and Coulomb's laws, which are solved
-exactly in every Newton iteration with the matrix A = M + theta^2 dt^2 K. A quasi-static step has no inertia term.
-Floating bodies are those with a rigid-body mode that no support prescribes; in a quasi-static step they get
-statically determinate (isostatic) springs to the ground, three per body, in A only. The springs limit the rigid
-motion in one iteration and do not enter the residual.
+exactly in every Newton iteration with the matrix A = M + theta^2 dt^2 K. A static step solves the same problem
+several times, with a metric for M, each time about the solution before (`statics`).
 """
 
 from skmpm.implicit.bulk import Bulk, Configuration
@@ -23,10 +21,11 @@ from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
+from skmpm.implicit.newton import advance
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.scalar_unknowns import Inertia, ScalarUnknowns
 from skmpm.implicit.springs import Springs
-from skmpm.implicit.statics import advance
+from skmpm.implicit.statics import settle
 from skmpm.implicit.timer import Timer
 
 __all__ = [
@@ -49,4 +48,5 @@ __all__ = [
     "end_of_step",
     "gauge_of",
     "pair",
+    "settle",
 ]

@@ -17,7 +17,7 @@ from skmpm.implicit.errors import pair
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.scalar_unknowns import ScalarUnknowns
 from skmpm.implicit.timer import Timer
-from skmpm.linear import Delassus
+from skmpm.linear import Delassus, Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -75,6 +75,10 @@ class ContactProblem:
             return self.found
         return np.zeros(0) if self.unknowns is None else self.unknowns.v0
 
+    def within(self, increment: Increment, kept: Solver | None) -> ContactProblem:
+        """The same with other equations of the step, and without the operator of a factor that is not kept."""
+        return replace(self, increment=increment, delassus=self.delassus if kept else None)
+
     def after(self, contact: ContactIterate | None) -> ContactProblem:
         """The problem of a solve that follows another one in the same step."""
         if contact is None:
@@ -106,7 +110,7 @@ class ContactProblem:
 
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about the velocity w (2 nodes,)."""
-        return _iterate(self, w, self.first_scalars, self.known, self.delassus, None)
+        return _iterate(self, w, self.first_scalars, self.known, self.delassus)
 
 
 @dataclass(frozen=True)
@@ -116,9 +120,7 @@ class ContactIterate:
     problem: ContactProblem
     known: KnownForces
     delassus: Delassus | None  # belongs to the solver in use; None before a new factorisation
-    frozen: Constraints | None  # those of the frozen contact geometry, see `frozen_geometry`
-    current: Constraints  # with the geometry at w
-    constraints: Constraints  # with the frozen geometry, if there is one, else `current`
+    constraints: Constraints
     r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
     u: Array  # relative velocities at w, with gaps over dt
     z: Array  # scalar unknowns, (p,) [m/s]
@@ -160,15 +162,6 @@ class ContactIterate:
         return coulomb.residual(self.lifted, self.u, constraints.friction, diagonal, reference=scale.reference)
 
     @property
-    def frozen_angle(self) -> float:
-        """Mean angle between frozen normals and those at w, weighted with the contact forces [rad]."""
-        if self.frozen is None or self.constraints.size == 0:
-            return 0.0
-        size = np.hypot(*self.constraints.forces(self.r, 1.0))
-        angle = np.hypot(*(self.constraints.normal - self.current.normal))
-        return float(size @ angle) / max(float(size.sum()), 1e-300)
-
-    @property
     def impulse_round_off(self) -> float:
         """Size of the contact impulse of round-off in gap velocities [kg m/s per m]; zero before the first solve."""
         scale = self.known.scale
@@ -185,14 +178,9 @@ class ContactIterate:
         return pair(self.constraints.bodies[:, np.argmax(residuals)])
 
     def at(self, w: Array) -> ContactIterate:
-        """The contact problem linearised about another velocity, with the frozen geometry if there is one."""
-        found = _iterate(self.problem, w, self.z, self.known, self.delassus, self.frozen)
+        """The contact problem linearised about another velocity."""
+        found = _iterate(self.problem, w, self.z, self.known, self.delassus)
         return replace(found, iterations=self.iterations, stiffness_failures=self.stiffness_failures)
-
-    def with_frozen_geometry(self, frozen: Constraints | None) -> ContactIterate:
-        """The same with another frozen geometry, which the next iterates use; without one, failures are forgotten."""
-        failures = 0 if frozen is None else self.stiffness_failures
-        return replace(self, frozen=frozen, stiffness_failures=failures)
 
     def without_delassus(self) -> ContactIterate:
         """The same without the Delassus operator, which belongs to a solver that is about to be released."""
@@ -200,21 +188,15 @@ class ContactIterate:
 
 
 def _iterate(
-    problem: ContactProblem,
-    w: Array,
-    z: Array,
-    known: KnownForces,
-    delassus: Delassus | None,
-    frozen: Constraints | None,
+    problem: ContactProblem, w: Array, z: Array, known: KnownForces, delassus: Delassus | None
 ) -> ContactIterate:
     """Linearise about w and z, with the known impulses."""
     problem.timer.lap("bulk")
     increment, w = problem.increment, problem.carried(w, z)
-    current = problem.candidates(w, z)
-    constraints = current.with_frames_of(frozen, w) if frozen is not None and frozen.size else current
+    constraints = problem.candidates(w, z)
     r = u = np.zeros(0)
     if constraints.size > 0:
         r = known.on(constraints, increment.dt)
         u = constraints.D @ constraints.at_contact_points(w) + constraints.offset
     problem.timer.lap("detection")
-    return ContactIterate(problem, known, delassus, frozen, current, constraints, r, u, z)
+    return ContactIterate(problem, known, delassus, constraints, r, u, z)

@@ -16,7 +16,6 @@ from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.implicit.errors import NOTHING_DEFORMS, SMALLER, StepRejected, pair
-from skmpm.implicit.residual import SPRING_STIFFNESS
 from skmpm.linear import Delassus, Diagonal, Joined, Rotated, Solver
 
 Array = NDArray[np.float64]
@@ -51,7 +50,7 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
     if constraints.size == 0:
         return Direction(_with_scalars(contact, contact.r), -solver(gradient), contact.impulse)
     geometric, scheme = None, increment.scheme
-    if contact.frozen is None and not scheme.explicit:  # contacts hardly rotate in an explicit step
+    if not scheme.explicit:  # contacts hardly rotate in an explicit step
         geometric = contact_stiffness(constraints, contact.r, increment.dt, scheme.theta)
     with_known = solver(contact.impulse - gradient)
     timer.lap("linear")
@@ -144,12 +143,12 @@ class _Linearised:
         """
         if geometric is None:
             return self._without(self._impulses(None, self.contact.lifted), 0, 0)
-        found, inertia = self._impulses(geometric, self.contact.lifted), self.contact.increment.inertial
+        found = self._impulses(geometric, self.contact.lifted)
         if found.worst is None and (usable := self._usable(geometric, found, 0)):
             return usable
         without = self._impulses(None, self.contact.lifted)
         failed, iterations = found.worst is not None, found.iterations
-        for share in SHARES if failed and inertia and without.worst is None else ():
+        for share in SHARES if failed and without.worst is None else ():
             start = self.contact.constraints.lifted(without.r, self.contact.increment.dt)
             part = self._impulses(geometric.softer(share), start)
             if part.worst is None and (usable := self._usable(geometric, part, iterations + without.iterations)):
@@ -204,18 +203,6 @@ class _Linearised:
             stiffness_failures=contact.stiffness_failures + failures,
         )
 
-    def _elastic_share(self) -> Array | float:
-        """Of the response of each contact the share that is not that of soft springs, where forces drive (k,).
-
-        Between walls of prescribed motion gaps are a millionth of it anyway. Springs move no body against itself.
-        """
-        contact, increment, unknowns = self.contact, self.contact.increment, self.contact.problem.unknowns
-        if unknowns is None or increment.scheme.inertia:
-            return 1.0
-        on_springs, bodies = increment.floating & (increment.proximal is None), contact.constraints.bodies
-        soft = ((bodies >= 0) & on_springs[np.maximum(bodies, 0)]).any(axis=0) & (bodies[0] != bodies[1])
-        return np.where(soft | unknowns.drives(contact.z, contact.constraints), SPRING_STIFFNESS, 1.0)
-
     def _impulses(self, geometric: ContactStiffness | None, start: Array) -> _Impulses:
         """The new impulses and those of the geometric stiffness; the start has the impulses that cohesion adds."""
         contact, constraints, W = self.contact, self.contact.constraints, self.W
@@ -245,10 +232,11 @@ class _Linearised:
         if constraints.cohesive:
             free = q + (W @ np.concatenate([known - contact.r, np.zeros(W.shape[0] - k)]))[:k]
         round_off = contact.problem.speed_round_off / scheme.gap_tol
-        limits = round_off, increment.dt, scheme.contact_tol, self._elastic_share()
+        unknowns = contact.problem.unknowns
+        elastic = 1.0 if unknowns is None else unknowns.elastic_shares(contact.z, constraints)
+        limits = round_off, increment.dt, scheme.contact_tol, elastic
         scale = contact_scale(constraints, diagonal, free, *limits)
-        options |= {"tol": scheme.contact_tol, "reference": scale.reference, "damped": not increment.inertial}
-        options |= {"pairs": constraints.pairs if increment.inertial else None}
+        options |= {"tol": scheme.contact_tol, "reference": scale.reference, "pairs": constraints.pairs}
         r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)
         contact.problem.timer.lap("contact")
         worst = None

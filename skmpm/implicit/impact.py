@@ -36,7 +36,7 @@ def at_supports(increment: Increment, v: Array) -> tuple[Array, Array]:
         return v, np.zeros(0)
     prescribed, grid = increment.prescribed_only(), increment.grid
     M = sp.diags_array(mass).tobsr((2, 2))
-    solver = supports.factorised(increment.scheme.linear, M, grid.blocks, grid.rigid_motions())
+    solver = supports.factorised(increment.scheme.linear, M, grid.blocks, grid.rigid_motions)
     end = prescribed + solver(mass * (v - prescribed))
     return end, np.asarray(supports.prescription.T @ (mass * (v - end)))
 

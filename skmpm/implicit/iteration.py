@@ -1,4 +1,4 @@
-"""Parts of Newton's method for dynamic and quasi-static steps: initial guess, refactorisation, when it ends."""
+"""Parts of Newton's method: initial guess, refactorisation, when it ends."""
 
 from __future__ import annotations
 
@@ -18,16 +18,14 @@ from skmpm.material import determinant
 
 Array = NDArray[np.float64]
 
-# Rates are ratios of successive out-of-balance norms.
-SLOW_RATE = 0.3  # above it, steps are accelerated
-STALLED_RATE = 0.8  # above it, the iteration has stalled, as near a limit point of the contacts
-# The best rate that is expected with an old matrix: the first one of a step, with contacts that change state, may be
-# much better than those that follow. A packing of 300 discs at a solid fraction of 0.75 took 77 iterations for 2.1
-# cells of stroke, and 359 with the old matrix wherever less than twenty tolerances were left.
+# The best ratio of successive out-of-balance norms that is expected with an old matrix: the first one of a step, with
+# contacts that change state, may be much better than those that follow. A packing of 300 discs at a solid fraction of
+# 0.75 took 77 iterations for 2.1 cells of stroke, and 359 with the old matrix wherever less than twenty tolerances
+# were left.
 BEST_RATE = 0.05
 
-# Iterations of a dynamic step with contacts after which it is given up unless one of them came closer to convergence:
-# two to four are usual; contacts that snap by a cell take 20 to 30, most of them on a plateau of up to eight.
+# Iterations with contacts after which it is given up unless one of them came closer to convergence: two to four are
+# usual; contacts that snap by a cell take 20 to 30, most of them on a plateau of up to eight.
 PATIENCE = 20
 
 # Iterations with an old matrix that take as long as a new one: of 300 free discs one iteration takes 15 to 20 ms, the
@@ -89,9 +87,8 @@ class Persistence:
     @classmethod
     def of(cls, increment: Increment, *, in_contact: bool) -> Persistence:
         """With contacts patience is limited where shorter steps help, or a larger metric."""
-        most, metric = increment.scheme.max_newton, increment.metric
-        limited = increment.scheme.inertia if metric is None else bool(metric.any())
-        return cls(most, PATIENCE if in_contact and limited else most)
+        most = increment.scheme.max_newton
+        return cls(most, PATIENCE if in_contact and increment.mass.any() else most)
 
     def ends(self, iteration: int, distance: float) -> bool:
         """Whether it ends; a full step more balances the momentum of a converged iterate."""
@@ -117,16 +114,12 @@ class Solution:
     configuration: Configuration | None = (
         None  # of w but for translations of bodies, in which stresses were evaluated
     )
+    solves: int = 1  # of a static step
 
     @property
     def contact_impulse(self) -> Array | None:
         """The contact impulse at the nodes, (2 nodes,) [kg m/s per m]; None where nothing can touch."""
         return None if self.contact is None else self.contact.impulse
-
-    @property
-    def frozen_angle(self) -> float:
-        """Mean angle between frozen contact normals and those at w, weighted with forces [rad]; 0 without any."""
-        return 0.0 if self.contact is None else self.contact.frozen_angle
 
 
 def first_velocity(increment: Increment) -> tuple[Array, Configuration]:

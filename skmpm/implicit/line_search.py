@@ -24,27 +24,16 @@ def move(
     direction: Array,
     gradient: Array,
     contact_impulse: Array,
-    accelerated: Array | None = None,
 ) -> tuple[Array, Configuration]:
-    """The next w with its configuration: by an accelerated step if admissible, else by a line search.
+    """The next w with its configuration, by a line search.
 
     The search is along the Newton direction, with exact rotations of bodies (`retraction`). Linear materials take the
     step without it, since no configuration is inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with
     contact.
     """
-    step = direction if accelerated is None else accelerated
     increment = increment.with_load_of(w)
     if increment.material_response.linear:
-        return w + step, increment.at(w + step)
-    if accelerated is not None:
-        trial = increment.at(w + step)
-        # Without contact the potential must decrease; with contact it changes from iteration to iteration.
-        limit = float(np.finfo(float).max)
-        if not contact_impulse.any():
-            energy = increment.energy(w, configuration)
-            limit = energy + _round_off(increment, w, configuration, direction, abs(energy))
-        if increment.energy(w + step, trial) <= limit:
-            return w + step, trial
+        return w + direction, increment.at(w + direction)
     return _search(increment, w, configuration, direction, gradient, contact_impulse)
 
 

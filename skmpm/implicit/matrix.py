@@ -33,8 +33,8 @@ def solver_of(
     """The scheme's solver for A, modified in bodies whose block is indefinite; LinAlgError if that is indefinite too.
 
     `projected` replaces the tangent of every point by its projection on the positive semi-definite ones. Otherwise an
-    indefinite body gets rotational inertia in a dynamic step. Where that is not enough, and in a quasi-static step,
-    its tangents are projected; in one without floating bodies, with contacts (`in_contact`), as far as needed.
+    indefinite body gets rotational inertia. Where that is not enough, and in a static step with supports, its
+    tangents are projected; with contacts (`in_contact`) as far as needed.
     """
     A = increment.matrix(configuration, projected=projected)
     if increment.gauge is not None and increment.gauge.rotation.any():
@@ -51,7 +51,7 @@ def solver_of(
 
 def _gets_inertia(increment: Increment) -> bool:
     """Whether indefinite bodies get rotational inertia: in dynamic steps, and in static ones where none is held."""
-    return increment.scheme.inertia or (increment.metric is not None and increment.supports is None)
+    return increment.metric is None or increment.supports is None
 
 
 def with_bars(increment: Increment, configuration: Configuration, solver: Solver) -> Solver:
@@ -70,9 +70,8 @@ def _modified(
     if _gets_inertia(increment):
         return _with_rotational_inertia(increment, A, configuration, failed)
     # Contacts stabilise modes that A alone does not, such as those of the surface beside an indenting corner, so that
-    # a small weight often suffices; any weight slows convergence. Bodies that rotate or buckle need all of it.
-    shares = PROJECTED_SHARES if in_contact and not increment.floating.any() else (1.0,)
-    return _projected(increment, A, configuration, failed, shares)
+    # a small weight often suffices; any weight slows convergence. Bodies that buckle need all of it.
+    return _projected(increment, A, configuration, failed, PROJECTED_SHARES if in_contact else (1.0,))
 
 
 def _projected(
@@ -137,13 +136,8 @@ def _with_rotational_inertia(
 
 
 def _rotational_stiffness(increment: Increment, A: sp.bsr_array, rotation: Array) -> tuple[Array, Array]:
-    """Moments of inertia (bodies,) [kg m] about the centres of mass, and what rotations lack of a share of them.
-
-    In a quasi-static step, where A has the weight of the stiffness alone, so has the inertia. Newton iterations are
-    the same with a hundredth of it and with four times as much.
-    """
-    mass = increment.mass if increment.inertial else increment.stiffness_as_mass
-    quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)])
+    """Moments of inertia (bodies,) [kg m] about the centres of mass, and what rotations lack of a share of them."""
+    quadratic = np.stack([increment.mass * rotation**2, rotation * (A @ rotation)])
     inertia, stiffness = increment.grid.sums(quadratic[:, ::2] + quadratic[:, 1::2])
     return inertia, np.maximum(MIN_ROTATIONAL_STIFFNESS * inertia - stiffness, 0.0)
 
@@ -207,12 +201,12 @@ def _solver(increment: Increment, A: sp.bsr_array, failed: NotPositiveDefinite |
     """The scheme's solver for A, which differs from a matrix that has `failed` in these bodies only."""
     grid, linear = increment.grid, increment.scheme.linear
     if increment.supports is not None:
-        return increment.supports.factorised(linear, A, grid.blocks, grid.rigid_motions())
+        return increment.supports.factorised(linear, A, grid.blocks, grid.rigid_motions)
     if failed is not None:
         return failed.resume(A)
     if increment.scheme.explicit:
         linear = diagonal
-    return linear(A, grid.blocks, grid.rigid_motions())
+    return linear(A, grid.blocks, grid.rigid_motions)
 
 
 def _indefinite(increment: Increment, error: np.linalg.LinAlgError) -> NotPositiveDefinite:

@@ -23,9 +23,9 @@ def with_balanced_momentum(
 
     Bodies are translated. The balance includes the contact impulse at w or, in long steps of bodies under pressure,
     that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full Newton step
-    balances the latter to round-off, whatever the mass. After a shortened or accelerated step both corrections may
-    move a body by more than `MAX_DRIFT`. Without inertia and in scenes with supports, which balance momentum by their
-    reactions, w is returned as it is, and in explicit steps, where `end_of_step` balances it.
+    balances the latter to round-off, whatever the mass. After a shortened step both corrections may move a body by
+    more than `MAX_DRIFT`. In scenes with supports, which balance momentum by their reactions, w is returned as it is,
+    and in explicit steps, where `end_of_step` balances it.
     """
     if increment.scheme.explicit:
         return w
@@ -34,19 +34,6 @@ def with_balanced_momentum(
         if _displacement(increment, error).max() <= MAX_DRIFT:
             return np.asarray(w - error.T[increment.grid.node_body].ravel())
     return None
-
-
-def without_neutral_translation(increment: Increment, w: Array) -> Array:
-    """The velocity w of a quasi-static step without contact, with the centres of mass of free bodies at rest.
-
-    Neither loads, which have no resultant, nor the stress of a body change as it is translated; the nodes at which
-    springs hold it in the iteration would stay where they are otherwise.
-    """
-    free = increment.floating & ~increment.held_motions.any(axis=(1, 2))
-    if increment.springs is not None or not free.any():
-        return w
-    mean = np.where(free, _over_mass(increment, increment.bulk.assembly.lumped * w), 0.0)
-    return np.asarray(w - mean.T[increment.grid.node_body].ravel())
 
 
 def drift(increment: Increment, w: Array, contact_impulse: Array, last_impulse: Array) -> Array:
@@ -63,7 +50,7 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     slope is a hundredth of its weight, loses a tenth of its angular momentum to the tolerance of Newton's method.
     Bodies that supports hold, and those that would turn too far, have none.
     """
-    if not increment.scheme.inertia or increment.scheme.explicit:
+    if increment.metric is not None or increment.scheme.explicit:
         return 0.0
     grid, mass = increment.grid, increment.bulk.assembly.lumped[::2]
     x = grid.position.T + (increment.start + increment.theta_dt * w).reshape(-1, 2)
@@ -89,10 +76,10 @@ def _displacement(increment: Increment, velocity: Array) -> Array:
 def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
     """Resultant out-of-balance impulse over mass, (2, bodies) [m/s]; zero in scenes with supports."""
     grid = increment.grid
-    if not increment.inertial or increment.supports is not None:
+    if increment.supports is not None:
         return np.zeros((2, grid.bodies))
     force = increment.theta_dt * (increment.load(w) - increment.spring_force(w))
-    imbalance = _weight(increment) * (w - increment.inertial_velocity) - force - contact_impulse
+    imbalance = _weight(increment) * (w - increment.v0) - force - contact_impulse
     return _over_mass(increment, imbalance)
 
 

@@ -3,9 +3,7 @@
 Every iteration computes the gaps at the current w and solves the contact problem on the linearised bulk. Since that
 includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity; it is
 factorised again where convergence is slow. Near a limit point of the contacts the contact problem may have no
-solution: that iteration then goes without geometric stiffness. In a quasi-static step, which such iterations do not
-solve, the contact geometry is frozen (`frozen_geometry`), and replaced by that of a later iterate where it makes a
-moment.
+solution: that iteration then goes without geometric stiffness.
 """
 
 from __future__ import annotations
@@ -19,16 +17,7 @@ from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
-from skmpm.implicit.floating import check_resultants
-from skmpm.implicit.frozen_geometry import (
-    MAX_FROZEN_MOMENT,
-    frozen_geometry_moment,
-    unmet_moment,
-    with_present_geometry,
-)
 from skmpm.implicit.iteration import (
-    SLOW_RATE,
-    STALLED_RATE,
     Persistence,
     Refactorisation,
     Solution,
@@ -40,8 +29,7 @@ from skmpm.implicit.iteration import (
     with_contact,
 )
 from skmpm.implicit.line_search import move
-from skmpm.implicit.momentum import drift, missing_spin, with_balanced_momentum, without_neutral_translation
-from skmpm.implicit.remedies import Remedies
+from skmpm.implicit.momentum import drift, missing_spin, with_balanced_momentum
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.rotation import matrix_turns, turned_solver
 from skmpm.implicit.timer import Timer
@@ -51,28 +39,15 @@ Array = NDArray[np.float64]
 
 
 def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
-    """Solve one step from the initial guess, v0 unless that inverts points (`first_velocity`).
+    """Solve one step, or one of a static step, from the initial guess unless that inverts points (`first_velocity`).
 
-    StepRejected is raised after `max_newton` iterations, in a dynamic step with contacts after some without progress
-    (`Persistence`), and if the contact solver or the line search fails.
+    StepRejected is raised after `max_newton` iterations, with contacts after some without progress (`Persistence`),
+    and if the contact solver or the line search fails.
     """
-    if problem is None:
-        check_resultants(increment)
     iterate = _first(increment, problem, kept)
     persistence = Persistence.of(increment, in_contact=problem is not None)
-    solution = _newton(iterate, persistence, timer)
-
-    def again() -> Solution:
-        _thaw(iterate)
-        return _newton(iterate, Persistence(2 * solution.newton, solution.newton), timer)
-
-    return with_present_geometry(solution, again)
-
-
-def _newton(iterate: _Iterate, persistence: Persistence, timer: Timer) -> Solution:
-    """Newton's method from an iterate."""
     while True:
-        balance = _evaluate(iterate)
+        balance = _balance(iterate)
         if balance.converged and (solution := _solution(iterate, balance)):
             return solution
         if persistence.ends(balance.iteration, balance.distance):
@@ -92,7 +67,6 @@ class _Iterate:
     contact: ContactIterate | None
     factor: _Factor
     last_impulse: Array  # (2 nodes,) contact impulse of the last solve [kg m/s per m]
-    remedies: Remedies | None  # of quasi-static steps; with inertia none is needed
     refactorisation: Refactorisation = field(default_factory=Refactorisation)
     iteration: int = 0
     before: float = np.inf  # out-of-balance norm of the iteration before
@@ -102,8 +76,7 @@ def _first(increment: Increment, problem: ContactProblem | None, kept: Solver | 
     """The iterate at the initial guess."""
     w, configuration = first_velocity(increment)
     contact = None if problem is None else problem.at(w)
-    remedies = None if increment.inertial else Remedies(increment.bulk.assembly.mass)
-    return _Iterate(increment, w, configuration, contact, _Factor(kept), np.zeros_like(w), remedies)
+    return _Iterate(increment, w, configuration, contact, _Factor(kept), np.zeros_like(w))
 
 
 @dataclass(frozen=True)
@@ -132,27 +105,6 @@ class _Balance:
     def converged(self) -> bool:
         """Whether the iterate is a solution; the initial guess is none."""
         return (self.small and self.iteration > 0) or self.exact
-
-
-def _thaw(iterate: _Iterate) -> None:
-    """Go on without frozen contact geometry."""
-    assert iterate.contact is not None
-    iterate.contact, iterate.before = iterate.contact.with_frozen_geometry(None).at(iterate.w), np.inf
-    if iterate.remedies:
-        iterate.remedies.restart()
-
-
-def _evaluate(iterate: _Iterate) -> _Balance:
-    """The residuals; at a solution whose frozen contact geometry makes a moment, those with the present geometry."""
-    balance, contact = _balance(iterate), iterate.contact
-    if contact is None or contact.frozen is None or not balance.converged:
-        return balance
-    if frozen_geometry_moment(iterate.increment, contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
-        return balance
-    iterate.contact, iterate.before = contact.with_frozen_geometry(contact.current).at(iterate.w), np.inf
-    if iterate.remedies:
-        iterate.remedies.forget()
-    return _balance(iterate)
 
 
 def _balance(iterate: _Iterate) -> _Balance:
@@ -206,29 +158,16 @@ def _direction(iterate: _Iterate, balance: _Balance) -> Array:
     if iterate.contact is None:
         iterate.last_impulse = balance.contact_impulse
         return -solver(balance.gradient)
-    if iterate.remedies:
-        stalled = balance.iteration > 2 and balance.norm > STALLED_RATE * iterate.before
-        iterate.contact = iterate.remedies.frozen(iterate.contact, stalled)
     found = solve(iterate.contact, solver, balance.gradient)
     iterate.contact, iterate.last_impulse = found.contact, found.impulse
     return found.direction
 
 
 def _move(iterate: _Iterate, balance: _Balance, direction: Array, timer: Timer) -> None:
-    """Move along the direction, or by an accelerated step, as far as the potential decreases."""
-    accelerated = None
-    if iterate.remedies:
-        slow = balance.norm > SLOW_RATE * iterate.before and not balance.converged
-        accelerated = iterate.remedies.accelerated(iterate.w, direction, slow)
+    """Move along the direction as far as the potential decreases."""
     iterate.before, out_of_balance = balance.norm, balance.gradient - iterate.last_impulse
     iterate.w, iterate.configuration = move(
-        iterate.increment,
-        iterate.w,
-        iterate.configuration,
-        direction,
-        out_of_balance,
-        iterate.last_impulse,
-        accelerated,
+        iterate.increment, iterate.w, iterate.configuration, direction, out_of_balance, iterate.last_impulse
     )
     timer.lap("bulk")
     iterate.iteration += 1
@@ -241,8 +180,6 @@ def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
     w = with_balanced_momentum(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
     if w is None:
         return None
-    if iterate.contact is None:
-        w = without_neutral_translation(increment, w)
     reaction = increment.reaction(balance.out_of_balance)
     spin = missing_spin(increment, w, balance.out_of_balance)
     numbers = balance.iteration, iterate.refactorisation.count, balance.contact, balance.norm
@@ -254,4 +191,4 @@ def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:
     increment, contact = iterate.increment, iterate.contact
     moved = drift(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
     unmet = unmet_criteria(increment, contact, balance.out_of_balance, balance.norm, balance.contact, moved)
-    return not_converged(balance.iteration, unmet + unmet_moment(increment, contact, iterate.w))
+    return not_converged(balance.iteration, unmet)

@@ -24,23 +24,6 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LONG = 15.0  # [cells] that pressure waves travel in a long step; bodies under pressure respond to forces by stiffness
-# Stiffness of the springs that limit the rigid motion of a floating body in one Newton iteration, over its shear
-# modulus. With 1e-2 discs between plates took 7 to 19 iterations, with 1e-3 3 to 5, with 1e-4 no fewer.
-SPRING_STIFFNESS = 1e-3
-
-
-def null_space(gram: Array) -> Array:
-    """An orthonormal basis (3, k) of the rigid motions q with G q = 0, from G^T G (3, 3)."""
-    values, vectors = np.linalg.eigh(gram)
-    return np.asarray(vectors[:, values <= 1e-10 * max(float(values[-1]), 1.0)])
-
-
-@dataclass(frozen=True)
-class Proximal:
-    """Proximal force weight * (w - centre) in the balance of floating bodies of a quasi-static step."""
-
-    weight: Array  # (2 nodes,) proportional to mass, so that translations cause no moment [kg/m]
-    centre: Array  # (2 nodes,) [m/s]
 
 
 @dataclass(frozen=True)
@@ -55,7 +38,6 @@ class Increment:
     scheme: Scheme
     supports: Elimination | None = None
     prescribed: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
-    proximal: Proximal | None = None  # for floating bodies with neutral rigid-body modes
     gauge: Gauge | None = None  # for bodies whose material can turn inside their shape
     pressure: FollowerPressure | None = None
     springs: Springs | None = None
@@ -92,11 +74,6 @@ class Increment:
         return self.bulk.modulus + 2.0 * self.bulk.viscosity / self.theta_dt
 
     @property
-    def inertial(self) -> bool:
-        """Whether velocities are weighed against `inertial_velocity`: by inertia or by a static metric."""
-        return self.scheme.inertia or self.metric is not None
-
-    @property
     def long(self) -> bool:
         """Whether pressure waves travel farther than `LONG` in the step."""
         if self.metric is not None:
@@ -106,36 +83,10 @@ class Increment:
 
     @cached_property
     def mass(self) -> Array:
-        """Diagonal inertia: lumped mass, in a quasi-static step zero or the proximal weight, (2 nodes,) [kg/m]."""
+        """Diagonal inertia: lumped mass, in a static step its metric, (2 nodes,) [kg/m]."""
         if self.metric is not None:
             return self.metric
-        if self.proximal is not None:
-            return self.proximal.weight
-        assembly = self.bulk.assembly
-        if self.scheme.explicit:
-            return assembly.explicit_mass
-        return assembly.mass if self.scheme.inertia else np.zeros_like(assembly.mass)
-
-    @cached_property
-    def floating(self) -> NDArray[np.bool_]:
-        """Which bodies of a quasi-static step float, that is have a rigid-body mode free of supports, (bodies,)."""
-        bodies = self.grid.bodies
-        if self.inertial:
-            return np.zeros(bodies, dtype=bool)
-        present = np.bincount(self.grid.node_body, minlength=bodies) > 0
-        floating = present if self.supports is None else present & ~self.supports.holds
-        if self.springs is not None:
-            for b in np.flatnonzero(floating & self.springs.holding.any(axis=(1, 2))).tolist():
-                floating[b] = null_space(self.held_motions[b]).shape[1] > 0
-        return floating
-
-    @cached_property
-    def held_motions(self) -> Array:
-        """Rigid motions that supports or springs to ground hold, as quadratic forms by body, (bodies, 3, 3)."""
-        gram, owner = np.zeros((self.grid.bodies, 3, 3)), self.grid.node_body[self.constrained_dofs // 2]
-        violation = self.support_violation(sp.csr_array(self.grid.rigid_motions())).toarray()
-        np.add.at(gram, owner, violation[:, :, None] * violation[:, None, :])
-        return gram if self.springs is None else gram + self.springs.holding
+        return self.bulk.assembly.explicit_mass if self.scheme.explicit else self.bulk.assembly.mass
 
     @property
     def linear(self) -> bool:
@@ -145,14 +96,7 @@ class Increment:
     @property
     def one_solve(self) -> bool:
         """Whether one linear solve gives the solution without contact."""
-        return self.linear and self.pressure is None and not self.floating.any()
-
-    @property
-    def inertial_velocity(self) -> Array:
-        """The velocity without forces: v0, in a quasi-static step zero or the proximal centre, (2 nodes,) [m/s]."""
-        if self.proximal is not None:
-            return self.proximal.centre
-        return self.v0 if self.inertial else np.zeros_like(self.v0)
+        return self.linear and self.pressure is None
 
     def initial_guess(self) -> Array:
         """The velocity v0 with the prescribed velocities of supports, on the gauge, (2 nodes,) [m/s]."""
@@ -182,7 +126,7 @@ class Increment:
 
     def energy(self, w: Array, configuration: Configuration) -> float:
         """The incremental potential E(w) without pressures, which have none, [J/m]."""
-        change = w - self.inertial_velocity
+        change = w - self.v0
         springs = 0.0 if self.springs is None else self.springs.energy(configuration.displacement)
         return (
             self.material_response.energy(configuration)
@@ -193,7 +137,7 @@ class Increment:
 
     def gradient(self, w: Array, configuration: Configuration) -> tuple[Array, float]:
         """Out-of-balance impulse without contact (2 nodes,) [kg m/s per m], and the norm of its largest term."""
-        inertia = self.mass * (w - self.inertial_velocity)
+        inertia = self.mass * (w - self.v0)
         elastic, external = (
             self.theta_dt * self.material_response.force(configuration),
             self.theta_dt * self.load(w),
@@ -213,12 +157,6 @@ class Increment:
     def constrained_dofs(self) -> Ints:
         """The degrees of freedom that supports eliminate, (m,)."""
         return np.zeros(0, dtype=np.int64) if self.supports is None else self.supports.fixed
-
-    def support_violation(self, motions: sp.csr_array) -> sp.csr_array:
-        """How much motions (2 nodes, k) violate supports at rest, by constrained degree of freedom, (m, k)."""
-        if self.supports is None:
-            return sp.csr_array((0, motions.shape[1]))
-        return sp.csr_array(motions[self.constrained_dofs] - self.supports.T[self.constrained_dofs] @ motions)
 
     def without_gauge_torque(self, gradient: Array) -> Array:
         """An out-of-balance impulse without the part that the gauge bears, (2 nodes,)."""
@@ -249,7 +187,7 @@ class Increment:
         return float(20.0 * np.finfo(float).eps * (elastic + inertia))
 
     def matrix(self, configuration: Configuration, *, projected: Ints | bool = False) -> sp.bsr_array:
-        """A = M + theta^2 dt^2 K; in a quasi-static step springs or the proximal weight of floating bodies replace M.
+        """A = M + theta^2 dt^2 K, with M the metric in a static step.
 
         K of `projected` bodies, all or (k,), is positive semi-definite (`Bulk.stiffness`). In an explicit step there
         is none, and A is diagonal.
@@ -263,11 +201,8 @@ class Increment:
         K = self.material_response.stiffness(configuration, projected=points)
         if self.springs is not None:
             K = K + self.springs.bed_stiffness()
-        if self.scheme.inertia:
-            return assembly.matrix(K, self.theta_dt**2)
-        if self.metric is not None or self.proximal is not None:
-            return assembly.matrix(K, self.theta_dt**2, self.mass.reshape(-1, 2, 1) * np.eye(2))
-        return assembly.matrix(K, self.theta_dt**2, self.grid.pins(SPRING_STIFFNESS * self.scaled_shear_modulus))
+        M = None if self.metric is None else self.metric.reshape(-1, 2, 1) * np.eye(2)
+        return assembly.matrix(K, self.theta_dt**2, M)
 
     @property
     def shear_modulus(self) -> Array:
@@ -277,19 +212,3 @@ class Increment:
             own = grid.cell_body[grid.cell_of_point[points]]
             modulus[own] = np.minimum(modulus[own], material.lame[1])
         return np.asarray(self.theta_dt**2 * np.where(np.isfinite(modulus), modulus, 0.0))
-
-    @property
-    def scaled_shear_modulus(self) -> Array:
-        """The same of floating bodies, zero for others, (bodies,) [kg/m]."""
-        return np.where(self.floating, self.shear_modulus, 0.0)
-
-    @property
-    def stiffness_as_mass(self) -> Array:
-        """Lumped mass scaled so that a floating body has theta^2 dt^2 times its shear modulus, (2 nodes,) [kg/m]."""
-        grid, mass = self.grid, self.bulk.assembly.lumped
-        rate = self.scaled_shear_modulus / np.maximum(grid.sums(mass[None, ::2])[0], 1e-300)
-        return np.asarray(np.repeat(rate[grid.node_body], 2) * mass)
-
-    def with_proximal_centre(self, w: Array, relative_stiffness: float) -> Increment:
-        """The same step with a proximal term about w for floating bodies, of their shear modulus times a factor."""
-        return replace(self, proximal=Proximal(relative_stiffness * self.stiffness_as_mass, w))

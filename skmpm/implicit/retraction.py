@@ -22,11 +22,10 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
     """The velocity (2 nodes,) [m/s] after a step (2 nodes,) [m/s] from w, with the exact rotation of every body.
 
     A step is the sum of its mean, a rotation about the centre of mass, and the rest, which the rotation
-    carries along. The mean, and with it the momentum, stays. Linear materials resist rotations, supports prescribe
-    components of the velocity, and quasi-static iterations form affine combinations of iterates (Anderson): there it
-    is the sum w + step.
+    carries along. The mean, and with it the momentum, stays. Linear materials resist rotations and supports prescribe
+    components of the velocity: there it is the sum w + step.
     """
-    if not increment.inertial or increment.material_response.linear or increment.supports is not None:
+    if increment.material_response.linear or increment.supports is not None:
         return w + step
     grid, mass = increment.grid, increment.bulk.assembly.lumped
     x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), np.empty_like(w)

@@ -7,7 +7,7 @@ relative velocity changes by J z. With the contact impulses r,
 
 The unknowns are eliminated from the contact problem: impulses determine z, and add theta J m^-1 J^T to W. So F is
 exact at the end of the step, whatever the stiffness of what it acts on. Without inertia m = 0 in this balance, and
-`response` takes its place in W, as springs do for floating bodies.
+`response` takes its place in W.
 
 A periodic box carries the bodies in it: inertia resists velocities relative to that of the box at their centres. What
 it adds to them when its rates change in the step (`translation`) changes no stress and no imbalance, only contacts.
@@ -30,6 +30,8 @@ from skmpm.scene import PrescribedVelocities
 
 Array = NDArray[np.float64]
 
+# Without inertia, mass of an unknown in W over dt^2 times the largest shear modulus of the bodies.
+RESPONSE = 1e-3
 SMALL = 1e-12  # motion along the normal of a contact per motion of what moves it, by round-off
 
 
@@ -139,6 +141,13 @@ class ScalarUnknowns:
         """Whether they move contacts along their normals, (k,)."""
         normal = self.rows(z, constraints)[:: 2 if constraints.tangential else 1]
         return np.asarray(abs(normal).sum(axis=1) > SMALL)
+
+    def elastic_shares(self, z: Array, constraints: Constraints) -> Array | float:
+        """Of the response of each contact the share that is not that of unknowns without mass, (k,).
+
+        Between walls of prescribed motion gaps are a millionth of it anyway.
+        """
+        return 1.0 if self.inertia.mass.any() else np.where(self.drives(z, constraints), RESPONSE, 1.0)
 
     def imbalance(self, z: Array, constraints: Constraints, r: Array) -> Array:
         """Out-of-balance impulse under contact impulses r, (p,)."""

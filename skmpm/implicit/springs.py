@@ -8,7 +8,6 @@ their span d = B u + d_0.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -70,37 +69,6 @@ class Springs:
     def linear(self) -> bool:
         """Whether forces are linear in the displacement: without bars."""
         return self.length.size == 0
-
-    @cached_property
-    def holding(self) -> Array:
-        """Quadratic forms of the beds in the rigid motions of `grid.rigid_motions`, each with the trace one or zero.
-
-        By body, (bodies, 3, 3).
-        """
-        grid, held = self.assembly.grid, np.zeros((self.assembly.grid.bodies, 3, 3))
-        if self.points.size:
-            N = grid.interpolation[self.points]
-            moved = np.stack([(N @ mode.reshape(-1, 2)).T for mode in grid.rigid_motions().T])  # (3, 2, m)
-            body = grid.cell_body[grid.cell_of_point[self.points]]
-            np.add.at(held, body, np.einsum("aip,ip,bip->pab", moved, self.stiffness, moved))
-        trace = np.trace(held, axis1=1, axis2=2)
-        return np.asarray(held / np.maximum(trace, 1e-300)[:, None, None])
-
-    def opposing(self, modes: sp.csr_array) -> sp.csr_array:
-        """Combinations of modes (2 nodes, k) that beds oppose, (2 m, k); of each body squares add up to one."""
-        grid = self.assembly.grid
-        N = sp.kron(grid.interpolation[self.points], np.eye(2), format="csr")
-        rows = sp.csr_array(sp.diags_array(np.sqrt(self.stiffness.T.ravel())) @ (N @ modes))
-        body = np.repeat(grid.cell_body[grid.cell_of_point[self.points]], 2)
-        size = np.bincount(body, np.asarray(rows.power(2).sum(axis=1)).ravel(), grid.bodies)
-        return sp.csr_array(sp.diags_array(1.0 / np.sqrt(np.maximum(size, 1e-300))[body]) @ rows)
-
-    @property
-    def joined(self) -> NDArray[np.bool_]:
-        """Bodies that bars act on, (bodies,)."""
-        found = np.zeros(self.assembly.grid.bodies, dtype=bool)
-        found[self.assembly.grid.node_body[self.bars.indices // 2]] = True
-        return found
 
     def _stretch(self, U: Array) -> Array:
         if self.points.size == 0:

@@ -1,179 +1,231 @@
-"""Newton's method for quasi-static steps with floating bodies and contacts.
+"""Static steps: the proximal point method in the metric of the mass.
 
-Springs in A limit the rigid motion of these bodies in one iteration; they do not enter the residual. Where contacts
-leave rigid-body modes neutral, the proximal point method replaces them (`proximal_point`).
+A dynamic step minimises the potential plus 1/2 |w - v0|_M^2. A static step has no inertia, but the same problem with
+v0 := w of the last solve, repeated until M (w - v0) is negligible, is the proximal point method for the equilibrium
+(Rockafellar, SIAM J. Control Optim. 14, 1976; pseudo-transient continuation: Kelley & Keyes, SIAM J. Numer. Anal. 35,
+1998). M is the lumped mass of every body, scaled to a share of its shear modulus times dt^2. Start, loads, walls and
+time of the step stay.
+
+The share is small where bodies rest, and so large where nothing holds a body that it moves by a tenth of a cell in a
+solve: contact points are chosen once per solve. A body that moves by as much again and again has no equilibrium.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit import newton
-from skmpm.implicit.acceleration import AndersonAcceleration
-from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
-from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected
-from skmpm.implicit.floating import (
-    check_step_motion,
-    floating_bodies,
-    limited,
-)
-from skmpm.implicit.frozen_geometry import (
-    MAX_FROZEN_MOMENT,
-    frozen_geometry_moment,
-    unmet_moment,
-    with_present_geometry,
-)
-from skmpm.implicit.iteration import (
-    SLOW_RATE,
-    STALLED_RATE,
-    Solution,
-    factorise,
-    first_velocity,
-    not_converged,
-    unmet_criteria,
-)
-from skmpm.implicit.line_search import move
-from skmpm.implicit.mechanisms import diagnose, rigid_initial_guess
-from skmpm.implicit.proximal_point import (
-    Iterate,
-    OutOfBalance,
-    converged,
-    drifts_on_springs,
-    evaluate,
-    restart,
-    update_proximal_term,
-)
-from skmpm.implicit.remedies import Remedies
+from skmpm.implicit.iteration import Solution
+from skmpm.implicit.newton import advance
 from skmpm.implicit.residual import Increment
+from skmpm.implicit.rigid_motion import RigidMotion
 from skmpm.implicit.timer import Timer
+from skmpm.implicit.unbalanced_motion import no_equilibrium
 from skmpm.linear import Solver
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
-INNER_ITERATIONS = 8  # with one proximal centre, before a stalled iteration freezes the contact geometry
+# Shares of the shear modulus of a body that its metric has: in the first solve of bodies at rest, the least and the
+# largest of all. Below the first, solves of bodies that buckle fail. Bodies that supports hold have none.
+FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
+MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
+TOO_FAR = 2.0  # of these motions: such a solve is repeated with a larger share
+MOVING = 0.7  # of them: a body that moves as far in `FALLING` solves in a row has no equilibrium
+FALLING = 20  # half as many where a solve fails then
+MAX_SOLVES = 60
+# Largest factor of a share, or of its inverse, from one solve to the next, and that after a solve that failed. Later
+# shares stay above that one by its root.
+CHANGE = 10.0
+NEGLIGIBLE = 1e-3  # resultant of M (w - v0) over the forces on a body: discretised surfaces are not smoother
+LASTING = 0.5  # of the solve before: a resultant that is larger meets no resistance, and may stay as it is
+WORK = 0.1  # over Newton's tolerance: work of M (w - v0) that is negligible beside that of the other forces
+LIGHTEST = 0.1  # smallest force on a body that counts, over the mean of all: rattlers bear almost none
+
+Problems = Callable[[Array], ContactProblem | None]
 
 
-def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
-    """Solve one step; by `newton.advance` unless it is quasi-static with floating bodies and contacts.
+def settle(increment: Increment, problem_at: Problems, kept: Solver | None, timer: Timer, stroke: float) -> Solution:
+    """The equilibrium at the end of a step.
+
+    `problem_at` gives the contact problem with the contact points at a velocity (2 nodes,) [m/s]. The `kept` factor
+    is of use where supports hold all bodies. Prescribed motions may move bodies by `stroke` [m].
 
     Raises
     ------
     StepRejected
-        if there is no equilibrium, which limit analysis finds before the first iteration as far as it can, or if none
-        is found
+        if a body moves on and on, if `MAX_SOLVES` do not suffice, or if a solve fails with the largest shares
     """
-    if problem is None or not increment.floating.any():
-        return newton.advance(increment, problem, kept, timer)
-    constraints = problem.linearise(increment.prescribed_only())
-    bodies = floating_bodies(increment, constraints)
-    guess = rigid_initial_guess(increment, problem, bodies, constraints)
-    if guess is not None and increment.gauge is not None:
-        guess = increment.gauge.initial_guess(guess)
-    start = first_velocity(increment) if guess is None else (guess, increment.at(guess))
-    mass = increment.bulk.assembly.mass
-    remedies, of_centre = Remedies(mass), AndersonAcceleration(mass)
-    iterate = Iterate(increment, problem.at(start[0]), bodies, *start, kept, remedies, of_centre)
-    try:
-        solution = _newton(iterate, start, timer, range(increment.scheme.max_newton + 1))
-    except StepRejected as error:
-        raise diagnose(increment, iterate.contact, bodies, error) from error
-
-    def again() -> Solution:
-        _thaw(iterate)
-        return _newton(iterate, start, timer, range(solution.newton, 2 * solution.newton + 1))
-
-    return with_present_geometry(solution, again)
-
-
-def _newton(iterate: Iterate, start: tuple[Array, Configuration], timer: Timer, iterations: range) -> Solution:
-    """Newton's method in so many iterations; a restart is from `start`, a velocity and its configuration."""
-    increment, bodies = iterate.increment, iterate.bodies
-    for iteration in iterations:
-        balance = evaluate(iterate, iteration)
-        if drifts_on_springs(iterate):
-            balance = restart(iterate, start, iteration)
-        check_step_motion(increment, bodies, iterate.w)
-        if converged(iterate, balance):
-            if frozen_geometry_moment(iterate.increment, iterate.contact, iterate.w).max() <= MAX_FROZEN_MOMENT:
-                return _solution(iterate, balance)
-            balance = _renew_geometry(iterate, iteration)
-            if converged(iterate, balance):
-                return _solution(iterate, balance)
-        _iterate(iterate, update_proximal_term(iterate, balance), timer)
-    raise not_converged(iterations[-1], _unmet(iterate, balance))
+    motion, solved = RigidMotion.of(increment), list[Solution]()
+    centre, w = increment.v0, increment.initial_guess()
+    problem = problem_at(w)
+    metric = _Metric.of(increment, motion, _unheld(increment, motion, problem, w))
+    kept = None if metric.share.any() else kept
+    change = _Change.none(increment.grid.bodies)
+    for _ in range(MAX_SOLVES):
+        trial = metric.applied(increment, centre, w)
+        try:
+            found = advance(trial, None if problem is None else problem.within(trial, kept), kept, timer)
+        except StepRejected as error:
+            if solved and 2 * metric.moving.max() >= FALLING:
+                break
+            if not error.retryable or not metric.raised():
+                raise
+            continue
+        solved.append(found)
+        change = _Change.of(trial, motion, found, change)
+        moved = change.moved - stroke / increment.grid.cell
+        if metric.too_far(moved):
+            continue
+        centre = w = found.w
+        if change.negligible(increment.scheme.newton_tol):
+            return _equilibrium(trial, change, solved)
+        if metric.follows(moved):
+            break
+        problem = problem_at(w)
+        problem = None if problem is None else problem.after(found.contact)
+    if not solved:
+        raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
+    body = int(np.argmax(np.where(metric.moving > 0, metric.moving, change.share)))
+    moves_on = 2 * metric.moving.max() >= FALLING
+    verdict = "there is no equilibrium" if moves_on else f"no equilibrium was found in {MAX_SOLVES} solves"
+    raise no_equilibrium(verdict, increment, motion, solved[-1], body, float(change.share[body]))
 
 
-def _thaw(iterate: Iterate) -> None:
-    """Go on without frozen contact geometry."""
-    iterate.contact, iterate.before = iterate.contact.with_frozen_geometry(None), np.inf
-    iterate.remedies.restart()
-
-
-def _unmet(iterate: Iterate, balance: OutOfBalance) -> list[tuple[str, str]]:
-    """The convergence criteria that are not met, where and by how much."""
-    out_of_balance, no_drift = balance.gradient - balance.contact_impulse, np.zeros(iterate.increment.grid.bodies)
-    unmet = unmet_criteria(
-        iterate.increment, iterate.contact, out_of_balance, balance.without_proximal, balance.residual, no_drift
-    )
-    return unmet + unmet_moment(iterate.increment, iterate.contact, iterate.w)
-
-
-def _renew_geometry(iterate: Iterate, iteration: int) -> OutOfBalance:
-    """Freeze the contact geometry at w instead of the previous one; the out-of-balance impulses with it."""
-    iterate.contact = iterate.contact.with_frozen_geometry(iterate.contact.current)
-    iterate.remedies.forget()
-    iterate.before = np.inf
-    return evaluate(iterate, iteration)
-
-
-def _solution(iterate: Iterate, balance: OutOfBalance) -> Solution:
-    """The converged solution; a factor that contains the proximal weight is not kept for later steps."""
-    increment = iterate.increment
-    reaction = increment.reaction(balance.gradient - iterate.proximal_impulse - balance.contact_impulse)
-    solver = iterate.solver if increment.proximal is None else None
-    return Solution(
-        iterate.w,
-        iterate.contact,
-        balance.iteration,
-        iterate.refactorisation.count,
-        balance.residual,
-        balance.without_proximal,
-        reaction,
-        solver,
+def _equilibrium(increment: Increment, change: _Change, solved: list[Solution]) -> Solution:
+    """The last solution of a step, with what all solves took, and the factor where it is without a metric."""
+    found = solved[-1]
+    return replace(
+        found,
+        solves=len(solved),
+        newton=sum(each.newton for each in solved),
+        factorisations=sum(each.factorisations for each in solved),
+        imbalance=max(found.imbalance, change.imbalance),
+        reaction=increment.reaction(_without_metric(increment, found)),
+        solver=None if increment.mass.any() else found.solver,
     )
 
 
-def _iterate(iterate: Iterate, balance: OutOfBalance, timer: Timer) -> None:
-    """One Newton iteration."""
-    increment = iterate.increment
-    slow, stalls = balance.relative > SLOW_RATE * iterate.before, balance.relative > STALLED_RATE * iterate.before
-    patience = 2 if increment.proximal is None else INNER_ITERATIONS
-    stalled = stalls and balance.iteration > iterate.centre_iteration + patience
-    distance = max(balance.relative / increment.scheme.newton_tol, balance.residual / increment.scheme.gap_tol)
-    due = iterate.refactorisation.due(increment, balance.iteration, balance.relative, iterate.before, distance)
-    if iterate.solver is None or due:
-        iterate.solver = None
-        iterate.contact = iterate.contact.without_delassus()
-        iterate.solver = factorise(increment, iterate.contact, iterate.configuration)
-        iterate.refactorisation.made(balance.iteration)
-        timer.lap("factorisation")
-    contact = iterate.remedies.frozen(iterate.contact, stalled)
-    first = increment.proximal is not None and balance.iteration == iterate.centre_iteration
-    iterate.before = np.inf if first else balance.relative
-    solved = solve(contact, iterate.solver, balance.gradient)
-    iterate.contact, direction, contact_impulse = solved.contact, solved.direction, solved.impulse
-    step = iterate.remedies.accelerated(iterate.w, direction, slow)
-    direction = limited(increment, iterate.bodies, iterate.w, direction)
-    iterate.w, iterate.configuration = move(
-        increment,
-        iterate.w,
-        iterate.configuration,
-        direction,
-        balance.gradient - contact_impulse,
-        contact_impulse,
-        None if step is None else limited(increment, iterate.bodies, iterate.w, step),
-    )
-    timer.lap("bulk")
+@dataclass
+class _Metric:
+    """The metric of the bodies; solves change its shares."""
+
+    unit: Array  # (2 nodes,) metric of a share of one [kg/m]
+    node_body: NDArray[np.int64]
+    held: Bools  # (bodies,) whether supports prevent all rigid motions of the body
+    share: Array  # (bodies,)
+    least: Array  # (bodies,) after solves that failed
+    moving: NDArray[np.int64]  # (bodies,) solves in a row in which each has moved on
+
+    @staticmethod
+    def of(increment: Increment, motion: RigidMotion, unheld: Array) -> _Metric:
+        """That with which resultants (bodies,) [kg m/s per m] that nothing bears move bodies by `MOTION`."""
+        grid, modulus = increment.grid, increment.shear_modulus
+        held = np.zeros(grid.bodies, dtype=bool) if increment.supports is None else increment.supports.holds
+        unit = np.repeat((modulus / motion.total)[grid.node_body] * motion.mass, 2)
+        wanted = unheld / (MOTION * grid.cell / increment.dt * np.maximum(modulus, 1e-300))
+        first, least = np.where(held, 0.0, np.clip(wanted, FIRST, LARGEST)), np.full(grid.bodies, LEAST)
+        return _Metric(unit, grid.node_body, held, first, least, np.zeros(grid.bodies, dtype=np.int64))
+
+    def applied(self, increment: Increment, centre: Array, guess: Array) -> Increment:
+        """The equations of a solve about a centre (2 nodes,), that begins at a guess (2 nodes,)."""
+        metric = self.unit * np.repeat(self.share[self.node_body], 2)
+        return replace(increment, metric=metric, v0=centre, guess=guess, known_start=increment.at_start)
+
+    def raised(self) -> bool:
+        """Larger shares after a solve that failed, of bodies that are not held; whether there are any."""
+        if self.share[~self.held].min(initial=LARGEST) >= LARGEST:
+            return False
+        self.least = np.minimum(np.maximum(self.least, np.sqrt(CHANGE) * self.share), LARGEST)
+        self.share = np.where(self.held, 0.0, np.clip(CHANGE * self.share, FIRST, LARGEST))
+        return True
+
+    def too_far(self, moved: Array) -> bool:
+        """Whether bodies moved (bodies,) [cells] farther than a solve may move them: their shares are larger then."""
+        far = ~self.held & (moved > TOO_FAR * MOTION) & (self.share < LARGEST)
+        self.share = np.where(far, np.minimum(self.share * moved / MOTION, LARGEST), self.share)
+        return bool(far.any())
+
+    def follows(self, moved: Array) -> bool:
+        """Shares for motions (bodies,) [cells] as large as a solve may move bodies; whether one moves on and on."""
+        moved = np.where(self.held, 0.0, moved)
+        self.moving = np.where(moved > MOVING * MOTION, self.moving + 1, 0)
+        factor = np.clip(moved / MOTION, 1.0 / CHANGE, CHANGE)
+        self.share = np.where(self.held, 0.0, np.clip(self.share * factor, self.least, LARGEST))
+        return bool(self.moving.max() >= FALLING)
+
+
+@dataclass(frozen=True)
+class _Change:
+    """The change by a solve, and what the metric leaves out of balance."""
+
+    moved: Array  # rigid motion of bodies, at their surfaces (bodies,) [cells]
+    resultant: Array  # of M (w - v0), (3, bodies) [kg m/s per m]
+    share: Array  # of the forces on bodies that their resultants are (bodies,)
+    resisted: Array  # the same without those that last
+    imbalance: float  # norm of M (w - v0), without resultants that last, over that of the largest force
+    work: float  # of the same over that of the other forces
+
+    @staticmethod
+    def none(bodies: int) -> _Change:
+        """Before the first solve."""
+        none = np.zeros(bodies)
+        return _Change(none, np.full((3, bodies), np.inf), none, none, np.inf, np.inf)
+
+    @staticmethod
+    def of(increment: Increment, motion: RigidMotion, solution: Solution, before: _Change) -> _Change:
+        """That of a solution, after the change `before`."""
+        w, step = solution.w, solution.w - increment.v0
+        configuration, rigid = increment.at(w), motion.velocity(step)
+        resultant = motion.resultants(increment.on_free_dofs(increment.mass * step))
+        lasting = np.abs(resultant) > LASTING * np.abs(before.resultant)
+        resisted = step - motion.at_nodes(np.where(lasting, rigid, 0.0))
+        lack = increment.on_free_dofs(increment.mass * resisted)
+        outer = _outer(increment, w) + ([] if solution.contact_impulse is None else [solution.contact_impulse])
+        forces = 0.5 * np.hypot(*increment.grid.sums(np.abs(np.stack(outer)).sum(axis=0).reshape(-1, 2).T))
+        terms = [increment.theta_dt * increment.material_response.force(configuration), *outer]
+        noise = increment.round_off(w, configuration) / increment.scheme.newton_tol
+        size = np.maximum(np.maximum(forces, LIGHTEST * forces.mean()), noise)
+        exchanged = sum(abs(float(term @ w)) for term in terms)
+        return _Change(
+            increment.dt / increment.grid.cell * motion.at_surface(rigid),
+            resultant,
+            np.abs(resultant).max(axis=0) / size,
+            np.abs(np.where(lasting, 0.0, resultant)).max(axis=0) / size,
+            float(np.linalg.norm(lack)) / max(*(float(np.linalg.norm(term)) for term in terms), noise),
+            float(lack @ resisted) / max(exchanged, noise * float(np.linalg.norm(w)), 1e-300),
+        )
+
+    def negligible(self, tol: float) -> bool:
+        """Whether M (w - v0) is, on nodes, in the work that it does along w - v0, and on bodies."""
+        on_bodies = bool((self.share <= NEGLIGIBLE).all() and (self.resisted <= tol).all())
+        return self.imbalance <= tol and self.work <= WORK * tol and on_bodies
+
+
+def _outer(increment: Increment, w: Array) -> list[Array]:
+    """The impulses of loads and springs, (2 nodes,) each [kg m/s per m]."""
+    terms = [np.asarray(increment.theta_dt * increment.load(w))]
+    if increment.springs is not None:
+        terms.append(np.asarray(-increment.theta_dt * increment.spring_force(w)))
+    return terms
+
+
+def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem | None, w: Array) -> Array:
+    """Resultants on bodies that neither supports nor known contact forces balance, (bodies,) [kg m/s per m]."""
+    impulse = np.stack(_outer(increment, w)).sum(axis=0)
+    impulse = impulse - increment.theta_dt * increment.material_response.force(increment.at_start)
+    if problem is not None:
+        impulse = impulse + problem.at(w).impulse
+    return np.asarray(np.abs(motion.resultants(increment.on_free_dofs(impulse))).max(axis=0))
+
+
+def _without_metric(increment: Increment, solution: Solution) -> Array:
+    """The out-of-balance impulse without the metric, (2 nodes,) [kg m/s per m]."""
+    still = replace(increment, metric=np.zeros_like(solution.w))
+    gradient, _ = still.gradient(solution.w, increment.at(solution.w))
+    return gradient if solution.contact_impulse is None else gradient - solution.contact_impulse

@@ -19,14 +19,14 @@ SLIP = 0.3  # of the speed of its surface: a body that slips faster on a contact
 
 
 def no_equilibrium(
-    increment: Increment, motion: RigidMotion, solution: Solution, body: int, share: float
+    verdict: str, increment: Increment, motion: RigidMotion, solution: Solution, body: int, share: float
 ) -> StepRejected:
     """The error that says how a body moves in the last solve, a `share` of the forces on it out of balance."""
     step = solution.w - increment.prescribed_only()
     moved = increment.dt / increment.grid.cell * motion.at_surface(motion.velocity(step))[body]
     verb, remedy = _motion(increment, motion, solution, body)
     problem = (
-        f"there is no equilibrium: it {verb}, by {moved:.2g} cells so far, and {100.0 * min(share, 1.0):.2g} % of the"
+        f"{verdict}: it {verb}, by {moved:.2g} cells so far, and {100.0 * min(share, 1.0):.3g} % of the"
         " forces on it are out of balance"
     )
     return StepRejected(f"body {body}", problem, remedy, retryable=increment.depends_on_dt)
@@ -34,16 +34,17 @@ def no_equilibrium(
 
 def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body: int) -> tuple[str, str]:
     """How a body moves, on or from what, and the remedy."""
-    falls = "falls", "add a Support, a wall, or use inertia"
-    contact = solution.contact
+    remedy, contact, step = "add a Support, a wall, or use inertia", solution.contact, solution.w - increment.v0
+    *along, turning = motion.velocity(step)[:, body]
+    free = "turns" if abs(turning) > float(np.hypot(*along)) else "falls"
     if contact is None or contact.constraints.size == 0:
-        return falls
-    constraints, step = contact.constraints, solution.w - increment.v0
+        return free, remedy
+    constraints = contact.constraints
     own = np.flatnonzero((constraints.bodies == body).any(axis=0))
     normal, tangential = constraints.forces(contact.r, increment.dt)
     pressed = own[normal[own] > 0.0] if own.size else own
-    if pressed.size == 0:
-        return ("separates" if (normal[own] < 0.0).any() else "falls"), falls[1]
+    if pressed.size == 0 or normal[own].sum() < 0.0:  # hangs by cohesion
+        return ("separates" if (normal[own] < 0.0).any() else free), remedy
     corners = [each for each in pressed.tolist() if at_corner(increment, constraints, each, body)]
     most = int(pressed[np.argmax(normal[pressed])])
     speed = float(motion.at_surface(motion.velocity(step))[body])
@@ -52,7 +53,7 @@ def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body:
     if slip > SLIP * speed and on_cone:
         verb, remedy = "slides", "add a Support, a wall or friction, or use inertia"
     else:
-        verb, remedy = "topples" if corners else "rolls", falls[1]
+        verb = "topples" if corners else "rolls"
         most = max(corners, key=lambda each: normal[each], default=most)
     place = _place(constraints, most, increment.grid.cell)
     return f"{verb} on {_other(constraints, most, body)} at {place}", remedy

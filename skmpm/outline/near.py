@@ -179,6 +179,7 @@ def penetration(shape: Cubics, pairs: Integers) -> Floats:
     bodies = int(outlines.body.max(initial=-1)) + 1
     ends, depth = np.searchsorted(outlines.body, np.arange(bodies + 1)), np.zeros(pairs.shape[1])
     work = np.append(0, np.cumsum(np.diff(ends)[pairs].sum(axis=0)))
+    pairs = np.ascontiguousarray(pairs)
     arguments = (pairs, *boxes(outlines, x, bodies), x, normals(outlines, x), shape.c, outlines.next, ends, depth)
     over_bodies(lambda first, last: _penetration(first, last, *arguments), work)
     return depth

@@ -19,7 +19,7 @@ from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.rolling import contacts_on_slopes
 from skmpm.scene import Pressure, Scene, prescribed_motions
 from skmpm.scheme import Scheme
-from skmpm.simulate.driven import driven_by_force, free_components
+from skmpm.simulate.driven import driven_by_force
 from skmpm.simulate.initial_state import driven, initial_motion
 from skmpm.simulate.loading import gravity_of
 from skmpm.simulate.rigid_edges import MIN_EDGE_RADIUS, facing_edges
@@ -211,10 +211,6 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
         return
     if initial_motion(scene)[0][:, scene.movable[scene.owner]].any():
         yield from limits.IGNORED.of(name)
-    if metrics.friction == 0.0:
-        free = np.asarray(free_components(scene).any(axis=0))
-        loose = [b for b in metrics.own.tolist() if free[b] and not all(map(is_linear, scene.bodies[b].materials))]
-        yield from limits.NEUTRAL.of(loose)
     if not acts_at_grid_nodes(scheme.contact):
         radius = MIN_EDGE_RADIUS * metrics.cell
         found = facing_edges(scene, initial_motion(scene)[0], radius)

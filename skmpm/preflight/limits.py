@@ -298,11 +298,6 @@ IGNORED = Limit(
     "velocities without inertia", "scheme", nan, "inertia = False ignores the initial velocities of bodies", "",
     "remove them or use inertia",
 )
-NEUTRAL = Limit(
-    "neutral motions", "scheme", nan, "no friction and no support holds it",
-    "without inertia such a body may have motions that nothing resists, and Newton converges slowly",
-    "use friction, a Support or inertia",
-)
 EDGE = Limit(
     "sharp edge", "rigid-edges", nan,
     "an edge at ({x:.4g}, {y:.4g}) m sharper than 0.5 h meets body {soft} without inertia",

@@ -84,8 +84,7 @@ class Report:
     contact : iterations of the contact solver, over all Newton iterations
     residual : natural-map residual of the contact law at the end of the step
     imbalance : residual of the momentum balance over the largest of its terms
-    frozen_normals : whether contact normals are those of an earlier Newton iteration
-    frozen_angle : mean angle between these and the normals at the end of the step, weighted with forces [rad]
+    solves : of a static step, each about the solution before (`implicit.statics`); one in dynamic steps
     unbalanced : largest resultant force on a body over the mean contact force (`simulate.unbalanced`)
     overlap : area shared by bodies / area of all bodies
     energy : energy budget, an `Energy`
@@ -100,8 +99,7 @@ class Report:
     contact: int = 0
     residual: float = 0.0
     imbalance: float = 0.0
-    frozen_normals: bool = False
-    frozen_angle: float = 0.0
+    solves: int = 1
     unbalanced: float = 0.0
     overlap: float = 0.0
     energy: Energy = Energy()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.contact.boundary import settles
 from skmpm.implicit import (
     ContactProblem,
     Increment,
@@ -19,11 +20,11 @@ from skmpm.implicit import (
     advance,
     carried,
     end_of_step,
+    settle,
 )
-from skmpm.implicit.equilibrium_loop import settle
 from skmpm.implicit.errors import SMALLER
 from skmpm.implicit.iteration import Solution
-from skmpm.linear import Delassus, one_thread
+from skmpm.linear import Delassus, Solver, one_thread
 from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scheme import Scheme
@@ -47,12 +48,14 @@ from skmpm.simulate.regrid import (
     regridded_state,
 )
 from skmpm.simulate.rigid_edges import indenting_edge_message
-from skmpm.simulate.springs import check_bars_held, check_explicit_springs, springs_of
+from skmpm.simulate.springs import check_explicit_springs, springs_of
 from skmpm.simulate.turning import gauge_condition
 from skmpm.simulate.unbalanced import unbalanced_ratio
 from skmpm.simulate.unknowns import scalar_unknowns
 
 LOAD_STEPS = "apply loads in steps, as functions of time, or use inertia; not a smaller dt"
+Array = NDArray[np.float64]
+
 SHORTEST = 1e-100  # [s]; with shorter steps, velocities overflow
 
 
@@ -81,13 +84,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
     if unknowns is not None:
         motions = unknowns.motions(unknowns.v0)
-    v0 = velocity_at_start(scene, state, scheme)
-    if state.box is not None:
-        v0 -= velocity_of_box(state, state.box_rate)
-    if not scheme.inertia:
-        v0 = continued_motion(scene, state, motions, dt, v0)
-    if state.box is not None:
-        v0 += velocity_of_box(state, mean_gradient(state, motions, dt))
+    v0 = _first_velocity(scene, state, motions, dt, scheme)
     force = external_force(scene, state, state.t + scheme.theta * dt)
     known, supports = kept_configuration(scene, state, scheme), derived_of(state).supports
     bulk = bulk_of(scene, state, scheme) if known is None or known.bulk is None else known.bulk
@@ -110,14 +107,13 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     try:
         check_connected(scene, state)
         check_parts_apart(scene, state, scheme)
-        check_bars_held(increment)
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
-            if not scheme.inertia and settles():
-                solution = _equilibrium(scene, state, increment, motions, unknowns, timer)
+            problem_of = partial(_contact_problem, scene, increment, motions, unknowns, timer, delassus)
+            if scheme.inertia:
+                solution = advance(increment, problem_of(state), solver, timer)
             else:
-                contact = _contact_problem(scene, state, increment, motions, unknowns, timer, delassus)
-                solution = advance(increment, contact, solver, timer)
+                solution = _equilibrium(scene, state, increment, motions.fastest, problem_of, solver, timer)
             increment, solution = carried(increment, solution)
             end = end_of_step(increment, solution, motions)
             after = end_state(scene, state, increment, solution, end)
@@ -135,16 +131,29 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))
 
 
+def _first_velocity(scene: Scene, state: State, motions: PrescribedVelocities, dt: float, scheme: Scheme) -> Array:
+    """The nodal velocities v0 (2 nodes,) [m/s] of a state, those that go on without inertia; with a periodic box."""
+    if scheme.inertia:
+        v0 = velocity_at_start(scene, state, scheme)
+        before = 0.0 if state.box is None else velocity_of_box(state, state.box_rate)
+    else:
+        v0, before = continued_motion(scene, state, motions, dt, scheme), 0.0
+    return v0 if state.box is None else v0 - before + velocity_of_box(state, mean_gradient(state, motions, dt))
+
+
 def _contact_problem(
     scene: Scene,
-    state: State,
     increment: Increment,
     motions: PrescribedVelocities,
     unknowns: ScalarUnknowns | None,
     timer: Timer,
     delassus: Delassus | None,
+    state: State,
 ) -> ContactProblem | None:
-    """The contact problem of the step; None where a single body and no part of it can touch anything."""
+    """The contact problem of the step, with the contact points to which the velocities of a state lead.
+
+    None where a single body and no part of it can touch anything.
+    """
     scheme, contacts = increment.scheme, state.contacts
     if not touches(scene, state, scheme):
         return None
@@ -159,35 +168,28 @@ def _equilibrium(
     scene: Scene,
     state: State,
     increment: Increment,
-    motions: PrescribedVelocities,
-    unknowns: ScalarUnknowns | None,
+    fastest: float,
+    problem_of: Callable[[State], ContactProblem | None],
+    kept: Solver | None,
     timer: Timer,
 ) -> Solution:
-    """The solution of a step without inertia; its first centre is the motion of the box, rest without one."""
-    centre, own = np.zeros_like(increment.v0), scene.deformable_points
-    if state.box is not None:
-        centre = velocity_of_box(state, mean_gradient(state, motions, increment.dt))
+    """The solution of a step without inertia; motions are prescribed that are at most as fast as this [m/s]."""
 
-    def problem_of(trial: Increment, w: NDArray[np.float64], before: Solution | None) -> ContactProblem | None:
+    def problem_at(w: Array) -> ContactProblem | None:
         v = state.v.copy()
-        v[:, own] = trial.grid.at_points(w)
-        problem = _contact_problem(scene, replace(state, v=v), trial, motions, unknowns, timer, None)
-        return problem if problem is None or before is None else problem.after(before.contact)
+        v[:, scene.deformable_points] = increment.grid.at_points(w)
+        return problem_of(replace(state, v=v))
 
-    return settle(increment, centre, problem_of, timer, increment.dt * motions.fastest)
+    return settle(increment, problem_at, kept, timer, increment.dt * fastest)
 
 
 def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:
-    """The failure of the step from a state; it is retryable if a shorter step is another problem.
-
-    It has other equations, or at least another initial guess: displacements by the velocity at its start.
-    """
+    """The failure of the step from a state; it is retryable if a shorter step has other equations."""
     reason = _floating_point_failure(start, error) if isinstance(error, ArithmeticError) else str(error)
     edge = "" if increment.scheme.inertia else indenting_edge_message(scene, start.contacts)
-    depends_on_dt = increment.depends_on_dt or bool(start.v.any())
-    remedy = reason if depends_on_dt else reason.replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
+    remedy = reason if increment.depends_on_dt else reason.replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
     message = f"the step from t = {start.t:.6g} s with dt = {increment.dt:.3g} s failed: {remedy}{edge}"
-    return StepFailed(message, start, retryable=depends_on_dt and getattr(error, "retryable", True))
+    return StepFailed(message, start, retryable=increment.depends_on_dt and getattr(error, "retryable", True))
 
 
 def _floating_point_failure(state: State, error: ArithmeticError) -> str:

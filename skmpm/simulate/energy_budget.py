@@ -201,8 +201,7 @@ def report_of(
         contact=0 if solution.contact is None else solution.contact.iterations,
         residual=solution.residual,
         imbalance=solution.imbalance,
-        frozen_normals=solution.contact is not None and solution.contact.frozen is not None,
-        frozen_angle=solution.frozen_angle,
+        solves=solution.solves,
         unbalanced=unbalanced,
         overlap=overlap,
         energy=Energy(

@@ -65,17 +65,3 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
         return True
     moving = any(v for motion in motions for v in motion if v is not None)
     return moving or any(viscosity_of(material) > 0.0 for material in scene.materials)
-
-
-def interacting_bodies(scene: Scene, state: State) -> NDArray[np.bool_]:
-    """The bodies that contact forces of the last step, supports or springs act on, (bodies,).
-
-    In a quasi-static step the initial guess of the velocities of other bodies is zero; they may move all the same.
-    """
-    interacting = np.zeros(len(scene.bodies), dtype=bool)
-    loaded = state.contacts.bodies[:, np.abs(state.contacts.force).max(axis=0, initial=0.0) > 0.0]
-    interacting[loaded[loaded >= 0]] = True
-    springs = (place for ends in scene.sprung for place in ends.sets)
-    for held in (*scene.supported, *springs):
-        interacting[state.body[held.points]] = True
-    return interacting

@@ -1,4 +1,4 @@
-"""Where the iteration of a quasi-static step begins: with the motion of the last step, as far as its causes go on."""
+"""Where a step without inertia begins: bodies that supports hold go on as far as what is prescribed does."""
 
 from __future__ import annotations
 
@@ -8,30 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
+from skmpm.scheme import Scheme
 from skmpm.simulate.box_motion import mean_gradient
-from skmpm.simulate.forces import interacting_bodies
-from skmpm.simulate.regrid import assembly_of
+from skmpm.simulate.grid_to_points import velocity_at_start
+from skmpm.simulate.regrid import assembly_of, derived_of
 
 Array = NDArray[np.float64]
 
 
-def continued_motion(scene: Scene, state: State, motions: PrescribedVelocities, dt: float, v0: Array) -> Array:
-    """The nodal velocities v0 (2 nodes,) of the last step, of bodies that anything acts on, as far as they go on."""
-    going_on = shares_that_go_on(scene, state, motions, dt)
-    return v0 * np.repeat(going_on[assembly_of(state).grid.node_body], 2)
+def continued_motion(scene: Scene, state: State, motions: PrescribedVelocities, dt: float, scheme: Scheme) -> Array:
+    """The nodal velocities (2 nodes,) of the last step as far as they go on; zero of bodies that may move freely.
 
-
-def shares_that_go_on(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> Array:
-    """The shares of the motions of bodies in the last step that go on, (bodies,); zero where nothing acts on a body.
-
-    What is prescribed may stop, reverse or change. Bodies then do not move on as before, and an initial guess that
-    does leads friction to other equilibria. The share that goes on is that of the prescribed velocities now along
-    those before; all of it where nothing was prescribed to move.
+    What is prescribed may stop, reverse or change: the share that goes on is that of the prescribed velocities now
+    along those before. An initial guess that goes on regardless leads friction to other equilibria, as loose bodies
+    that go on lead packings.
     """
+    grid, supports = assembly_of(state).grid, derived_of(state).supports
+    if supports is None or not supports.holds.any():
+        return np.zeros(2 * grid.nodes)
     now, before = (np.concatenate(each) for each in zip(*_prescribed(scene, state, motions, dt), strict=True))
     size = float(before @ before)
     share = min(max(float(now @ before) / size, 0.0), 1.0) if size > 0.0 else 1.0
-    return np.where(interacting_bodies(scene, state), share, 0.0)
+    return share * np.repeat(supports.holds[grid.node_body], 2) * velocity_at_start(scene, state, scheme)
 
 
 def _prescribed(

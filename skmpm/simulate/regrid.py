@@ -151,7 +151,7 @@ def _supports(scene: Scene, grid: BodyGrids) -> Elimination | None:
     B = sp.csr_array(
         (np.ones(column.size), column, np.arange(column.size + 1)), shape=(column.size, 2 * len(scene.supports))
     )
-    return eliminate(sp.csr_array(sp.vstack(rows)), B, grid.blocks, grid.rigid_motions())
+    return eliminate(sp.csr_array(sp.vstack(rows)), B, grid.blocks, grid.rigid_motions)
 
 
 def _ghost_moduli(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:

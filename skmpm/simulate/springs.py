@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.implicit import Increment, Springs, StepRejected
+from skmpm.implicit import Increment, Springs
 from skmpm.scene import Scene, SceneError, State, rest_in_step, spring_energy, stiffness_of, work_of_ends
 from skmpm.scheme import Scheme
 from skmpm.simulate.regrid import assembly_of
@@ -63,20 +63,6 @@ def _differences(ends: list[tuple[Ints, Array, int]], bars: int, N: sp.csr_array
     bar = np.repeat([end[2] for end in ends], [end[0].size for end in ends])
     means = sp.csr_array((shares, (bar, points)), shape=(bars, N.shape[0]))
     return sp.csr_array(sp.kron(means @ N, np.eye(2), format="csr"))
-
-
-def check_bars_held(increment: Increment) -> None:
-    """Raise StepRejected if, without inertia, a bar joins a body that nothing else holds."""
-    if increment.springs is None or increment.scheme.inertia:
-        return
-    loose = np.flatnonzero(increment.springs.joined & increment.floating)
-    if loose.size:
-        raise StepRejected(
-            f"body {loose[0]}",
-            "a spring joins it to something, and nothing else holds it; a step without inertia needs more",
-            "add a Support or a spring to ground, take a bed with a moving rest for the bar, or use inertia",
-            retryable=False,
-        )
 
 
 def energies(

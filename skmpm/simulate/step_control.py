@@ -154,7 +154,7 @@ def advance_with_chosen_step(
         report = replace(after.report, retries=len(failures))
         # A step that `until` shortens says nothing about the length of the next one.
         by_end = length == left < chosen or length == halved < wanted
-        chosen = (chosen or wanted) if by_end else next_length(length, report.newton, scheme)
+        chosen = (chosen or wanted) if by_end else next_length(length, report.newton / report.solves)
         t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
         return replace(after, t=t, report=report, step_control=replace(state.step_control, chosen=chosen)), failures
 

@@ -36,9 +36,6 @@ MAX_APPROACH = 0.2  # [cells] of bodies past each other, up to which collisions 
 # Newton iterations at which the length is kept. Fifty discs, compressed slowly with friction from a solid fraction of
 # 0.7 to 0.94, took 284 steps, 11 retries and 55 s with 4, 195 steps, 25 retries and 56 s with 8.
 AIM = 4
-# The same in quasi-static steps, which may take 60 iterations instead of 16. Iterations that bring loose bodies into
-# equilibrium depend little on the length: with 4, it fell from 1.4 ms to 2 us in fifty discs, without need.
-AIM_QUASISTATIC = 15
 MAX_CHANGE = 2.0  # of the length, from one step to the next
 SAMPLES = np.linspace(0.0, 1.0, 5)  # of a step, where prescribed velocities are taken
 
@@ -69,19 +66,20 @@ class Pace:
         `forces_at` is the time of gravity, by default t, and `box` (2, 2) the edges of a periodic box, by default
         those at the start.
         """
-        limits = [left]
-        if scheme.inertia and self.loading.every_step:
+        longest = min(left, *self._of_motion(scene, t, now, forces_at)) if scheme.inertia else left
+        return _within_stroke(scene, t, self.functions.followed(t, longest, self.resolving), box)
+
+    def _of_motion(self, scene: Scene, t: float, now: Moving, forces_at: float | None) -> list[float]:
+        """What waves and the motions of bodies allow [s]."""
+        limits = [_time(STROKE * scene.cell, now.speed, now.acceleration)]
+        if self.loading.every_step:
             limits.append(self.resolving)
-        if scheme.inertia and can_touch(scene):
+        if can_touch(scene):
             others = np.delete(scene.wall_velocities(t), scene.driven_walls, axis=0)
-            every = np.concatenate([now.v, others.T], axis=1)
-            speed = float(np.hypot(*np.ptp(every, axis=1)))
-            limits.append(
-                _time(self.room, speed, float(np.hypot(*gravity_of(scene, t if forces_at is None else forces_at))))
-            )
-        if scheme.inertia:
-            limits.append(_time(STROKE * scene.cell, now.speed, now.acceleration))
-        return _within_stroke(scene, t, self.functions.followed(t, float(min(limits)), self.resolving), box)
+            speed = float(np.hypot(*np.ptp(np.concatenate([now.v, others.T], axis=1), axis=1)))
+            gravity = gravity_of(scene, t if forces_at is None else forces_at)
+            limits.append(_time(self.room, speed, float(np.hypot(*gravity))))
+        return limits
 
     @property
     def resolving(self) -> float:
@@ -144,7 +142,6 @@ def pace_of(scene: Scene, scheme: Scheme, began: float, until: float) -> Pace:
     return Pace(loading, float(smallest_radii(scene).min()), scene.fastest_wave, room, functions)
 
 
-def next_length(length: float, newton: int, scheme: Scheme) -> float:
-    """The length [s] after a step of another length that took so many Newton iterations."""
-    aim = AIM if scheme.inertia else AIM_QUASISTATIC
-    return float(length * np.clip(np.sqrt(aim / max(newton, 1)), 1.0 / MAX_CHANGE, MAX_CHANGE))
+def next_length(length: float, newton: float) -> float:
+    """The length [s] after a step of another length that took so many Newton iterations, on average of its solves."""
+    return float(length * np.clip(np.sqrt(AIM / max(newton, 1.0)), 1.0 / MAX_CHANGE, MAX_CHANGE))

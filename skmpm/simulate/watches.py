@@ -19,10 +19,6 @@ from skmpm.simulate.loading import SLOPE, strongest_gravity
 # their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
 MAX_PRESSURE = 1.0
 
-# Of frozen contact normals, `Report.frozen_angle` [rad]: forces may be off by so much, a third of what contacts of
-# R/h = 5 are (docs/limits.md).
-MAX_ANGLE = 0.05
-
 # Of the largest energy: what explicit steps and those with theta < 1 may gain, too. Bodies of nu = 0.49 that vibrate
 # have two to seven times their energy after 240 steps of theta = 1/2 with anchor = 0.1.
 MAX_REGRIDDING = 0.05
@@ -84,21 +80,6 @@ class PressureWatch:
             f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
             " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
             " small: press less, or give the body an outline and use Scheme(moment_fitting=True)"
-        )
-
-
-class NormalsWatch:
-    """Finds the first step of a run in which contact normals are far from those at its end."""
-
-    def warning(self, state: State) -> str:
-        """What to warn of at a state; empty for nothing."""
-        angle = state.report.frozen_angle
-        if angle <= MAX_ANGLE:
-            return ""
-        return (
-            f"the step to t = {state.t:.6g} s: no equilibrium was found but with contact normals that are off by"
-            f" {angle:.2g} rad on average (report.frozen_angle), and forces may be off by as much: shorter steps, or"
-            " use inertia; where edges touch edges, whose normals are not unique, it need not matter"
         )
 
 

@@ -279,7 +279,7 @@ STANDS = {
             steps=1,
             scheme={"newton_tol": 1e-6},
         ),
-        NEAR_BY,
+        None,
     ),
     "three frictionless discs in a box": (
         Assembly(

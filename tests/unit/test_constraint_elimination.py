@@ -38,7 +38,7 @@ def rows(grid, points, axes=(0, 1)):
 
 
 def eliminated(grid, G, B):
-    return eliminate(G, B, grid.blocks, grid.rigid_motions())
+    return eliminate(G, B, grid.blocks, grid.rigid_motions)
 
 
 @given(seed=st.integers(0, 999), ends=st.booleans(), x=st.floats(0, 0.99), y=st.floats(0, 0.99))
@@ -73,7 +73,7 @@ def test_the_solution_is_that_of_the_saddle_point_problem(solver):
     G, B = rows(grid, np.flatnonzero(p.x[1] == p.x[1].min()), axes=(1,))
     found = eliminated(grid, G, B)
     b = np.random.default_rng(0).standard_normal(A.shape[0])
-    v = found.factorised(solver, A, grid.blocks, grid.rigid_motions())(b)
+    v = found.factorised(solver, A, grid.blocks, grid.rigid_motions)(b)
     independent = la.orth(G.toarray().T).T
     k = independent.shape[0]
     whole = np.block([[A.toarray(), independent.T], [independent, np.zeros((k, k))]])
@@ -84,7 +84,7 @@ def test_the_solution_is_that_of_the_saddle_point_problem(solver):
 def test_compliance_sees_the_supports():
     p, grid, A = solid()
     G, B = rows(grid, np.flatnonzero(p.x[1] == 0.0))
-    solve = eliminated(grid, G, B).factorised(linear.banded, A, grid.blocks, grid.rigid_motions())
+    solve = eliminated(grid, G, B).factorised(linear.banded, A, grid.blocks, grid.rigid_motions)
     H, _ = rows(grid, [0, 5, p.size - 1])
     assert np.allclose(solve.delassus(H).toarray(), H @ solve(H.T.toarray()), rtol=1e-10, atol=1e-14)
     assert abs(H[0] @ solve(H.T.toarray())[:, 0]) < 1e-14  # point 0 is held
@@ -142,7 +142,7 @@ def test_bodies_without_supports_keep_their_blocks():
         return linear.banded(matrix, *others)
 
     found = eliminated(grid, *rows(grid, end))
-    solver = found.factorised(recorded, A, grid.blocks, grid.rigid_motions())
+    solver = found.factorised(recorded, A, grid.blocks, grid.rigid_motions)
     b = np.random.default_rng(0).standard_normal(A.shape[0])
     free = np.setdiff1d(np.arange(A.shape[0]), found.fixed)
     lift = found.T.toarray()[:, free]

@@ -1,6 +1,5 @@
 """Geometric stiffness of contact: second derivative of gaps by differences, bilateral unknowns beside contacts."""
 
-from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -147,20 +146,3 @@ def test_newton_takes_half_the_iterations(monkeypatch):
     contact = import_module("skmpm.implicit.contact_solve")
     monkeypatch.setattr(contact, "contact_stiffness", lambda *arguments: None)
     assert consistent < 0.8 * iterations()
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_frozen_constraints_do_not_depend_on_the_order_of_bodies(friction):
-    """A corner on a side that goes on as two tips has the same key and may have the bodies the other way round."""
-    linearise, unknowns = linearised(pair(1.776, friction=friction))
-    rng = np.random.default_rng(0)
-    at, later = 0.02 * rng.standard_normal((2, unknowns))
-    kept, rows = linearise(at), linearise(later)
-    exchanged = {name: -getattr(kept, name) for name in ("normal", "difference", "surfaces")}
-    expected = rows.with_frames_of(kept, later)
-    found = rows.with_frames_of(replace(kept, bodies=kept.bodies[::-1], **exchanged), later)
-    assert np.array_equal(kept.key, rows.key) and rows.size > 0
-    np.testing.assert_array_equal(found.bodies, rows.bodies)
-    np.testing.assert_allclose(found.normal, expected.normal, rtol=1e-15)
-    np.testing.assert_allclose((found.D - expected.D).toarray(), 0.0, atol=1e-15)
-    np.testing.assert_allclose(found.offset, expected.offset, rtol=1e-12)

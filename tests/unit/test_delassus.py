@@ -31,7 +31,7 @@ def bodies(request):
     grid = assembly.grid
     F = np.eye(2)[:, :, None] + np.zeros(grid.local.shape[1])
     A = assembly.matrix(assembly.stiffness(GEL.tangent(F)), 1e-12)
-    made = [kind(A, grid.blocks, grid.rigid_motions()) for kind in (request.param, linear.direct)]
+    made = [kind(A, grid.blocks, grid.rigid_motions) for kind in (request.param, linear.direct)]
     base = sp.csr_array(sp.vstack([grid.interpolation, sp.csr_array((1, grid.nodes))], format="csr"))
     owner = np.append(grid.cell_body[grid.cell_of_point], 0)
     return Counting(made[0]), made[1], base, owner

@@ -341,11 +341,10 @@ def test_what_cannot_be_driven_is_refused_before_the_first_step():
         list(simulate(late, dt=1e-3, until=3e-3))
 
 
-def test_work_on_packings_whose_contact_geometry_is_frozen():
+def test_work_on_a_packing_whose_contacts_snap():
     """Four discs with friction under a lid whose force grows in time: the work is the mean force times its descent.
 
-    Steps in which contacts snap keep the normals of an iterate, but the lid's velocity is the one that is found: with
-    that of the iterate, the work of a step was off by 9 %.
+    The lid's velocity is the one that is found: with that of an iterate, the work of a step was once off by 9 %.
     """
     gel, force = NeoHookean(1e5, 0.3, 1000.0), 3e4
     centres = [(1.0, 1.0), (3.02, 1.0), (2.0, 2.75), (4.05, 2.75)]
@@ -353,13 +352,12 @@ def test_work_on_packings_whose_contact_geometry_is_frozen():
     lid = Wall((0.0, 3.78), (0.0, -1.0), force=lambda t: force * t)
     bodies = [Body(disc(c, 1.0, spacing=0.15), gel) for c in centres]
     scene = Scene(bodies, cell=0.25, walls=[FLOOR, *sides, lid], friction=0.4)
-    before, frozen = initial(scene), 0
+    before = initial(scene)
     for after in simulate(scene, until=1.0, dt=0.25, scheme=Scheme(inertia=False)):
         descent = before.walls[3, 1] - after.walls[3, 1]
         work = after.report.energy.external - before.report.energy.external
         assert work == pytest.approx(0.5 * force * (before.t + after.t) * descent, rel=1e-5)
-        before, frozen = after, frozen + after.report.frozen_normals
-    assert frozen > 0
+        before = after
 
 
 @pytest.mark.parametrize("force", [0.5, lambda t: 0.5], ids=["number", "function"])

@@ -1,4 +1,4 @@
-"""Newton's method: frozen contact geometry, acceleration, indefinite matrices, momentum correction, failures."""
+"""Newton's method: geometric stiffness of contact, indefinite matrices, momentum correction, failures."""
 
 import re
 from dataclasses import replace
@@ -26,8 +26,7 @@ from skmpm import (
     simulate,
     step,
 )
-from skmpm.implicit import Bulk, Increment, contact_solve, frozen_geometry
-from skmpm.implicit.acceleration import AndersonAcceleration
+from skmpm.implicit import Bulk, Increment, contact_solve
 from skmpm.implicit.contact_stiffness import ContactStiffness
 from skmpm.implicit.iteration import Refactorisation
 from skmpm.implicit.matrix import solver_of
@@ -53,43 +52,6 @@ def last(scene, steps=12, scheme=None):
 QUASISTATIC = Scheme(inertia=False)
 
 
-def freezing(monkeypatch):
-    """Freeze the contact geometry of the second iterate in every dynamic step."""
-    newton, solve = import_module("skmpm.implicit.newton"), contact_solve.solve
-
-    def frozen(contact, solver, gradient):
-        if contact.frozen is None and contact.known.normal is not None:
-            contact = contact.with_frozen_geometry(contact.constraints)
-        return solve(contact, solver, gradient)
-
-    monkeypatch.setattr(newton, "solve", frozen)
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_frozen_contact_geometry_gives_nearly_the_same_step(monkeypatch, friction):
-    """Normals of the first iteration instead of the last: surfaces rotate within one step, an effect of 0.1 %.
-
-    Gaps are compared with those of current normals: of the overlap at the start light contacts keep some.
-    """
-    scene = squeezed(friction)
-    expected = last(scene)
-    freezing(monkeypatch)
-    state = last(scene)
-    assert state.report.frozen_normals
-    assert not expected.report.frozen_normals
-    assert state.wall_force[:, 1] == pytest.approx(expected.wall_force[:, 1], rel=1e-2)
-    assert state.report.overlap < 1e-4
-    assert state.contacts.gap.min() > expected.contacts.gap.min() - 1e-4 * scene.cell
-
-
-def test_geometry_is_frozen_where_the_contact_solver_fails_with_geometric_stiffness(monkeypatch):
-    """Without iterations for the stiffness quasi-static steps still converge, and some report frozen normals."""
-    monkeypatch.setattr(contact_solve, "MAX_STEPS", 0)
-    reports = [state.report for state in simulate(squeezed(), dt=8e-6, until=32e-6, scheme=QUASISTATIC)]
-    assert any(report.frozen_normals for report in reports)
-    assert max(report.residual for report in reports) < Scheme().gap_tol
-
-
 def test_with_inertia_the_stiffness_that_failed_is_tried_again(monkeypatch):
     """A step whose first contact solve fails with geometric stiffness converges as one in which none does."""
     expected, most, failures, solve = last(squeezed(0.0), 6), contact_solve.MAX_STEPS, [], contact_solve.solve
@@ -104,7 +66,6 @@ def test_with_inertia_the_stiffness_that_failed_is_tried_again(monkeypatch):
     monkeypatch.setattr(import_module("skmpm.implicit.newton"), "solve", failing_at_first)
     state = last(squeezed(0.0), 6)
     assert (True, 1) in failures and (False, 0) in failures and (False, 1) not in failures
-    assert not state.report.frozen_normals
     assert state.wall_force == pytest.approx(expected.wall_force, rel=1e-5, abs=1e-6)
 
 
@@ -149,56 +110,6 @@ def test_a_contact_solve_leaves_the_iterate_as_it_is(monkeypatch, friction):
     monkeypatch.setattr(newton, "solve", twice)
     last(squeezed(friction))
     assert any(calls)
-
-
-@pytest.fixture
-def moments(monkeypatch):
-    """Contact geometry frozen in every step; the largest moment that it makes in each solved step."""
-    newton, found = import_module("skmpm.implicit.newton"), []
-    advance = newton.advance
-
-    def recorded(increment, problem, kept, timer):
-        solution = advance(increment, problem, kept, timer)
-        found.append(frozen_geometry.frozen_geometry_moment(increment, solution.contact, solution.w).max())
-        return solution
-
-    freezing(monkeypatch)
-    monkeypatch.setattr(newton, "advance", recorded)
-    return found
-
-
-def test_frozen_geometry_is_renewed_where_it_makes_a_moment(monkeypatch, moments):
-    """Four steps of 40 us: 0.014 of the forces on a disc if they are not; forces on walls are the same to 1 %."""
-    states = []
-    monkeypatch.setattr("skmpm.implicit.frozen_geometry.SMALL_ANGLE", np.inf)
-    for most in (np.inf, frozen_geometry.MAX_FROZEN_MOMENT):
-        monkeypatch.setattr("skmpm.implicit.newton.MAX_FROZEN_MOMENT", most)
-        *_, state = simulate(squeezed(0.0), dt=40e-6, until=160e-6)
-        states.append(state)
-    assert max(moments[:4]) > 1.5 * frozen_geometry.MAX_FROZEN_MOMENT
-    assert len(moments) == 8 and max(moments[4:]) <= frozen_geometry.MAX_FROZEN_MOMENT
-    assert states[1].wall_force[:, 1] == pytest.approx(states[0].wall_force[:, 1], rel=1e-2)
-
-
-def test_a_failure_names_the_body_on_which_frozen_geometry_makes_a_moment(monkeypatch):
-    scene = squeezed(0.0)
-    monkeypatch.setattr("skmpm.implicit.frozen_geometry.frozen_geometry_moment", lambda *_: np.array([0.0, 0.3]))
-    with pytest.raises(StepFailed, match=re.escape("moment of 0.3 of the forces (tolerance 0.002) at body 1")):
-        step(scene, initial(scene), 8e-6, scheme=Scheme(max_newton=1))
-
-
-def test_anderson_acceleration_converges_where_plain_iteration_diverges():
-    """A linear map with eigenvalues between -1.5 and 0.9: one step more than there are distinct ones."""
-    rng = np.random.default_rng(0)
-    basis = np.linalg.qr(rng.normal(size=(20, 20)))[0]
-    values = np.repeat([-1.5, 0.9, 0.3, -0.2], 5)
-    G, fixed = basis @ (values[:, None] * basis.T), rng.normal(size=20)
-    w, acceleration = np.zeros(20), AndersonAcceleration(np.ones(20))
-    for _ in range(6):
-        direction = G @ (w - fixed) + fixed - w
-        step = acceleration.accelerate(w, direction, wanted=True)
-        w = w + (direction if step is None else step)
-    assert np.abs(w - fixed).max() < 1e-9
 
 
 def test_an_indefinite_matrix_is_replaced_by_the_projected_one():
@@ -252,12 +163,12 @@ def test_rotation_of_a_disc_under_pressure_is_unstable_in_long_steps_and_stabili
     A = step.matrix(at).toarray()
     values, vectors = np.linalg.eigh(A)
     assert values[0] < 0.0 < values[1]
-    assert np.linalg.norm(vectors[:, 0] @ la.orth(assembly.grid.rigid_motions())) > 0.95
+    assert np.linalg.norm(vectors[:, 0] @ la.orth(assembly.grid.rigid_motions)) > 0.95
     solver = solver_of(step, at)
     used = np.linalg.inv(solver(np.eye(A.shape[0])))
     assert np.linalg.eigvalsh(0.5 * (used + used.T))[0] > 0.0
     # c (M - M T (T'M T)^-1 T'M), T the translations: these keep their inertia to round-off.
-    mass, move = assembly.mass, assembly.grid.rigid_motions()[:, :2]
+    mass, move = assembly.mass, assembly.grid.rigid_motions[:, :2]
     relative = np.diag(mass) - np.outer(mass * move[:, 0], mass * move[:, 0]) / mass[::2].sum()
     relative -= np.outer(mass * move[:, 1], mass * move[:, 1]) / mass[::2].sum()
     c = np.sum((used - A) * relative) / np.sum(relative**2)
@@ -278,7 +189,7 @@ def test_the_delassus_operator_with_rotational_inertia_is_that_of_its_own_invers
     H = sp.csr_array(sp.kron(grid.interpolation[[0, 5, -1]], np.eye(2), format="csr"))
     wanted = H @ solver(H.T.toarray())
     assert solver.delassus(H).toarray() == pytest.approx(wanted, rel=1e-12, abs=1e-14 * np.abs(wanted).max())
-    move = grid.rigid_motions()[:, :2]
+    move = grid.rigid_motions[:, :2]
     assert solver(mass[:, None] * move) == pytest.approx(move, abs=1e-12)
 
 
@@ -319,7 +230,7 @@ def test_the_matrix_turns_with_the_body():
     [
         (NeoHookean, Scheme(), True),
         (LinearElastic, Scheme(), False),
-        (NeoHookean, Scheme(inertia=False), False),
+        (NeoHookean, Scheme(explicit=True), False),
     ],
 )
 def test_only_the_matrix_of_a_free_body_of_nonlinear_material_turns(material, scheme, turns):
@@ -450,7 +361,9 @@ def test_without_inertia_the_smallest_share_of_projection_that_makes_the_matrix_
     bulk = Bulk(derived.assembly, [(scene.bodies[0].material, slice(None))], None, None)
     at = bulk.at((position * [[-squeeze], [0.0]]).T.ravel())
     still, kept = np.zeros(position.size), derived.supports.T.toarray()
-    step = Increment(bulk, at.displacement, still, still, 1.0, Scheme(inertia=False), derived.supports, np.zeros(2))
+    step = Increment(
+        bulk, at.displacement, still, still, 1.0, Scheme(inertia=False), derived.supports, np.zeros(2), metric=still
+    )
     exact, projected = (kept.T @ step.matrix(at, projected=p).toarray() @ kept for p in (False, True))
     free = np.flatnonzero(np.diag(projected))
     shares = np.append(0.5 ** np.arange(4, -1, -1), 0.0)

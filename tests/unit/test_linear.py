@@ -36,7 +36,7 @@ def system(dt, radius=3.3, points=220):
     F = np.eye(2)[:, :, None] + rng.uniform(-0.2, 0.2, size=(2, 2, body.size))
     C = projected(solid.tangent(F).reshape(4, 4, -1)).reshape(2, 2, 2, 2, -1)
     A = fast.matrix(fast.stiffness(C), dt**2)
-    return A, grid.blocks, grid.rigid_motions()
+    return A, grid.blocks, grid.rigid_motions
 
 
 @cache

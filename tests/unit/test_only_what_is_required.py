@@ -440,22 +440,12 @@ def test_without_inertia_no_mass_enters_the_matrix_and_no_kinetic_energy_is_summ
     assert some > 0
 
 
-@pytest.mark.parametrize(
-    ("options", "scheme"),
-    [
-        ({"gravity": (0.0, -1.0)}, Scheme()),
-        ({"gravity": (0.0, -1.0), "supports": [Support(lambda x: x[1] < 0.0)]}, Scheme(inertia=False)),
-        ({}, Scheme(inertia=False)),
-    ],
-    ids=["inertia", "supported", "without loads"],
-)
-def test_no_equilibrium_is_looked_for_that_loads_do_not_ask_for(options, scheme):
-    """No linear programme with inertia, where supports hold all bodies, or without loads; else one for new loads."""
-    calls, _ = run(squeezed(**options), scheme)
-    assert calls.below("skmpm.implicit.equilibrium") == 0
-    heavy = Scene([round_body()], cell=CELL, walls=[Wall((0, -0.983e-3), (0, 1), friction=0.5)], gravity=(0.0, -1.0))
-    calls, _ = run(heavy, Scheme(inertia=False, newton_tol=1e-6))
-    assert calls.named("equilibrium.mechanism") == 1
+def test_held_bodies_are_solved_once_without_a_metric():
+    """A static step of a body that supports hold is one solve of Newton's method, as a dynamic step is."""
+    held = {"supports": [Support(lambda x: x[1] < 0.0)]}
+    for options, scheme in (({}, Scheme()), (held, Scheme(inertia=False))):
+        calls, (*_, state) = run(squeezed(gravity=(0.0, -1.0), **options), scheme)
+        assert (calls.named("newton.advance"), state.report.solves) == (STEPS, 1)
 
 
 def test_pic_forms_no_gradient_of_velocities_and_no_arms():

@@ -463,15 +463,6 @@ CHOICES = {  # what the warning says first, the scene and scheme that bring it, 
             (Scene([round_body()], cell=H), {"anchor": 0.0, "contact": contact.shared_grid}),
         ],
     ),
-    "quasi-static without friction": (
-        r"body 1: no friction and no support holds it;",
-        (pair(**SUPPORTED), {"inertia": False}),
-        [
-            (pair(friction=0.3, **SUPPORTED), {"inertia": False}),
-            (pair(STIFF, STIFF, **SUPPORTED), {"inertia": False}),
-            (pair(supports=[Support(lambda x: x[1] < -0.9 * R)]), {"inertia": False}),
-        ],
-    ),
     "sharp edges without inertia": (
         r"body 1: an edge at \(-?\d.* m sharper than 0.5 h meets body 0 without inertia;",
         (stamped((0.0, -1.0)), {"inertia": False}),

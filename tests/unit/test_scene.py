@@ -315,7 +315,7 @@ def test_rigid_bodies_and_walls_have_no_unknowns():
 def _system(state):
     assembly = state.derived.assembly
     nothing = np.zeros((assembly.indices.size, 2, 2))
-    return assembly.matrix(nothing, 0.0), assembly.grid.blocks, assembly.grid.rigid_motions()
+    return assembly.matrix(nothing, 0.0), assembly.grid.blocks, assembly.grid.rigid_motions
 
 
 def test_cells_without_points_do_not_exist():

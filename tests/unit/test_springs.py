@@ -73,7 +73,7 @@ def test_a_block_on_a_bed_has_the_period_of_its_mass(material):
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)
 
 
-@pytest.mark.parametrize("scheme", [STATIC, Scheme(inertia=False)], ids=["tight", "default"])
+@pytest.mark.parametrize("scheme", [STATIC, Scheme(inertia=False, newton_tol=1e-5)], ids=["tight", "lax"])
 def test_a_load_extends_a_bed_by_force_over_stiffness(scheme):
     """A body that springs alone hold, without inertia: exactly, in both directions, with different stiffnesses."""
     push = Load(lambda x: x[0] > 1.0 - 1e-9, (3.0, 5.0))
@@ -81,7 +81,7 @@ def test_a_load_extends_a_bed_by_force_over_stiffness(scheme):
     scene = Scene([block()], cell=CELL, loads=[push, balance], springs=[Spring(everywhere, (K, 4 * K))])
     state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
     np.testing.assert_allclose(moved(scene, state), [3.0 / K, 10.0 / (4 * K)], rtol=1e-4)
-    np.testing.assert_allclose(spring_forces(scene, state), [[-3.0, -10.0]], rtol=10 * scheme.newton_tol)
+    np.testing.assert_allclose(spring_forces(scene, state), [[-3.0, -10.0]], rtol=0.0, atol=100 * scheme.newton_tol)
 
 
 def test_a_bed_resists_rotation():
@@ -102,11 +102,12 @@ def test_a_bed_in_one_direction_leaves_the_other_to_a_support():
         springs=[Spring(everywhere, (K, 0.0))],
         supports=[slide],
     )
-    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    tight = replace(STATIC, newton_tol=1e-6)
+    state = step(scene, initial(scene, scheme=tight), 1.0, scheme=tight)
     assert moved(scene, state)[0] == pytest.approx(2.0 / K, rel=1e-6)
     free = replace(scene, supports=())
     loaded = replace(free, loads=[Load(everywhere, (0.0, 1.0))])
-    with pytest.raises(StepFailed, match="resultant"):
+    with pytest.raises(StepFailed, match="it falls"):
         step(loaded, initial(loaded, scheme=STATIC), 1.0, scheme=STATIC)
 
 
@@ -220,8 +221,8 @@ def test_a_bar_holds_a_body_at_its_rest_length():
     hang = Spring(everywhere, K, to=(-1.0, 0.5), rest=1.5)
     clamp = Support(lambda x: x[0] < 1e-9, velocity=(None, 0.0))
     scene = Scene([block()], cell=CELL, loads=pull, springs=[hang, guide], supports=[clamp])
-    with pytest.raises(StepFailed, match="spring joins it"):
-        step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    assert state.x[0].mean() == pytest.approx(0.5 + 7.0 / K, abs=1e-5)
     damped = Body(box((0.0, 0.0), (1.0, 1.0), spacing=CELL / 2), STIFF)
     state = run(replace(scene, bodies=[damped]), 60.0, 60, Scheme())  # backward Euler damps it
     assert state.x[0].mean() == pytest.approx(0.5 + 7.0 / K, abs=1e-5)
@@ -234,7 +235,7 @@ def test_a_bar_between_two_held_bodies_without_inertia():
     state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
     shift = [(state.x - scene.initial_positions)[0, state.body == b].mean() for b in (0, 1)]
     np.testing.assert_allclose(shift, [0.01, -0.01], rtol=1e-6)
-    assert state.report.newton <= 3
+    assert state.report.newton <= 3 * state.report.solves
     np.testing.assert_allclose(spring_forces(scene, state), [[0.0, 0.0], [10.0, 0.0]], atol=1e-5)
 
 
@@ -277,7 +278,7 @@ def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solve
     C = STIFF.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
     stiffness = 1e4 * springs.bar_stiffnesses(np.zeros(2 * grid.nodes))
-    joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions()), springs.bars, stiffness, grid.blocks)
+    joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions), springs.bars, stiffness, grid.blocks)
     whole = A.toarray() + springs.bars.T @ (sp.block_diag(list(stiffness)) @ springs.bars.toarray())
     b = rng.normal(size=2 * grid.nodes)
     exact = np.linalg.solve(whole, b)
@@ -312,7 +313,7 @@ def test_bars_of_different_bodies_share_a_solve(solver):
     assembly, grid = springs.assembly, springs.assembly.grid
     C = scene.bodies[0].material.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
-    inner, columns = solver(A, grid.blocks, grid.rigid_motions()), []
+    inner, columns = solver(A, grid.blocks, grid.rigid_motions), []
 
     def counted(b):
         columns.append(b.shape[1] if b.ndim == 2 else 1)
@@ -467,13 +468,13 @@ def test_explicit_steps_refuse_springs_by_name():
             ask(pair())
 
 
-def test_a_bar_to_a_body_that_nothing_else_holds_is_refused_without_inertia():
-    scene = replace(pair(), walls=[Wall((0.0, 0.0), (0.0, 1.0))])
-    with pytest.raises(
-        StepFailed, match="body 0: a spring joins it to something, and nothing else holds it"
-    ) as error:
-        step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
-    assert "add a Support or a spring to ground" in str(error.value) and not error.value.retryable
+def test_a_bar_takes_its_length_between_bodies_that_nothing_else_holds():
+    """Without inertia, too: both move by half of what it lacks."""
+    scene = pair(rest=1.9)
+    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    ends = [(state.x - scene.initial_positions)[0, state.body == b].mean() for b in (0, 1)]
+    assert ends == pytest.approx([0.05, -0.05], abs=1e-4)
+    assert np.abs(spring_forces(scene, state)).max() < 1e-3 * 0.1 * K
 
 
 # Only what a scene requires.
@@ -538,8 +539,8 @@ def test_beds_that_turn_a_bonded_cover_bear_its_torque():
     assert abs(torque) == pytest.approx(exact, rel=2e-2)
 
 
-def test_a_bed_with_a_moving_rest_is_the_bolt_that_a_bar_cannot_be_without_inertia():
-    """Its force on a gasket is k (gap - drop of its end), of two beds that each pull down one end of a flange."""
+def test_beds_with_a_moving_rest_or_bars_are_bolts():
+    """Two beds that each pull down one end of a flange: k (gap - drop of its end) on the gasket; two short bars."""
     k, gap = 2e6, 1e-3
     gasket = Body(box((-0.01, 0.0), (0.02, 5e-3), spacing=5e-4), NeoHookean(3e6, 0.45, 1100.0))
     flange = Body(box((-0.02, 5e-3), (0.04, 4e-3), spacing=5e-4), NeoHookean(2e9, 0.3, 2000.0))
@@ -558,8 +559,11 @@ def test_a_bed_with_a_moving_rest_is_the_bolt_that_a_bar_cannot_be_without_inert
         *_, state = simulate(scene, dt=0.2, until=1.0, scheme=Scheme(inertia=False))
         return scene, state
 
-    with pytest.raises(StepFailed, match="take a bed with a moving rest for the bar"):
-        clamped([Spring(end, k, to=(s * 0.02, -0.02), rest=0.026) for end, s in zip(ends, (-1, 1), strict=True)])
+    bars = [Spring(end, k, to=(s * 0.02, -0.02), rest=0.026) for end, s in zip(ends, (-1, 1), strict=True)]
+    scene, state = clamped(bars)
+    span = [np.hypot(*(state.x[:, bar.where(scene.initial_positions)].mean(axis=1) - bar.to)) for bar in bars]
+    assert np.hypot(*spring_forces(scene, state).T) == pytest.approx(k * (np.array(span) - 0.026), rel=1e-3)
+    assert abs(state.wall_force[0, 1]) == pytest.approx(-spring_forces(scene, state)[:, 1].sum(), rel=1e-3)
     scene, state = clamped([Spring(end, (1e3, k), rest=lambda t: (0.0, -gap * t)) for end in ends])
     forces = spring_forces(scene, state)[:, 1]
     drop = [-(state.x - scene.initial_positions)[1, end(scene.initial_positions)].mean() for end in ends]

@@ -67,7 +67,7 @@ def test_supports_carry_the_loads(material, solver):
     scene = bar(
         material, offset=0.07, supports=[Support(left)], loads=[Load(right, (30.0, -20.0))], gravity=(0, -0.1)
     )
-    scheme = replace(STATIC, linear=solver)
+    scheme = replace(STATIC, linear=solver, newton_tol=1e-6)
     state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
     assert state.support_force[0] == pytest.approx([30.0, -20.0 - 0.1 * 2000.0], rel=1e-5)
     x = state.x - state.x[:, [np.argmin(scene.initial_positions[0])]]
@@ -157,8 +157,8 @@ def test_a_load_everywhere_is_gravity():
 
 def test_a_floating_body_needs_no_support_where_its_loads_balance():
     pull = [Load(left, (-50.0, 0.0)), Load(right, (50.0, 0.0))]
-    scene = bar(loads=pull, offset=0.03)
-    state = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+    scene, tight = bar(loads=pull, offset=0.03), replace(STATIC, newton_tol=1e-9)
+    state = step(scene, initial(scene, scheme=tight), 1.0, scheme=tight)
     assert state.report.imbalance < 1e-9
     # Plane strain: E / (1 - nu^2) along, nu / (1 - nu) across.
     strain = 50.0 / 1e5 * (1 - 0.3**2)
@@ -169,7 +169,7 @@ def test_a_floating_body_needs_no_support_where_its_loads_balance():
 
 def test_a_floating_body_whose_loads_do_not_balance_fails_clearly():
     scene = bar(loads=[Load(right, (1.0, 0.0))])
-    with pytest.raises(StepFailed, match="body 0: its loads have a resultant"):
+    with pytest.raises(StepFailed, match="body 0: there is no equilibrium: it falls"):
         step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
 
 

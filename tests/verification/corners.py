@@ -118,7 +118,6 @@ class Run:
     start: object
     state: object
     newton: np.ndarray  # (steps,) iterations
-    frozen: int  # steps whose normals were those of an earlier iteration
     halved: int  # steps that failed, and were tried again with half the length
     capped: int  # of these, steps that took all iterations Newton may take
     overlap: float  # largest share of the area, by the report
@@ -149,20 +148,19 @@ def run(scene, dt, until, scheme=None):
     """Follow a scene and keep the worst."""
     scheme = Scheme() if scheme is None else scheme
     start = state = initial(scene, scheme=scheme)
-    newton, frozen, halved, overlap, gap = [], 0, 0, 0.0, 0.0
+    newton, halved, overlap, gap = [], 0, 0.0, 0.0
     lost, energy = [0.0], [start.report.energy.kinetic]
     with Said() as said:
         for state in simulate(scene, dt=dt, until=until, scheme=scheme, start=start):
             report = state.report
             newton.append(report.newton)
-            frozen += report.frozen_normals
             halved += report.retries
             overlap, gap = max(overlap, report.overlap), min(gap, deepest(scene, state))
             lost.append(report.energy.dissipated)
             energy.append(report.energy.kinetic + report.energy.elastic)
     capped = sum("Newton iterations" in text for text in said.texts)
     gain = max(0.0, -float(np.diff(lost).min())) / max(energy)
-    return Run(scene, start, state, np.array(newton), frozen, halved, capped, overlap, gap, gain)
+    return Run(scene, start, state, np.array(newton), halved, capped, overlap, gap, gain)
 
 
 # Shapes.

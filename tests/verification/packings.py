@@ -50,7 +50,6 @@ class Squeeze:
     gap: np.ndarray  # (steps,) the smallest [cells]
     spin: np.ndarray  # (steps,) turn of the fastest disc in the step [rad]
     newton: np.ndarray  # (steps,) iterations
-    frozen: np.ndarray  # (steps,) whether normals had to be kept
     pressure: np.ndarray  # (steps,) on the lid [Pa]
 
 
@@ -65,7 +64,7 @@ def squeeze(discs, friction, cells, *, start=0.70, until=0.97, dt=8e-6, speed=2.
         smallest = gap.min(initial=scene.cell) / scene.cell
         lid = state.wall_force[1, 1] / scene.walls[3].point[0]
         found.append((filled / state.walls[1, 1], report.overlap, smallest, dt * np.abs(turning).max(),
-                      report.newton, report.frozen_normals, lid))  # fmt: skip
+                      report.newton, lid))  # fmt: skip
     return Squeeze(*np.array(found, dtype=float).T)
 
 

@@ -290,7 +290,7 @@ def of_all(name, problem, runs, reference, test, extra=""):
     newton = np.concatenate([r.newton for r in runs])
     overlap, gap, clipped = max(r.overlap for r in runs), min(r.gap for r in runs), max(map(witness, runs))
     mean, most = newton.mean(), newton.max()
-    frozen, halved, capped = (sum(getattr(r, name) for r in runs) for name in ("frozen", "halved", "capped"))
+    halved, capped = (sum(getattr(r, name) for r in runs) for name in ("halved", "capped"))
     missed = [
         text
         for text, bad in (
@@ -303,8 +303,8 @@ def of_all(name, problem, runs, reference, test, extra=""):
     ]
     text = (
         f"overlap {100 * overlap:.1g} % of the area (at the end, by clipping: {100 * clipped:.1g} %), lowest gap"
-        f" {gap:.2g} h; Newton {mean:.3g} on average, {most} at most, normals frozen in {frozen} of {newton.size}"
-        f" steps, {halved} halved{extra}"
+        f" {gap:.2g} h; Newton {mean:.3g} on average, {most} at most, of {newton.size} steps"
+        f" {halved} halved{extra}"
     )
     goal = "0.05 %, -0.05 h, 3, never its cap: " + ("missed: " + ", ".join(missed) if missed else "met")
     return Row(problem, reference, name, text, "-", goal, test)

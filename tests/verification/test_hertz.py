@@ -229,7 +229,7 @@ def between_plates(size, rng, solver, every):
     middle, normal, across = frame(size, rng)
     body = Body(cloud(size, rng, middle, every), MATERIAL)
     walls = [Wall(middle + s * R * normal, -s * normal, velocity=-s * normal) for s in (1, -1)]
-    scene, scheme = Scene([body], cell=R / size, walls=walls), Scheme(inertia=False, linear=solver)
+    scene, scheme = Scene([body], cell=R / size, walls=walls), Scheme(inertia=False, linear=solver, newton_tol=1e-6)
     state, failures, out = initial(scene, scheme=scheme), 0, []
     spacing = every * 2.0 * np.pi / disc((0, 0), R, spacing=R / size / PER).outline[0].size
     for depth in DEPTHS:
@@ -251,7 +251,7 @@ def two_discs(size, rng, solver, every):
     bodies = [Body(cloud(size, rng, c, every), MATERIAL) for c in centre.T]
     supports = [Support(arc(c, s * normal), velocity=-s * normal) for c, s in zip(centre.T, (-1, 1), strict=True)]
     scene = Scene(bodies, cell=R / size, supports=supports, friction=0.5)
-    scheme = Scheme(inertia=False, linear=solver)
+    scheme = Scheme(inertia=False, linear=solver, newton_tol=1e-6)
     state, failures, out = initial(scene, scheme=scheme), 0, []
     X, owner = scene.initial_positions, state.body
     inner = [(owner == b) & (np.hypot(*(X - centre[:, b, None])) < R / size / PER) for b in (0, 1)]
@@ -390,7 +390,7 @@ PLACED = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.87, 0.6, 0.9), (0.44, 0.06, 2.1
 def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cells):
     """Approach of 0.01 R one or two boundary points under a plate: it turns until they balance.
 
-    Linear disc: at most six Newton iterations (up to 19, or no end, with springs that keep it from turning).
+    Linear disc: two solves, ten iterations at most (up to 19, or no end, with springs that keep it from turning).
     Wall forces are equal and opposite to Newton's tolerance.
     """
     cell, normal = 1.0 / cells, np.array([-np.sin(angle), np.cos(angle)])
@@ -402,7 +402,7 @@ def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cel
     walls = [Wall(middle + s * normal, -s * normal, velocity=-0.01 * s * normal) for s in (1.0, -1.0)]
     scene, scheme = Scene([body], cell=cell, walls=walls), Scheme.accurate(inertia=False)
     state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
-    assert state.report.newton <= 6
+    assert state.report.newton <= 10 and state.report.factorisations == state.report.solves <= 2
     assert np.abs(state.wall_force.sum(axis=0)).max() < 1e-5 * np.abs(state.wall_force).max()
 
 

@@ -75,10 +75,10 @@ def _row(runs, cells):
 
 
 def _newton_row(runs, cells):
-    mean, most, kept = np.array([(r.newton.mean(), r.newton.max(), r.frozen.sum()) for r in runs.values()]).T
+    mean, most = np.array([(r.newton.mean(), r.newton.max()) for r in runs.values()]).T
     return Row(
         f"the same, R/h = {cells}: Newton iterations", "-", _frictions(runs),
-        f"mean {numbers(mean, 3)}; most {numbers(most)} (cap 8); steps with normals frozen: {numbers(kept)}", "-",
+        f"mean {numbers(mean, 3)}; most {numbers(most)} (cap 8)", "-",
         f"3 on average, never at the cap: {'met' if mean.max() <= NEWTON else 'missed'}",
         "test_discs_neither_overlap_nor_spin",
     )  # fmt: skip

@@ -1,8 +1,7 @@
 """Right values that are known and not reached: each a strict xfail that names the issue which replaces what fails.
 
-Chosen steps resolve waves for ever in scenes at rest, and damp swings (issue 59). Steps without inertia accept bodies
-that drift, contacts beside the closest point, and piles on chords (issue 58). References: statics of rigid bodies;
-the block on a spring with Coulomb friction, whose half swings shorten by 2 mu m g / k; plane strain of a block.
+Chosen steps resolve waves for ever in scenes at rest, and damp swings. Reference: the block on a spring with Coulomb
+friction, whose half swings shorten by 2 mu m g / k.
 """
 
 from itertools import islice
@@ -12,26 +11,19 @@ import pytest
 
 from skmpm import (
     Body,
-    Load,
     NeoHookean,
-    Rigid,
     Scene,
-    Scheme,
     Spring,
-    StepFailed,
     Wall,
     box,
     capsule,
-    disc,
     initial,
     simulate,
 )
 
 FLOOR = Wall((0, 0), (0, 1))
 GRAVITY = (0.0, -9.81)
-STATICS = Scheme(inertia=False)
 STEPS = pytest.mark.xfail(strict=True, reason="issue 59: the length of steps by an error instead of kinds of scenes")
-STATIC = pytest.mark.xfail(strict=True, reason="issue 58: static steps by the Newton loop of dynamic ones")
 
 
 def last(scene, until, most, **options):
@@ -81,45 +73,3 @@ def test_half_swings_on_a_spring_shorten_by_friction_alone():
     start = initial(scene).x[0].mean() - amplitude
     lowest = min(state.x[0].mean() - start for state in simulate(scene, until=0.18, warn=False))
     assert lowest == pytest.approx(-45.1e-3, abs=1e-3)
-
-
-@STATIC
-def test_boxes_between_smooth_plates_bear_what_plane_strain_says():
-    """Two boxes, 0.5 % of strain a step: 44.726 N/m, a uniform state; drifting ones bear 0.35 % less."""
-    R, gel = 1e-3, NeoHookean(1e6, 0.3, density=1000.0)
-    boxes = [Body(box((-R, y), (2 * R, 2 * R), spacing=R / 8), gel) for y in (0.0, 2 * R)]
-    lid = Wall((0, 4 * R), (0, -1), velocity=(0, -0.02 * R))
-    state = last(Scene(boxes, cell=0.2e-3, walls=[FLOOR, lid]), 4.0, 4, dt=1.0, scheme=STATICS)
-    assert state.wall_force[1, 1] == pytest.approx(44.726, rel=1e-3)
-
-
-@STATIC
-def test_a_beam_pushes_the_rigid_discs_that_bear_it_apart():
-    """By 0.052 of the reaction at R/h = 12.8, the slope of its ends; at R/h = 3.2 by 0.003."""
-    R, h, half, depth = 1.0, 1 / 3.2, 4.0, 1.0
-    beam = Body(box((-half, 2 * R), (2 * half, depth), spacing=0.5 * h), NeoHookean(1e6, 0.3, density=1000.0))
-    discs = [Body(disc((x, R), R, spacing=0.5 * h), Rigid(1000.0), motion=(0, 0, 0)) for x in (-3.0, 3.0)]
-    top = Spring(lambda x: (abs(x[0]) < 0.3) & (x[1] > 2 * R + depth - 1e-9), (1e3, 0.0))
-    load = Load(lambda x: (abs(x[0]) < 0.3) & (x[1] > 2 * R + depth - 1e-9), lambda t: (0.0, -2e3 * t))
-    scene = Scene([beam, *discs], cell=h, loads=[load], springs=[top])
-    state = last(scene, 1.0, 4, dt=0.25, scheme=STATICS)
-    push = np.abs(state.body_force[:, 1:])
-    assert push[0] / push[1] == pytest.approx(0.052, abs=0.005)
-
-
-def three_discs(share, spacing):
-    """A disc on two with a share of the friction that they need, under gravity."""
-    r, cell, half = 0.01, 0.002, 1.1
-    height = np.sqrt(4.0 - half**2)
-    centres = [(-half * r, r), (half * r, r), (0.0, r * (1.0 + height))]
-    gel, friction = NeoHookean(1e7, 0.3, density=1000.0), share * np.tan(0.5 * np.arctan2(half, height))
-    discs = [Body(disc(centre, r, spacing=spacing * cell), gel) for centre in centres]
-    return Scene(discs, cell=cell, walls=[FLOOR], friction=friction, gravity=GRAVITY)
-
-
-@STATIC
-@pytest.mark.parametrize("spacing", [0.66, 0.74])
-def test_a_pile_of_three_discs_stands_and_falls_at_its_limit(spacing):
-    last(three_discs(1.05, spacing), 0.6, 4, dt=0.3, scheme=STATICS)
-    with pytest.raises(StepFailed):
-        last(three_discs(0.95, spacing), 0.6, 4, dt=0.3, scheme=STATICS)

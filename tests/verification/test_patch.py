@@ -153,7 +153,7 @@ def fitting(intervals):
     else:
         points = box((0, 0), (1, 1), spacing=CELL / intervals)
         options = {"loads": pulled_by_the_rule(points, CELL / intervals)}
-    scheme = Scheme(inertia=False)
+    scheme = Scheme(inertia=False, newton_tol=1e-11)
     scene = Scene([Body(points, SOLID)], cell=CELL, **options)
     return stress_error(step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme))
 

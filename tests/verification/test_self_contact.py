@@ -19,10 +19,8 @@ from self_contact import c_ring, crushed_ring, flying_fork, penetration, slotted
 
 from skmpm import Scheme, StepFailed, contact_pressure, initial, load, network, observe, save, simulate, step
 from skmpm.contact import point_to_curve
-from skmpm.implicit import Increment
-from skmpm.implicit.floating import floating_bodies, rigid_contacts
 from skmpm.scene import prescribed_velocities
-from skmpm.simulate.regrid import assembly_of, bulk_of
+from skmpm.simulate.regrid import assembly_of
 
 STATIC = Scheme(inertia=False)
 SMOOTH = 0.02  # [cells] deepest penetration
@@ -219,40 +217,13 @@ def test_regridding_that_would_join_parts_in_contact_is_refused():
         list(simulate(flying_fork(0.0), dt=0.02, until=1.6, scheme=Scheme(anchor=0.0)))
 
 
-def test_rigid_motions_ignore_contacts_of_a_body_with_itself():
-    """A fork that stands on a floor without inertia: limit analysis takes it as rigid, whatever its prongs do."""
+def test_a_body_stands_whatever_its_parts_do_to_each_other():
+    """A fork on a floor without inertia, whose prongs press on each other: the floor bears its weight."""
     scene = standing_fork()
     weight = (scene.initial_volumes * 1000.0).sum()
     *_, state = simulate(scene, dt=0.125, until=1.0, scheme=STATIC)
     assert state.contacts.force[0, own(state)].sum() > 1000.0
     np.testing.assert_allclose(state.wall_force[0], (0.0, -weight), atol=1e-4 * weight)
-    still = np.zeros_like(state.displacement)
-    increment = Increment(bulk_of(scene, state, STATIC), state.displacement, still, still, 0.125, STATIC)
-    linearise = point_to_curve(scene, state, increment.grid, 0.125)
-    found = linearise(np.zeros(2 * increment.grid.nodes))
-    rigid = rigid_contacts(increment, floating_bodies(increment, found), found)
-    itself = found.bodies[0] == found.bodies[1]
-    assert itself.any()
-    for rows in (rigid.normal, rigid.tangent):
-        assert (np.diff(rows.indptr)[~itself] > 0).all()
-        assert abs(rows[np.flatnonzero(itself)]).sum() == 0.0
-    assert (rigid.bodies[:, itself] < 0).all()
-
-
-def test_frozen_frames_of_parts_that_exchange_roles():
-    """A corner on a side that goes on as two tips has the same key and may have the parts the other way round."""
-    scene, dt = flying_fork(0.5), 0.02
-    state = next(state for state in simulate(scene, dt=dt, until=1.6) if (state.contacts.force[0] > 0.0).any())
-    grid = state.derived.assembly.grid
-    linearise = point_to_curve(scene, state, grid, dt, 1.0, prescribed_velocities(scene, state.t, dt))
-    kept, rows = linearise(np.zeros(2 * grid.nodes)), linearise(np.full(2 * grid.nodes, 1e-3))
-    exchanged = {name: -getattr(kept, name) for name in ("normal", "difference", "surfaces")}
-    expected = rows.with_frames_of(kept, np.zeros(2 * grid.nodes))
-    found = rows.with_frames_of(replace(kept, point=kept.point + 1, **exchanged), np.zeros(2 * grid.nodes))
-    np.testing.assert_array_equal(rows.key, kept.key)
-    np.testing.assert_array_equal(expected.normal, kept.normal)
-    np.testing.assert_allclose(found.normal, expected.normal, rtol=1e-14)
-    np.testing.assert_allclose((found.D - expected.D).toarray(), 0.0, atol=1e-14)
 
 
 def rows():

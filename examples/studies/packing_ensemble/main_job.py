@@ -24,7 +24,7 @@ from examples.compaction import parser as options_of
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor", "frozen")
+CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor")
 WAVE = 10e6 * (1.0 - 0.45) / (1.0 + 0.45) / (1.0 - 2.0 * 0.45) / 990.0  # pressure waves, c^2 [m2/s2]
 
 
@@ -48,7 +48,6 @@ def check(
         "spin": np.abs(rotation).max() * dt,
         "lid": state.wall_force[LID, 1],
         "floor": -state.wall_force[0, 1],
-        "frozen": int(state.report.frozen_normals),
     }
 
 
@@ -144,7 +143,6 @@ def verdict(checks: list[dict[str, float]], transit: int) -> str:
         f"area by outlines against det F: {100 * apart.max():.3f} % apart at worst"
         f" (bodies keep {100 * column['volume'][-1]:.2f} %); points outside: {column['outside'].max():.4f} cells;"
         f" spin: {column['spin'].max():.4f} rad per step; lid against floor above 0.90: {100 * uneven.max():.1f} %"
-        f"; steps with frozen contact geometry: {column['frozen'].sum():.0f}"
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.implicit import ScalarUnknowns
+from skmpm.implicit.scalar_unknowns import RESPONSE
 from skmpm.scene import PrescribedVelocities, Scene, State
 from skmpm.scheme import Scheme
 from skmpm.simulate.unknowns.interval import Interval
@@ -12,9 +13,6 @@ from skmpm.simulate.unknowns.periodic_box import StressedBox
 from skmpm.simulate.unknowns.rigid_bodies import FreeBodies
 from skmpm.simulate.unknowns.walls import DrivenWalls
 
-# Without inertia, mass of an unknown in W over dt^2 times the largest shear modulus of the bodies: that of the
-# springs of floating bodies (`implicit.residual.SPRING_STIFFNESS`). It does not enter the balance.
-RESPONSE = 1e-3
 FARTHEST = 0.5  # [cells] motion of an unknown in one iteration without inertia
 
 

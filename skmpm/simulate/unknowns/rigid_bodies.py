@@ -12,7 +12,6 @@ from skmpm.contact import Constraints
 from skmpm.implicit import Inertia
 from skmpm.scene import PrescribedVelocities, Scene, State
 from skmpm.simulate.box_motion import mean_gradient
-from skmpm.simulate.initial_guess import shares_that_go_on
 from skmpm.simulate.rigid_state import DeadLoads, RigidState, rigid_state
 from skmpm.simulate.unknowns.interval import Interval
 
@@ -34,14 +33,14 @@ class FreeBodies:
     def of(scene: Scene, state: State, motions: PrescribedVelocities, interval: Interval) -> FreeBodies:
         """The bodies of a state in a step; they keep their velocities relative to the periodic box in `motions`.
 
-        Without inertia only as far as these go on.
+        Without inertia they begin at rest.
         """
         start, dt = rigid_state(scene, state), interval.dt
         velocity, gradient = start.velocity.copy(), mean_gradient(state, motions, dt)
         if state.box_rate is not None:
             velocity[:2] -= state.box_rate @ start.centre
         if not interval.inertial:
-            velocity *= shares_that_go_on(scene, state, motions, dt)[scene.free_rigid]
+            velocity[:] = 0.0
         if gradient is not None:
             velocity[:2] += gradient @ start.centre
         loads = start.loads(scene, state, interval.t)

@@ -1,0 +1,57 @@
+"""Contact points that slide along both outlines, as they do in static steps: second derivatives of gaps."""
+
+import numpy as np
+import pytest
+
+from skmpm import Body, NeoHookean, Scene, Wall, contact, disc, initial
+from skmpm.implicit.contact_stiffness import contact_stiffness
+
+R, H = 1.0, 0.2
+GEL = NeoHookean(1e6, 0.3, 1000.0)
+
+
+def smooth(scene, grid, rng):
+    """A random homogeneous motion of each body, (2 nodes,) [m/s]."""
+    out = np.zeros((grid.nodes, 2))
+    for b in range(len(scene.bodies)):
+        own = grid.node_body == b
+        x = grid.position[:, own] - grid.position[:, own].mean(axis=1, keepdims=True)
+        out[own] = (rng.standard_normal((2, 2)) / R @ x).T + rng.standard_normal(2)
+    return out.ravel()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_least_gap_has_the_curvature_of_contact_points_that_slide(seed):
+    """The second derivative of the gap along a motion, by differences; a fixed contact point misses a sixth of it."""
+    bodies = [Body(disc(x, r, spacing=H / 2), GEL) for x, r in (((0, 0), R), ((1.80 * R, 0.3 * R), 0.8 * R))]
+    scene, dt = Scene(bodies, cell=H, walls=[Wall((0, -R), (0, 1))]), 1e-2
+    state, rng = initial(scene), np.random.default_rng(seed)
+    grid = state.derived.assembly.grid
+    linearise = contact.point_to_curve(scene, state, grid, dt, 1.0, None, False)
+    at, along = 0.02 * smooth(scene, grid, rng), 0.2 * smooth(scene, grid, rng)
+    rows = linearise(at)
+    k = np.arange(rows.size)
+    tau, beta, _ = (Z @ rows.at_contact_points(along) for Z in rows.geometric(k))
+    fixed = -(rows.curvature * tau**2 + 2.0 * tau * beta + rows.gap * beta**2) / (1.0 - rows.gap * rows.curvature)
+    turn = rows.turning(k, rows.normal) @ rows.at_contact_points(along)
+    near = [linearise(at + n * 1e-3 * along).gap for n in (-2, -1, 0, 1, 2)]
+    measured = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0 @ np.array(near) / (1e-3 * dt) ** 2
+    slides = rows.travel > 0.0
+    assert set(rows.bodies[1, slides]) == {1, -1}
+    size = np.abs(rows.travel * turn**2)[slides].max()
+    assert measured[slides] == pytest.approx((fixed - rows.travel * turn**2)[slides], abs=0.03 * size)
+
+
+def test_a_contact_that_slides_adds_stiffness_only_where_it_is_pressed():
+    scene = Scene([Body(disc((0.0, R), R, spacing=0.66 * H), GEL)], cell=H, walls=[Wall((0, 0), (0, 1))])
+    state = initial(scene)
+    grid = state.derived.assembly.grid
+    rows = contact.point_to_curve(scene, state, grid, 1.0, 1.0, None, False)(np.zeros(2 * grid.nodes))
+    slides = np.flatnonzero(rows.travel > 0.0)
+    assert slides.size == 1
+    r = np.zeros(rows.size)
+    assert contact_stiffness(rows, r, 1.0, 1.0) is None
+    r[slides] = 2.0
+    added = contact_stiffness(rows, r, 1.0, 1.0)
+    assert added.sliding.tolist() == slides.tolist() and added.contacts.size == 0
+    assert added.compliance.toarray() == pytest.approx(1.0 / (2.0 * R), rel=0.02)  # it travels by R per turn
