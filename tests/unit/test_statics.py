@@ -22,6 +22,8 @@ from skmpm import (
     box,
     disc,
     from_mesh,
+    load,
+    save,
 )
 from skmpm.run import simulate
 from skmpm.simulate import initial, step
@@ -223,3 +225,19 @@ def test_a_step_in_which_nothing_moves_changes_nothing(held):
     radial = (after.contacts.x - centre[:, None])[:, pressed] / R
     across = radial[0] * after.contacts.normal[1, pressed] - radial[1] * after.contacts.normal[0, pressed]
     assert np.abs(across).max() < 0.01
+
+
+def test_a_run_that_goes_on_from_a_file_is_the_same_bit_for_bit(tmp_path):
+    """Two discs with friction and a finite anchor, pressed on a floor by a wall that a force drives."""
+    discs = [Body(disc((x, R), R, spacing=0.7 * H), GEL) for x in (0.0, 2.01 * R)]
+    lid = Wall((0.0, 2.0 * R), (0.0, -1.0), force=lambda t: 2e4 * t)
+    scene = Scene(discs, cell=H, walls=[Wall((0, 0), (0, 1)), lid], friction=0.4)
+    scheme = Scheme(inertia=False, anchor=0.02)
+    *_, whole = simulate(scene, dt=0.25, until=1.0, scheme=scheme, warn=False)
+    *_, half = simulate(scene, dt=0.25, until=0.5, scheme=scheme, warn=False)
+    save(tmp_path / "half.npz", half)
+    *_, after = simulate(scene, dt=0.25, until=1.0, scheme=scheme, start=load(tmp_path / "half.npz"), warn=False)
+    for name in ("x", "F", "stress", "wall_force"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(whole, name))
+    assert not np.array_equal(whole.x_anchor, scene.initial_positions)
+    assert whole.wall_force[1, 1] == pytest.approx(2e4, rel=1e-3)
