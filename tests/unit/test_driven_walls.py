@@ -162,11 +162,12 @@ def cushions(pressure, **options):
 
 def test_pressures_on_two_sides_are_exact_on_the_sides_that_they_leave():
     scene = cushions(lambda t: 5e4 * t)
-    *_, state = simulate(scene, dt=0.25, until=1.0, scheme=replace(TIGHT, newton_tol=1e-8))  # 1e-9 is round-off here
+    # With 1e-9, which is round-off here, or more pressure, under which the array is not stable, it takes minutes.
+    *_, state = simulate(scene, dt=0.25, until=0.5, scheme=replace(TIGHT, newton_tol=1e-8))
     seen = observe(scene, state)
     assert state.walls[1, 1] < 3.97 * R and state.walls[3, 0] < 3.97 * R
-    assert seen.wall_pressure[[1, 3]] == pytest.approx(5e4, rel=1e-7)
-    assert np.diag(seen.stress) == pytest.approx([-5e4, -5e4], rel=1e-6)  # Love-Weber, of a packing at rest
+    assert seen.wall_pressure[[1, 3]] == pytest.approx(2.5e4, rel=1e-7)
+    assert np.diag(seen.stress) == pytest.approx([-2.5e4, -2.5e4], rel=1e-6)  # Love-Weber, of a packing at rest
 
 
 def test_chosen_steps_bring_a_cushion_to_rest_under_pressure():
