@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactProblem
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.iteration import Solution
@@ -72,7 +73,7 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
         try:
             found = advance(trial, None if problem is None else problem.within(trial, kept), kept, timer)
         except StepRejected as error:
-            if solved and 2 * metric.moving.max() >= FALLING:
+            if metric.moves_on:
                 break
             if not error.retryable or not metric.raised():
                 raise
@@ -92,8 +93,7 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
     if not solved:
         raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
     body = int(np.argmax(np.where(metric.moving > 0, metric.moving, change.share)))
-    moves_on = 2 * metric.moving.max() >= FALLING
-    verdict = "there is no equilibrium" if moves_on else f"no equilibrium was found in {MAX_SOLVES} solves"
+    verdict = "there is no equilibrium" if metric.moves_on else f"no equilibrium was found in {MAX_SOLVES} solves"
     raise no_equilibrium(verdict, increment, motion, solved[-1], body, float(change.share[body]))
 
 
@@ -131,6 +131,11 @@ class _Metric:
         wanted = unheld / (MOTION * grid.cell / increment.dt * np.maximum(modulus, 1e-300))
         first, least = np.where(held, 0.0, np.clip(wanted, FIRST, LARGEST)), np.full(grid.bodies, LEAST)
         return _Metric(unit, grid.node_body, held, first, least, np.zeros(grid.bodies, dtype=np.int64))
+
+    @property
+    def moves_on(self) -> bool:
+        """Whether a body has moved on for so long that a solve which fails is given up."""
+        return bool(2 * self.moving.max(initial=0) >= FALLING)
 
     def applied(self, increment: Increment, centre: Array, guess: Array) -> Increment:
         """The equations of a solve about a centre (2 nodes,), that begins at a guess (2 nodes,)."""
@@ -181,7 +186,7 @@ class _Change:
     def of(increment: Increment, motion: RigidMotion, solution: Solution, before: _Change) -> _Change:
         """That of a solution, after the change `before`."""
         w, step = solution.w, solution.w - increment.v0
-        configuration, rigid = increment.at(w), motion.velocity(step)
+        configuration, rigid = _configuration(increment, solution), motion.velocity(step)
         resultant = motion.resultants(increment.on_free_dofs(increment.mass * step))
         lasting = np.abs(resultant) > LASTING * np.abs(before.resultant)
         resisted = step - motion.at_nodes(np.where(lasting, rigid, 0.0))
@@ -207,6 +212,13 @@ class _Change:
         return self.imbalance <= tol and self.work <= WORK * tol and on_bodies
 
 
+def _configuration(increment: Increment, solution: Solution) -> Configuration:
+    """That of a solution, without another evaluation of the points."""
+    displacement = increment.start + increment.theta_dt * solution.w
+    known = solution.configuration
+    return increment.at(solution.w) if known is None else known.translated(displacement)
+
+
 def _outer(increment: Increment, w: Array) -> list[Array]:
     """The impulses of loads and springs, (2 nodes,) each [kg m/s per m]."""
     terms = [np.asarray(increment.theta_dt * increment.load(w))]
@@ -227,5 +239,5 @@ def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem |
 def _without_metric(increment: Increment, solution: Solution) -> Array:
     """The out-of-balance impulse without the metric, (2 nodes,) [kg m/s per m]."""
     still = replace(increment, metric=np.zeros_like(solution.w))
-    gradient, _ = still.gradient(solution.w, increment.at(solution.w))
+    gradient, _ = still.gradient(solution.w, _configuration(increment, solution))
     return gradient if solution.contact_impulse is None else gradient - solution.contact_impulse
