@@ -7,7 +7,7 @@ v0 := w of the last solve, repeated until M (w - v0) is negligible, is the proxi
 time of the step stay.
 
 The share is small where bodies rest, and so large where nothing holds a body that it moves by a tenth of a cell in a
-solve: contact points are chosen once per solve. A body that moves by as much again and again has no equilibrium.
+solve: contact points are chosen once per solve. A body that moves by as much again and again is given up.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Bools = NDArray[np.bool_]
 FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
 MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
 TOO_FAR = 2.0  # of these motions: such a solve is repeated with a larger share
-MOVING = 0.7  # of them: a body that moves as far in `FALLING` solves in a row has no equilibrium
+MOVING = 0.7  # of them: a body that moves as far in `FALLING` solves in a row is given up
 FALLING = 20  # half as many where a solve fails then
 MAX_SOLVES = 60
 # Largest factor of a share, or of its inverse, from one solve to the next, and that after a solve that failed. Later
@@ -93,8 +93,7 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
     if not solved:
         raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
     body = int(np.argmax(np.where(metric.moving > 0, metric.moving, change.share)))
-    verdict = "there is no equilibrium" if metric.moves_on else f"no equilibrium was found in {MAX_SOLVES} solves"
-    raise no_equilibrium(verdict, increment, motion, solved[-1], body, float(change.share[body]))
+    raise no_equilibrium(increment, motion, solved[-1], len(solved), body, float(change.share[body]))
 
 
 def _equilibrium(increment: Increment, change: _Change, solved: list[Solution]) -> Solution:
@@ -120,6 +119,7 @@ class _Metric:
     held: Bools  # (bodies,) whether supports prevent all rigid motions of the body
     share: Array  # (bodies,)
     least: Array  # (bodies,) after solves that failed
+    before: Array  # (bodies,) in the solve before
     moving: NDArray[np.int64]  # (bodies,) solves in a row in which each has moved on
 
     @staticmethod
@@ -130,7 +130,9 @@ class _Metric:
         unit = np.repeat((modulus / motion.total)[grid.node_body] * motion.mass, 2)
         wanted = unheld / (MOTION * grid.cell / increment.dt * np.maximum(modulus, 1e-300))
         first, least = np.where(held, 0.0, np.clip(wanted, FIRST, LARGEST)), np.full(grid.bodies, LEAST)
-        return _Metric(unit, grid.node_body, held, first, least, np.zeros(grid.bodies, dtype=np.int64))
+        return _Metric(
+            unit, grid.node_body, held, first, least, np.zeros(grid.bodies), np.zeros(grid.bodies, dtype=np.int64)
+        )
 
     @property
     def moves_on(self) -> bool:
@@ -151,9 +153,15 @@ class _Metric:
         return True
 
     def too_far(self, moved: Array) -> bool:
-        """Whether bodies moved (bodies,) [cells] farther than a solve may move them: their shares are larger then."""
+        """Whether bodies moved (bodies,) [cells] farther than a solve may move them: their shares are larger then.
+
+        Those of all bodies are at least what they were in the solve before: with friction, smaller ones may have led
+        past an equilibrium nearby.
+        """
         far = ~self.held & (moved > TOO_FAR * MOTION) & (self.share < LARGEST)
-        self.share = np.where(far, np.minimum(self.share * moved / MOTION, LARGEST), self.share)
+        if far.any():
+            wanted = np.where(far, self.share * moved / MOTION, self.share)
+            self.share = np.minimum(np.maximum(wanted, self.before), LARGEST)
         return bool(far.any())
 
     def follows(self, moved: Array) -> bool:
@@ -161,6 +169,7 @@ class _Metric:
         moved = np.where(self.held, 0.0, moved)
         self.moving = np.where(moved > MOVING * MOTION, self.moving + 1, 0)
         factor = np.clip(moved / MOTION, 1.0 / CHANGE, CHANGE)
+        self.before = self.share
         self.share = np.where(self.held, 0.0, np.clip(self.share * factor, self.least, LARGEST))
         return bool(self.moving.max() >= FALLING)
 

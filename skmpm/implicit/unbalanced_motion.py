@@ -19,22 +19,23 @@ SLIP = 0.3  # of the speed of its surface: a body that slips faster on a contact
 
 
 def no_equilibrium(
-    verdict: str, increment: Increment, motion: RigidMotion, solution: Solution, body: int, share: float
+    increment: Increment, motion: RigidMotion, solution: Solution, solves: int, body: int, share: float
 ) -> StepRejected:
-    """The error that says how a body moves in the last solve, a `share` of the forces on it out of balance."""
+    """The error that says how a body moves after some solves, a `share` of the forces on it out of balance."""
     step = solution.w - increment.prescribed_only()
     moved = increment.dt / increment.grid.cell * motion.at_surface(motion.velocity(step))[body]
     verb, remedy = _motion(increment, motion, solution, body)
     problem = (
-        f"{verdict}: it {verb}, by {moved:.2g} cells so far, and {100.0 * min(share, 1.0):.3g} % of the"
-        " forces on it are out of balance"
+        f"no equilibrium was found: it {verb}, by {moved:.2g} cells in {solves} solves so far, and"
+        f" {100.0 * min(share, 1.0):.3g} % of the forces on it are out of balance"
     )
     return StepRejected(f"body {body}", problem, remedy, retryable=increment.depends_on_dt)
 
 
 def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body: int) -> tuple[str, str]:
     """How a body moves, on or from what, and the remedy."""
-    remedy, contact, step = "add a Support, a wall, or use inertia", solution.contact, solution.w - increment.v0
+    contact, step = solution.contact, solution.w - increment.v0
+    remedy = "add a Support, a wall, or use inertia"
     *along, turning = motion.velocity(step)[:, body]
     free = "turns" if abs(turning) > float(np.hypot(*along)) else "falls"
     if contact is None or contact.constraints.size == 0:
@@ -45,13 +46,15 @@ def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body:
     pressed = own[normal[own] > 0.0] if own.size else own
     if pressed.size == 0 or normal[own].sum() < 0.0:  # hangs by cohesion
         return ("separates" if (normal[own] < 0.0).any() else free), remedy
-    corners = [each for each in pressed.tolist() if at_corner(increment, constraints, each, body)]
+    corners = [each for each in pressed.tolist() if at_corner(increment, constraints, each)]
     most = int(pressed[np.argmax(normal[pressed])])
     speed = float(motion.at_surface(motion.velocity(step))[body])
-    slip = np.abs(_slip(constraints, step, most))
     on_cone = abs(tangential[most]) >= (1.0 - 1e-6) * constraints.friction[most] * normal[most]
-    if slip > SLIP * speed and on_cone:
-        verb, remedy = "slides", "add a Support, a wall or friction, or use inertia"
+    slides = on_cone and abs(_slip(constraints, step, most)) > SLIP * speed
+    if slides or np.unique(constraints.bodies[:, pressed]).size > 2:  # friction does not keep it from rolling on one
+        remedy = "add a Support, a wall or friction, or use inertia"
+    if slides:
+        verb = "slides"
     else:
         verb = "topples" if corners else "rolls"
         most = max(corners, key=lambda each: normal[each], default=most)
@@ -79,12 +82,22 @@ def _place(constraints: Constraints, contact: int, cell: float) -> str:
     return f"({x:.4g}, {y:.4g}) m"
 
 
-def at_corner(increment: Increment, constraints: Constraints, contact: int, body: int) -> bool:
-    """Whether the boundary point of a body that is nearest to the contact is a corner."""
+def at_corner(increment: Increment, constraints: Constraints, contact: int) -> bool:
+    """Whether the boundary point of a body that is nearest to the contact is a corner, on either side."""
+    return any(
+        _corner_of(increment, constraints, contact, body)
+        for body in constraints.bodies[:, contact].tolist()
+        if body >= 0
+    )
+
+
+def _corner_of(increment: Increment, constraints: Constraints, contact: int, body: int) -> bool:
     grid = increment.grid
     deformable = np.flatnonzero(np.diff(constraints.base.indptr) > 0)
     owner = grid.node_body[constraints.base.indices[constraints.base.indptr[deformable]]]
     of_body = deformable[owner == body]
+    if of_body.size == 0:
+        return False
     x = (constraints.base[of_body] @ (grid.position + increment.start.reshape(-1, 2).T).T).T
     nearest = int(np.argmin(np.hypot(*(x - constraints.x[:, contact, None]))))
     a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % of_body.size]].T

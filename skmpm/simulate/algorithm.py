@@ -53,7 +53,7 @@ from skmpm.simulate.turning import gauge_condition
 from skmpm.simulate.unbalanced import unbalanced_ratio
 from skmpm.simulate.unknowns import scalar_unknowns
 
-LOAD_STEPS = "apply loads in steps, as functions of time, or use inertia; not a smaller dt"
+LOAD_STEPS = "begin without gaps, apply loads in steps, as functions of time, or use inertia; not a smaller dt"
 Array = NDArray[np.float64]
 
 SHORTEST = 1e-100  # [s]; with shorter steps, velocities overflow
