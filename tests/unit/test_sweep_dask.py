@@ -63,7 +63,8 @@ def test_a_worker_that_ends_in_the_middle(client, tmp_path, meanwhile, number):
     for member in found:
         assert text(member) == ensembles.by_hand(member.parameters["speed"])
     sessions = found["slow=True,speed=1.0"].manifest["sessions"]
-    assert [session["process"] == done[0] for session in sessions] == [True, False]
+    first, *others = (session["process"] for session in sessions)  # Dask may close the worker that goes on, too
+    assert first == done[0] and others and first not in others
     assert ("seconds" in sessions[0]) == (number == signal.SIGTERM), "only a killed one says nothing"
 
 
