@@ -105,7 +105,7 @@ def point_to_curve(
         if needed > margin:
             near = search(needed)
             if near is not None and close is not None:
-                near = replace(near, shifts=close.shifts, tension=close.tension)
+                near = replace(near, shifts=close.shifts, tension=close.tension, facing=close.facing)
         if near is None:
             return no_constraints(interpolation)
         moved = motion.of_surfaces(near.surfaces, moved)
@@ -143,14 +143,15 @@ def _with_closest_points(
     """The candidates with contact points shifted to the closest points in a step of constant velocities.
 
     They are those at t + theta dt: impulses have no moment about the axis of a body that rolls if their points pass
-    below it then.
+    below it then. What slides may move far: which points face a side is decided there, too.
     """
     boundary, v = scene.outlines, state.v + motion.change_of_box_velocity(state)
     moved = np.where(scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
     ahead = near.curve.through(near.start.x + theta * motion.of_surfaces(near.surfaces, moved))
     start, displacement = motion.walls
     walls = start + theta * displacement
-    return replace(near, shifts=closest_points(scene, near, ahead, walls, state.contacts, slide=slide))
+    shifts = closest_points(scene, near, ahead, walls, state.contacts, slide=slide)
+    return replace(near, shifts=shifts, facing=ahead if slide else None)
 
 
 def check_outlines(scene: Scene) -> None:

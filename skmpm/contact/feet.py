@@ -32,8 +32,9 @@ def contacts(
     travel: Array,
     x: Array,
     c: Array,
-    start_x: Array,
     start_c: Array,
+    facing_x: Array,
+    facing_c: Array,
     loops: Loops,
     limits: tuple[float, float, float],
     kept: Bools,
@@ -62,8 +63,10 @@ def contacts(
         i, t, x_normal, y_normal, gap, off = foot_of(at, shift[group], i, t, c, loops)
         if not kept[group] and (off or not -depth < gap < reach):
             continue
-        i_before, _, x_before, y_before, gap_before, off_before = foot_of(at, shift[group], i, t, start_c, loops)
-        if not _faces(at, (x_before, y_before), start_x, loops, edge_depth):
+        i_before, _, x_facing, y_facing, gap_before, off_before = foot_of(at, shift[group], i, t, start_c, loops)
+        if facing_c is not start_c:
+            _, _, x_facing, y_facing, _, _ = foot_of(at, shift[group], i, t, facing_c, loops)
+        if not _faces(at, (x_facing, y_facing), facing_x, loops, edge_depth):
             continue
         chosen[0, group], chosen[1, group], parameter[group] = i, i_before, t
         place[0, group], place[1, group], place[2, group], place[3, group] = x_normal, y_normal, gap, gap_before
@@ -135,7 +138,8 @@ def foot_of(
 def _faces(c: int, normal: tuple[float, float], x: Array, loops: Loops, edge_depth: float) -> bool:
     """Whether a point faces the surface of its foot, with edges that do not point into it.
 
-    Decided at the start of the step, so that the contacts do not depend on the rotation of edges between iterates.
+    Decided in one configuration for all iterates, so that the contacts do not depend on the rotation of edges between
+    them.
     """
     x_ahead, y_ahead = x[0, loops.following[c]] - x[0, c], x[1, loops.following[c]] - x[1, c]
     x_back, y_back = x[0, loops.previous[c]] - x[0, c], x[1, loops.previous[c]] - x[1, c]

@@ -73,6 +73,9 @@ class Neighbours:
     own: SelfContact
     shifts: Shifts = NO_SHIFTS  # to the closest points of the curves
     tension: Tension = NO_TENSION
+    facing: Cubics | None = (
+        None  # the outlines where it is decided which points face a side, if not those at the start
+    )
 
     @cached_property
     def key(self) -> Ints:

@@ -93,7 +93,8 @@ def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]
     shift = near.shift.copy()
     candidates = (near.ends, near.point, near.segment, shift, near.travel)
     limits = (MAX_DEPTH * near.cell, near.reach, feet.MAX_EDGE_DEPTH * near.cell)
-    shapes = (now.x, now.c, start.x, start.c, near.curve.loops)
+    facing = near.facing or start
+    shapes = (now.x, now.c, start.c, facing.x, facing.c, near.curve.loops)
     arguments = (*candidates, *shapes, limits, near.tension.holds(near.key), chosen, s, place, beside)
     over_points(lambda first, last: feet.contacts(first, last, *arguments), groups)
     group = np.flatnonzero(chosen[0] >= 0)

@@ -38,8 +38,8 @@ FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
 MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
 TOO_FAR = 2.0  # of these motions: such a solve is repeated with a larger share
 MOVING = 0.7  # of them: a body that moves as far in `FALLING` solves in a row is given up
-FALLING = 20  # half as many where a solve fails then
-MAX_SOLVES = 60
+FALLING = 40  # a quarter of them where a solve fails then
+MAX_SOLVES = 120
 # Largest factor of a share, or of its inverse, from one solve to the next, and that after a solve that failed. Later
 # shares stay above that one by its root.
 CHANGE = 10.0
@@ -137,7 +137,7 @@ class _Metric:
     @property
     def moves_on(self) -> bool:
         """Whether a body has moved on for so long that a solve which fails is given up."""
-        return bool(2 * self.moving.max(initial=0) >= FALLING)
+        return bool(4 * self.moving.max(initial=0) >= FALLING)
 
     def applied(self, increment: Increment, centre: Array, guess: Array) -> Increment:
         """The equations of a solve about a centre (2 nodes,), that begins at a guess (2 nodes,)."""

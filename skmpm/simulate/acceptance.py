@@ -32,8 +32,11 @@ CURVATURE_TOLERANCE = 0.01
 MAX_GAIN = 0.05
 
 
-def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> float:
-    """Overlap area over the area of all bodies after a step; StepRejected if the step violates a check."""
+def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget, solves: int = 1) -> float:
+    """Overlap area over the area of all bodies after a step; StepRejected if the step violates a check.
+
+    Each of the `solves` of a static step detects contacts anew.
+    """
     if not (np.isfinite(budget.elastic) and float(after.volume.min()) > 0.0):
         worst = int(np.argmin(determinant(after.F)))
         b, material = int(after.body[worst]), material_at(scene, worst)
@@ -51,7 +54,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     if not (can_touch(scene) or after.contacts.gap.size):
         return 0.0
     exact = not acts_at_grid_nodes(scheme.contact)
-    _check_travel(scene, before, after, exact)
+    _check_travel(scene, before, after, solves * (max_motion(scene) if exact else MAX_MOTION * scene.cell), solves)
     if exact:
         _check_walls(scene, after)
     return _check_overlap(scene, after, exact)
@@ -186,7 +189,7 @@ def max_motion(scene: Scene) -> float:
     return max(MAX_MOTION * scene.cell, MAX_THICKNESS_SHARE * thinnest if np.isfinite(thinnest) else 0.0)
 
 
-def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> None:
+def _check_travel(scene: Scene, before: State, after: State, most: float, solves: int) -> None:
     """Raise StepRejected if a point moves so far, relative to the mean or a wall, that contact may go undetected.
 
     With outlines, bodies that tunnel by less than their thickness overlap, which `_check_overlap` detects.
@@ -196,12 +199,12 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool) -> Non
     square = ((relative - (relative @ before.mass / before.mass.sum())[:, None]) ** 2).sum(axis=0)
     fastest = int(np.argmax(square))
     largest = float(np.sqrt(square[fastest]))
-    if largest > (max_motion(scene) if exact else MAX_MOTION * scene.cell):
+    if largest > most:
         raise _tunnelling(before, fastest, largest / scene.cell)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
         near = np.flatnonzero(normal @ after.x < normal @ end + scene.cell)
         approach = -normal @ (moved[:, near] - (end - start)[:, None])
-        if float(approach.max(initial=0.0)) > MAX_MOTION * scene.cell:
+        if float(approach.max(initial=0.0)) > solves * MAX_MOTION * scene.cell:
             raise _tunnelling(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
 
 

@@ -120,7 +120,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             timer.lap("transfer")
             budget = budget_of(scene, state, increment, solution, end, after)
             timer.lap("report")
-            overlap = check_step(scene, scheme, state, after, budget)
+            overlap = check_step(scene, scheme, state, after, budget, solution.solves)
             timer.lap("overlap")
     except (StepRejected, np.linalg.LinAlgError, ArithmeticError) as error:  # compiled loops: ZeroDivisionError
         raise _failure(scene, start, increment, error) from error

@@ -158,6 +158,19 @@ def test_a_pile_of_three_discs_stands_and_falls_at_its_limit(spacing, holds):
         refused(scene, "no equilibrium was found")
 
 
+@pytest.mark.parametrize("gap", [1.0, 3.0])
+def test_smooth_discs_part_until_walls_hold_them(gap):
+    """One disc on two, which part by a gap [cells] up to walls: each bears half of its weight times a tangent."""
+    aside = R + gap * H
+    places = [(-R, R), (R, R), (0.0, R + np.sqrt(3.0) * R)]
+    bodies = [Body(disc(x, R, spacing=0.7 * H), STIFF) for x in places]
+    walls = [Wall((0, 0), (0, 1)), Wall((-aside - R, 0), (1, 0)), Wall((aside + R, 0), (-1, 0))]
+    state = solved(Scene(bodies, cell=H, walls=walls, gravity=(0.0, -1.0)))
+    weight, angle = state.mass[state.body == 2].sum(), np.arcsin(0.5 * aside / R)
+    np.testing.assert_allclose(-state.wall_force[1:, 0] * (1, -1), 0.5 * weight * np.tan(angle), rtol=5e-3)
+    assert state.report.solves > gap / 0.2
+
+
 @pytest.mark.parametrize(("modulus", "friction"), [(1e7, 0.55), (3e7, 0.6), (1e7, 0.4)])
 def test_a_heap_of_six_discs_stands_on_friction(modulus, friction):
     """Three, two and one: limit analysis of rigid discs needs 0.434 (linear programme of their 8 contacts)."""
