@@ -36,8 +36,8 @@ Bools = NDArray[np.bool_]
 # largest of all. Below the first, solves of bodies that buckle fail. Bodies that supports hold have none.
 FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
 MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
-TOO_FAR = 2.0  # of these motions: such a solve is repeated with a larger share
-MOVING = 0.7  # of them: a body that moves as far in `FALLING` solves in a row is given up
+TOO_FAR = 0.2  # [cells] beyond them: such a solve is repeated with a larger share
+MOVING = 0.7  # of `MOTION`: a body that moves as far in `FALLING` solves in a row is given up
 FALLING = 40  # a quarter of them where a solve fails then
 MAX_SOLVES = 120
 # Largest factor of a share, or of its inverse, from one solve to the next, and that after a solve that failed. Later
@@ -158,7 +158,7 @@ class _Metric:
         Those of all bodies are at least what they were in the solve before: with friction, smaller ones may have led
         past an equilibrium nearby.
         """
-        far = ~self.held & (moved > TOO_FAR * MOTION) & (self.share < LARGEST)
+        far = ~self.held & (moved > TOO_FAR) & (self.share < LARGEST)
         if far.any():
             wanted = np.where(far, self.share * moved / MOTION, self.share)
             self.share = np.minimum(np.maximum(wanted, self.before), LARGEST)

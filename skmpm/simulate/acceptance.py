@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from skmpm import outline
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import StepRejected, pair
+from skmpm.implicit.statics import TOO_FAR
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
@@ -35,7 +36,7 @@ MAX_GAIN = 0.05
 def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget, solves: int = 1) -> float:
     """Overlap area over the area of all bodies after a step; StepRejected if the step violates a check.
 
-    Each of the `solves` of a static step detects contacts anew.
+    Each of the `solves` of a static step detects contacts anew; those after the first may move bodies further.
     """
     if not (np.isfinite(budget.elastic) and float(after.volume.min()) > 0.0):
         worst = int(np.argmin(determinant(after.F)))
@@ -54,7 +55,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     if not (can_touch(scene) or after.contacts.gap.size):
         return 0.0
     exact = not acts_at_grid_nodes(scheme.contact)
-    _check_travel(scene, before, after, solves * (max_motion(scene) if exact else MAX_MOTION * scene.cell), solves)
+    _check_travel(scene, before, after, exact, (solves - 1) * TOO_FAR * scene.cell)
     if exact:
         _check_walls(scene, after)
     return _check_overlap(scene, after, exact)
@@ -189,8 +190,10 @@ def max_motion(scene: Scene) -> float:
     return max(MAX_MOTION * scene.cell, MAX_THICKNESS_SHARE * thinnest if np.isfinite(thinnest) else 0.0)
 
 
-def _check_travel(scene: Scene, before: State, after: State, most: float, solves: int) -> None:
+def _check_travel(scene: Scene, before: State, after: State, exact: bool, further: float) -> None:
     """Raise StepRejected if a point moves so far, relative to the mean or a wall, that contact may go undetected.
+
+    Later solves of a static step may have moved it `further` [m].
 
     With outlines, bodies that tunnel by less than their thickness overlap, which `_check_overlap` detects.
     """
@@ -199,12 +202,12 @@ def _check_travel(scene: Scene, before: State, after: State, most: float, solves
     square = ((relative - (relative @ before.mass / before.mass.sum())[:, None]) ** 2).sum(axis=0)
     fastest = int(np.argmax(square))
     largest = float(np.sqrt(square[fastest]))
-    if largest > most:
+    if largest > further + (max_motion(scene) if exact else MAX_MOTION * scene.cell):
         raise _tunnelling(before, fastest, largest / scene.cell)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
         near = np.flatnonzero(normal @ after.x < normal @ end + scene.cell)
         approach = -normal @ (moved[:, near] - (end - start)[:, None])
-        if float(approach.max(initial=0.0)) > solves * MAX_MOTION * scene.cell:
+        if float(approach.max(initial=0.0)) > further + MAX_MOTION * scene.cell:
             raise _tunnelling(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
 
 
