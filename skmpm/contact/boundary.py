@@ -15,6 +15,7 @@ and loses the same amount at its contacts. The two cancel only if normals and st
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,7 +33,7 @@ from skmpm.contact.rows import combinations
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids
-from skmpm.outline import Outlines
+from skmpm.outline import Cubics, Outlines
 from skmpm.scene import (
     PrescribedVelocities,
     Scene,
@@ -91,9 +92,10 @@ def point_to_curve(
 
     motion = Motion.of(scene, state, motions, dt)
     margin = 0.5 * within + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
+    ahead = partial(_ahead, scene, state, motion, theta)
     close = search(margin)
     if close is not None and scene.movable.any():
-        close = _with_closest_points(scene, state, close, motion, theta, slide=not inertia)
+        close = _with_closest_points(scene, state, close, ahead(close), motion, theta, slide=not inertia)
     if close is not None and scene.cohesive:
         close = _with_tension(scene, close, motion)
 
@@ -105,7 +107,8 @@ def point_to_curve(
         if needed > margin:
             near = search(needed)
             if near is not None and close is not None:
-                near = replace(near, shifts=close.shifts, tension=close.tension, facing=close.facing)
+                facing = None if close.facing is None else ahead(near)
+                near = replace(near, shifts=close.shifts, tension=close.tension, facing=facing)
         if near is None:
             return no_constraints(interpolation)
         moved = motion.of_surfaces(near.surfaces, moved)
@@ -137,17 +140,21 @@ def _with_tension(scene: Scene, near: Neighbours, motion: Motion) -> Neighbours:
     return replace(near, tension=Tension(found.key[bears], strength[bears]))
 
 
-def _with_closest_points(
-    scene: Scene, state: State, near: Neighbours, motion: Motion, theta: float, *, slide: bool
-) -> Neighbours:
-    """The candidates with contact points shifted to the closest points in a step of constant velocities.
-
-    They are those at t + theta dt: impulses have no moment about the axis of a body that rolls if their points pass
-    below it then. What slides may move far: which points face a side is decided there, too.
-    """
+def _ahead(scene: Scene, state: State, motion: Motion, theta: float, near: Neighbours) -> Cubics:
+    """The outlines at t + theta dt in a step of constant velocities."""
     boundary, v = scene.outlines, state.v + motion.change_of_box_velocity(state)
     moved = np.where(scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
-    ahead = near.curve.through(near.start.x + theta * motion.of_surfaces(near.surfaces, moved))
+    return near.curve.through(near.start.x + theta * motion.of_surfaces(near.surfaces, moved))
+
+
+def _with_closest_points(
+    scene: Scene, state: State, near: Neighbours, ahead: Cubics, motion: Motion, theta: float, *, slide: bool
+) -> Neighbours:
+    """The candidates with contact points shifted to the closest points of the outlines `ahead`.
+
+    Impulses have no moment about the axis of a body that rolls if their points pass below it then. What slides may
+    move far: which points face a side is decided there, too.
+    """
     start, displacement = motion.walls
     walls = start + theta * displacement
     shifts = closest_points(scene, near, ahead, walls, state.contacts, slide=slide)

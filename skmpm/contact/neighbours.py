@@ -73,9 +73,7 @@ class Neighbours:
     own: SelfContact
     shifts: Shifts = NO_SHIFTS  # to the closest points of the curves
     tension: Tension = NO_TENSION
-    facing: Cubics | None = (
-        None  # the outlines where it is decided which points face a side, if not those at the start
-    )
+    facing: Cubics | None = None  # outlines by which points face a side or not; those at the start if none
 
     @cached_property
     def key(self) -> Ints:

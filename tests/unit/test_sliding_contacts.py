@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from skmpm import Body, NeoHookean, Scene, Wall, contact, disc, initial
+from skmpm import Body, NeoHookean, Periodic, Scene, Scheme, Wall, contact, disc, initial, step
+from skmpm.contact import projection
 from skmpm.implicit.contact_stiffness import contact_stiffness
 
 R, H = 1.0, 0.2
@@ -55,3 +56,20 @@ def test_a_contact_that_slides_adds_stiffness_only_where_it_is_pressed():
     added = contact_stiffness(rows, r, 1.0, 1.0)
     assert added.sliding.tolist() == slides.tolist() and added.contacts.size == 0
     assert added.compliance.toarray() == pytest.approx(1.0 / (2.0 * R), rel=0.02)  # it travels by R per turn
+
+
+def test_images_that_a_far_motion_brings_are_among_those_that_face_sides(monkeypatch):
+    """Two discs that touch at both sides of a periodic box once it has shrunk: images come in as a step is solved."""
+    evaluate, sizes = projection._on_sides, []
+
+    def seen(near, now):
+        sizes.append((near.facing.x.shape, near.start.x.shape))
+        return evaluate(near, now)
+
+    monkeypatch.setattr(projection, "_on_sides", seen)
+    bodies = [Body(disc((x, 1.5), R, spacing=0.15), GEL) for x in (1.15, 3.15)]
+    box = Periodic(4.3, 3.0, rate=((-0.16, 0.0), (0.0, 0.0)))
+    scene, scheme = Scene(bodies, cell=H, periodic=box, friction=0.5), Scheme(inertia=False)
+    step(scene, initial(scene, scheme=scheme), 0.5, scheme=scheme)
+    assert len({start for _, start in sizes}) == 2
+    assert all(facing == start for facing, start in sizes)
