@@ -207,16 +207,6 @@ class BodyGrids:
         point_loops.moments_by_body(self.node_body, x, mass, impulse, arms, sums)
         return arms, sums
 
-    def outermost(self, nodes: Ints, arms: Array, angles: Array) -> Ints:
-        """Of some nodes (k,) the farthest ones of each body in directions (d,) [rad], (d, bodies), -1 without any.
-
-        `arms` (nodes, 2) are from the centres of the bodies.
-        """
-        farthest = np.full((angles.size, self.bodies), -1)
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        point_loops.farthest_by_body(self.node_body, nodes, arms, directions, farthest)
-        return farthest
-
     def radii_of_gyration(self, arms: Array, weight: Array) -> Array:
         """Root mean square (bodies,) [m] of arms (2, nodes) [m], weighted by (nodes,)."""
         return np.asarray(np.sqrt(self.means((arms**2).sum(axis=0)[None], weight)[0]))

@@ -91,16 +91,3 @@ def moments_by_body(body: NDArray[np.int64], x: Array, mass: Array, impulse: Arr
             arms[n, i] = x[n, i] - centres[b, i]
         sums[0, b] += arms[n, 0] * impulse[n, 1] - arms[n, 1] * impulse[n, 0]
         sums[1, b] += mass[n] * (arms[n, 0] ** 2 + arms[n, 1] ** 2)
-
-
-@compiled
-def farthest_by_body(
-    body: NDArray[np.int64], nodes: NDArray[np.int64], arms: Array, directions: Array, out: NDArray[np.int64]
-) -> None:
-    """Write the node of each body that is the farthest along directions (d, 2), the last of equals, (d, bodies)."""
-    along = np.full(out.shape, -np.inf)
-    for n in nodes:
-        for d in range(directions.shape[0]):
-            here = directions[d, 0] * arms[n, 0] + directions[d, 1] * arms[n, 1]
-            if here >= along[d, body[n]]:
-                along[d, body[n]], out[d, body[n]] = here, n

@@ -15,7 +15,6 @@ from skmpm.assembly import Assembly, Selection
 from skmpm.material import (
     Anchored,
     Material,
-    Points,
     Response,
     dilatation,
     in_step,
@@ -23,7 +22,6 @@ from skmpm.material import (
     response,
     viscosity_of,
 )
-from skmpm.material import projected as without_negative
 
 Array = NDArray[np.float64]
 Matrices = tuple[Selection, Array]  # k cells, and matrices (k, 64) by blocks [Pa]
@@ -162,27 +160,29 @@ class Bulk:
             P[..., g.points] = own
         return P
 
-    def stiffness(self, configuration: Configuration, *, projected: Points = False) -> Array:
-        """Stiffness in the pattern of A, (blocks, 2, 2) [Pa].
+    def stiffness(self, configuration: Configuration) -> Array:
+        """Stiffness in the pattern of A, (blocks, 2, 2) [Pa]."""
+        return self.assembly.stiffness(*self.tangents(configuration))
 
-        The tangents of points that are to be `projected` (n,) are replaced by their projections on the positive
-        semi-definite ones: negative eigenvalues are set to zero.
-        """
-        return self.assembly.stiffness(*self.tangents(configuration, projected=projected))
+    @cached_property
+    def gradient_stiffness(self) -> Array:
+        """Stiffness of mu |grad u|^2 / 2 and the ghost penalty, zero for translations, (blocks, 2, 2) [Pa]."""
+        one, n = np.eye(2), self.assembly.volume.size
+        mu = self._of_all_points([np.full(n, material.lame[1])[points] for material, points in self.materials])
+        return self.assembly.stiffness(np.einsum("ik,jl,p->ijklp", one, one, mu))
 
-    def tangents(self, configuration: Configuration, *, projected: Points = False) -> tuple[Array, Matrices | None]:
+    def tangents(self, configuration: Configuration) -> tuple[Array, Matrices | None]:
         """Tangents of the points (2, 2, 2, 2, n) [Pa], and the cell matrices that mean dilatation adds."""
         F = configuration.F
         if configuration.dilatation is None:
-            return self._of_all_points([_tangent(g, F, projected) for g in self.groups]), None
+            return self._of_all_points([g.law.tangent(g.of(F)) for g in self.groups]), None
         _, mean_stress = self._derivatives(configuration)
         parts, added = [], []
         for g, mean in zip(self.groups, self.dilatations_by_group(configuration), strict=True):
             if mean is None or mean_stress is None:
-                parts.append(_tangent(g, F, projected))
+                parts.append(g.law.tangent(g.of(F)))
                 continue
-            own = g.of(projected) if isinstance(projected, np.ndarray) else projected
-            C, *others = dilatation.tangents(g.law, g.of(F), mean, g.of(mean_stress), projected=own)
+            C, *others = dilatation.tangents(g.law, g.of(F), mean, g.of(mean_stress))
             parts.append(C.reshape(2, 2, 2, 2, -1))
             added.append((dilatation.volume_slope(g.law, g.of(F)).reshape(4, -1), *others, g.law.rest(mean.size)))
         volume_gradient, mixed, bulk, rest = (np.concatenate(a, axis=-1) for a in zip(*added, strict=True))
@@ -268,11 +268,3 @@ class Bulk:
         for part, group in zip(parts, self.groups, strict=True):
             out[..., group.points] = part
         return out
-
-
-def _tangent(group: Group, F: Array, projected: Points) -> Array:
-    C = group.law.tangent(group.of(F))
-    if projected is False or group.law.linear:  # the energy of a linear material is convex
-        return C
-    own = group.of(projected) if isinstance(projected, np.ndarray) else projected
-    return without_negative(C.reshape(4, 4, -1), own).reshape(C.shape)

@@ -38,7 +38,7 @@ def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
     count = np.bincount(grid.cell_of_point, minlength=grid.cells)[grid.cell_body == b]
     return StepRejected(
         f"body {b}",
-        "its matrix is not positive definite, even with the material tangent projected on positive semi-definite;"
+        "its matrix is not positive definite, even free of stress;"
         f" {(count == 1).sum()} of its {count.size} cells hold one point, which leaves motions without stiffness",
         "use a smaller spacing of its points, a larger cell or a larger Scheme.ghost, or a smaller dt where it is"
         " deformed much",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, indefinite, worst_body
-from skmpm.implicit.matrix import solver_of, with_bars
+from skmpm.implicit.matrix import check_stiffness, solver_of, with_bars
 from skmpm.implicit.momentum import MAX_DRIFT
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
@@ -141,9 +141,7 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
     configuration = increment.at(rest)
     gradient, _ = increment.gradient(rest, configuration)
     prescribed = increment.prescribed_only()
-    linear = prescribed - solver_of(increment, configuration, projected=True)(
-        gradient + increment.matrix(configuration, projected=True) @ prescribed
-    )
+    linear = prescribed - solver_of(increment, configuration)(gradient + increment.matrix(configuration) @ prescribed)
     trial = increment.at(linear)
     if np.isfinite(increment.energy(linear, trial)):
         return np.asarray(linear), trial
@@ -155,14 +153,10 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
 
 
 def factorise(increment: Increment, contact: ContactIterate | None, configuration: Configuration) -> Solver:
-    """Factorise A or, if no modification of it by `matrix.solver_of` is positive definite, the projected A."""
+    """Factorise A with what `matrix.solver_of` adds."""
     in_contact = contact is not None and contact.constraints.size > 0
     try:
         return with_bars(increment, configuration, solver_of(increment, configuration, in_contact=in_contact))
-    except np.linalg.LinAlgError:
-        pass
-    try:
-        return with_bars(increment, configuration, solver_of(increment, configuration, projected=True))
     except np.linalg.LinAlgError as error:
         raise indefinite(increment.grid, error) from error
 
@@ -213,7 +207,11 @@ def _largest(increment: Increment, contact: ContactIterate | None, out_of_balanc
     return body if size < impulse else name
 
 
-def not_converged(limit: int, unmet: list[tuple[str, str]]) -> StepRejected:
-    """The error after `limit` iterations, with the criteria that are not met."""
+def not_converged(increment: Increment, limit: int, unmet: list[tuple[str, str]]) -> StepRejected:
+    """The error after `limit` iterations: too few points, or else the criteria that are not met."""
+    try:
+        check_stiffness(increment)
+    except np.linalg.LinAlgError as error:
+        return indefinite(increment.grid, error)
     criteria = ", ".join(f"{problem} at {where}" for where, problem in unmet)
     return StepRejected(unmet[0][0], f"no convergence in {limit} Newton iterations: {criteria}")

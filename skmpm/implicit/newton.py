@@ -191,4 +191,4 @@ def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:
     increment, contact = iterate.increment, iterate.contact
     moved = drift(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
     unmet = unmet_criteria(increment, contact, balance.out_of_balance, balance.norm, balance.contact, moved)
-    return not_converged(balance.iteration, unmet)
+    return not_converged(increment, balance.iteration, unmet)

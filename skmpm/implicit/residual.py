@@ -17,7 +17,7 @@ from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.springs import Springs
 from skmpm.implicit.viscous import ViscousBulk
-from skmpm.material import Points, wave_speed
+from skmpm.material import wave_speed
 from skmpm.scheme import Scheme
 
 Array = NDArray[np.float64]
@@ -186,23 +186,15 @@ class Increment:
         elastic = self.theta_dt * self.modulus * length * np.sqrt(w.size)
         return float(20.0 * np.finfo(float).eps * (elastic + inertia))
 
-    def matrix(self, configuration: Configuration, *, projected: Ints | bool = False) -> sp.bsr_array:
-        """A = M + theta^2 dt^2 K, with M the metric in a static step.
-
-        K of `projected` bodies, all or (k,), is positive semi-definite (`Bulk.stiffness`). In an explicit step there
-        is none, and A is diagonal.
-        """
-        assembly, grid = self.bulk.assembly, self.grid
+    def matrix(self, configuration: Configuration) -> sp.bsr_array:
+        """A = M + theta^2 dt^2 K, with M the metric in a static step; in an explicit step M, and A is diagonal."""
         if isinstance(self.material_response, ExplicitBulk):
             return sp.diags_array(self.mass).tobsr((2, 2))
-        points: Points = False
-        if projected is not False:
-            points = projected is True or np.isin(grid.cell_body, projected)[grid.cell_of_point]
-        K = self.material_response.stiffness(configuration, projected=points)
+        K = self.material_response.stiffness(configuration)
         if self.springs is not None:
             K = K + self.springs.bed_stiffness()
         M = None if self.metric is None else self.metric.reshape(-1, 2, 1) * np.eye(2)
-        return assembly.matrix(K, self.theta_dt**2, M)
+        return self.bulk.assembly.matrix(K, self.theta_dt**2, M)
 
     @property
     def shear_modulus(self) -> Array:

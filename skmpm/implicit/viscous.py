@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.assembly import Selection
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.material import Points, Viscous, is_linear, viscosity_of
+from skmpm.material import Viscous, is_linear, viscosity_of
 
 Array = NDArray[np.float64]
 
@@ -58,11 +58,10 @@ class ViscousBulk:
             P[..., points] += law.stress(configuration.F[..., points])
         return self.bulk.assembly.internal_force(P) + self.bulk.assembly.ghost_force(configuration.displacement)
 
-    def stiffness(self, configuration: Configuration, *, projected: Points = False) -> Array:
-        """Stiffness in the pattern of A, from projected tangents where `projected`, (blocks, 2, 2) [Pa]."""
-        C, added = self.bulk.tangents(configuration, projected=projected)
+    def stiffness(self, configuration: Configuration) -> Array:
+        """Stiffness in the pattern of A, (blocks, 2, 2) [Pa]."""
+        C, added = self.bulk.tangents(configuration)
         C = C.copy()
         for law, points in self.parts:
-            own = projected[points] if isinstance(projected, np.ndarray) else projected
-            C[..., points] += law.tangent(configuration.F[..., points], projected=own)
+            C[..., points] += law.tangent(configuration.F[..., points])
         return self.bulk.assembly.stiffness(C, added)

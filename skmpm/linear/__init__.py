@@ -10,7 +10,7 @@ from skmpm.linear.choice import chosen, default
 from skmpm.linear.delassus import Delassus
 from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.joined import Joined, joined
-from skmpm.linear.low_rank import LowRank, on_gauge, without_added_inertia
+from skmpm.linear.low_rank import LowRank, without_added_mass
 from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
 from skmpm.linear.rotated import Rotated
@@ -38,7 +38,6 @@ __all__ = [
     "direct",
     "half_bandwidth",
     "joined",
-    "on_gauge",
     "one_thread",
-    "without_added_inertia",
+    "without_added_mass",
 ]

@@ -20,7 +20,7 @@ Ints = NDArray[np.int64]
 class LowRank:
     """The inverse A^-1 + Z G_b Z^T, with the rows of Z of one body b and a small matrix G_b for that body.
 
-    `without_added_inertia` and `on_gauge` make it from a solver for a matrix that is positive definite.
+    `without_added_mass` makes it from a solver for a matrix that is positive definite.
     """
 
     solver: Solver  # for A
@@ -55,35 +55,23 @@ class LowRank:
         return W
 
 
-def without_added_inertia(solver: Solver, body: Ints, c: Array, mass: Array) -> LowRank:
+def without_added_mass(solver: Solver, body: Ints, added: Array, mass: Array, m: Array | None = None) -> LowRank:
     """Inverse of A + c (M - M T (T^T M T)^-1 T^T M), T the translations of a body, from a solver for A + c M.
 
-    `c` (bodies,) is the added inertia over the mass of a body, `mass` (bodies,) [kg/m]. The added term is c times the
-    mass matrix without its part for translations. Translations store no energy, A T = M T. Hence (A + c M) T =
-    (1 + c) M T, and by Woodbury's formula the inverse is (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T.
+    `added` (bodies,) is c times the mass of a body, `mass` (bodies,) that of M [kg/m]; where it is zero, translations
+    keep c M. Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the
+    inverse is (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T. With `m` (2 nodes,), on the velocities w with m^T w = 0
+    in every body in which m, orthogonal to translations, does not vanish: less z z^T / m^T z with z = (A + c M)^-1 m.
     """
-    mobility = c / ((1.0 + c) * np.maximum(mass, 1e-300))
-    return LowRank(solver, body, np.tile(np.eye(2), (body.size, 1)), mobility[:, None, None] * np.eye(2))
-
-
-def on_gauge(solver: Solver, body: Ints, springs: Array, stiffness: Array, m: Array) -> LowRank:
-    """Inverse of A on the velocities w with m^T w = 0 in every body, from a solver for A + sum_j k_j q_j q_j^T.
-
-    The columns q_j of Q, `springs` (2 nodes, s), hold one vector for every body, with the stiffnesses k_j,
-    `stiffness` (bodies, s); where it is zero, the body has no condition. With the forces s_j = k_j q_j.w that the
-    added terms have in excess, and the multiplier -v of the condition, w = A_+^-1 (b + Q s - m v), where
-    Q^T w = s / k and m^T w = 0. So (s, -v) = (diag(1 / k, 0) - P^T A_+^-1 P)^-1 P^T A_+^-1 b with P = (Q, m).
-    """
-    P = np.concatenate([springs, m[:, None]], axis=1)
-    Z, held = solver(P), np.flatnonzero(stiffness.all(axis=1))
-    products = np.zeros((stiffness.shape[0], P.shape[1], P.shape[1]))
-    _add_squares(_blocks(body, stiffness.shape[0]), P, Z, products)
-    matrix = -products[held]
-    diagonal = np.arange(stiffness.shape[1])
-    matrix[:, diagonal, diagonal] += 1.0 / stiffness[held]
-    G = np.zeros_like(products)
-    G[held] = np.linalg.inv(matrix)
-    return LowRank(solver, body, Z, G)
+    Z, inertia = np.tile(np.eye(2), (body.size, 1)), np.maximum(mass, 1e-300)
+    G = np.zeros((mass.size, 3, 3))
+    G[:, 0, 0] = G[:, 1, 1] = np.where(mass > 0.0, added / (inertia + added) / inertia, 0.0)
+    if m is None:
+        return LowRank(solver, body, Z, G[:, :2, :2])
+    z = solver(m)
+    product = np.bincount(np.repeat(body, 2), m * z, mass.size)
+    G[product > 0.0, 2, 2] = -1.0 / product[product > 0.0]
+    return LowRank(solver, body, np.column_stack([Z, z]), G)
 
 
 def _blocks(body: Ints, bodies: int) -> Ints:
@@ -120,13 +108,3 @@ def _add_products(
         for e in range(indptr[i], indptr[i + 1]):
             for k in range(left.shape[1]):
                 data[e] += left[i, k] * right[indices[e], k]
-
-
-@compiled
-def _add_squares(blocks: Ints, P: Array, Z: Array, products: Array) -> None:
-    """Add P^T Z of every body to `products` (bodies, k, k)."""
-    for body in range(blocks.size - 1):
-        for i in range(blocks[body], blocks[body + 1]):
-            for j in range(P.shape[1]):
-                for l in range(P.shape[1]):  # noqa: E741
-                    products[body, j, l] += P[i, j] * Z[i, l]

@@ -7,7 +7,7 @@ material with each other.
 """
 
 from skmpm.material import dilatation
-from skmpm.material.anchored import Anchored, Points, projected
+from skmpm.material.anchored import Anchored
 from skmpm.material.check import check_material
 from skmpm.material.elastoplastic import ElastoPlastic
 from skmpm.material.invariants import Hyperelastic
@@ -45,7 +45,6 @@ __all__ = [
     "MooneyRivlin",
     "NeoHookean",
     "Ogden",
-    "Points",
     "Response",
     "Rigid",
     "Viscous",
@@ -62,7 +61,6 @@ __all__ = [
     "lacking",
     "poisson_ratio",
     "product",
-    "projected",
     "response",
     "virgin",
     "viscosity_of",

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from skmpm.material.law import Material, determinant, is_linear, product, referred_stress, referred_tangent
 
 Array = NDArray[np.float64]
-Points = NDArray[np.bool_] | bool  # a mask (n,), all points or none
 
 
 @dataclass(frozen=True)
@@ -84,27 +83,3 @@ class Anchored:
         if self.linear:
             return P
         return np.asarray(np.einsum("ijp,kjp->ikp", P, F) / determinant(F))
-
-
-def projected(H: Array, where: Points = True) -> Array:
-    """Symmetric matrices (m, m, n) with their negative eigenvalues set to zero, at all points or where said (n,)."""
-    M, chosen = np.moveaxis(H, -1, 0), np.flatnonzero(np.broadcast_to(where, H.shape[-1:]))
-    doubtful = chosen[~_definite(H[..., chosen])]
-    if doubtful.size == 0:
-        return H
-    out = M.copy()
-    values, vectors = np.linalg.eigh(M[doubtful])
-    negative = np.minimum(values, 0.0)
-    out[doubtful] -= np.einsum("pij,pj,pkj->pik", vectors, negative, vectors)
-    return np.moveaxis(out, 0, -1)
-
-
-def _definite(H: Array) -> NDArray[np.bool_]:
-    """Whether matrices (m, m, n) are positive definite, by Gaussian elimination, (n,)."""
-    left, definite = H, np.ones(H.shape[-1], dtype=bool)
-    while left.size:
-        pivot = left[0, 0]
-        definite &= pivot > 0.0
-        row = left[0, 1:] / np.where(definite, pivot, 1.0)
-        left = np.where(definite, left[1:, 1:] - left[1:, :1] * row, 0.0)
-    return definite

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.compiled import compiled, compiled_in_order
-from skmpm.material.anchored import Anchored, Points
-from skmpm.material.anchored import projected as without_negative
+from skmpm.material.anchored import Anchored
 from skmpm.material.invariants import cofactor
 from skmpm.material.law import determinant
 from skmpm.material.memory import InStep
@@ -174,26 +173,12 @@ def _chain_rule(
         by_theta[p] = (0.25 * (size - q) - mu * rest[p]) / theta[p] ** 2
 
 
-def tangents(
-    law: Anchored, F: Array, theta: Array, tension: Array, *, projected: Points
-) -> tuple[Array, Array, Array]:
+def tangents(law: Anchored, F: Array, theta: Array, tension: Array) -> tuple[Array, Array, Array]:
     """What the stiffness of a cell is made of: `curvatures` with the mean tension of the cell (n,) [Pa].
 
-    `tension` is the derivative of the cell's energy by its volume, which is curved in F itself. Where `projected`,
-    the three are those of the nearest positive semi-definite matrix (5, 5, n) of F and theta at the point: the
-    quadratic form of the cell is a sum of theirs.
+    `tension` is the derivative of the cell's energy by its volume, which is curved in F itself.
     """
-    by_F, mixed, by_theta = curvature(law, F, theta, tension) or curvatures(law, F, theta, tension)
-    if law.linear:
-        return by_F, mixed, by_theta
-    if projected is not False:
-        chosen = np.flatnonzero(np.broadcast_to(projected, theta.shape))
-        H = np.empty((5, 5, chosen.size))
-        H[:4, :4], H[4, 4] = by_F[..., chosen], by_theta[chosen]
-        H[:4, 4] = H[4, :4] = mixed[:, chosen]
-        H = without_negative(H)
-        by_F[..., chosen], mixed[:, chosen], by_theta[chosen] = H[:4, :4], H[:4, 4], H[4, 4]
-    return by_F, mixed, by_theta
+    return curvature(law, F, theta, tension) or curvatures(law, F, theta, tension)
 
 
 def seen(law: Anchored, F: Array, theta: Array) -> Array:

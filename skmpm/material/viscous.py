@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.material.anchored import Points
-from skmpm.material.anchored import projected as without_negative
 from skmpm.material.law import determinant, inverse, product
 
 Array = NDArray[np.float64]
@@ -45,8 +43,8 @@ class Viscous:
         S = np.einsum("Iap,abp,Jbp->IJp", back, self.resistance * volume * change, back, optimize=True)
         return product(F, S)
 
-    def tangent(self, F: Array, *, projected: Points = False) -> Array:
-        """Derivative of `stress`, where `projected` made positive semi-definite, (2, 2, 2, 2, n) [Pa]."""
+    def tangent(self, F: Array) -> Array:
+        """Derivative of `stress`, (2, 2, 2, 2, n) [Pa]."""
         n = F.shape[-1]
         if self.linear:
             C = self.resistance * SYMMETRIC.reshape(2, 2, 2, 2, 1)
@@ -57,8 +55,6 @@ class Viscous:
         left = np.einsum("iap,jap->ijp", G, G)
         turned = np.einsum("iBp,jAp->iAjBp", G, G)
         C = 0.5 * (np.einsum("ijp,AB->iAjBp", left, one) + turned) + np.einsum("ij,ABp->iAjBp", one, change)
-        if projected is not False:
-            C = without_negative(C.reshape(4, 4, n), projected).reshape(C.shape)
         return np.asarray(np.einsum("iAjBp,IAp,JBp->iIjJp", scale * C, back, back, optimize=True))
 
     def _change(self, F: Array) -> tuple[Array, Array | float]:

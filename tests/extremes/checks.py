@@ -286,10 +286,19 @@ class Watch:
         return work + float((given_forces(self.scene, new.mass, t) * (new.x - old.x)).sum())
 
     def _exchanged(self, old: skmpm.State, new: skmpm.State, external: float) -> float:
-        """Changes of kinetic and elastic energy in a step and its work, in absolute values."""
+        """Changes of kinetic and elastic energy in a step and its works, also at contacts, in absolute values."""
         first, last = old.report.energy, new.report.energy
         changes = (last.kinetic - first.kinetic, last.elastic - first.elastic, self.external - external)
-        return float(np.abs(changes).sum())
+        contacts, moved, at_contacts = new.contacts, new.x - old.x, 0.0
+        for k, b in enumerate(contacts.bodies[1]):
+            path = moved[:, contacts.point[k]]
+            if b < 0:
+                path = path - (new.walls - old.walls)[-1 - b]
+            else:
+                own = np.flatnonzero(new.body == b)
+                path = path - moved[:, own[np.argmin(np.hypot(*(new.x[:, own] - contacts.x[:, [k]])))]]
+            at_contacts += float(np.hypot(*contacts.force[:, k]) * np.hypot(*path))
+        return float(np.abs(changes).sum()) + at_contacts
 
     def _elastic(self, state: skmpm.State, J: np.ndarray) -> tuple[float, float]:
         """Of the points; and what rounding of F makes of it.

@@ -66,11 +66,9 @@ def test_force_is_the_derivative_of_the_energy_and_stiffness_that_of_the_force(m
     slope = (bulk.energy(ahead) - bulk.energy(behind)) / (2 * step)
     assert slope == pytest.approx(bulk.force(at) @ d, rel=1e-6, abs=1e-6 * np.abs(bulk.force(at) * d).sum())
     change = (bulk.force(ahead) - bulk.force(behind)) / (2 * step)
-    K = dense(bulk, bulk.stiffness(at, projected=False))
+    K = dense(bulk, bulk.stiffness(at))
     assert_close(K @ d, change, 1e-6)
     assert_close(K, K.T, 1e-12)
-    lowest = np.linalg.eigvalsh(dense(bulk, bulk.stiffness(at, projected=True)))
-    assert lowest.min() > -1e-12 * lowest.max()
 
 
 @pytest.mark.parametrize("averaged", [NONE, ALL, FIRST], ids=["none", "all", "first"])
@@ -98,17 +96,6 @@ def test_materials_of_another_class_have_no_compiled_pass():
     _, bulk, U = random_bulk(0, "rubber")
     assert bulk.at(U).responses == (None, None)
     assert response(Anchored(Stiffer(1e6, 0.3, 1e3)), random_gradients(np.random.default_rng(0), 3), None) is None
-
-
-def test_projection_drops_the_softening_beyond_a_dilatation_of_e():
-    """Where lambda (1 - ln J) / J^2 is negative so is the stiffness; the projected one is not."""
-    _, bulk, _ = random_bulk(0, "soft", regridded_state=False, ghost=0.0)
-    U = (2.5 * bulk.assembly.grid.position).T.ravel()
-    at = bulk.at(U)
-    assert at.dilatation == pytest.approx(3.5**2, rel=1e-12)
-    exact, projected = (np.linalg.eigvalsh(dense(bulk, bulk.stiffness(at, projected=p))) for p in (False, True))
-    assert exact.min() < -1e-3 * exact.max()
-    assert projected.min() > -1e-12 * projected.max()
 
 
 @given(SEED)
@@ -186,8 +173,7 @@ def test_bodies_of_another_material_are_as_without_bit_for_bit(mix):
     for ask, mask in (
         (lambda b: b.force(b.at(U)), at_node),
         (lambda b: b.cauchy(b.at(U)), at_point),
-        (lambda b: np.moveaxis(b.stiffness(b.at(U), projected=False), 0, -1), block),
-        (lambda b: np.moveaxis(b.stiffness(b.at(U), projected=True), 0, -1), block),
+        (lambda b: np.moveaxis(b.stiffness(b.at(U)), 0, -1), block),
     ):
         assert np.array_equal(ask(first)[..., ~mask], ask(none)[..., ~mask])
         assert np.array_equal(ask(first)[..., mask], ask(both)[..., mask])
@@ -210,7 +196,7 @@ def test_bodies_of_another_material_pay_nothing(mix, monkeypatch):
     monkeypatch.setattr(type(bulk.assembly), "mean_dilatation", lambda *a: sums.append(a[1].shape[1]) or original(*a))
     at = bulk.at(U)
     assert bulk.force(at).shape == U.shape
-    _, added = bulk.tangents(at, projected=False)
+    _, added = bulk.tangents(at)
     assert set(asked) == set(sums) == {20}
     assert len(added[1]) == np.sum(bulk.assembly.grid.cell_body == 0) < bulk.assembly.grid.cells
 
@@ -222,7 +208,7 @@ def test_off_nothing_of_it_is_computed(monkeypatch):
     at = bulk.at(U)
     assert at.dilatation is None
     assert np.isfinite(bulk.energy(at)) and np.isfinite(bulk.force(at)).all()
-    assert np.isfinite(bulk.stiffness(at, projected=True)).all()
+    assert np.isfinite(bulk.stiffness(at)).all()
 
 
 def test_the_stress_out_of_the_plane_has_the_averaged_pressure():

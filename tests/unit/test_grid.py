@@ -314,19 +314,6 @@ def test_moments_of_an_impulse_are_those_about_the_centres_of_mass():
         assert total[b] == pytest.approx(mass[own].sum())
 
 
-def test_outermost_nodes_are_the_farthest_of_those_given():
-    _, _, grid = random_sheets(3)
-    some, angles = np.flatnonzero(grid.node_body != 1)[::2], np.array([0.3, 2.0, 4.5])
-    arms = grid.arms(grid.position).T
-    found = grid.outermost(some, arms, angles)
-    assert found.shape == (3, grid.bodies) and (found[:, 1] == -1).all()
-    for angle, nodes in zip(angles, found, strict=True):
-        along = arms @ [np.cos(angle), np.sin(angle)]
-        for b in set(grid.node_body[some]):
-            own = some[grid.node_body[some] == b]
-            assert nodes[b] in own and along[nodes[b]] == along[own].max()
-
-
 def test_rigid_motions_are_found_once_and_cannot_be_changed():
     _, _, grid = random_sheets(3)
     assert grid.rigid_motions is grid.rigid_motions

@@ -540,21 +540,25 @@ def test_beds_that_turn_a_bonded_cover_bear_its_torque():
 
 
 def test_beds_with_a_moving_rest_or_bars_are_bolts():
-    """Two beds that each pull down one end of a flange: k (gap - drop of its end) on the gasket; two short bars."""
+    """Two beds that each pull down one end of a flange: k (gap - drop of its end) on the gasket; two short bars.
+
+    Then further, so that the gasket buckles beside a line that guides it.
+    """
     k, gap = 2e6, 1e-3
     gasket = Body(box((-0.01, 0.0), (0.02, 5e-3), spacing=5e-4), NeoHookean(3e6, 0.45, 1100.0))
     flange = Body(box((-0.02, 5e-3), (0.04, 4e-3), spacing=5e-4), NeoHookean(2e9, 0.3, 2000.0))
     ends = [lambda x, s=s: (s * x[0] > 0.02 - 1e-6) & (x[1] > 5e-3 - 1e-9) for s in (-1, 1)]
     middle = Support(lambda x: (np.abs(x[0]) < 3e-4) & (x[1] > 9e-3 - 1e-9), velocity=(0.0, None))
+    guide = Support(lambda x: (np.abs(x[0]) < 3e-4) & (np.abs(x[1] - 3e-3) < 2e-3 - 1e-9), velocity=(0.0, None))
 
-    def clamped(springs):
+    def clamped(springs, *guides, friction=0.3):
         scene = Scene(
             [gasket, flange],
             cell=1e-3,
             springs=springs,
-            supports=[middle],
+            supports=[middle, *guides],
             walls=[Wall((0, 0), (0, 1))],
-            friction=0.3,
+            friction=friction,
         )
         *_, state = simulate(scene, dt=0.2, until=1.0, scheme=Scheme(inertia=False))
         return scene, state
@@ -569,3 +573,6 @@ def test_beds_with_a_moving_rest_or_bars_are_bolts():
     drop = [-(state.x - scene.initial_positions)[1, end(scene.initial_positions)].mean() for end in ends]
     assert -forces == pytest.approx(k * (gap - np.array(drop)), rel=1e-2)
     assert abs(state.wall_force[0, 1]) == pytest.approx(-forces.sum(), rel=1e-3)
+    further = [Spring(end, (1e3, k), rest=lambda t: (0.0, -3.0 * gap * t)) for end in ends]
+    scene, state = clamped(further, guide, friction=0.1)
+    assert abs(state.wall_force[0, 1]) == pytest.approx(-spring_forces(scene, state)[:, 1].sum(), rel=1e-3)

@@ -59,8 +59,6 @@ def test_stress_and_tangent_are_derivatives_of_the_potential(linear, seed):
         P[i, j], C[:, :, i, j] = law.energy(moved).imag / STEP, law.stress(moved).imag / STEP
     close(law.stress(F), P, 1e-12)
     close(law.tangent(F), C, 1e-12)
-    kept = np.moveaxis(law.tangent(F, projected=True).reshape(4, 4, N), -1, 0)
-    assert np.linalg.eigvalsh(kept).min() >= -1e-11 * np.abs(kept).max()
 
 
 @given(SEED)
