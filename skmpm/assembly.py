@@ -14,7 +14,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import assembly_loops as loops
-from skmpm.explicit_mass import explicit_mass
 from skmpm.forms import reference_ghost
 from skmpm.grid import BodyGrids, numbered
 from skmpm.parallel import over_bodies
@@ -89,11 +88,6 @@ class Assembly:
             own = np.searchsorted(body, np.arange(grid.bodies + 1))
             over_bodies(lambda first, last: loops.add_rank_two(own[first], own[last], block, added[1], K), own)
         return K
-
-    @cached_property
-    def explicit_mass(self) -> Array:
-        """Lumped mass of explicit steps, without nearly empty nodes, (2 nodes,) [kg/m]."""
-        return np.repeat(explicit_mass(self.grid, self.lumped[::2]), 2)
 
     @cached_property
     def diagonal_blocks(self) -> Ints:

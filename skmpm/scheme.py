@@ -7,11 +7,9 @@ from numbers import Real
 from typing import Any
 
 from skmpm import linear as _linear
-from skmpm import transfer as _transfer
 from skmpm.contact import ContactFormulation, acts_at_grid_nodes, point_to_curve, shared_grid
 from skmpm.linear import Linear
 from skmpm.material import Material, has_memory, poisson_ratio
-from skmpm.transfer import Transfer
 
 # Poisson's ratio from which Q1 cells lock: without mean dilatation a disc of R/h = 5 between plates is 7.7 % too
 # stiff and the peak pressure in it 1.4 times too high at 0.4 (6.1 % and 1.2 at 0.3), 10 % and 1.9 at 0.45, 22 % and
@@ -30,8 +28,6 @@ class Scheme:
     anchor : regrid when the strain or rotation since the last regridding, ``max |F - I|``, exceeds this; inf: never
         (total Lagrangian), 0: at every step (updated Lagrangian, as in Nezamabadi et al. 2017)
     contact : `contact.point_to_curve`, `contact.shared_grid` or another formulation (`skmpm.contact`)
-    transfer : `transfer.apic`, with which nodes keep their velocities until body grids are rebuilt; with
-        `transfer.pic` and `transfer.flip` they have those of the points in every step
     ghost : gamma, the coefficient of the ghost penalty on cells filled less than 0.6, relative to the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
     moment_fitting : fit the weights of points, and the places at which their strains are evaluated, to the exact
@@ -45,8 +41,6 @@ class Scheme:
         close without their forces
     gap_tol : the same of the contact law at the end of the step, with the final gaps, which are to be so small
         beside the motion that contact prevents or, where forces drive walls without inertia, beside the deformation
-    explicit : use the forces at the start of the step; A is the lumped mass, with no node lighter than 5 % of a full
-        one; dt must stay below about 0.7 h/c
     linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by size
     max_newton : Newton iterations after which a step fails; with contact and inertia it fails earlier,
         after twenty that came no closer to convergence
@@ -57,12 +51,10 @@ class Scheme:
     theta: float = 1.0
     anchor: float = float("inf")
     contact: ContactFormulation = field(default=point_to_curve)
-    transfer: Transfer = field(default=_transfer.apic)
     ghost: float = 0.005
     moment_fitting: bool = True
     mean_dilatation: bool | None = None
     inertia: bool = True
-    explicit: bool = False
     newton_tol: float = 1e-3
     contact_tol: float = 1e-6
     gap_tol: float = 1e-5
@@ -88,7 +80,7 @@ class Scheme:
             raise ValueError(f"Scheme: max_newton = {self.max_newton!r}; use a whole number")
         if self.threads is not None and not (isinstance(self.threads, int) and self.threads >= 1):
             raise ValueError(f"Scheme: threads = {self.threads!r}; use a number of at least 1, or None for all cores")
-        for name in ("moment_fitting", "inertia", "explicit"):
+        for name in ("moment_fitting", "inertia"):
             if getattr(self, name) not in (False, True):
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use True or False")
         if self.mean_dilatation not in (None, False, True):
@@ -100,17 +92,12 @@ class Scheme:
                 f"Scheme: gap_tol = {self.gap_tol} is below contact_tol = {self.contact_tol}, the residual of a"
                 " contact solve; raise gap_tol or lower contact_tol"
             )
-        for name in ("contact", "transfer", "linear"):
+        for name in ("contact", "linear"):
             if not callable(getattr(self, name)):
-                example = {"contact": "point_to_curve", "transfer": "apic", "linear": "banded"}[name]
+                example = {"contact": "point_to_curve", "linear": "banded"}[name]
                 raise ValueError(f"Scheme: {name} = {getattr(self, name)!r}; use a function, as {name}.{example}")
         if not self.inertia and self.theta != 1.0:
             raise ValueError(f"Scheme: theta = {self.theta} without inertia; quasi-static steps need theta = 1")
-        if self.explicit and not (self.inertia and self.theta == 1.0):
-            raise ValueError(
-                f"Scheme: explicit with inertia = {self.inertia}, theta = {self.theta}; explicit steps need"
-                " inertia = True and theta = 1"
-            )
         if acts_at_grid_nodes(self.contact) and self.anchor != 0.0:
             raise ValueError(
                 f"Scheme: contact = shared_grid with anchor = {self.anchor}; bodies share nodes only where"

@@ -73,7 +73,6 @@ def _scenes() -> Iterator[tuple[Scene, dict[str, Any]]]:
             scene = Scene(bodies, cell=CELL, walls=walls, friction=friction)
             yield scene, {"dt": DT}
             yield scene, {"dt": None}
-            yield scene, {"dt": 0.1 * DT, "scheme": Scheme(explicit=True)}
             yield scene, {"dt": 0.1 * DT, "scheme": Scheme.nezamabadi2017()}
             yield scene, {"dt": 1e-4, "scheme": Scheme(inertia=False)}
             yield Scene(bodies, cell=CELL, periodic=periodic, friction=friction), {"dt": DT}

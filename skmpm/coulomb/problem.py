@@ -79,13 +79,6 @@ class Problem:
         return _largest_eigenvalue(self.W[: self.contacts, : self.contacts])
 
     @property
-    def uncoupled(self) -> bool:
-        """Whether W is diagonal; the solution is then `independent`."""
-        if is_sparse(self.W):
-            return not _coupled(self.W.indptr, self.W.indices, self.W.data)
-        return bool((np.abs(self.W - np.diag(self.W.diagonal())) <= ZERO_ENTRY).all())
-
-    @property
     def of_contacts(self) -> Problem:
         """The problem of the contacts alone: bilateral unknowns follow impulses at once."""
         k = self.contacts
@@ -96,11 +89,6 @@ class Problem:
         response = np.linalg.solve(columns[k:].T, columns[:k].T).T
         W, slide = np.asarray(self.W[:k, :k] - response @ rows), np.broadcast_to(self.slide, self.q.shape)[:k]
         return replace(self, W=W, q=self.q[:k] - response @ self.q[k:], slide=slide)
-
-    @property
-    def independent(self) -> Array:
-        """The impulses of contacts that do not affect each other: -q clipped to the cones."""
-        return self.clip_to_cone(self.slide - self.q)
 
     def at(self, r: Array, u: Array | None = None) -> Iterate:
         """Return r with its velocities, computed if not given, and its residual."""
@@ -188,16 +176,6 @@ def _divide(indptr: Ints, indices: Ints, given: Array, s: Array, out: Array) -> 
     for i in range(s.size):
         for e in range(indptr[i], indptr[i + 1]):
             out[e] = given[e] / (s[i] * s[indices[e]])
-
-
-@compiled
-def _coupled(indptr: Ints, indices: Ints, data: Array) -> bool:
-    """Whether a CSR matrix has an entry beside the diagonal that is more than round-off."""
-    for i in range(indptr.size - 1):
-        for e in range(indptr[i], indptr[i + 1]):
-            if indices[e] != i and abs(data[e]) > ZERO_ENTRY:
-                return True
-    return False
 
 
 def _roots(diagonal: Array, mu: Array, contacts: int) -> Array:

@@ -86,12 +86,11 @@ def solve(
     gradient steps ("sweeps"). Where these fail too, because W is singular or nearly singular, proximal problems are
     solved. The last resort, for up to 1,500 rows, is Lemke's method: a path of solutions that begins with all
     contacts open. It ends at a solution if some motion opens every contact by more than ``mu |u_t|``, but may be too
-    long (`info.pieces`; it is abandoned after about ten seconds). If W is diagonal the solution is explicit. The
-    solver stops when `residual` is below ``tol |q~|``, never on the size of an increment; tangential rows of
-    frictionless contacts do not count in q~. ``info.converged`` is False, and r the best iterate, if ``iterations``
-    Newton steps do not suffice or 150 of them do not halve the residual, and Lemke's method fails.
-    The usual reason is that no solution exists (a rigid jam). If W is singular, r is one of many solutions.
-    Round-off, about ``1e-16 |W~| |r~|``, bounds the residual from below.
+    long (`info.pieces`; it is abandoned after about ten seconds). The solver stops when `residual` is below
+    ``tol |q~|``, never on the size of an increment; tangential rows of frictionless contacts do not count in q~.
+    ``info.converged`` is False, and r the best iterate, if ``iterations`` Newton steps do not suffice or 150 of them
+    do not halve the residual, and Lemke's method fails. The usual reason is that no solution exists (a rigid jam). If
+    W is singular, r is one of many solutions. Round-off, about ``1e-16 |W~| |r~|``, bounds the residual from below.
 
     Parameters
     ----------
@@ -145,7 +144,7 @@ def _solve(
         negative=None if bilateral is None else bilateral.negative,
         blocks=None if pairs is None else _blocks(pairs, k, bilateral),
     )
-    start = problem.at(problem.independent if problem.uncoupled else problem.clip_to_cone(s * r0))
+    start = problem.at(problem.clip_to_cone(s * r0))
     best, info = _search(problem, start, tol, sweeps, iterations)
     r = unscaled(best.r[:k], best.u[:k], problem.mu, s[:k], mu)
     return r, replace(info, bilateral=best.r[k:] / s[k:])

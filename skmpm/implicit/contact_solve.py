@@ -16,7 +16,7 @@ from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
 from skmpm.implicit.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.implicit.errors import NOTHING_DEFORMS, SMALLER, StepRejected, pair
-from skmpm.linear import Delassus, Diagonal, Joined, Rotated, Solver
+from skmpm.linear import Delassus, Joined, Rotated, Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -49,9 +49,7 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
     constraints, increment, timer = contact.constraints, contact.increment, contact.problem.timer
     if constraints.size == 0:
         return Direction(_with_scalars(contact, contact.r), -solver(gradient), contact.impulse)
-    geometric, scheme = None, increment.scheme
-    if not scheme.explicit:  # contacts hardly rotate in an explicit step
-        geometric = contact_stiffness(constraints, contact.r, increment.dt, scheme.theta)
+    geometric = contact_stiffness(constraints, contact.r, increment.dt, increment.scheme.theta)
     with_known = solver(contact.impulse - gradient)
     timer.lap("linear")
     W, bars, delassus = _delassus_matrix(contact, solver, geometric)
@@ -64,15 +62,12 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
 
 def _delassus_matrix(
     contact: ContactIterate, solver: Solver, geometric: ContactStiffness | None
-) -> tuple[sp.csr_array, Border | None, Delassus | None]:
+) -> tuple[sp.csr_array, Border | None, Delassus]:
     """W = theta H A^-1 H^T of the contacts, extended by the rows and columns of the geometric stiffness.
 
-    Also returns the border of it that bars are, and the Delassus operator with the columns computed so far; none in
-    explicit steps (theta = 1).
+    Also returns the border of it that bars are, and the Delassus operator with the columns computed so far.
     """
     constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
-    if isinstance(solver, Diagonal):
-        return solver.between_contacts(constraints.shares, *constraints.directions), None, None
     joining = solver if isinstance(solver, Joined) else None
     turned = solver if isinstance(solver, Rotated) else None
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver

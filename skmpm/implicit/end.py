@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.explicit import with_momentum_of_points
 from skmpm.implicit.impact import after_impact, at_supports
 from skmpm.implicit.internal_variables import updated
 from skmpm.implicit.iteration import Solution
@@ -73,12 +72,5 @@ def _configuration(increment: Increment, solution: Solution) -> Configuration:
 
 def _velocity(increment: Increment, solution: Solution) -> Array:
     """The velocity v1 at the end of the step, with what w lacks of momentum, (2 nodes,) [m/s]."""
-    w, v0, grid = solution.w, increment.v0, increment.grid
-    if not increment.scheme.explicit:
-        return np.asarray(v0 + (w + solution.spin - v0) / increment.scheme.theta)
-    impulse = increment.dt * increment.load(w)
-    if solution.contact_impulse is not None:
-        impulse = impulse + solution.contact_impulse
-    held = np.unique(grid.node_body[increment.constrained_dofs // 2])
-    x = grid.position + increment.start.reshape(-1, 2).T
-    return with_momentum_of_points(grid, x, increment.bulk.assembly.lumped, v0, w, impulse, held)
+    v0 = increment.v0
+    return np.asarray(v0 + (solution.w + solution.spin - v0) / increment.scheme.theta)

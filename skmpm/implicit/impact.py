@@ -24,7 +24,6 @@ from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.scalar_unknowns import SMALL
-from skmpm.linear import Diagonal
 
 Array = NDArray[np.float64]
 
@@ -51,11 +50,11 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
     impulses, chosen = np.zeros_like(contact.r), _closed(increment, contact)
     if not chosen.any():
         return v, z, impulses
-    some, inverse = constraints.among(chosen), Diagonal(1.0 / increment.mass)
+    some, inverse = constraints.among(chosen), 1.0 / increment.mass
     of_chosen = np.repeat(chosen, contact.r.size // chosen.size)
     if constraints.tangential and not some.tangential:
         of_chosen[1::2] = False
-    W = inverse.between_contacts(some.shares, *some.directions)
+    W = sp.csr_array(some.H @ sp.diags_array(inverse) @ some.H.T)
     u = some.D @ some.at_contact_points(v) + some.components(some.prescribed)
     if unknowns is not None:
         J, light = unknowns.rows(contact.z, some), 1.0 / unknowns.inertia.mass
@@ -75,7 +74,7 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
     impulses[of_chosen] = rho
     if unknowns is not None:
         z = z + light * (J.T @ rho)
-    return v + inverse(some.at_nodes(some.D.T @ rho)), z, impulses
+    return v + inverse * some.at_nodes(some.D.T @ rho), z, impulses
 
 
 def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:

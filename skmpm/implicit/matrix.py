@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.residual import Increment
-from skmpm.linear import NotPositiveDefinite, Solver, diagonal, joined, without_added_mass
+from skmpm.linear import NotPositiveDefinite, Solver, joined, without_added_mass
 from skmpm.material import LinearElastic, poisson_ratio, youngs_modulus
 
 Array = NDArray[np.float64]
@@ -118,8 +118,6 @@ def _solver(increment: Increment, A: sp.bsr_array, failed: NotPositiveDefinite |
         return increment.supports.factorised(linear, A, grid.blocks, grid.rigid_motions)
     if failed is not None:
         return failed.resume(A)
-    if increment.scheme.explicit:
-        linear = diagonal
     return linear(A, grid.blocks, grid.rigid_motions)
 
 

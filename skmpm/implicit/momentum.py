@@ -24,11 +24,8 @@ def with_balanced_momentum(
     Bodies are translated. The balance includes the contact impulse at w or, in long steps of bodies under pressure,
     that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full Newton step
     balances the latter to round-off, whatever the mass. After a shortened step both corrections may move a body by
-    more than `MAX_DRIFT`. In scenes with supports, which balance momentum by their reactions, w is returned as it is,
-    and in explicit steps, where `end_of_step` balances it.
+    more than `MAX_DRIFT`. In scenes with supports, which balance momentum by their reactions, w is returned as it is.
     """
-    if increment.scheme.explicit:
-        return w
     for impulse in _balanced_by(increment, contact_impulse, last_impulse):
         error = _error(increment, w, impulse)
         if _displacement(increment, error).max() <= MAX_DRIFT:
@@ -50,7 +47,7 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     slope is a hundredth of its weight, loses a tenth of its angular momentum to the tolerance of Newton's method.
     Bodies that supports hold, and those that would turn too far, have none.
     """
-    if increment.metric is not None or increment.scheme.explicit:
+    if increment.metric is not None:
         return 0.0
     grid, mass = increment.grid, increment.bulk.assembly.lumped[::2]
     x = grid.position.T + (increment.start + increment.theta_dt * w).reshape(-1, 2)

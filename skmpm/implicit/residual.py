@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.implicit.explicit import ExplicitBulk
 from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.springs import Springs
@@ -62,10 +61,8 @@ class Increment:
         return self.bulk.at(self.start) if self.known_start is None else self.known_start
 
     @cached_property
-    def material_response(self) -> Bulk | ViscousBulk | ExplicitBulk:
-        """The internal forces as a function of the motion; in an explicit step those of its start."""
-        if self.scheme.explicit:
-            return ExplicitBulk.of(self.bulk, self.at_start)
+    def material_response(self) -> Bulk | ViscousBulk:
+        """The internal forces as a function of the motion."""
         return ViscousBulk.of(self.bulk, self.at_start, self.theta_dt) if self.bulk.viscosity > 0.0 else self.bulk
 
     @property
@@ -84,9 +81,7 @@ class Increment:
     @cached_property
     def mass(self) -> Array:
         """Diagonal inertia: lumped mass, in a static step its metric, (2 nodes,) [kg/m]."""
-        if self.metric is not None:
-            return self.metric
-        return self.bulk.assembly.explicit_mass if self.scheme.explicit else self.bulk.assembly.mass
+        return self.bulk.assembly.mass if self.metric is None else self.metric
 
     @property
     def linear(self) -> bool:
@@ -114,11 +109,10 @@ class Increment:
         return self.material_response.at(self.start + self.theta_dt * w)
 
     def load(self, w: Array) -> Array:
-        """The forces of gravity, loads and pressures at a velocity w, in an explicit step at its start (2 nodes,)."""
+        """The forces of gravity, loads and pressures at a velocity w, (2 nodes,) [N/m]."""
         if self.pressure is None:
             return self.force
-        moved = 0.0 if self.scheme.explicit else self.theta_dt * w
-        return self.force + self.pressure.force(self.start + moved)
+        return self.force + self.pressure.force(self.start + self.theta_dt * w)
 
     def with_load_of(self, w: Array) -> Increment:
         """The same with the pressures' forces at w, whatever the configuration."""
@@ -187,9 +181,7 @@ class Increment:
         return float(20.0 * np.finfo(float).eps * (elastic + inertia))
 
     def matrix(self, configuration: Configuration) -> sp.bsr_array:
-        """A = M + theta^2 dt^2 K, with M the metric in a static step; in an explicit step M, and A is diagonal."""
-        if isinstance(self.material_response, ExplicitBulk):
-            return sp.diags_array(self.mass).tobsr((2, 2))
+        """A = M + theta^2 dt^2 K, with M the metric in a static step."""
         K = self.material_response.stiffness(configuration)
         if self.springs is not None:
             K = K + self.springs.bed_stiffness()

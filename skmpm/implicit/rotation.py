@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 def matrix_turns(increment: Increment) -> bool:
     """Whether A turns with bodies: linear materials, supports and springs have directions that stay."""
-    scheme, fixed = increment.scheme, increment.supports is not None or increment.springs is not None
-    return not scheme.explicit and not increment.material_response.linear and not fixed
+    fixed = increment.supports is not None or increment.springs is not None
+    return not increment.material_response.linear and not fixed
 
 
 def turned_solver(increment: Increment, solver: Solver, old: Configuration, new: Configuration) -> Rotated:

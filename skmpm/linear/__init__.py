@@ -8,7 +8,6 @@ H A^-1 H^T, the Delassus operator of constraints H. `blocks` (bodies + 1,) are t
 from skmpm.linear.band import Banded, banded, column_lengths
 from skmpm.linear.choice import chosen, default
 from skmpm.linear.delassus import Delassus
-from skmpm.linear.diagonal import Diagonal, diagonal
 from skmpm.linear.joined import Joined, joined
 from skmpm.linear.low_rank import LowRank, without_added_mass
 from skmpm.linear.lu import Direct, direct
@@ -21,7 +20,6 @@ __all__ = [
     "Amg",
     "Banded",
     "Delassus",
-    "Diagonal",
     "Direct",
     "Joined",
     "Linear",
@@ -34,7 +32,6 @@ __all__ = [
     "chosen",
     "column_lengths",
     "default",
-    "diagonal",
     "direct",
     "half_bandwidth",
     "joined",

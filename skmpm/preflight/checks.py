@@ -91,9 +91,8 @@ def _points(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
 
 
 def _motion(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
-    if scheme.explicit or metrics.waves:
-        limit = limits.EXPLICIT if scheme.explicit else limits.COURANT
-        yield from limit.passed(["step"], [metrics.courant], metrics.courant * metrics.cell / metrics.wave)
+    if metrics.waves:
+        yield from limits.COURANT.passed(["step"], [metrics.courant], metrics.courant * metrics.cell / metrics.wave)
     if metrics.touches:
         yield from limits.LID.passed([metrics.lid_name], [metrics.lid])
     if scheme.inertia:
@@ -197,9 +196,6 @@ def _scheme(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> Found:
     name, theta = ["scheme"], scheme.theta
     if theta < 1.0 and np.isfinite(scheme.anchor):
         yield from limits.REGRIDDING.of(name, theta=theta, anchor=scheme.anchor)
-    if scheme.explicit:  # nodes of light parts are too light beside the heaviest one (`skmpm.explicit_mass`)
-        densities = [[m.density for m in scene.bodies[b].materials] for b in metrics.own.tolist()]
-        yield from limits.LIGHT_PARTS.passed(metrics.own, [max(each) / min(each) for each in densities])
     if not metrics.touches:
         return
     pressed = callable(scene.gravity) or np.any(scene.gravity) or scene.loads or scene.springs

@@ -178,10 +178,6 @@ COURANT = Limit(
     "dt c/h", "waves", LONG, "dt c/h = {value}", "verified up to 15 where waves matter",
     "use dt = {advised} s or less",
 )  # test_dynamics, stability
-EXPLICIT = Limit(
-    "dt c/h of explicit steps", "waves", 0.7, "dt c/h = {value}",
-    "explicit steps are stable up to 0.7 for any position on the grid", "use dt = {advised} s or less",
-)  # test_explicit
 LID = Limit(
     "stroke of a step", "motion-per-step", STROKE, "moves {value} h a step",
     "verified for lids of packings that move by 0.08 to 0.14", "use dt {advised} times as long",
@@ -281,10 +277,6 @@ REGRIDDING = Limit(
     "regridding adds energy to bodies that vibrate: 3 to 17 % in 240 steps, sixfold at nu = 0.49",
     "use anchor = inf or theta = 1",
 )
-LIGHT_PARTS = Limit(
-    "densities of parts", "scheme", 3.0, "densities of its parts differ by {value} times",
-    "in explicit steps periods of bars are 1.5 % off at 10, and runs end at 30, whatever dt", "use implicit steps",
-)  # test_explicit
 LASTING = Limit(
     "theta with contact", "scheme", nan, "theta = {theta:g} with contact that lasts",
     "collisions of two were verified, and that what rolls keeps its speed; forces may swing between steps",

@@ -22,13 +22,11 @@ from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.initial_state import (
     can_touch,
     check_cohesion,
-    check_explicit,
     driven,
     initial_motion,
 )
 from skmpm.simulate.loading import loading_of
 from skmpm.simulate.regrid import derived_data, inward_normals, torn_bodies
-from skmpm.simulate.springs import check_explicit_springs
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -77,8 +75,6 @@ def examine(scene: Scene, dt: float, scheme: Scheme, until: float | None = None)
     Of functions of time the largest values up to `until` [s] count. Without it, which waves matter is not known.
     """
     check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
-    check_explicit("preflight", scene, scheme)
-    check_explicit_springs("preflight", scene, scheme)
     check_cohesion("preflight", scene, scheme)
     check_walls_at_start(scene)
     check_driven("preflight", scene, scheme)

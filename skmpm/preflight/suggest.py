@@ -16,7 +16,6 @@ from skmpm.preflight.limits import (
     APPROACH,
     CONFINED,
     COURANT,
-    EXPLICIT,
     LID,
     RESOLUTION,
     SLIT,
@@ -121,7 +120,7 @@ def suggest(
     Parameters
     ----------
     error : wanted, above zero
-    scheme : without inertia nothing vibrates or falls; explicit steps are shorter
+    scheme : without inertia nothing vibrates or falls
     until : end of the run [s], for scenes with functions of time, whose largest values count
 
     Raises
@@ -230,9 +229,7 @@ def _smeared(points: Points, E: Array) -> float:
 
 def _longest(scene: Scene, loading: Loading, cell: float, scheme: Scheme) -> list[float]:
     """The longest steps without warnings of `preflight` [s]."""
-    limits = [(EXPLICIT.value, scene.fastest_wave)] if scheme.explicit else []
-    if scheme.inertia and loading.waves:
-        limits.append((COURANT.value, scene.fastest_wave))
+    limits = [(COURANT.value, scene.fastest_wave)] if scheme.inertia and loading.waves else []
     if can_touch(scene):
         limits += [(LID.value, loading.driven), (APPROACH.value, loading.approach if scheme.inertia else 0.0)]
     return [value * cell / speed for value, speed in limits if speed > 0.0]

@@ -39,7 +39,7 @@ from skmpm.simulate.forces import (
 )
 from skmpm.simulate.grid_to_points import end_state, kept_configuration, kept_solver, velocity_at_start
 from skmpm.simulate.initial_guess import continued_motion
-from skmpm.simulate.initial_state import check_cohesion, check_explicit, check_scheme, touches
+from skmpm.simulate.initial_state import check_cohesion, check_scheme, touches
 from skmpm.simulate.regrid import (
     bulk_of,
     check_connected,
@@ -48,7 +48,7 @@ from skmpm.simulate.regrid import (
     regridded_state,
 )
 from skmpm.simulate.rigid_edges import indenting_edge_message
-from skmpm.simulate.springs import check_explicit_springs, springs_of
+from skmpm.simulate.springs import springs_of
 from skmpm.simulate.turning import gauge_condition
 from skmpm.simulate.unbalanced import unbalanced_ratio
 from skmpm.simulate.unknowns import scalar_unknowns
@@ -73,10 +73,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     """
     check_scheme("step", scheme)
     check_fits(scene, state, "step")
-    check_explicit("step", scene, scheme)
     check_cohesion("step", scene, scheme)
     check_driven("step", scene, scheme)
-    check_explicit_springs("step", scene, scheme)
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)

@@ -24,7 +24,7 @@ from skmpm.scene import (
 from skmpm.scheme import Scheme
 from skmpm.simulate.box_motion import gradient_at_end, recut_box
 from skmpm.simulate.regrid import assembly_of, derived_of
-from skmpm.transfer import apic, flip, nodal_velocity
+from skmpm.transfer import nodal_velocity, to_points
 
 Array = NDArray[np.float64]
 
@@ -42,11 +42,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
     dt, own, prescribed = increment.dt, scene.deformable_points, ~scene.deformable[state.body]
     bulk, grid, configuration = increment.bulk, increment.grid, end.configuration
 
-    J, transfer = determinant(configuration.F), increment.scheme.transfer if increment.scheme.inertia else apic
-    # In a periodic box v0 is with what its motion adds, which the change of the velocity has, too.
-    lasting = transfer is flip and state.box is not None
-    before = velocity_at_start(scene, state, increment.scheme) if lasting else increment.v0
-    v, C = transfer(grid, before, end.velocity, state.v[:, own])
+    J, (v, C) = determinant(configuration.F), to_points(grid, end.velocity)
     F = configuration.F if bulk.F_anchor is None else product(configuration.F, bulk.F_anchor)
     x, v, F, C, stress, weight = (
         _with_points(old, own, new)
@@ -147,7 +143,7 @@ def kept_configuration(scene: Scene, state: State, scheme: Scheme) -> Configurat
 
 def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     scheme = increment.scheme
-    options = (scheme.theta, scheme.inertia, scheme.explicit, scheme.linear, scheme.mean_dilatation, scheme.contact)
+    options = (scheme.theta, scheme.inertia, scheme.linear, scheme.mean_dilatation, scheme.contact)
     return (increment.dt, *options, scene.materials_by_group)
 
 

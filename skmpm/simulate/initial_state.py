@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes, may_touch_itself
-from skmpm.material import Rigid, viscosity_of
+from skmpm.material import Rigid
 from skmpm.scene import (
     Contacts,
     Energy,
@@ -34,7 +34,6 @@ from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
 from skmpm.simulate.rigid_energy import own_kinetic_energy
-from skmpm.simulate.springs import check_explicit_springs
 from skmpm.transfer import to_nodes
 
 Array = NDArray[np.float64]
@@ -44,10 +43,8 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """The state at t = 0, with the contacts found there."""
     check_scene("initial", scene)
     check_scheme("initial", scheme)
-    check_explicit("initial", scene, scheme)
     check_cohesion("initial", scene, scheme)
     check_driven("initial", scene, scheme)
-    check_explicit_springs("initial", scene, scheme)
     check_walls_at_start(scene)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
@@ -113,17 +110,6 @@ def check_scheme(name: str, scheme: object) -> None:
     """Raise ValueError if scheme is not a Scheme; `name` is the calling function."""
     if not isinstance(scheme, Scheme):
         raise ValueError(f"{name}: scheme = {scheme!r}; give a Scheme, as skmpm.Scheme.fast()")
-
-
-def check_explicit(name: str, scene: Scene, scheme: Scheme) -> None:
-    """Raise ValueError if explicit steps are requested for viscous bodies: they do not include viscous forces."""
-    viscous = scheme.explicit and any(viscosity_of(material) > 0.0 for material in scene.materials)
-    for b, body in enumerate(scene.bodies if viscous else ()):
-        if (viscosity := max(map(viscosity_of, body.materials), default=0.0)) > 0.0:
-            raise ValueError(
-                f"{name}: body {b} has viscosity = {viscosity:g} Pa s, which explicit steps do not"
-                " know; use Scheme(explicit=False) or viscosity = 0"
-            )
 
 
 def check_cohesion(name: str, scene: Scene, scheme: Scheme) -> None:

@@ -7,18 +7,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.implicit import Increment, Springs
-from skmpm.scene import Scene, SceneError, State, rest_in_step, spring_energy, stiffness_of, work_of_ends
-from skmpm.scheme import Scheme
+from skmpm.scene import Scene, State, rest_in_step, spring_energy, stiffness_of, work_of_ends
 from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
-
-
-def check_explicit_springs(name: str, scene: Scene, scheme: Scheme) -> None:
-    """Raise SceneError if explicit steps are requested with springs, which act at the end of a step."""
-    if scheme.explicit and scene.springs:
-        raise SceneError(f"{name}: spring 0 in explicit steps, which do not know springs; use Scheme(explicit=False)")
 
 
 def springs_of(scene: Scene, state: State, dt: float, theta: float) -> Springs | None:

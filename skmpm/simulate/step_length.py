@@ -128,10 +128,8 @@ def pace_of(scene: Scene, scheme: Scheme, began: float, until: float) -> Pace:
     Raises
     ------
     SceneError
-        if steps are explicit, or if only loads that are functions of time set the pace of quasi-static steps
+        if only loads that are functions of time set the pace of quasi-static steps
     """
-    if scheme.explicit:
-        raise SceneError("simulate: explicit steps need dt, below about 0.7 h/c; `preflight` gives c")
     times = np.linspace(began, until, TIMES if until > began else 1)
     functions = FunctionsOfTime.of(scene, scheme.theta, times)
     loading = loading_of(scene, times[:1] if functions.none else times)

@@ -40,7 +40,7 @@ def gauge_condition(scene: Scene, state: State, v0: Array, force: Array, dt: flo
         held = scene.indifferent_to_rotation & (interval > scene.crossing_times) & _touching(scene, state)
     else:  # any frictional wall may come into contact in the step
         held = scene.free_to_turn
-    if scheme.explicit or not held.any():
+    if not held.any():
         return None
     assembly = assembly_of(state)
     x = assembly.grid.position + state.displacement.reshape(-1, 2).T

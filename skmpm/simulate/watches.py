@@ -19,7 +19,7 @@ from skmpm.simulate.loading import SLOPE, strongest_gravity
 # their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
 MAX_PRESSURE = 1.0
 
-# Of the largest energy: what explicit steps and those with theta < 1 may gain, too. Bodies of nu = 0.49 that vibrate
+# Of the largest energy: what steps with theta < 1 may gain, too. Bodies of nu = 0.49 that vibrate
 # have two to seven times their energy after 240 steps of theta = 1/2 with anchor = 0.1.
 MAX_REGRIDDING = 0.05
 

@@ -35,8 +35,7 @@ def work_of_loads(increment: Increment, w: Array) -> float:
     moved, pressure, scheme = increment.dt * w, increment.pressure, increment.scheme
     if pressure is None or not scheme.inertia:
         return float(increment.load(w) @ moved)
-    halfway = increment.start + (0.0 if scheme.explicit else 0.5) * moved
-    return float((increment.force + pressure.force(halfway)) @ moved)
+    return float((increment.force + pressure.force(increment.start + 0.5 * moved)) @ moved)
 
 
 def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities) -> float:

@@ -108,7 +108,7 @@ class StressedBox:
         centre = self._edges(z) @ np.linalg.solve(self.start, self.centres)
         first, second = (np.where(body < 0, 0.0, centre[:, np.maximum(body, 0)]) for body in constraints.bodies)
         branch = first - second - constraints.image
-        directions = (constraints.normal, constraints.tangent) if constraints.tangential else (constraints.normal,)
+        directions = constraints.directions
         each = [d[i] * branch[j] * self._scale(z)[:, None] for d in directions]  # (q, k)
         rows = np.stack([block.T for block in each], axis=1).reshape(-1, i.size)
         return sp.csr_array(rows)

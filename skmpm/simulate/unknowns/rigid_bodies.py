@@ -81,7 +81,7 @@ class FreeBodies:
         known = self.bodies[self.bodies < number.size]
         number[known] = np.arange(known.size)
         centre = self.start.centre + self.dt * self._with_spins(z)[:2]
-        directions = (constraints.normal, constraints.tangent) if constraints.tangential else (constraints.normal,)
+        directions = constraints.directions
         row, column, data = [], [], []
         for side, sign in ((0, 1.0), (1, -1.0)):
             members = constraints.bodies[side]
