@@ -71,8 +71,7 @@ def simulate(
     Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
     other, or more where something is driven, and where waves set the pace, they travel a tenth of the radius of the
     smallest body (`simulate.step_length`). Steps are shorter while Newton's method takes many iterations, and a
-    sixteenth as long after a failure. Explicit steps, and quasi-static ones under loads that are functions of time,
-    need dt.
+    sixteenth as long after a failure. Quasi-static steps under loads that are functions of time need dt.
 
     With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
     length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always

@@ -19,8 +19,8 @@ from skmpm.simulate.loading import SLOPE, strongest_gravity
 # their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
 MAX_PRESSURE = 1.0
 
-# Of the largest energy: what steps with theta < 1 may gain, too. Bodies of nu = 0.49 that vibrate
-# have two to seven times their energy after 240 steps of theta = 1/2 with anchor = 0.1.
+# Of the largest energy: what steps with theta < 1 may gain, too. Bodies of nu = 0.49 that vibrate have two to seven
+# times their energy after 240 steps of theta = 1/2 with anchor = 0.1.
 MAX_REGRIDDING = 0.05
 
 # Of gravity: error of the acceleration of a wall in a step, and so of the force on a body that it carries, over its
