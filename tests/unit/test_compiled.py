@@ -124,7 +124,7 @@ print(sorted(variants() - warm))
 
 
 def test_common_scenes_compile_nothing_after_the_warm_up(tmp_path):
-    """Examples of implicit and explicit steps, with friction and cohesion, whose scenes are not the warm-up's."""
+    """Examples with friction and cohesion, whose scenes are not the warm-up's."""
     command = [sys.executable, "-c", AFTER_WARMUP, str(EXAMPLES), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, check=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"

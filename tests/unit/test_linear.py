@@ -335,20 +335,3 @@ def test_default_solves_packings_with_the_band():
     solve = linear.default(A, blocks, motions)
     assert solve.name == "banded"
     np.testing.assert_allclose(A @ solve(np.ones(A.shape[0])), 1.0, rtol=1e-10)
-
-
-@given(st.integers(0, 10_000), st.integers(1, 40), st.booleans())
-def test_contacts_on_a_diagonal_matrix_are_coupled_by_the_nodes_they_share(seed, contacts, tangential):
-    """W of any relative velocities is the dense H A^-1 H^T; its columns ascend and hold no uncoupled contact."""
-    rng, nodes = np.random.default_rng(seed), 60
-    inverse = np.repeat(rng.uniform(0.1, 10.0, nodes), 2)
-    shares = sp.csr_array(np.where(rng.random((contacts, nodes)) < 0.1, rng.random((contacts, nodes)), 0.0))
-    angle = rng.uniform(0.0, 2.0 * np.pi, contacts)
-    normal = np.stack([np.cos(angle), np.sin(angle)])
-    directions = (normal, np.stack([-normal[1], normal[0]]))[: 1 + tangential]
-    W = linear.Diagonal(inverse).between_contacts(shares, *directions)
-    H = np.einsum("kn,aik->kani", shares.toarray(), np.stack(directions)).reshape(W.shape[0], 2 * nodes)
-    np.testing.assert_allclose(W.toarray(), H @ np.diag(inverse) @ H.T, atol=1e-12)
-    coupled = (np.abs(shares) @ np.abs(shares).T).toarray() > 0.0
-    assert W.nnz == len(directions) ** 2 * coupled.sum()
-    assert (W.tocsr(copy=True).sorted_indices().indices == W.indices).all()

@@ -110,7 +110,6 @@ def driven(material, watch=lambda name, function: function):
 CASES = {
     "linear": (three(LINEAR), Scheme(), 1e-5),
     "finite strain": (three(SOFT), Scheme(), 1e-5),
-    "explicit": (three(SOFT), Scheme(explicit=True), 2e-6),
     "regridding": (three(LINEAR), Scheme(anchor=0.002), 1e-5),
     "shared nodes": (three(LINEAR), Scheme.nezamabadi2017(), 5e-6),
     "multigrid": (three(LINEAR), Scheme(linear=linear.amg), 1e-5),

@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError, fields, replace
 import numpy as np
 import pytest
 
-from skmpm import contact, linear, transfer
+from skmpm import contact, linear
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE, Scheme, averages_dilatation
 
@@ -23,12 +23,8 @@ BAD = [
     ({"gap_tol": np.inf}, r"gap_tol = inf.*about"),
     ({"max_newton": 0}, r"max_newton = 0.*about 60"),
     ({"max_newton": 2.5}, r"max_newton = 2.5.*whole number"),
-    ({"explicit": True, "theta": 0.5}, r"explicit with inertia = True, theta = 0.5.*theta = 1"),
-    ({"explicit": True, "inertia": False}, r"explicit with inertia = False.*inertia = True"),
-    ({"explicit": "yes"}, r"explicit = 'yes'.*True or False"),
     ({"contact": "outlines"}, r"contact = 'outlines'.*contact.point_to_curve"),
     ({"contact": None}, r"contact = None.*contact.point_to_curve"),
-    ({"transfer": "apic"}, r"transfer = 'apic'.*transfer.apic"),
     ({"linear": "banded"}, r"linear = 'banded'.*linear.banded"),
     ({"contact": contact.shared_grid}, r"shared_grid with anchor = inf.*anchor = 0"),
     ({"contact": contact.shared_grid, "anchor": 0.1}, r"shared_grid with anchor = 0.1.*anchor = 0"),
@@ -50,7 +46,7 @@ def test_the_limits_themselves_are_allowed():
 def test_the_default_is_point_to_curve_contact_on_grids_built_once():
     scheme = Scheme()
     assert (scheme.theta, scheme.anchor, scheme.contact) == (1.0, np.inf, contact.point_to_curve)
-    assert (scheme.transfer, scheme.linear) == (transfer.apic, linear.default)
+    assert scheme.linear is linear.default
 
 
 def test_nezamabadi2017_is_shared_grid_contact_with_regridding_at_every_step():

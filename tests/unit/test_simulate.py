@@ -14,7 +14,6 @@ from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, step
-from skmpm.transfer import flip, pic
 
 SOFT, LINEAR = NeoHookean(1e6, 0.3, 1000.0), LinearElastic(1e6, 0.3, 1000.0)
 R, CELL, DT = 1e-3, 0.25e-3, 2.0**-17
@@ -291,13 +290,12 @@ def test_a_checkpoint_is_written_at_the_end_and_now_and_then(tmp_path, monkeypat
 
 @pytest.mark.parametrize("theta", [1.0, 0.5, 0.7])
 @pytest.mark.parametrize("kind", ["constant", "field"])
-@pytest.mark.parametrize("transfer", [Scheme().transfer, pic, flip], ids=["apic", "pic", "flip"])
-def test_free_fall_follows_the_theta_rule_to_round_off(theta, kind, transfer):
+def test_free_fall_follows_the_theta_rule_to_round_off(theta, kind):
     """v_n = v_0 + g t_n, x_n = x_0 + v_0 t_n + g t_n^2 / 2 + (theta - 1/2) g dt t_n: backward Euler to exact."""
     g, v0 = np.array([3.0, -9.81]), np.array([0.4, 1.0])
     gravity = g if kind == "constant" else (lambda X, t: np.repeat(g[:, None], X.shape[1], axis=1))
     scene = free(gravity=gravity, velocity=v0)
-    *_, state = simulate(scene, dt=DT, until=12 * DT, scheme=Scheme(theta=theta, transfer=transfer))
+    *_, state = simulate(scene, dt=DT, until=12 * DT, scheme=Scheme(theta=theta))
     t = 12 * DT
     path = v0 * t + 0.5 * g * t**2 + (theta - 0.5) * g * DT * t
     assert np.allclose(state.v, (v0 + g * t)[:, None], rtol=0, atol=1e-11)
@@ -349,7 +347,7 @@ def test_a_velocity_field_is_that_of_the_points_at_t_0():
 def test_spin_gives_the_angular_momentum_of_the_disc_and_a_step_keeps_it(scheme):
     """I omega = 1/2 m R^2 omega: exactly, for the points have the disc's second moments.
 
-    With APIC the step keeps it up to what backward Euler loses, (omega dt)^2 a step.
+    The step keeps it up to what backward Euler loses, (omega dt)^2 a step.
     """
     omega = 200.0
     scene = Scene([round_body((3 * R, -R), spin=omega, velocity=(1.0, 2.0), material=SOFT)], cell=CELL)
@@ -452,7 +450,6 @@ def test_bodies_of_every_shape_and_material_share_a_scene():
         ({}, {"inertia": False}),
         ({"inertia": False}, {}),
         ({}, {"theta": 0.5}),
-        ({}, {"explicit": True}),
         ({}, {"mean_dilatation": True}),
         ({}, {"ghost": 0.02}),
     ],

@@ -461,13 +461,6 @@ def test_a_bar_without_length_at_the_start_is_refused():
         Scene([block()], cell=CELL, springs=[Spring(everywhere, K, to=at)])
 
 
-def test_explicit_steps_refuse_springs_by_name():
-    explicit = Scheme(explicit=True)
-    for ask in (lambda s: initial(s, scheme=explicit), lambda s: skmpm.preflight(s, 1e-5, scheme=explicit)):
-        with pytest.raises(SceneError, match="spring 0 in explicit steps"):
-            ask(pair())
-
-
 def test_a_bar_takes_its_length_between_bodies_that_nothing_else_holds():
     """Without inertia, too: both move by half of what it lacks."""
     scene = pair(rest=1.9)

@@ -167,13 +167,6 @@ def test_without_inertia_nothing_vibrates_or_falls():
     assert suggest(FAMILY["slow lid"], error=0.05, scheme=STATIC) == suggest(FAMILY["slow lid"], error=0.05)
 
 
-def test_explicit_steps_are_stable():
-    scene = FAMILY["slow lid"]
-    found = suggest(scene, error=0.05, scheme=Scheme(explicit=True))
-    assert found.dt * WAVE / found.cell == pytest.approx(0.7)
-    assert found.cell == suggest(scene, error=0.05).cell
-
-
 def ramped(t):
     return (0.0, -0.5 * min(t / 2.0, 1.0))
 
@@ -372,7 +365,6 @@ def test_dt_of_free_or_vibrating_bodies_is_limited_by_waves():
         dt = 20.0 * scene.cell / WAVE
         assert ("dt c/h = 20;" in str(preflight(scene, dt))) == warned
         assert "dt c/h = 20;" not in str(preflight(scene, dt, scheme=Scheme(inertia=False)))
-        assert "explicit steps" in str(preflight(scene, dt, scheme=Scheme(explicit=True)))
 
 
 @pytest.mark.parametrize("thick", [0.1, 0.2])
