@@ -4,8 +4,6 @@ import numpy as np
 from manufactured_rates import GRIDS, RING, in_space, in_time, offsets
 from pictures import canvas, keep, ticks
 
-from skmpm import transfer
-
 
 def _slope(panel, x, y, order):
     """A line of this order through the last point."""
@@ -42,12 +40,10 @@ def draw_time(file):
     """Error over dt: the bar and the square."""
     figure, panels = canvas()
     for panel, name in zip(panels, ("bar", "square"), strict=True):
-        for by, style in ((transfer.apic, "o-"), (transfer.flip, "s--")):
-            for theta, steps, colour in ((0.5, (8, 16, 32, 64), "C0"), (1.0, (64, 128, 256, 512), "C3")):
-                found, dt = in_time(name, steps, theta, by=by), 0.02 / np.array(steps)
-                label = rf"$\theta$ = {theta:g}, {by.__name__}"
-                panel.loglog(dt, found[:, 0, 0], colour + style, ms=4, label=label)
-                panel.loglog(dt, found[:, 1, 0], colour + style[1:], lw=0.6)
+        for theta, steps, colour in ((0.5, (8, 16, 32, 64), "C0"), (1.0, (64, 128, 256, 512), "C3")):
+            found, dt = in_time(name, steps, theta), 0.02 / np.array(steps)
+            panel.loglog(dt, found[:, 0, 0], colour + "o-", ms=4, label=rf"$\theta$ = {theta:g}")
+            panel.loglog(dt, found[:, 1, 0], colour + "-", lw=0.6)
         _slope(panel, 0.02 / np.array((8, 64)), 0.7 * in_time(name, (8, 16, 32, 64), 0.5)[-1, 0, 0], 2)
         panel.set(xlabel="time step [s]", title=f"{name}, h = 1/16")
         panel.legend(fontsize=6)

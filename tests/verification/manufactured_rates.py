@@ -6,7 +6,7 @@ import numpy as np
 from ledger import Row, numbers, rate, relative
 from manufactured import bar, square, vortex
 
-from skmpm import Body, Scene, Scheme, linear, simulate, transfer
+from skmpm import Body, Scene, Scheme, linear, simulate
 
 PROBLEMS = {"bar": bar(), "square": square(), "vortex": vortex()}
 CUT = (0.3, 0.45)  # [cells] from the grid lines to the lower left corner
@@ -31,7 +31,7 @@ def scene_of(problem, cell, per_cell, offset=(0.0, 0.0)):
 def march(problem, cell, per_cell, steps, *, offset=(0.0, 0.0), samples=1, **options):
     """Displacements and velocities (samples, 2, n) at equal times up to the end, the exact ones, and the volumes."""
     scene, X = scene_of(problem, cell, per_cell, offset)
-    scheme = Scheme(**{"theta": 0.5, "transfer": transfer.apic, **options})
+    scheme = Scheme(**{"theta": 0.5, **options})
     every, times, found = steps // samples, [], []
     for i, state in enumerate(simulate(scene, dt=problem.until / steps, until=problem.until, scheme=scheme), 1):
         if i % every == 0:
@@ -57,9 +57,9 @@ def in_space(name, cells, per_cell, steps, *, offset=(0.0, 0.0), fitted=True, so
 
 
 @cache
-def in_time(name, steps, theta, *, by=transfer.apic, finest=1024, cell=1 / 16, solver=linear.banded):
+def in_time(name, steps, theta, *, finest=1024, cell=1 / 16, solver=linear.banded):
     """Errors to the finest step on the same grid and to the exact motion, over eight times, (steps, 2, 2)."""
-    options = {"samples": 8, "newton_tol": 1e-9, "transfer": by, "linear": solver}
+    options = {"samples": 8, "newton_tol": 1e-9, "linear": solver}
     best, exact, volume = march(PROBLEMS[name], cell, 3, finest, **options)
     rows = []
     for n in steps:
@@ -136,43 +136,40 @@ def rows_in_space():
 def rows_in_time():
     """Order in dt on one grid."""
     listed = []
+    of_bar = ("test_second_order_in_time_by_the_midpoint_rule", "test_first_order_in_time_by_backward_euler")
+    tests = {"bar": of_bar, "square": ("test_order_in_time_of_the_square",) * 2}
     for name in ("bar", "square"):
-        for theta, steps in ((0.5, (8, 16, 32, 64)), (1.0, (64, 128, 256, 512))):
-            for by in (transfer.apic, transfer.flip):
-                found = in_time(name, steps, theta, by=by)
-                of = orders(1.0 / np.array(steps), found[:, 0])
-                wanted = f"order {1.0 / theta:.0f} in dt"
-                if by is transfer.flip:
-                    wanted = "- (APIC is the transfer that keeps the order)"
-                listed.append(
-                    Row(
-                        problem=f"manufactured {name}, theta = {theta:g}, {by.__name__}, h = 1/16, in"
-                        f" {', '.join(str(n) for n in steps)} steps",
-                        reference="1024 steps on the same grid",
-                        h="1/16",
-                        error=f"displacement {numbers(found[:, 0, 0])}; to the exact one {numbers(found[:, 1, 0])}",
-                        rate=f"{of[0]:.2f}; velocity {of[1]:.2f}",
-                        goal=wanted,
-                        test="test_second_order_in_time_by_the_midpoint_rule",
-                    )
+        cases = ((0.5, (8, 16, 32, 64)), (1.0, (64, 128, 256, 512)))
+        for (theta, steps), test in zip(cases, tests[name], strict=True):
+            found = in_time(name, steps, theta)
+            of = orders(1.0 / np.array(steps), found[:, 0])
+            listed.append(
+                Row(
+                    problem=f"manufactured {name}, theta = {theta:g}, h = 1/16, in"
+                    f" {', '.join(str(n) for n in steps)} steps",
+                    reference="1024 steps on the same grid",
+                    h="1/16",
+                    error=f"displacement {numbers(found[:, 0, 0])}; to the exact one {numbers(found[:, 1, 0])}",
+                    rate=f"{of[0]:.2f}; velocity {of[1]:.2f}",
+                    goal=f"order {1.0 / theta:.0f} in dt",
+                    test=test,
                 )
+            )
     return listed
 
 
 def rows_of_loss():
-    """What a transfer takes from a coarse grid in many steps."""
-    listed, steps = [], (32, 128, 512)
-    for by in (transfer.apic, transfer.flip):
-        error = [errors(PROBLEMS["vortex"], 1 / 16, 3, n, transfer=by)[0] for n in steps]
-        listed.append(
-            Row(
-                problem=f"generalised vortex, {by.__name__}, h = 1/16, in {', '.join(str(n) for n in steps)} steps",
-                reference="exact motion",
-                h="1/16",
-                error=f"displacement {numbers(error)}",
-                rate="-",
-                goal="- (the loss of APIC grows with the number of steps; FLIP has none)",
-                test="-",
-            )
+    """How the error on a coarse grid depends on the number of steps: nodes keep their velocities between steps."""
+    steps = (32, 128, 512)
+    error = [errors(PROBLEMS["vortex"], 1 / 16, 3, n)[0] for n in steps]
+    return [
+        Row(
+            problem=f"generalised vortex, h = 1/16, in {', '.join(str(n) for n in steps)} steps",
+            reference="exact motion",
+            h="1/16",
+            error=f"displacement {numbers(error)}",
+            rate="-",
+            goal="- (the error of the grid does not grow with the number of steps)",
+            test="-",
         )
-    return listed
+    ]

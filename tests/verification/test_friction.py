@@ -188,9 +188,9 @@ def test_disc_slides():
     inertia larger by 2/3 (h/R)^2, 0.7 %; the arm is shorter than R by the 0.5 % that the disc sinks in; the rest are
     probably blows: every boundary point that comes down hits the wall on the leading side, a resistance to rolling.
     It grows with stiffness (5 and 7 % at E = 1e7 and 1e8 Pa, where the disc stands on one or two points), shrinks
-    with h and is the same for dt = 1 and 2 ms, theta = 1, FLIP and a boundary twice as fine. Contact points that
-    glide along the boundary cure it where the disc stands on one point (1.3 % at 1e8) and make it worse where they
-    are many and loaded.
+    with h and is the same for dt = 1 and 2 ms, theta = 1 and a boundary twice as fine. Contact points that glide
+    along the boundary cure it where the disc stands on one point (1.3 % at 1e8) and make it worse where they are many
+    and loaded.
     """
     errors = disc_errors(round_body(SLIPS, INCLINED), SLIPS)
     assert abs(errors[0]) < 0.01

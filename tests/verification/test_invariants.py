@@ -10,7 +10,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from skmpm import linear, transfer
+from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import box, disc
 from skmpm.run import simulate
@@ -63,8 +63,6 @@ MOMENTUM = {
     "direct": ({"linear": linear.direct}, 1e-12),
     "amg": ({"linear": partial(linear.amg, tol=1e-8)}, 1e-8),
     "midpoint": ({"theta": 0.5}, 1e-12),
-    "pic": ({"transfer": transfer.pic}, 1e-12),
-    "flip": ({"transfer": transfer.flip}, 1e-12),
     "anchored anew": ({"anchor": 0.0}, 1e-12),
     "seed": ({"anchor": 0.0, "contact": Scheme.nezamabadi2017().contact}, 1e-12),
 }

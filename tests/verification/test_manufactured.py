@@ -2,8 +2,8 @@
 
 Three motions that fill the terms of the balance of momentum, `manufactured.py`: a bar, a square whose sides slide,
 a ring that shears (the generalised vortex). Errors are relative L2 norms over the material points. Unless said
-otherwise theta = 1/2 and the transfer is APIC: it is the one that keeps the order. In space it is measured with time
-steps too short to matter, in time against a far shorter step on the same grid, where the error of space drops out.
+otherwise theta = 1/2. The order in space is measured with time steps too short to matter, that in time against a far
+shorter step on the same grid, where the error of space drops out.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ from manufactured_rates import (
     rows_of_loss,
 )
 
-from skmpm import linear, transfer
+from skmpm import linear
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}
 
@@ -108,13 +108,6 @@ def test_order_in_time_of_the_square(theta, steps):
     """As for the bar."""
     found = in_time("square", steps, theta, finest=512)[:, 0]
     assert orders(1.0 / np.array(steps), found) == pytest.approx([1.0 / theta] * 2, abs=0.1)
-
-
-def test_flip_loses_an_order_in_time():
-    """Its nodes start a step from a velocity that the points have smoothed: an error of dt h^2 a, whatever theta."""
-    steps = (16, 32, 64)
-    found = in_time("bar", steps, 0.5, by=transfer.flip, finest=512)[:, 0]
-    assert max(orders(1.0 / np.array(steps), found)) < 1.3
 
 
 def rows():

@@ -28,7 +28,6 @@ GROUPS = {
     "Dynamics": {
         "dynamics": "An elastic bar and a spinning disc",
         "viscosity": "Viscous damping",
-        "explicit": "Explicit steps",
         "galilean": "Galilean invariance",
         "long_steps": "Long steps",
     },
