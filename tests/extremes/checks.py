@@ -219,8 +219,6 @@ class Watch:
         scheme = self.case.scheme
         if not (scheme.contact is skmpm.contact.point_to_curve and scheme.anchor == np.inf and scheme.theta == 1.0):
             return
-        if scheme.transfer is not skmpm.transfer.apic:
-            return
         # Stress of a linear material has no moment about places at t = 0, about others by as much as they are moved.
         size, reach = b.moment_size + b.elastic * self.scene.cell, np.ptp(new.x, axis=1).max()
         noise = b.turned * size + b.rounding * reach + UNBALANCED * scheme.newton_tol * size.sum()

@@ -18,7 +18,7 @@ from scenes import SCENES, Parameters, crush
 from sweeps import limited
 
 import skmpm
-from skmpm import contact, linear, transfer
+from skmpm import contact, linear
 
 CLEAR = {"right", "StepFailed", "SceneError"}
 CELLS = 250  # of all bodies together, at most
@@ -114,7 +114,6 @@ def options(number, choice):
         return SEED | {"linear": solver}
     return {
         "anchor": choice(np.inf, 0.2, 0.0),
-        "transfer": choice(transfer.apic, transfer.pic),
         "ghost": 10.0 ** number(-3.0, np.log10(0.05)),
         "moment_fitting": choice(True, False),
         "linear": solver,
