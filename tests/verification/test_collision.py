@@ -73,7 +73,7 @@ class Collision:
 
 @cache
 def collide(position, *, cells=5, dt=0.01, impact=0.0, friction=0.0, theta=0.5, speed=SPEED, solver="banded"):
-    """Two discs through their collision and a little beyond; APIC."""
+    """Two discs through their collision and a little beyond."""
     scene = pair(cells=cells, impact=impact, friction=friction, position=position, speed=speed)
     scheme = Scheme(theta=theta, linear=SOLVERS[solver])
     states = [initial(scene, scheme=scheme)]
@@ -190,7 +190,7 @@ def one_dimensional(law, reach, until):
 
 @cache
 def chain(position, dt=0.05, until=12.0):
-    """Final velocities of the discs and of the one-dimensional chain, over that of the impact, (2, CHAIN); APIC."""
+    """Final velocities of the discs and of the one-dimensional chain, over that of the impact, (2, CHAIN)."""
     scene, scheme = row(CHAIN, position, [CHAIN_SPEED, 0.0, 0.0, 0.0, 0.0]), Scheme(theta=0.5)
     *_, state = simulate(scene, dt=dt, until=until, scheme=scheme)
     assert state.contacts.force[0].max(initial=0.0) == 0.0
@@ -201,7 +201,7 @@ def chain(position, dt=0.05, until=12.0):
 
 @pytest.mark.slow
 def test_chain_of_five_discs_moves_as_one_dimension_says():
-    """Touching discs, theta = 1/2, APIC, R/h = 10, impact at 0.4 % of the speed of sound, any direction.
+    """Touching discs, theta = 1/2, R/h = 10, impact at 0.4 % of the speed of sound, any direction.
 
     Reference: point masses with the discs' own quasi-static force law and its reach through a disc; final velocities
     within 3 % of that of the impact. Vibrations of the discs keep 4 % of the energy, which one dimension has not.
