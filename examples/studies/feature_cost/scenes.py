@@ -180,7 +180,7 @@ def _contact(discs: int, cells: float, size: float) -> list[Feature]:
 
 
 def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
-    """Material, locking, ghost penalty, inertia, transfer."""
+    """Material, locking, ghost penalty, inertia."""
     dense, linear = packing(discs, cells), alone(size, "LinearElastic")
     spared = "line searches, matrices of steps after the first, iterations without contact"
     counts = ("Newton", "factorisations", "solves", "line searches")
@@ -205,9 +205,6 @@ def _bulk(discs: int, cells: float, size: float) -> list[Feature]:
         Feature("inertia", "disc held and pulled", "mass in A, kinetic energy", ("kinetic energies", "Newton"),
                 ("test_without_inertia_no_mass_enters_the_matrix_and_no_kinetic_energy_is_summed",), pulled(size),
                 pulled(size).solved(inertia=False)),
-        Feature("apic / pic", "linear disc alone", "gradients of velocities, arms of momenta",
-                ("velocity gradients", "solves"), ("test_pic_forms_no_gradient_of_velocities_and_no_arms",), linear,
-                linear.solved(transfer=skmpm.transfer.pic)),
     ]  # fmt: skip
 
 

@@ -113,7 +113,6 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "means of dilatation": lambda c: c.named("Assembly.mean_dilatation"),
     "eliminations": lambda c: c.named("Elimination.factorised"),
     "kinetic energies": lambda c: c.named("energy_budget.kinetic_energy"),
-    "velocity gradients": lambda c: c.named("BodyGrids.gradient_at_points"),
 }
 
 
