@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import skmpm
 
 from .meter import Meter
-from .parameters import COURANT, Setting, scheme_of
+from .parameters import Setting, scheme_of
 
 Array = NDArray[np.float64]
 Measured = dict[str, Any]
@@ -43,10 +43,8 @@ def wave(material: Any) -> float:
     return float(np.sqrt((lam + 2.0 * mu) / material.density))
 
 
-def time_step(setting: Setting, cell: float, own: float, material: Any) -> float | None:
-    """The scene's own step times the pace; what is stable for explicit steps; None where steps are chosen."""
-    if setting["explicit"]:
-        return float(COURANT[setting["pace"]] * cell / wave(material))
+def time_step(setting: Setting, own: float) -> float | None:
+    """The scene's own step times the pace; None where steps are chosen."""
     return None if setting["chosen"] else float(own * setting["pace"])
 
 
@@ -66,7 +64,7 @@ def collision(setting: Setting, position: int, meter: Meter) -> Measured:
         bodies.append(skmpm.Body(cloud, material, velocity=turn @ v))
     scene = skmpm.Scene(bodies, cell=cell, friction=FRICTION)
     scheme = scheme_of(setting, inertia=True, solver=meter)
-    dt = time_step(setting, cell, COLLISION_DT, material)
+    dt = time_step(setting, COLLISION_DT)
     *_, state = meter.states(scene, dt=dt, until=PARTED, scheme=scheme)
     first = state.body == 0
     m, x, v = state.mass[first], state.x[:, first], state.v[:, first]
@@ -93,7 +91,7 @@ def packing(setting: Setting, meter: Meter, kept: Path) -> skmpm.Run:
     scene, height, width = box_of_discs(setting, cell)
     solid = float(scene.initial_volumes[: scene.offsets[DISCS]].sum())
     scheme = scheme_of(setting, inertia=True, solver=meter)
-    dt = time_step(setting, cell, PACKING_DT, own(GELS, setting))
+    dt = time_step(setting, PACKING_DT)
     until = (height - solid / (width * END)) / LID
 
     def look(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:

@@ -8,8 +8,8 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from .parameters import COURANT, PRESETS
-from .results import LIDS, SCENES, Found, dial_runs, front, of_steps
+from .parameters import PRESETS
+from .results import BOTH, SCENES, Found, both, dial_runs, front
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -17,7 +17,6 @@ from matplotlib.ticker import LogFormatterSciNotation
 
 MARKS = {"fast": "v", "balanced": "o", "accurate": "^"}
 STEERED = {"cells": "C0", "spacing": "C1", "pace": "C2"}
-STEPS = (("implicit", False, False, "o-"), ("explicit", True, False, "x--"), ("chosen", False, True, "k*"))
 LIMIT = 3.0  # errors above are drawn there
 
 
@@ -28,9 +27,8 @@ def fronts(found: Found, path: Path) -> None:
         every = found.runs.get(scene, {}).values()
         runs = [r for r in every if np.isfinite(r.error) and not r.whys & {"reference", "second"}]
         for why, colour, size in (("sample", "0.75", 9), ("one", "C0", 14), ("slope", "C4", 9)):
-            chosen = [r for r in runs if why in r.whys and not r.setting["explicit"]]
+            chosen = [r for r in runs if why in r.whys]
             axis.scatter(*of(chosen), s=size, color=colour, label=LABELS[why], zorder=2)
-        axis.scatter(*of([r for r in runs if r.setting["explicit"]]), s=22, color="C3", marker="x", label="explicit")
         best = front(runs)
         axis.step(*of(best), where="post", color="k", lw=0.8, label="front", zorder=1)
         for name, setting in PRESETS.items():
@@ -77,17 +75,17 @@ def parameters(found: Found, path: Path) -> None:
     plt.close(fig)
 
 
-def speeds(found: Found, path: Path) -> None:
-    """Error against cost of implicit and explicit steps, by the speed of the lid."""
-    fig, axes = plt.subplots(1, len(LIDS), figsize=(16, 3.8), layout="constrained", sharey=True)
-    for axis, scene in zip(axes, LIDS, strict=True):
-        for label, explicit, chosen, style in STEPS:
-            runs = [r for r in of_steps(found, scene, explicit, chosen) if np.isfinite(r.error)]
-            runs.sort(key=lambda r: r.cost["steps"])
-            axis.plot(*of(runs), style, lw=1.0, label=label)
-            for r in runs if explicit else []:
-                axis.annotate(f"{COURANT[r.setting['pace']]:g} h/c", (r.seconds, min(r.error, LIMIT)), fontsize=7)
-        finish(axis, f"{scene} m/s", 0.0)
+def codes(found: Found, path: Path) -> None:
+    """Error against cost of this library and of explicit finite elements."""
+    fig, axes = plt.subplots(1, len(BOTH), figsize=(18, 3.8), layout="constrained", sharey=True)
+    for axis, scene in zip(axes, BOTH, strict=True):
+        for runs, name, mark, colour in zip(
+            both(found, scene), ("skmpm", "elements"), "ox", ("C0", "C3"), strict=True
+        ):
+            known = [run for run in runs if np.isfinite(run.error)]
+            axis.plot(*of(known), mark, color=colour, ms=4, label=name)
+            axis.step(*of(front(known)), where="post", color=colour, lw=1.0)
+        finish(axis, f"{scene}{' m/s' * ('squeeze' in scene)}", found.floor(scene))
         axis.legend(fontsize=7)
     fig.savefig(path, dpi=80)
     plt.close(fig)

@@ -88,7 +88,7 @@ def free_time(found: Found) -> float:
 
 def driven_time(found: Found) -> float:
     """Constant d of what is driven, from the lids: geometric mean of error over length of steps."""
-    runs = [run for lid in LIDS for run in of_steps(found, lid, explicit=False) if run.error > BEST]
+    runs = [run for lid in LIDS for run in of_steps(found, lid) if run.error > BEST]
     return float(np.exp(np.mean([np.log(run.error / resolution(run)[1]) for run in runs]))) if runs else float("nan")
 
 

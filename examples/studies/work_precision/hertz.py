@@ -12,49 +12,37 @@ from scipy.optimize import brentq
 import skmpm
 
 from .meter import Meter
-from .parameters import COURANT, Setting, scheme_of
-from .statics import DENSITY, NU, WAVE, E, law, rising, rotation, turned
+from .parameters import Setting, scheme_of
+from .statics import DENSITY, NU, E, law, rotation, turned
 
 Array = NDArray[np.float64]
 Measured = dict[str, Any]
 
 DEPTHS = (0.01, 0.02, 0.05)  # of each plate, d/R
 TABLE = {0.01: (0.9993, 0.998), 0.02: (0.9985, 0.996), 0.05: (0.9946, 0.989)}  # FEM over formula: force, half-width
-STROKE, HOLD = 40.0, 8.0  # of the plates for explicit steps: times of motion and of rest [R/c]
 SEED = 5  # of the positions: offset on the grid, direction of the plates, angle of the disc's points
 REACH, THICKNESS = 0.6, 3.0  # of plates made of points: half their length [R], their thickness [cells]
 
 
 def hertz(setting: Setting, position: int, meter: Meter) -> Measured:
     """Force at each depth, and half-width of the contact at the largest, by its second moment."""
-    cell, explicit, rng = 1.0 / setting["cells"], setting["explicit"], np.random.default_rng([SEED, position])
+    cell, rng = 1.0 / setting["cells"], np.random.default_rng([SEED, position])
     offset, (angle, phase) = rng.random(2), 2.0 * np.pi * rng.random(2)
     middle, normal = cell * offset, rotation(angle)[:, 1]
-    stroke, hold = (STROKE / WAVE, HOLD / WAVE) if explicit else (1.0, 0.0)
-
-    def depth(t: float) -> float:
-        each = np.diff([0.0, *DEPTHS])
-        starts = (stroke + hold) * np.arange(3)
-        return float(sum(d * rising((t - s) / stroke, smooth=explicit) for d, s in zip(each, starts, strict=True)))
 
     def speed(t: float) -> float:
-        eps = 1e-4 * stroke
-        return (depth(t + eps) - depth(t - eps)) / (2.0 * eps)
+        eps = 1e-4
+        before, after = np.interp([t - eps, t + eps], range(4), [0.0, *DEPTHS])
+        return float((after - before) / (2.0 * eps))
 
     scene = between_plates(setting, middle, angle, phase, speed)
-    scheme = scheme_of(setting, inertia=explicit, solver=meter)
-    step = COURANT[setting["pace"]] * cell / WAVE if explicit else stroke / max(1, round(1.0 / setting["pace"]))
-    states, force, width, state = [], [], [], None
-    for k in range(3):
-        end = (k + 1) * (stroke + hold)
-        run = meter.states(scene, dt=step, until=end, scheme=scheme, start=state)
-        seen = []
-        for state in run:
-            if state.t > end - hold - 1e-9 * stroke:
-                seen.append(pressed(scene, state, middle, normal))
-        force.append(float(np.mean([one[0] for one in seen])))
-        width.append(half_width_of(seen))
-        states.append(state)
+    scheme, step = scheme_of(setting, inertia=False, solver=meter), 1.0 / max(1, round(1.0 / setting["pace"]))
+    force, width, state = [], [], None
+    for end in (1.0, 2.0, 3.0):  # a depth each
+        *_, state = meter.states(scene, dt=step, until=end, scheme=scheme, start=state)
+        push, moment = pressed(scene, state, middle, normal)
+        force.append(push)
+        width.append(float(np.sqrt(moment)))
     known = [reference(d) for d in DEPTHS]
     modulus = E / (1.0 - NU**2)
     off = {f"force {d:g}": abs(f / modulus / k[0] - 1.0) for d, f, k in zip(DEPTHS, force, known, strict=True)}
@@ -104,12 +92,6 @@ def pressed(scene: skmpm.Scene, state: skmpm.State, middle: Array, normal: Array
         force += 0.5 * total
         moment += 0.5 * 4.0 * float(share @ (at - share @ at / total) ** 2) / total
     return force, moment
-
-
-def half_width_of(seen: list[tuple[float, float]]) -> float:
-    """From forces and second moments of several states [m]."""
-    force, moment = np.array(seen).T
-    return float(np.sqrt(force @ moment / max(force.sum(), 1e-300)))
 
 
 def reference(depth: float) -> tuple[float, float]:

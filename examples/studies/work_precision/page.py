@@ -53,7 +53,7 @@ def write(study: Path, docs: Path) -> None:
     found, folder, page = load(study), docs / "work_precision", docs / "work_precision.md"
     folder.mkdir(parents=True, exist_ok=True)
     keep(found, folder / "results.csv")
-    for name in ("fronts", "parameters", "speeds"):
+    for name in ("fronts", "parameters", "codes"):
         getattr(figures, name)(found, folder / f"{name}.png")
     parts = [
         ("", provenance.made(skmpm.Sweep.read(study), MODULE), TEXT["ran"], tables.ran(found)),
@@ -74,13 +74,19 @@ def write(study: Path, docs: Path) -> None:
         ),
         ("## What limits accuracy", TEXT["limits"], tables.limits(found)),
         ("## Laws of the error", TEXT["laws"], tables.laws(found)),
-        ("## Implicit against explicit", tables.lids(found), "![Implicit and explicit](work_precision/speeds.png)\n"),
+        (
+            "## Beside explicit finite elements",
+            TEXT["codes"],
+            tables.codes(found),
+            "![Both codes](work_precision/codes.png)\n",
+        ),
     ]
     text = "\n".join("\n\n".join(p.strip("\n") for p in part if p) + "\n" for part in parts)
     pages.put(page, {"study": text})
 
 
 TEXT = {
+    "codes": "The cheapest run of each code within an error; - : none of those that were run.",
     "ran": "What has been run:",
     "counts": "Counts, mean over the positions on the grid; `work`: unknowns times half bandwidth squared, of all"
     " factorisations.",

@@ -13,7 +13,6 @@ from scipy.stats import qmc
 
 import skmpm
 from skmpm.contact import point_to_curve, shared_grid
-from skmpm.transfer import apic, flip, pic
 
 Setting = dict[str, Any]
 
@@ -26,7 +25,6 @@ DEFAULT: Setting = {  # what runs differ from; `Scheme()` with a tighter `newton
     "theta": 1.0,
     "anchor": NEVER,
     "contact": "outlines",
-    "transfer": "apic",
     "material": "own",  # or "other": linear for finite strain and the other way round
     "mean_dilatation": None,  # by Poisson's ratio
     "ghost": 0.005,
@@ -34,7 +32,6 @@ DEFAULT: Setting = {  # what runs differ from; `Scheme()` with a tighter `newton
     "newton_tol": 1e-6,
     "contact_tol": 1e-6,
     "linear": "default",
-    "explicit": False,
     "walls": "planes",  # or "points": rigid bodies of material points
     "perturbed": 0.0,  # of where bodies start, at random [R]; it shows how far results are determined
 }
@@ -46,7 +43,6 @@ LEVELS: dict[str, tuple[Any, ...]] = {  # one at a time, the default among them
     "theta": (1.0, 0.75, 0.5),
     "anchor": (NEVER, 0.2, 0.0),
     "contact": ("outlines", "shared_grid"),
-    "transfer": ("apic", "pic", "flip"),
     "material": ("own", "other"),
     "mean_dilatation": (None, False, True),
     "ghost": (0.0, 0.001, 0.005, 0.02, 0.1),
@@ -54,7 +50,6 @@ LEVELS: dict[str, tuple[Any, ...]] = {  # one at a time, the default among them
     "newton_tol": (1e-8, 1e-6, 1e-4, 1e-3, 1e-2),
     "contact_tol": (1e-8, 1e-6, 1e-4, 1e-2),
     "linear": ("default", "amg", "direct"),
-    "explicit": (False, True),
     "walls": ("planes", "points"),
 }
 SAMPLED = LEVELS | {  # in the sample; what is there more than once is drawn more often
@@ -63,14 +58,12 @@ SAMPLED = LEVELS | {  # in the sample; what is there more than once is drawn mor
     "chosen": (False,) * 4 + (True,),
     "anchor": (NEVER, NEVER, 0.2, 0.0),
     "contact": ("outlines",) * 5 + ("shared_grid",),
-    "transfer": ("apic", "apic", "pic", "flip"),
     "material": ("own",) * 4 + ("other",),
     "ghost": (0.001, 0.005, 0.02, 0.1),
     "newton_tol": (1e-6, 1e-4, 1e-2),
     "contact_tol": (1e-6, 1e-4, 1e-2),
     "mean_dilatation": (None, None, False),
     "linear": ("default",) * 4 + ("amg", "direct"),
-    "explicit": (False,) * 4 + (True,),
     "walls": ("planes", "planes", "points"),
 }
 BALANCED: Setting = DEFAULT | {"newton_tol": 1e-3}
@@ -81,9 +74,7 @@ PRESETS: dict[str, Setting] = {
 }
 LAW_SPACINGS, LAW_CELLS = (0.74, 0.5), (3.2, 4.0, 5.0, 6.3, 8.0, 10.0)  # what laws are fitted to
 SLOPES = {"cells": 0.8, "pace": 2.0, "spacing": 1.4, "contact_tol": 10.0}  # factors to both sides of each preset
-COURANT = {4.0: 0.8, 2.0: 0.6, 1.0: 0.4, 0.5: 0.2, 0.25: 0.1, 0.125: 0.05}  # dt c/h of explicit steps, by pace
 CONTACTS = {"outlines": point_to_curve, "shared_grid": shared_grid}
-TRANSFERS = {"apic": apic, "pic": pic, "flip": flip}
 SEED = 8  # of the sample
 
 
@@ -96,10 +87,9 @@ def consistent(setting: Setting) -> Setting:
 def scheme_of(setting: Setting, *, inertia: bool, solver: skmpm.linear.Linear | None = None) -> skmpm.Scheme:
     """The scheme of a setting; `solver` instead of its own, to count what it does."""
     return skmpm.Scheme(
-        theta=setting["theta"] if inertia and not setting["explicit"] else 1.0,
+        theta=setting["theta"] if inertia else 1.0,
         anchor=setting["anchor"],
         contact=CONTACTS[setting["contact"]],
-        transfer=TRANSFERS[setting["transfer"]],
         ghost=setting["ghost"],
         moment_fitting=setting["fitted"],
         mean_dilatation=setting["mean_dilatation"],
@@ -108,25 +98,21 @@ def scheme_of(setting: Setting, *, inertia: bool, solver: skmpm.linear.Linear | 
         contact_tol=setting["contact_tol"],
         gap_tol=max(skmpm.Scheme().gap_tol, setting["contact_tol"]),
         linear=solver or linear_of(setting),
-        explicit=setting["explicit"],
     )
 
 
 def linear_of(setting: Setting) -> skmpm.linear.Linear:
     """The linear solver of a setting."""
-    solver: skmpm.linear.Linear = getattr(skmpm.linear, setting["linear"])
+    solver: skmpm.linear.Linear = getattr(skmpm.linear, setting.get("linear", "default"))
     return solver
 
 
 def effective(setting: Setting, matters: frozenset[str], *, inertia: bool) -> Setting:
     """The setting with what makes no difference on a scene put to its default; `matters` lists its parameters."""
-    explicit = setting["explicit"]
     idle = set(DEFAULT) - matters
-    idle |= {"theta", "newton_tol", "chosen"} if explicit else {"pace"} if setting["chosen"] and inertia else set()
-    idle |= set() if inertia or explicit else {"theta", "transfer", "chosen"}
+    idle |= {"theta", "chosen"} if not inertia else {"pace"} if setting["chosen"] else set()
     found = consistent(setting | {name: DEFAULT[name] for name in idle})
-    whole = not (inertia or explicit)  # one step a load, or several
-    return found | {"pace": min(found["pace"], 1.0)} if whole else found
+    return found if inertia else found | {"pace": min(found["pace"], 1.0)}  # one step a load, or several
 
 
 def one_at_a_time() -> list[Setting]:

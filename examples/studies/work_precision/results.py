@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 import skmpm
 from skmpm.sweep import Member as Ran
 
-from . import scenes
+from . import scenes, speeds
 from .meter import SIZES, Meter
 from .parameters import DEFAULT, LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, resolutions, sample
 from .study import Member, plan
@@ -21,12 +20,12 @@ from .study import Member, plan
 Result = dict[str, Any]
 
 SCENES = ("cantilever", "hertz", "collision", "packing")
-LIDS = tuple(name for name in scenes.CASES if name not in SCENES)
+LIDS = tuple(speeds.RUNS)
+BOTH = tuple(scenes.ELEMENTS)  # scenes that finite elements run, too
 MOST = 512  # of a sample that is looked for
 MARGIN = 1.3  # in cost, from which on a setting beats another
 INFLUENCE = 0.1  # slope below which a parameter counts as without influence
 COSTS = tuple(Meter(skmpm.linear.default).cost())
-TOLERANCES = (0.05, 0.02, 0.01)  # at which implicit and explicit steps are compared
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,6 @@ class Run:
     status: str
     cost: dict[str, float]
     errors: dict[str, float]  # by quantity, and the largest
-    share: float = 1.0  # of it that was run; the cost is that of all
     source: str = ""  # hash of the source of the library that made it
 
     @property
@@ -50,7 +48,7 @@ class Run:
     @property
     def seconds(self) -> float:
         """Processor time."""
-        return self.cost["seconds"] / self.share
+        return self.cost["seconds"]
 
 
 def key(setting: Setting) -> str:
@@ -87,7 +85,7 @@ def load(study: Path) -> Found:
         if found.status in ("finished", "failed") and found.columns:
             scene, setting = found.parameters["scene"], key(found.parameters["setting"])
             ran.setdefault(scene, {}).setdefault(setting, []).append(result_of(found))
-    return Found({scene: of_scene(scene, each, ran.get(scene, {})) for scene, each in members.items()})
+    return Found({scene: of_scene(scene, each, ran) for scene, each in members.items()})
 
 
 def result_of(member: Ran) -> Result:
@@ -101,20 +99,21 @@ def result_of(member: Ran) -> Result:
     if status == "finished" and case.run is None:
         result["measured"] = [json.loads(text) for text in columns["measured"]]
     elif status == "finished":
-        curves = {name: column.tolist() for name, column in columns.items() if name not in (*COSTS, "t", "status")}
-        result["measured"] = [curves | ({"share": curves["share"][0]} if "share" in curves else {})]
+        names = (*COSTS, "t", "status")
+        result["measured"] = [{name: column.tolist() for name, column in columns.items() if name not in names}]
     return result | {"library": member.manifest["versions"]["source"][:12]}
 
 
-def of_scene(scene: str, members: dict[str, list[Member]], ran: dict[str, list[Result]]) -> dict[str, Run]:
+def of_scene(scene: str, members: dict[str, list[Member]], ran: dict[str, dict[str, list[Result]]]) -> dict[str, Run]:
     """The runs of one scene by setting; of one that was run several times, the fastest."""
-    read = {name: min(ran[name], key=lambda result: result["cost"]["seconds"]) for name in members if ran.get(name)}
-    reference, known = scenes.CASES[scene].reference, None
+    mine, against, known = ran.get(scene, {}), scenes.CASES[scene].against or scene, None
+    read = {name: min(mine[name], key=lambda result: result["cost"]["seconds"]) for name in members if name in mine}
+    reference = scenes.CASES[against].reference
     if reference is not None:
-        result = read.get(key(scenes.setting_on(scene, reference)), {})
-        if "measured" not in result:
+        results = ran.get(against, {}).get(key(scenes.setting_on(against, reference)), [{}])
+        if "measured" not in results[0]:
             return {}
-        known = result["measured"]
+        known = results[0]["measured"]
     return {name: run_of(result, frozenset(m.why for m in members[name]), known) for name, result in read.items()}
 
 
@@ -122,10 +121,7 @@ def run_of(result: Result, whys: frozenset[str], known: Any) -> Run:
     """A result with its errors."""
     measured = result.get("measured")
     errors = {} if measured is None else scenes.errors_of(result["scene"], measured, known)
-    share = min((one.get("share", 1.0) for one in measured or [{}]), default=1.0)
-    return Run(
-        result["scene"], result["setting"], whys, result["status"], result["cost"], errors, share, result["library"]
-    )
+    return Run(result["scene"], result["setting"], whys, result["status"], result["cost"], errors, result["library"])
 
 
 def front(runs: list[Run]) -> list[Run]:
@@ -191,26 +187,17 @@ def forced(parameter: str, level: Any) -> Setting:
     return {parameter: level} | ({"anchor": 0.0} if level == "shared_grid" else {})
 
 
-def cheapest(found: Found, scene: str, explicit: bool, tolerance: float) -> Run | None:
-    """The cheapest run of one kind of steps, of a length that is given, within a tolerance."""
-    runs = [r for r in of_steps(found, scene, explicit) if r.error <= tolerance]
-    return min(runs, key=lambda r: r.seconds, default=None)
+def of_steps(found: Found, scene: str) -> list[Run]:
+    """The runs of a lid with steps of a length that is given."""
+    return [run for run in found.why(scene, "speed") if not run.setting["chosen"]]
 
 
-def of_steps(found: Found, scene: str, explicit: bool, chosen: bool = False) -> list[Run]:
-    """The runs of a lid with one kind of steps."""
-    kind = explicit, chosen
-    return [r for r in found.why(scene, "speed") if (r.setting["explicit"], r.setting["chosen"]) == kind]
+def cheapest(runs: list[Run], error: float) -> Run | None:
+    """The cheapest run within an error."""
+    return min((run for run in runs if run.error <= error), key=lambda run: run.seconds, default=None)
 
 
-def crossing(found: Found, tolerance: float) -> float:
-    """Speed of the lid [m/s] at which both kinds cost the same, by logarithms; nan if they do not cross."""
-    points = []
-    for scene in LIDS:
-        both = [cheapest(found, scene, explicit, tolerance) for explicit in (True, False)]
-        if both[0] is not None and both[1] is not None:
-            points.append((np.log(float(scene.split()[1])), np.log(both[0].seconds / both[1].seconds)))
-    for (s, a), (t, b) in pairwise(points):
-        if a * b <= 0.0 and a != b:
-            return float(np.exp(s + (t - s) * a / (a - b)))
-    return float("nan")
+def both(found: Found, scene: str) -> tuple[list[Run], list[Run]]:
+    """The runs by skmpm and by finite elements of a scene that both codes run, without references."""
+    mine, others = (list(found.runs.get(name, {}).values()) for name in (scene, f"elements, {scene}"))
+    return [run for run in mine if not run.whys & {"reference", "second", "perturbed"}], others

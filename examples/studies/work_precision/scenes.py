@@ -14,7 +14,8 @@ of a setting is the root mean square over them, quantity by quantity, and then t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ import numpy as np
 
 import skmpm
 
-from . import beam, discs, hertz, speeds, statics
+from . import beam, competitor, discs, hertz, speeds, statics
 from .meter import Meter
 from .parameters import DEFAULT, Setting, effective
 
@@ -44,6 +45,7 @@ class Case:
     second: Setting | None  # as fine or nearly, for the floor: what the reference itself is uncertain by
     settings: tuple[Setting, ...] = ()  # all that is run, if not what the parameters ask for
     run: Callable[[Setting, Meter, Path], skmpm.Run] | None = None  # what `measure` is too long for
+    against: str = ""  # the scene whose reference counts, if it is another
 
 
 CONTACT = frozenset({"contact", "contact_tol"})
@@ -105,12 +107,37 @@ CASES |= {
     )
     for speed, (name, run) in zip(speeds.SPEEDS, speeds.RUNS.items(), strict=True)
 }
+CASES |= {
+    f"squeeze {speed:g}": replace(
+        CASES[name],
+        run=partial(speeds.whole, speed=speed),
+        reference=speeds.FINE,
+        second=speeds.SECOND,
+        settings=tuple(speeds.resolutions()),
+    )
+    for speed, name in zip(speeds.SPEEDS, speeds.RUNS, strict=True)
+}
+ELEMENTS = {"packing": competitor.packing} | {
+    f"squeeze {speed:g}": partial(competitor.squeeze, speed=speed) for speed in speeds.SPEEDS
+}
+CASES |= {
+    f"elements, {name}": replace(
+        CASES[name],
+        measure=measure,
+        run=None,
+        reference=None,
+        second=None,
+        settings=tuple(competitor.settings(name)),
+        against=name,
+    )
+    for name, measure in ELEMENTS.items()
+}
 
 
 def setting_on(name: str, setting: Setting) -> Setting:
     """The setting as far as it makes a difference on a scene."""
     case = CASES[name]
-    return effective(setting, case.parameters, inertia=case.inertia)
+    return setting if case.against else effective(setting, case.parameters, inertia=case.inertia)
 
 
 def measured(name: str, setting: Setting, meter: Meter) -> list[Measured]:

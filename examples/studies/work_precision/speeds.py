@@ -1,8 +1,8 @@
-"""Crossover of implicit and explicit steps: a small packing compressed further by lids of four speeds.
+"""A small packing compressed further by lids of four speeds.
 
 The packing is at rest at a nominal solid fraction of 0.82 and is compressed by 5 % of its height. Errors are those of
 time integration: the reference of each speed is the same grid with many implicit steps, so spatial errors cancel.
-A setting's `pace` is 64 over the number of implicit steps; explicit ones are a share of h/c, as on the other scenes.
+A setting's `pace` is 64 over the number of steps.
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ import skmpm
 
 from . import discs
 from .meter import Meter
-from .parameters import DEFAULT, Setting, scheme_of
+from .parameters import BALANCED, DEFAULT, Setting, scheme_of
 
 SPEEDS = (20.0, 2.0, 0.2, 0.02)  # of the lid [m/s]
 DISCS, START, REST, STRAIN = 12, 0.65, 0.82, 0.05
-STEPS = 64  # implicit steps at pace 1
+STEPS = 64  # at pace 1
 STILL = 60  # steps of 8 us in which the packing comes to rest
 BINS = 5  # of the stroke, in which pressures are averaged
 PACES = (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
 FINEST = {20.0: 0.4}  # pace of the reference, else 0.04: 160 steps, else 1600
-LONGEST = 6000  # explicit steps; of more, the cost is that per step of a faster lid
+FINE = DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 0.25}  # the reference beside finite elements
+SECOND = DEFAULT | {"cells": 10.0, "spacing": 0.5, "pace": 0.5}
 Measured = dict[str, Any]
 
 RADII = np.random.default_rng(3).uniform(0.7e-3, 1.2e-3, DISCS)
@@ -64,32 +65,46 @@ def at_rest(setting: Setting, kept: Path) -> skmpm.State:
 
 
 def squeeze(setting: Setting, meter: Meter, kept: Path, *, speed: float) -> skmpm.Run:
-    """Rows against the way of the lid over the height: pressure, force of the lid, and the share that is run."""
+    """Rows against the way of the lid over the height: pressure and force of the lid."""
     scene, *_ = packing(setting, speed)
     start = at_rest(setting, kept)
     height = float(start.walls[1, 1])
     until = STRAIN * height / speed
-    given = setting["explicit"] or setting["chosen"]
-    steps = max(1, round(STEPS / setting["pace"]))
-    dt = discs.time_step(setting, scene.cell, 0.0, discs.GELS["finite"]) if given else until / steps
+    dt = None if setting["chosen"] else until / max(1, round(STEPS / setting["pace"]))
     scheme = scheme_of(setting, inertia=True, solver=meter)
-    last = min(LONGEST * dt, until) if dt is not None and setting["explicit"] else until
 
     def look(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
         fraction = float(scene.initial_volumes.sum()) / float(state.walls[3, 0] * state.walls[1, 1])
         way = 1.0 - float(state.walls[1, 1]) / height
-        return {"way": way, **discs.pressures(scene, state, fraction), "share": last / until}
+        return {
+            "way": way,
+            **discs.pressures(scene, state, fraction),
+        }
 
-    return skmpm.Run(scene, last, dt=dt, scheme=scheme, start=start, observe=look, simulate=meter.states)
+    return skmpm.Run(scene, until, dt=dt, scheme=scheme, start=start, observe=look, simulate=meter.states)
+
+
+def whole(setting: Setting, meter: Meter, kept: Path, *, speed: float) -> skmpm.Run:
+    """The same from the loose packing on, without the rest; `way` is 0 up to `REST`."""
+    scene, height, thick = packing(setting, speed)
+    before, after = thick / REST, (1.0 - STRAIN) * thick / REST
+    steps = round(STEPS / setting["pace"] * (height - after) / (before - after))
+    until = (height - after) / speed
+    scheme = scheme_of(setting, inertia=True, solver=meter)
+
+    def look(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
+        top = float(state.walls[1, 1])
+        return {"way": max(0.0, 1.0 - top / before), **discs.pressures(scene, state, thick / top)}
+
+    return skmpm.Run(scene, until, dt=until / steps, scheme=scheme, observe=look, simulate=meter.states)
 
 
 def squeeze_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
     """Sum of differences of mean pressures over `BINS` parts of the stroke over their sum, and error of the work.
 
-    A step's force acts all along its way. A run that was cut short is compared as far as it came.
+    A step's force acts all along its way.
     """
-    whole = measured["way"][-1]
-    edges = np.linspace(0.0, min(STRAIN, whole), BINS + 1)
+    edges = np.linspace(0.0, STRAIN, BINS + 1)
     found = {}
     for name in ("pressure", "lid"):
         mine, known = (_integral(m, name, edges) for m in (measured, reference))
@@ -104,10 +119,14 @@ def _integral(measured: Measured, name: str, edges: Any) -> Any:
 
 
 def settings(speed: float) -> list[Setting]:
-    """Implicit steps of all lengths down to four times the reference's, chosen ones, explicit ones of three."""
-    implicit = [DEFAULT | {"pace": step_control} for step_control in PACES if step_control >= 4.0 * finest(speed)]
-    implicit.append(DEFAULT | {"chosen": True})
-    return implicit + [DEFAULT | {"pace": step_control, "explicit": True} for step_control in (4.0, 1.0, 0.5)]
+    """Steps of all lengths down to four times the reference's, and chosen ones."""
+    given = [DEFAULT | {"pace": step_control} for step_control in PACES if step_control >= 4.0 * finest(speed)]
+    return [*given, DEFAULT | {"chosen": True}]
+
+
+def resolutions() -> list[Setting]:
+    """Grids and steps that are compared with finite elements, against `FINE`."""
+    return [BALANCED | {"cells": cells, "pace": pace} for pace in (16.0, 4.0, 1.0) for cells in (3.2, 5.0, 8.0)]
 
 
 def finest(speed: float) -> float:

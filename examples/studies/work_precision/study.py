@@ -27,7 +27,7 @@ import skmpm
 from skmpm.sweep import Member as Ran
 
 from .. import pages
-from . import scenes
+from . import competitor, scenes
 from .meter import Meter, TooLong, limited
 from .parameters import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, resolutions, sample
 
@@ -76,8 +76,6 @@ def wanted(name: str, runs: int) -> list[tuple[str, list[Setting]]]:
     if case.settings:
         return [("speed", list(case.settings))]
     drawn = sample(max(1, round(runs * SHARE.get(name, 1.0)))) if runs else []
-    if not case.inertia:  # explicit steps take a thousand times as long there, as one at a time shows
-        drawn = [setting | {"explicit": False} for setting in drawn]
     perturbed = [DEFAULT | {"perturbed": size} for size in (1e-9, 1e-4)] if "perturbed" in case.parameters else []
     slopes = [setting for preset in PRESETS.values() for setting in neighbours(preset)]
     return [
@@ -143,6 +141,7 @@ def warm() -> None:
     collide = scenes.CASES["hertz"].measure
     assert collide is not None
     collide(DEFAULT | {"cells": 2.5}, 0, Meter(skmpm.linear.default))
+    competitor.packing(competitor.DEFAULT | {"mesh": 2}, 0, Meter(skmpm.linear.default))
 
 
 def main(options: argparse.Namespace) -> None:

@@ -8,21 +8,19 @@ import numpy as np
 
 from skmpm.preflight.suggest import LAWS
 
-from . import fits
-from .parameters import COURANT, DEFAULT, PRESETS, SLOPES, Setting
+from . import competitor, fits, scenes
+from .parameters import DEFAULT, PRESETS, SLOPES, Setting
 from .results import (
+    BOTH,
     INFLUENCE,
-    LIDS,
     MARGIN,
     SCENES,
-    TOLERANCES,
     Beating,
     Found,
     Run,
+    both,
     cheapest,
-    crossing,
     dial_runs,
-    of_steps,
     slope,
 )
 
@@ -68,7 +66,7 @@ def verdict(good: list[bool | None]) -> str:
 def ran(found: Found) -> str:
     """How much of the study is there."""
     lines = []
-    for scene in (*SCENES, *LIDS):
+    for scene in scenes.CASES:
         runs = list(found.runs.get(scene, {}).values())
         ends = [sum(r.status.startswith(word) for r in runs) for word in ("finished", "failed", "too long")]
         sample = len(found.why(scene, "sample"))
@@ -215,24 +213,15 @@ def laws(found: Found) -> str:
     return table(head, lines)
 
 
-def lids(found: Found) -> str:
-    """Implicit against explicit steps."""
+def codes(found: Found) -> str:
+    """The cheapest runs of this library and of explicit finite elements."""
     lines = []
-    for scene in LIDS:
-        for tolerance in TOLERANCES:
-            implicit, explicit = (cheapest(found, scene, kind, tolerance) for kind in (False, True))
-            ratio = explicit.seconds / implicit.seconds if implicit and explicit else np.nan
-            own = next(iter(of_steps(found, scene, explicit=False, chosen=True)), None)
-            cells = (lid_run(implicit), lid_run(explicit), number(ratio), lid_run(own))
-            lines.append((scene, f"{100.0 * tolerance:g}", *cells))
-    at = ", ".join(f"{number(crossing(found, t))} m/s at {100.0 * t:g} %" for t in TOLERANCES)
-    head = ("speed [m/s]", "error at most %", "implicit", "explicit", "cost explicit / implicit", "chosen steps")
-    return table(head, lines) + f"\nThey cost the same at {at} (- : not between the speeds that were run).\n"
-
-
-def lid_run(run: Run | None) -> str:
-    """Cost, error and step of a run."""
-    if run is None:
-        return "-"
-    step = f"{COURANT[run.setting['pace']]:g} h/c" if run.setting["explicit"] else f"{run.cost['steps']:.0f} steps"
-    return f"{number(run.seconds)} s{' (estimate)' if run.share < 1.0 else ''}, {percent(run)} %, {step}"
+    for scene in BOTH:
+        for error in PRICED:
+            mine, other = (cheapest(runs, error) for runs in both(found, scene))
+            ratio = number(other.seconds / mine.seconds) if mine and other else "-"
+            cells = [(f"{number(run.seconds)} s, {percent(run)} %, " if run else "-") for run in (mine, other)]
+            cells[0] += about(mine.setting) if mine else ""
+            cells[1] += about(other.setting, competitor.DEFAULT) if other else ""
+            lines.append((scene, f"{100.0 * error:g}", *cells, ratio))
+    return table(("scene", "error at most %", "skmpm", "finite elements", "cost elements / skmpm"), lines)
