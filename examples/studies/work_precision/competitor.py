@@ -19,7 +19,7 @@ from .penalty import Discs
 
 DEFAULT: Setting = {"mesh": 6, "penalty": 2.0, "courant": 0.9, "damping": 0.1, "mass": 1.0}
 MESHES = 4, 6, 8, 12
-HEAVIER = {"squeeze 0.2": (1.0, 1e2), "squeeze 0.02": (1.0, 1e2, 1e4)}  # masses: lids as if at 2 m/s
+HEAVIER = {"squeeze 0.2": (1e2, 1.0), "squeeze 0.02": (1e4, 1e2, 1.0)}  # masses: lids as if at 2 m/s
 LOOKS = 2000  # at a run
 Measured = dict[str, Any]
 

@@ -28,7 +28,7 @@ def keep(found: Found, path: Path) -> None:
     for scene, each in found.runs.items():
         for run in each.values():
             errors = {f"error {name}": f"{e:.4g}" for name, e in run.errors.items()}
-            counts = {name: f"{run.cost[name]:.6g}" for name in ("seconds", *tables.COUNTS)}
+            counts = {f"count {name}": f"{run.cost[name]:.6g}" for name in tables.COUNTS}
             whys = " ".join(sorted(run.whys))
             rows.append(
                 {
@@ -37,6 +37,7 @@ def keep(found: Found, path: Path) -> None:
                     **run.setting,
                     "status": run.status[:80],
                     "library": run.source,
+                    "seconds": f"{run.seconds:.6g}",
                     **counts,
                     **errors,
                 }

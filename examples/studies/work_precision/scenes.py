@@ -110,7 +110,7 @@ CASES |= {
 CASES |= {
     f"squeeze {speed:g}": replace(
         CASES[name],
-        run=partial(speeds.whole, speed=speed),
+        run=partial(speeds.squeeze, speed=speed, rested=False),
         reference=speeds.FINE,
         second=speeds.SECOND,
         settings=tuple(speeds.resolutions()),

@@ -64,39 +64,24 @@ def at_rest(setting: Setting, kept: Path) -> skmpm.State:
     return state
 
 
-def squeeze(setting: Setting, meter: Meter, kept: Path, *, speed: float) -> skmpm.Run:
-    """Rows against the way of the lid over the height: pressure and force of the lid."""
-    scene, *_ = packing(setting, speed)
-    start = at_rest(setting, kept)
-    height = float(start.walls[1, 1])
-    until = STRAIN * height / speed
-    dt = None if setting["chosen"] else until / max(1, round(STEPS / setting["pace"]))
-    scheme = scheme_of(setting, inertia=True, solver=meter)
+def squeeze(setting: Setting, meter: Meter, kept: Path, *, speed: float, rested: bool = True) -> skmpm.Run:
+    """Rows of pressure and force of the lid against its way from `REST` on over the height; 0 before.
 
-    def look(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
-        fraction = float(scene.initial_volumes.sum()) / float(state.walls[3, 0] * state.walls[1, 1])
-        way = 1.0 - float(state.walls[1, 1]) / height
-        return {
-            "way": way,
-            **discs.pressures(scene, state, fraction),
-        }
-
-    return skmpm.Run(scene, until, dt=dt, scheme=scheme, start=start, observe=look, simulate=meter.states)
-
-
-def whole(setting: Setting, meter: Meter, kept: Path, *, speed: float) -> skmpm.Run:
-    """The same from the loose packing on, without the rest; `way` is 0 up to `REST`."""
+    The run begins at rest, or from the loose packing.
+    """
     scene, height, thick = packing(setting, speed)
-    before, after = thick / REST, (1.0 - STRAIN) * thick / REST
-    steps = round(STEPS / setting["pace"] * (height - after) / (before - after))
-    until = (height - after) / speed
+    start = at_rest(setting, kept) if rested else None
+    rest = thick / REST if start is None else float(start.walls[1, 1])
+    way = STRAIN if rested else height / rest - 1.0 + STRAIN
+    until, steps = way * rest / speed, max(1, round(STEPS / setting["pace"] * way / STRAIN))
     scheme = scheme_of(setting, inertia=True, solver=meter)
 
     def look(scene: skmpm.Scene, state: skmpm.State) -> dict[str, float]:
         top = float(state.walls[1, 1])
-        return {"way": max(0.0, 1.0 - top / before), **discs.pressures(scene, state, thick / top)}
+        return {"way": max(0.0, 1.0 - top / rest), **discs.pressures(scene, state, thick / top)}
 
-    return skmpm.Run(scene, until, dt=until / steps, scheme=scheme, observe=look, simulate=meter.states)
+    dt = None if setting["chosen"] else until / steps
+    return skmpm.Run(scene, until, dt=dt, scheme=scheme, start=start, observe=look, simulate=meter.states)
 
 
 def squeeze_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
