@@ -20,7 +20,7 @@ from .penalty import Discs
 DEFAULT: Setting = {"mesh": 6, "penalty": 2.0, "courant": 0.9, "damping": 0.1, "mass": 1.0}
 MESHES = 4, 6, 8, 12
 HEAVIER = {"squeeze 0.2": (1e2, 1.0), "squeeze 0.02": (1e4, 1e2, 1.0)}  # masses: lids as if at 2 m/s
-LOOKS = 2000  # at a run
+LOOKS = 1000  # at a run
 Measured = dict[str, Any]
 
 
@@ -45,7 +45,8 @@ def squeezed(found: Discs, speed: float, until: float, meter: Meter) -> Measured
         rows.append((found.top, solid / area, found.virial() / area, lid, found.aspect_ratio()))
     meter.seconds, meter.steps, meter.points = found.seconds, found.steps, found.radii.size * found.mesh.mass.size
     meter.unknowns = 2 * meter.points
-    return dict(zip(("top", "fraction", "pressure", "lid", "alpha"), np.transpose(rows).tolist(), strict=True))
+    columns = [[float(f"{value:.7g}") for value in column] for column in zip(*rows, strict=True)]
+    return dict(zip(("top", "fraction", "pressure", "lid", "alpha"), columns, strict=True))
 
 
 def packing(setting: Setting, position: int, meter: Meter) -> Measured:

@@ -112,7 +112,7 @@ CASES |= {
         CASES[name],
         run=partial(speeds.squeeze, speed=speed, rested=False),
         reference=speeds.FINE,
-        second=speeds.SECOND,
+        second=None,
         settings=tuple(speeds.resolutions()),
     )
     for speed, name in zip(speeds.SPEEDS, speeds.RUNS, strict=True)

@@ -28,7 +28,6 @@ BINS = 5  # of the stroke, in which pressures are averaged
 PACES = (16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
 FINEST = {20.0: 0.4}  # pace of the reference, else 0.04: 160 steps, else 1600
 FINE = DEFAULT | {"cells": 12.0, "spacing": 0.5, "pace": 0.25}  # the reference beside finite elements
-SECOND = DEFAULT | {"cells": 10.0, "spacing": 0.5, "pace": 0.5}
 Measured = dict[str, Any]
 
 RADII = np.random.default_rng(3).uniform(0.7e-3, 1.2e-3, DISCS)
