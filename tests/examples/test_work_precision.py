@@ -273,9 +273,9 @@ def test_codes_are_compared_by_their_cheapest_runs_within_an_error(study):
     }
     runs = made(study, "squeeze 2", {k: e for k, (e, _) in levels.items()}, {k: c for k, (_, c) in levels.items()})
     runs |= {"fine": replace(next(iter(runs.values())), whys=frozenset({"reference"}), errors={"largest": 0.0})}
-    mine, others = results.both(results.Found({"squeeze 2": runs}), "squeeze 2")
+    mine, *others = results.codes(results.Found({"squeeze 2": runs}), "squeeze 2").values()
     assert len(mine) == 3
-    assert others == []
+    assert others == [[], []]
     assert results.cheapest(mine, 0.05).seconds == 2.0
     assert results.cheapest(mine, 0.005) is None
 

@@ -8,8 +8,9 @@ from typing import Any
 import matplotlib
 import numpy as np
 
+from . import results
 from .parameters import PRESETS
-from .results import BOTH, SCENES, Found, both, dial_runs, front
+from .results import BOTH, SCENES, Found, dial_runs, front
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -79,12 +80,10 @@ def codes(found: Found, path: Path) -> None:
     """Error against cost of this library and of explicit finite elements."""
     fig, axes = plt.subplots(1, len(BOTH), figsize=(18, 3.8), layout="constrained", sharey=True)
     for axis, scene in zip(axes, BOTH, strict=True):
-        for runs, name, mark, colour in zip(
-            both(found, scene), ("skmpm", "elements"), "ox", ("C0", "C3"), strict=True
-        ):
+        for (name, runs), style in zip(results.codes(found, scene).items(), ("C0o", "C3x", "C1+"), strict=True):
             known = [run for run in runs if np.isfinite(run.error)]
-            axis.plot(*of(known), mark, color=colour, ms=4, label=name)
-            axis.step(*of(front(known)), where="post", color=colour, lw=1.0)
+            axis.plot(*of(known), style, ms=4, label=name)
+            axis.step(*of(front(known)), style[:2], where="post", lw=1.0)
         finish(axis, f"{scene}{' m/s' * ('squeeze' in scene)}", found.floor(scene))
         axis.legend(fontsize=7)
     fig.savefig(path, dpi=80)

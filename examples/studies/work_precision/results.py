@@ -197,7 +197,11 @@ def cheapest(runs: list[Run], error: float) -> Run | None:
     return min((run for run in runs if run.error <= error), key=lambda run: run.seconds, default=None)
 
 
-def both(found: Found, scene: str) -> tuple[list[Run], list[Run]]:
-    """The runs by skmpm and by finite elements of a scene that both codes run, without references."""
+def codes(found: Found, scene: str) -> dict[str, list[Run]]:
+    """The runs of a scene by skmpm, without references, and by finite elements of true and of larger mass."""
     mine, others = (list(found.runs.get(name, {}).values()) for name in (scene, f"elements, {scene}"))
-    return [run for run in mine if not run.whys & {"reference", "second", "perturbed"}], others
+    return {
+        "skmpm": [run for run in mine if not run.whys & {"reference", "second", "perturbed"}],
+        "elements": [run for run in others if run.setting["mass"] == 1.0],
+        "more mass": [run for run in others if run.setting["mass"] > 1.0],
+    }

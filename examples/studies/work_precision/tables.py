@@ -8,8 +8,8 @@ import numpy as np
 
 from skmpm.preflight.suggest import LAWS
 
-from . import competitor, fits, scenes
-from .parameters import DEFAULT, PRESETS, SLOPES, Setting
+from . import competitor, fits, results, scenes
+from .parameters import BALANCED, DEFAULT, PRESETS, SLOPES, Setting
 from .results import (
     BOTH,
     INFLUENCE,
@@ -18,7 +18,6 @@ from .results import (
     Beating,
     Found,
     Run,
-    both,
     cheapest,
     dial_runs,
     slope,
@@ -214,14 +213,18 @@ def laws(found: Found) -> str:
 
 
 def codes(found: Found) -> str:
-    """The cheapest runs of this library and of explicit finite elements."""
+    """The cheapest runs of this library and of explicit finite elements, and what they cost over the first."""
     lines = []
     for scene in BOTH:
         for error in PRICED:
-            mine, other = (cheapest(runs, error) for runs in both(found, scene))
-            ratio = number(other.seconds / mine.seconds) if mine and other else "-"
-            cells = [(f"{number(run.seconds)} s, {percent(run)} %, " if run else "-") for run in (mine, other)]
-            cells[0] += about(mine.setting) if mine else ""
-            cells[1] += about(other.setting, competitor.DEFAULT) if other else ""
-            lines.append((scene, f"{100.0 * error:g}", *cells, ratio))
-    return table(("scene", "error at most %", "skmpm", "finite elements", "cost elements / skmpm"), lines)
+            mine, *others = (cheapest(runs, error) for runs in results.codes(found, scene).values())
+            cells = [priced(mine, BALANCED), *(priced(run, competitor.DEFAULT) for run in others)]
+            ratios = [number(run.seconds / mine.seconds) if run and mine else "-" for run in others]
+            lines.append((scene, f"{100.0 * error:g}", *cells, *ratios))
+    head = ("scene", "error at most %", "skmpm", "finite elements", "with more mass", "over skmpm", "with more mass")
+    return table(head, lines)
+
+
+def priced(run: Run | None, than: Setting) -> str:
+    """Cost, error and setting."""
+    return f"{number(run.seconds)} s, {percent(run)} %, {about(run.setting, than)}" if run else "-"
