@@ -8,7 +8,7 @@ import pytest
 import skmpm
 from examples import compaction
 
-SMALL = ["--discs", "12", "--start", "0.6", "--until", "0.75"]
+SMALL = ["--discs", "12", "--start", "0.66", "--until", "0.75"]
 
 
 def table(folder):
