@@ -22,6 +22,7 @@ from skmpm.scheme import Scheme
 
 R, DENSITY, G, FRICTION = 1e-3, 1000.0, 9.81, 0.5
 DT, SETTLED, END = 1e-4, 0.01, 0.03
+SOON = 0.022  # where tests end that need no more
 SLOPES = (0.5, 1.0, 2.0, 3.0, 6.0, 30.0)  # [degrees]
 CASES = 20  # of the table
 LUMPED = (
@@ -43,8 +44,8 @@ def meshed():
 
 
 @cache
-def acceleration(slope, placement, young=1e6, cells=5, spacing=8, mesh=False):
-    """Accelerations [g] along the wall and of the spin times R, by least squares over the last 14 ms; (2,)."""
+def acceleration(slope, placement, young=1e6, cells=5, spacing=8, mesh=False, until=END):
+    """Accelerations [g] along the wall and of the spin times R, by least squares from 16 ms on; (2,)."""
     turn = np.array(
         [[np.cos(placement.turn), -np.sin(placement.turn)], [np.sin(placement.turn), np.cos(placement.turn)]]
     )
@@ -60,7 +61,7 @@ def acceleration(slope, placement, young=1e6, cells=5, spacing=8, mesh=False):
 
     walls = [Wall(offset, turn[:, 1], friction=FRICTION)]
     found = []
-    for state in simulate(Scene([body], cell=R / cells, walls=walls, gravity=gravity), dt=DT, until=END):
+    for state in simulate(Scene([body], cell=R / cells, walls=walls, gravity=gravity), dt=DT, until=until):
         share = state.mass / state.mass.sum()
         arm = state.x - (state.x @ share)[:, None]
         spin = share @ (arm[0] * state.v[1] - arm[1] * state.v[0]) / (share @ (arm**2).sum(axis=0))
@@ -87,7 +88,7 @@ def test_the_midpoint_rule_does_not_brake_a_disc_that_rolls_on_a_plane(dt):
 def test_a_disc_rolls_down_any_slope(slope):
     """Within 2 %, of which lumped mass is 0.9 %; on the chord between two points it would stand below 3.6 degrees."""
     for placement in placements(2):
-        along, spin = errors(slope, placement)
+        along, spin = errors(slope, placement, until=SOON)
         assert abs(along) < 0.02
         assert spin == pytest.approx(along, abs=1e-3)
 
@@ -97,9 +98,8 @@ def wide(half_width):
     return (1.0 - 0.3**2) * DENSITY * G * R * (10.0 / half_width) ** 2
 
 
-@pytest.mark.parametrize("slope", [1.0, 10.0])
 @pytest.mark.parametrize("dt", [1e-3, None])
-def test_long_and_chosen_steps_lose_no_spin(slope, dt):
+def test_long_and_chosen_steps_lose_no_spin(dt, slope=1.0):
     """Within 3 %, while it rolls by 1.5 R: Newton's tolerance once took 17 % of its acceleration at one degree."""
     acting = 2.0 / 3.0 * G * np.sin(np.radians(slope))
     gravity = G * np.sin(np.radians(slope)), -G * np.cos(np.radians(slope))
@@ -117,21 +117,20 @@ def test_soft_discs_stop_on_gentle_slopes():
     0.15 cells are 0.24 segments.
     """
     placement = placements(2)[1]
-    assert abs(errors(1.0, placement, young=wide(0.15))[0]) < 0.02
+    assert abs(errors(1.0, placement, young=wide(0.15), until=SOON)[0]) < 0.02
     assert errors(1.0, placement, young=wide(0.5))[0] < -0.5
     assert abs(errors(6.0, placement, young=wide(0.5))[0]) < 0.12
 
 
-@pytest.mark.parametrize("slope", [1.0, 6.0])
-def test_a_disc_of_a_mesh_rolls(slope):
+def test_a_disc_of_a_mesh_rolls():
     """To 4 %: edges are straight, but the boundary is not. With midpoints on chords it rolled 2.6 times too fast."""
-    assert errors(slope, placements(2)[0], mesh=True) == pytest.approx(0.0, abs=0.04)
+    assert errors(1.0, placements(2)[0], mesh=True, until=SOON) == pytest.approx(0.0, abs=0.04)
 
 
 def test_what_remains_is_lumped_mass():
     """On 6 degrees the error is that of the moment of inertia, within 0.2 %, for R/h = 5 and, a quarter of it, 10."""
     for cells, spacing in ((5, 8), (10, 20)):
-        along, _ = errors(6.0, placements(2)[1], cells=cells, spacing=spacing)
+        along, _ = errors(6.0, placements(2)[1], cells=cells, spacing=spacing, until=SOON)
         assert along == pytest.approx(LUMPED * (5 / cells) ** 2, abs=2e-3)
 
 
@@ -141,8 +140,8 @@ def test_a_disc_at_rest_stays():
     There the stiffness of the cells below it differs to the left and to the right.
     """
     aligned, other = placements(2)
-    assert np.abs(acceleration(0.0, aligned)).max() < 1e-5
-    assert np.abs(acceleration(0.0, other)).max() < 1e-4
+    assert np.abs(acceleration(0.0, aligned, until=SOON)).max() < 1e-5
+    assert np.abs(acceleration(0.0, other, until=SOON)).max() < 1e-4
 
 
 def fall(degrees, rigid):
