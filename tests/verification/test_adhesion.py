@@ -24,6 +24,8 @@ from skmpm.points import Points, box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulate import initial
+from skmpm.simulate import step as advance
 
 E, NU, G, DENSITY = 1e6, 0.3, 10.0, 1000.0
 STIFFNESS = E / (1.0 - NU**2)  # E*
@@ -63,10 +65,11 @@ def placings(number, seed=5):
 
 
 @cache
-def block_pull_off(placing, c=1e-3 * E, range_=0.0, step=0.0025):
+def block_pull_off(placing, c=1e-3 * E, range_=0.0, step=0.0025, first=0.9, retries=True):
     """Stress over c at which the lower block falls: quasi-static, its weight grows by `step` c L in every step.
 
-    The range is in cells.
+    In the first step it is `first` c L. Without `retries` the first step that fails is the last. The range is in
+    cells.
     """
     turn, offset, width, height = rotation(placing.turn), placing.cell * np.array(placing.offset), 1.0, 0.6
 
@@ -85,11 +88,14 @@ def block_pull_off(placing, c=1e-3 * E, range_=0.0, step=0.0025):
         cohesion=c,
         cohesion_range=range_ * placing.cell,
     )
-    tension, state, dt = 0.0, None, 0.9
+    scheme = Scheme(inertia=False)
+    tension, state, dt = 0.0, initial(scene, scheme=scheme), first
     try:
         while True:
-            until = dt if state is None else state.t + dt
-            *_, state = simulate(scene, dt=dt, until=until, scheme=Scheme(inertia=False), start=state)
+            if retries:
+                *_, state = simulate(scene, dt=dt, until=state.t + dt, scheme=scheme, start=state)
+            else:
+                state = advance(scene, state, dt, scheme=scheme)
             tension, dt = -state.contacts.force[0].sum() / (c * width), step
     except StepFailed:
         return tension
@@ -106,7 +112,7 @@ def test_two_blocks_come_off_at_their_cohesion(placing, c, range_):
     The stress at single points scatters about the mean. With c / E = 0.01, those that bear c open by more than 0.001
     cells, which is open, before the others bear it too: without range the worst of 20 placings comes off at 0.9 c.
     """
-    assert block_pull_off(placing, c * E, range_) == pytest.approx(1.0, abs=0.01)
+    assert block_pull_off(placing, c * E, range_, first=0.95, retries=False) == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize("left, width, turn", [(0.0, 1.0, 0.0), (0.21, 0.43, 0.4), (-0.4, 1.0, 0.4)])
