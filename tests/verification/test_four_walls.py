@@ -90,9 +90,9 @@ def finite_elements(nu, n, strains):
     return np.array(found).T
 
 
-def reference(nu, n):
+def reference(nu, n, steps=60):
     """Pressure over E at FRACTIONS by finite elements, nan beyond the last strain."""
-    return np.interp(FRACTIONS, *finite_elements(nu, n, np.linspace(0.002, STRAIN, 60)), right=np.nan)
+    return np.interp(FRACTIONS, *finite_elements(nu, n, np.linspace(0.002, STRAIN, steps)), right=np.nan)
 
 
 # The same with material points.
@@ -121,8 +121,8 @@ def errors(cells, count, **options):
 
 @pytest.mark.parametrize("nu", list(TABLE))
 def test_the_table(nu):
-    """A coarse mesh gives it to 1 %."""
-    np.testing.assert_allclose(reference(nu, 12), TABLE[nu], rtol=0.01)
+    """A coarse mesh gives it to 1 %, between a few strains."""
+    np.testing.assert_allclose(reference(nu, 12, steps=20), TABLE[nu], rtol=0.01)
 
 
 @pytest.mark.parametrize(("cells", "count"), [(5, 4), (8, 2), pytest.param(16, 1, marks=pytest.mark.slow)])

@@ -175,7 +175,7 @@ def of_packing(eta, cells=4, theta=0.5, size=1e-5, until=15.0):
     rest = compacted(cells)
     k, v, C = np.pi / HEIGHT, np.zeros_like(rest.v), np.zeros_like(rest.C)
     v[1], C[1, 1] = size * np.sin(k * rest.x[1]), size * k * np.cos(k * rest.x[1])
-    first, _ = swings(rest, (v, C), 0.0, cells)
+    first, _ = swings(rest, (v, C), 0.0, cells, until=until)
     mode = one_mode(first, kinetic_decay(first)[1], size)
     plain, viscous = (swings(rest, mode, each, cells, theta, until=until) for each in (0.0, eta))
     (lost, omega), (found, slower) = kinetic_decay(plain[0]), kinetic_decay(viscous[0])
