@@ -54,12 +54,12 @@ def meanwhile(monkeypatch):
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_worker_that_ends_in_the_middle(client, tmp_path, meanwhile, number):
-    """Killed, or told to end: its member goes on from its checkpoint, all tables are those of loops by hand."""
-    members = [{"speed": speed, "slow": True} for speed in (1.0, 2.0, 0.5)]
+    """Killed, or told to end: its member goes on from its checkpoint, both tables are those of loops by hand."""
+    members = [{"speed": speed, "slow": True} for speed in (1.0, 2.0)]
     done, look = once_begun(tmp_path / "slow=True,speed=1.0", lambda process: os.kill(process, number))
     meanwhile(look)
     found = skmpm.sweep(ensembles.squeezed, members, out=tmp_path, client=client)
-    assert [member.status for member in found] == ["finished"] * 3
+    assert [member.status for member in found] == ["finished"] * 2
     for member in found:
         assert text(member) == ensembles.by_hand(member.parameters["speed"])
     sessions = found["slow=True,speed=1.0"].manifest["sessions"]
