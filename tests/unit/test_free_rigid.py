@@ -29,7 +29,7 @@ def centre(state, b):
     return np.average(state.x[:, own], axis=1, weights=state.mass[own])
 
 
-@pytest.mark.parametrize(("degrees", "mu"), [(0.5, 0.5), (6.0, 0.5), (30.0, 0.5), (30.0, 0.1)])
+@pytest.mark.parametrize(("degrees", "mu"), [(0.5, 0.5), (30.0, 0.5), (30.0, 0.1)])
 def test_a_disc_rolls_or_slides_down_a_slope(degrees, mu):
     """2/3 g sin where friction holds it, g (sin - mu cos) and a spin of 2 mu g cos / R where not, to 1e-3."""
     angle, until = np.deg2rad(degrees), 0.02

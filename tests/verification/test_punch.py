@@ -130,7 +130,6 @@ def test_small_radii_do_not_slip_between_the_points_of_the_block():
         {"friction": 0.3, "offset": (0.1, 0.7), "shift": 0.6},
         {"friction": 0.0, "averaged": True, "radius": 0.5},
         {"friction": 0.3, "offset": (0.3, 0.4), "shift": 0.37, "radius": 0.5},
-        {"friction": 0.3, "offset": (0.3, 0.4), "shift": 0.37, "radius": 1.0},
     ],
     ids=str,
 )
