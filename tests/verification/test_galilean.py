@@ -92,9 +92,9 @@ def ride(rings, *, cells=CELLS, drift=(0.0, 0.0), until=END, **options):
     return Ride(t, crossed, np.array(force), area, J, moving, tuple(states.values()))
 
 
-@pytest.mark.parametrize("points", POINTS)
+@pytest.mark.parametrize("points", ["2.5", "21"])
 def test_anchored_once_the_wall_force_stays_while_the_disc_is_moved_over_six_cells(points):
-    """R/h = 5; 2.5, 10 and 21 points per cell: the mean force within the goal of 1 % (1e-3 asserted) on the way.
+    """R/h = 5; 2.5 and 21 points per cell: the mean force within the goal of 1 % (1e-3 asserted) on the way.
 
     What is left is the inertia of the start and of the stop, and cancels between opposite plates to first order. The
     area inside the outline agrees with sum V0 det F within the goal of 0.5 %.
