@@ -421,10 +421,18 @@ def drawn(code, study, docs):
     return rows, (docs / "packing_ensemble.md").read_text()
 
 
+@pytest.fixture(scope="module")
+def made(code, ran, tmp_path_factory):
+    """The page of the small ensemble, once: its rows, its text and its directory, which tests copy."""
+    docs = tmp_path_factory.mktemp("made") / "docs"
+    return *drawn(code, ran, docs), docs
+
+
 @pytest.mark.slow
-def test_both_commands(code, ran, tmp_path):
+def test_both_commands(code, ran, made, tmp_path):
     """Study, then figures: the pictures that can be drawn, small ones, and a page with measured figures."""
-    rows, page = drawn(code, ran, tmp_path / "docs")
+    rows, page, docs = made
+    shutil.copytree(docs, tmp_path / "docs")
     pictures = {path.name: path.stat().st_size for path in (tmp_path / "docs" / "packing_ensemble").glob("*.png")}
     assert set(pictures) == {"figure2.png", "figure4.png", "pressure.png", "before.png"}
     written = {path.name for path in (tmp_path / "docs" / "packing_ensemble").iterdir()}
@@ -479,10 +487,10 @@ def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
 
 
 @pytest.mark.slow
-def test_another_machine_goes_on_from_what_stands_beside_the_page(code, ran, tmp_path):
+def test_another_machine_goes_on_from_what_stands_beside_the_page(code, ran, made, tmp_path):
     """Archived and restored: the same page, with the pictures of states as they were; members are not run again."""
-    rows, page = drawn(code, ran, tmp_path / "docs")
-    docs, study = tmp_path / "docs", tmp_path / "study"
+    rows, page, docs = made
+    docs, study = shutil.copytree(docs, tmp_path / "docs"), tmp_path / "study"
     kept = (docs / "packing_ensemble" / "figure4.png").read_bytes()
     options = ["--study", str(ran), "--docs", str(docs)]
     code.archive.main(code.archive.parser().parse_args(options))
