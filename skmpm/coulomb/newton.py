@@ -82,29 +82,6 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     return best, count
 
 
-def newton(p: Problem, x: Iterate, tol: float, limit: int, gain: float, shortest: float) -> tuple[Iterate, int]:
-    """Take Newton steps while the natural-map residual decreases; return the last iterate and the number of steps.
-
-    Iterates may leave the friction cones, because steps restricted to the cones are far shorter; the iterate returned
-    is clipped to them. Contact states are those of r - gain u, with `gain` in units of the largest eigenvalue of W~.
-    """
-    r, u, gain, factor = x.r, x.u, gain * p.largest, None
-    natural_residual, count, alpha = p.natural_residual(r, u, gain), 0, 1.0
-    while count < limit and alpha >= shortest:
-        state = contact_states((r - gain * u + p.slide)[: p.contacts], p.mu)
-        d, factor = _step(p, r, state, ACCURACY * tol * p.reference, factor)
-        d_u, count, alpha = p.W @ d, count + 1, 1.0
-        while alpha >= shortest:
-            new = p.natural_residual(r + alpha * d, u + alpha * d_u, gain)
-            if new < (1.0 - 1e-3 * alpha) * natural_residual:
-                r, u, natural_residual = r + alpha * d, u + alpha * d_u, new
-                break
-            alpha *= 0.5
-        if natural_residual < tol and (end := p.at(p.clip_to_cone(r))).error <= tol:
-            return end, count
-    return p.at(p.clip_to_cone(r)), count
-
-
 def contact_states(a: Array, mu: Array) -> States:
     """The states of contacts (k,) at a = r - gain u, of normal rows or of normal and tangential rows."""
     a_n, a_t, mu = split(a, mu)
@@ -117,8 +94,8 @@ def _step(
     r: Array,
     state: States,
     accuracy: float,
-    known: _Factor | None = None,
-    tolerance: float = TOLERANCE,
+    known: _Factor | None,
+    tolerance: float,
 ) -> tuple[Array, _Factor | None]:
     """Newton step for the states (k,): u_n = 0 if closed, u_t = 0 if sticking, r_t = +-mu r_n if slipping.
 

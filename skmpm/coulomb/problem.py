@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -73,23 +72,6 @@ class Problem:
     negative: int | None = None  # `Bilateral.negative`
     blocks: Ints | None = None  # (m,) label of the block of each row, of weakly coupled ones; None: strongly coupled
 
-    @cached_property
-    def largest(self) -> float:
-        """Bound of the largest eigenvalue of W~ of the contacts."""
-        return _largest_eigenvalue(self.W[: self.contacts, : self.contacts])
-
-    @property
-    def of_contacts(self) -> Problem:
-        """The problem of the contacts alone: bilateral unknowns follow impulses at once."""
-        k = self.contacts
-        if k == self.q.size:
-            return self
-        columns = self.W[:, k:].toarray() if is_sparse(self.W) else self.W[:, k:]
-        rows = self.W[k:, :k].toarray() if is_sparse(self.W) else self.W[k:, :k]
-        response = np.linalg.solve(columns[k:].T, columns[:k].T).T
-        W, slide = np.asarray(self.W[:k, :k] - response @ rows), np.broadcast_to(self.slide, self.q.shape)[:k]
-        return replace(self, W=W, q=self.q[:k] - response @ self.q[k:], slide=slide)
-
     def at(self, r: Array, u: Array | None = None) -> Iterate:
         """Return r with its velocities, computed if not given, and its residual."""
         u = self.W @ r + self.q if u is None else u
@@ -101,16 +83,6 @@ class Problem:
     def clip_to_cone(self, r: Array) -> Array:
         """Clip the impulses of the contacts to their friction cones."""
         return np.concatenate([clip_to_cone(r[: self.contacts], self.mu), r[self.contacts :]])
-
-    def pressed(self, impulse: float) -> Iterate:
-        """The iterate with a normal impulse of impulse |q~| at every contact."""
-        normal = np.arange(self.q.size) % (self.contacts // self.mu.size) == 0
-        normal[self.contacts :] = False
-        return self.at(impulse * float(np.linalg.norm(self.q)) * normal)
-
-    def natural_residual(self, r: Array, u: Array, gain: float) -> float:
-        """Residual of Alart & Curnier's natural map, which Newton's method reduces; gain > 0 is arbitrary."""
-        return float(np.linalg.norm(r - self.clip_to_cone(r - gain * u))) / self.reference
 
     def near(self, r: Array, weight: float) -> Problem:
         """The proximal problem at r, with velocities u + weight (r_new - r) at the contacts."""
@@ -197,15 +169,6 @@ def _slide(W: Matrix, response: Array, q: Array, contacts: int, k: int) -> Array
     slide = np.zeros_like(q)
     slide[rows] = np.where(largest < ZERO_ENTRY, -LARGE_IMPULSE * np.sign(q[rows]), 0.0)
     return slide
-
-
-def _largest_eigenvalue(W: Matrix) -> float:
-    """Bound the largest eigenvalue of W~: power iterations with a margin of 20 %, at most the largest row sum."""
-    x = 1.0 + np.sin(np.arange(W.shape[0]))  # without the symmetries of W, so not orthogonal to the eigenvector
-    for _ in range(8):
-        x = W @ (x / max(float(np.linalg.norm(x)), TINY))
-    bound = min(1.2 * float(np.linalg.norm(x)), float(abs(W).sum(axis=1).max()))
-    return bound if bound > 0.0 else 1.0
 
 
 def unscaled(x: Array, u: Array, slope: Array, s: Array, mu: Array) -> Array:

@@ -316,7 +316,7 @@ RUNS = {
     "ride": partial(ride, False),
     "rigid_mu0.0": partial(rigid, 40, 0.7, 0.0),
     "rigid_mu0.5": partial(rigid, 40, 0.7, 0.5),
-    "bodies_mu1.5_300": lambda: [random_bodies(20, 300, 1.5, 1e-3, 3)],
+    "bodies_mu1.0_300": lambda: [random_bodies(20, 300, 1.0, 1e-3, 3)],
 }
 
 
