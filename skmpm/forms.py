@@ -97,10 +97,6 @@ def ghost_matrix(mesh: MeshQuad, facets: NDArray[np.int64], cell: float) -> Any:
     return sum((-1.0) ** (i + j) * jump.assemble(sides[i], sides[j], h_facet=cell) for i in (0, 1) for j in (0, 1))
 
 
-def _unit_square() -> MeshQuad:
-    return MeshQuad(np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]), np.arange(4)[:, None])
-
-
 def reference_gradient() -> Array:
     """Coefficients of 1, xi, eta in the gradients of the shape functions of the unit cell, (3, 2, 4)."""
     X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
