@@ -14,7 +14,7 @@ the tip. Contacts are detected up to a distance, the reach, and kept from step t
 """
 
 from skmpm.contact.boundary import check_outlines, point_to_curve
-from skmpm.contact.closest_points import lasting_force
+from skmpm.contact.closest_points import lasting_force, with_largest_forces
 from skmpm.contact.constraints import Constraints, ContactFormulation, Linearise, acts_at_grid_nodes
 from skmpm.contact.grid_nodes import shared_grid
 from skmpm.contact.lattice_keys import recut_keys
@@ -32,4 +32,5 @@ __all__ = [
     "point_to_curve",
     "recut_keys",
     "shared_grid",
+    "with_largest_forces",
 ]

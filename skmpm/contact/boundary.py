@@ -248,6 +248,7 @@ def _constraints(
         own_shares=combinations(found.own, np.where(found.travel > 0.0, found.own_shares, 0.0), points),
         along=found.along,
         travel=found.travel,
+        wide_from=near.shifts.wide_from_of(found.key),
         rigid=motion.points.T / dt,
         surfaces=moving,
         offset_normal=(found.gap - allowed) / dt - now,

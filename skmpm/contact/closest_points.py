@@ -9,7 +9,8 @@ and friction are those of this point.
 
 Under load the surfaces flatten against each other. In a contact wider than a segment every boundary point bears its
 part of the load, and the closest point, which is that of small unevennesses, has no meaning. Therefore the shift
-decreases with the half-width that the contact has under its force by Hertz's theory, and is zero in a wide one.
+decreases with the half-width that the contact has by Hertz's theory under the force between the two bodies, and is
+zero in a wide one. A static step is solved again if a contact has become wide in it.
 
 A change dF of that force moves the contact by up to b = (length turn / 8) dF / F = 0.6 dF / E*, F the force of a wide
 contact. In a step in which waves do not cross a cell it is inertia that resists this, m = rho h^2 / 2 of a node, and
@@ -19,7 +20,7 @@ open and close in turn. There the force is a mean over steps, of which the last 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +30,10 @@ from skmpm.contact.constraints import lookup
 from skmpm.contact.feet import foot_of, nearest_of_group
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import MAX_DEPTH, wall_keys
-from skmpm.contact.shifts import NO_SHIFTS, Shifts, guard_keys, guarded
+from skmpm.contact.shifts import NO_SHIFTS, Shifts, guarded
 from skmpm.contact.tables import among, joined
 from skmpm.outline import Cubics, Loops, tangent
-from skmpm.scene import Contacts, Scene
+from skmpm.scene import Contacts, Scene, between_bodies, pair_numbers
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -56,8 +57,8 @@ def closest_points(
 ) -> Shifts:
     """Shifts of contact points from boundary points to the closest points in the configuration `ahead`.
 
-    `walls` (walls, 2) [m] are points of the walls then, and `contacts` those of the last step. The points may `slide`
-    with the iterate.
+    `walls` (walls, 2) [m] are points of the walls then, and `contacts` those of the last step or solve. The points
+    may `slide` with the iterate.
     """
     if near.point.size == 0 and walls.size == 0:
         return NO_SHIFTS
@@ -68,10 +69,20 @@ def closest_points(
     return _shifts(joined(found), contacts, slide=slide)
 
 
-def lasting_force(contacts: Contacts, key: Ints, force: Array, courant: float) -> Array:
-    """The lasting forces (k,) [N/m] of contacts after a step of c dt / h = `courant` with forces (k,) [N/m]."""
-    known = lookup(contacts.key, contacts.lasting_force, key, 0.0)
-    return np.asarray(known + min(FOLLOWS * courant**2, 1.0) * (force - known))
+def lasting_force(before: Contacts, contacts: Contacts, courant: float) -> Array:
+    """The lasting forces (k,) [N/m] of the contacts at the end of a step of c dt / h = `courant`."""
+    known = lookup(pair_numbers(before.bodies), before.lasting_force, pair_numbers(contacts.bodies), 0.0)
+    now = between_bodies(contacts.bodies, contacts.force[0])
+    return np.asarray(known + min(FOLLOWS * courant**2, 1.0) * (now - known))
+
+
+def with_largest_forces(before: Contacts, contacts: Contacts) -> Contacts:
+    """All these contacts, those of each pair of bodies with the larger one of their lasting forces."""
+    both = joined([before, contacts])
+    pair = np.unique(pair_numbers(both.bodies), return_inverse=True)[1]
+    largest = np.zeros(pair.size)
+    np.maximum.at(largest, pair, both.lasting_force)
+    return replace(both, lasting_force=largest[pair])
 
 
 @dataclass(frozen=True)
@@ -79,6 +90,7 @@ class _Minima:
     """Segments on which the gap has a minimum."""
 
     key: Ints  # (2, k) contacts of their ends
+    bodies: Ints  # (2, k) in contact; walls are -1, -2, ...
     slope: Array  # (2, k) of the gap at their ends
     turn: Array  # (k,) against the other surface in the reference [rad]
     length: Array  # (k,) in the reference [m]
@@ -103,7 +115,8 @@ def _on_wall(scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics
     )
     c, (*slope, turn, length) = found[:size], values[:, :size]
     key = wall_keys(curve, i, np.stack([c, boundary.next[c]]))
-    return _Minima(key, np.stack(slope), turn, length, scene.compliance[boundary.body[c]])
+    bodies = np.stack([boundary.body[c], np.full(size, -1 - i)])
+    return _Minima(key, bodies, np.stack(slope), turn, length, scene.compliance[bodies[0]])
 
 
 def _on_bodies(scene: Scene, near: Neighbours, ahead: Cubics, reference: Array) -> _Minima:
@@ -117,8 +130,9 @@ def _on_bodies(scene: Scene, near: Neighbours, ahead: Cubics, reference: Array) 
     groups = (near.ends, near.point, near.segment, curve.side, chosen, most)
     size = _minima_on_bodies(*groups, ahead.x, ahead.c, curve.loops, reference, found, values)
     (one, other, foot), (*slope, turn, length) = found[:, :size], values[:, :size]
-    compliance = scene.compliance[owner[c[one]]] + scene.compliance[owner[foot]]
-    return _Minima(near.key[np.stack([one, other])], np.stack(slope), turn, length, compliance)
+    bodies = np.stack([owner[c[one]], owner[foot]])
+    key, compliance = near.key[np.stack([one, other])], scene.compliance[bodies].sum(axis=0)
+    return _Minima(key, bodies, np.stack(slope), turn, length, compliance)
 
 
 @compiled
@@ -222,9 +236,10 @@ def _turn(i: int, x: Array, loops: Loops) -> tuple[float, float]:
 
 def _shifts(at: _Minima, contacts: Contacts, *, slide: bool) -> Shifts:
     """The shifts of contacts at the ends of segments on which the slope of the gap changes its sign."""
-    keys = np.concatenate([at.key, guard_keys(at.key)])
-    force = lookup(contacts.key, contacts.lasting_force, keys.ravel(), 0.0).reshape(4, -1).sum(axis=0)
-    width = np.sqrt(4.0 / np.pi * np.maximum(force, 0.0) * at.compliance * at.length / at.turn) / at.length
+    force = lookup(pair_numbers(contacts.bodies), contacts.lasting_force, pair_numbers(at.bodies), 0.0)
+    wide, soft = np.full(force.size, np.inf), at.compliance > 0.0  # forces that make contacts as wide as a segment
+    np.divide(0.25 * np.pi * at.length * at.turn, at.compliance, out=wide, where=soft)
+    width = np.sqrt(np.maximum(force, 0.0) / wide)
     if slide:
         turn = np.maximum(at.slope[1] - at.slope[0], LEAST_TURN * at.turn)
         share, s = (width < SLIDING).astype(float), np.clip(0.5 - 0.5 * at.slope.sum(axis=0) / turn, 0.0, 1.0)
@@ -234,5 +249,5 @@ def _shifts(at: _Minima, contacts: Contacts, *, slide: bool) -> Shifts:
         s, travel = at.slope[0] / (at.slope[0] - at.slope[1]), np.zeros(width.size)
     contact = np.where(s > 0.5, at.key[1], at.key[0])
     shift = share * np.where(s > 0.5, s - 1.0, s)
-    found = Shifts(contact, shift, 0.125 * at.length * at.turn, travel)
+    found = Shifts(contact, shift, 0.125 * at.length * at.turn, travel, SLIDING**2 * wide)
     return among(found, share > 0.0 if slide else guarded(shift))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skmpm.contact.feet import MIN_CURVATURE_FACTOR
 from skmpm.contact.rows import components
 from skmpm.grid import BodyGrids
-from skmpm.scene import PrescribedVelocities, Scene, State
+from skmpm.scene import PrescribedVelocities, Scene, State, pair_numbers
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,6 +45,7 @@ class Constraints:
     own_shares: sp.csr_array  # (k, m) weights of contact points in the first surface's unit tangent [1/m]
     along: Array  # (k,) cosine between the tangents of both surfaces
     travel: Array  # (k,) of the contact point per turn of both surfaces against each other [m]; 0 if it is fixed
+    wide_from: Array  # (k,) normal force between the bodies that makes a contact too wide to travel [N/m]
     rigid: Array  # (m, 2) velocities of the contact points on rigid bodies, zero on others [m/s]
     surfaces: Array  # (2, k) relative velocity by the motion of walls and of periodic images [m/s]
     offset_normal: Array  # (k,) [m/s]
@@ -61,10 +62,7 @@ class Constraints:
     @cached_property
     def pairs(self) -> Ints:
         """Number of the pair of bodies, or of body and wall, of each contact, (k,)."""
-        low, high = np.minimum(*self.bodies), np.maximum(*self.bodies)
-        first = int(low.min(initial=0))
-        number = (high - first) * (int(high.max(initial=0)) - first + 1) + low - first
-        return np.asarray(np.unique(number, return_inverse=True)[1])
+        return np.asarray(np.unique(pair_numbers(self.bodies), return_inverse=True)[1])
 
     @cached_property
     def prescribed(self) -> Array:
@@ -224,7 +222,7 @@ def no_constraints(base: sp.csr_array) -> Constraints:
     none, two, rows = np.zeros(0), np.zeros((2, 0)), sp.csr_array((0, base.shape[0]))
     no_index, no_pair = np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
     return Constraints(
-        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none, rows, none, none),
+        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none, rows, none, none, none),
         *(np.zeros((base.shape[0], 2)), two, none, none, none, none, two),
     )
 

@@ -170,6 +170,7 @@ def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids)
         own_shares=sp.csr_array(difference.shape),
         along=np.zeros(k.size),
         travel=np.zeros(k.size),
+        wide_from=np.full(k.size, np.inf),
         rigid=np.zeros((grid.nodes, 2)),
         surfaces=prescribed,
         offset_normal=np.einsum("ik,ik->k", normal, prescribed),

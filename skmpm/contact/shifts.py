@@ -28,6 +28,7 @@ class Shifts:
     shift: Array  # (n,) between -1/2 and 1/2, not zero [segments]
     sagitta: Array  # (n,) of a segment against the other surface [m]
     travel: Array  # (n,) along the outline per slope of the gap there [m]; 0 where places are fixed in a step
+    wide_from: Array  # (n,) [N/m] normal force between the bodies that makes a contact too wide to slide
 
     def of(self, key: Ints) -> Array:
         """Shifts (k,) of the contacts with keys (k,)."""
@@ -36,6 +37,10 @@ class Shifts:
     def travel_of(self, key: Ints) -> Array:
         """How far contacts travel along their outlines per slope of the gap, (k,) [m]."""
         return lookup(self.key, self.travel, key, 0.0)
+
+    def wide_from_of(self, key: Ints) -> Array:
+        """Normal forces between bodies that make contacts too wide to slide, (k,) [N/m]; infinite if none does."""
+        return lookup(self.key, np.where(self.travel > 0.0, self.wide_from, np.inf), key, np.inf)
 
     def kept_overlap(self, key: Ints) -> Array:
         """Overlap at the start of the step that remains, (k,) [m].
@@ -46,7 +51,7 @@ class Shifts:
         return lookup(self.key, self.sagitta, key, 0.0)
 
 
-NO_SHIFTS = Shifts(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+NO_SHIFTS = Shifts(np.zeros(0, dtype=np.int64), *np.zeros((4, 0)))
 
 
 def guarded(shift: Array) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ several times, with a metric for M, each time about the solution before (`static
 """
 
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.implicit.contact_problem import ContactProblem, KnownForces
+from skmpm.implicit.contact_problem import ContactIterate, ContactProblem, KnownForces
 from skmpm.implicit.end import End, carried, end_of_step
 from skmpm.implicit.errors import StepRejected, pair
 from skmpm.implicit.follower_pressure import FollowerPressure
@@ -31,6 +31,7 @@ from skmpm.implicit.timer import Timer
 __all__ = [
     "Bulk",
     "Configuration",
+    "ContactIterate",
     "ContactProblem",
     "End",
     "FollowerPressure",

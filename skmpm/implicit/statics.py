@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
-from skmpm.implicit.contact_problem import ContactProblem
+from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.newton import advance
@@ -28,6 +28,7 @@ from skmpm.implicit.rigid_motion import RigidMotion
 from skmpm.implicit.timer import Timer
 from skmpm.implicit.unbalanced_motion import no_equilibrium
 from skmpm.linear import Solver
+from skmpm.scene import between_bodies
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -48,14 +49,15 @@ LASTING = 0.5  # of the solve before: a resultant that is larger meets no resist
 WORK = 0.1  # over Newton's tolerance: work of M (w - v0) that is negligible beside that of the other forces
 LIGHTEST = 0.1  # smallest force on a body that counts, over the mean of all: rattlers bear almost none
 
-Problems = Callable[[Array], ContactProblem | None]
+Problems = Callable[[Array, ContactIterate | None], ContactProblem | None]
 
 
 def settle(increment: Increment, problem_at: Problems, kept: Solver | None, timer: Timer, stroke: float) -> Solution:
     """The equilibrium at the end of a step.
 
-    `problem_at` gives the contact problem with the contact points at a velocity (2 nodes,) [m/s]. The `kept` factor
-    is of use where supports hold all bodies. Prescribed motions may move bodies by `stroke` [m].
+    `problem_at` gives the contact problem with the contact points at a velocity (2 nodes,) [m/s], for the contact
+    forces of the solve before. The `kept` factor is of use where supports hold all bodies. Prescribed motions may
+    move bodies by `stroke` [m].
 
     Raises
     ------
@@ -64,7 +66,7 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
     """
     motion, solved = RigidMotion.of(increment), list[Solution]()
     centre, w = increment.v0, increment.initial_guess()
-    problem = problem_at(w)
+    problem = problem_at(w, None)
     metric = _Metric.of(increment, motion, _unheld(increment, motion, problem, w))
     kept = None if metric.share.any() else kept
     change = _Change.none(increment.grid.bodies)
@@ -84,16 +86,26 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
         if metric.too_far(moved):
             continue
         centre = w = found.w
-        if change.negligible(increment.scheme.newton_tol):
+        settled = change.negligible(increment.scheme.newton_tol)
+        if settled and not _widened(found.contact):
             return _equilibrium(trial, change, solved)
-        if metric.follows(moved):
+        if not settled and metric.follows(moved):
             break
-        problem = problem_at(w)
+        problem = problem_at(w, found.contact)
         problem = None if problem is None else problem.after(found.contact)
     if not solved:
         raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
     body = int(np.argmax(np.where(metric.moving > 0, metric.moving, change.share)))
     raise no_equilibrium(increment, motion, solved[-1], len(solved), body, float(change.share[body]))
+
+
+def _widened(contact: ContactIterate | None) -> bool:
+    """Whether contacts whose points slide have become too wide for that."""
+    if contact is None:
+        return False
+    at = contact.constraints
+    force = at.forces(contact.r, contact.increment.dt)[0]
+    return bool((between_bodies(at.bodies, force) >= at.wide_from).any())
 
 
 def _equilibrium(increment: Increment, change: _Change, solved: list[Solution]) -> Solution:

@@ -1,7 +1,7 @@
 """The scene (`Scene`), its state (`State`), and the checks of both."""
 
 from skmpm.scene.check import MAX_OVERLAP, TOUCHING, check_walls_at_start, overlaps
-from skmpm.scene.contacts import Contacts
+from skmpm.scene.contacts import Contacts, between_bodies, pair_numbers
 from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
 from skmpm.scene.gravity import gravity_at
@@ -48,6 +48,7 @@ __all__ = [
     "Support",
     "Wall",
     "at_rest",
+    "between_bodies",
     "centres",
     "check_fits",
     "check_initial_positions",
@@ -67,6 +68,7 @@ __all__ = [
     "motion",
     "normal_speeds",
     "overlaps",
+    "pair_numbers",
     "plastic_strain",
     "prescribed_motions",
     "prescribed_velocities",

@@ -10,7 +10,9 @@ from numbers import Real
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.contact import with_largest_forces
 from skmpm.implicit import (
+    ContactIterate,
     ContactProblem,
     Increment,
     KnownForces,
@@ -37,7 +39,7 @@ from skmpm.simulate.forces import (
     external_force,
     follower_pressure,
 )
-from skmpm.simulate.grid_to_points import end_state, kept_configuration, kept_solver, velocity_at_start
+from skmpm.simulate.grid_to_points import contacts_of, end_state, kept_configuration, kept_solver, velocity_at_start
 from skmpm.simulate.initial_guess import continued_motion
 from skmpm.simulate.initial_state import check_cohesion, check_scheme, touches
 from skmpm.simulate.regrid import (
@@ -172,11 +174,15 @@ def _equilibrium(
     timer: Timer,
 ) -> Solution:
     """The solution of a step without inertia; motions are prescribed that are at most as fast as this [m/s]."""
+    contacts = state.contacts
 
-    def problem_at(w: Array) -> ContactProblem | None:
+    def problem_at(w: Array, found: ContactIterate | None) -> ContactProblem | None:
+        nonlocal contacts
+        if found is not None:
+            contacts = with_largest_forces(contacts, contacts_of(found.constraints, found.r, increment.dt))
         v = state.v.copy()
         v[:, scene.deformable_points] = increment.grid.at_points(w)
-        return problem_of(replace(state, v=v))
+        return problem_of(replace(state, v=v, contacts=contacts))
 
     return settle(increment, problem_at, kept, timer, increment.dt * fastest)
 

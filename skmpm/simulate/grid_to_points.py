@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.contact import lasting_force
+from skmpm.contact import Constraints, lasting_force
 from skmpm.implicit import Configuration, End, Increment, Solution
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
@@ -57,7 +57,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
     )
     if prescribed.any():
         x[:, prescribed], v[:, prescribed] = _carried(state, motions, prescribed, dt)
-    contacts, wall_force = _contacts(scene, state.contacts, solution, end, dt)
+    contacts, wall_force = _contacts(scene, state.contacts, solution, end, increment)
     box, contacts = recut_box(scene, motions.box, contacts)
     return replace(
         state,
@@ -147,23 +147,32 @@ def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
     return (increment.dt, *options, scene.materials_by_group)
 
 
-def _contacts(scene: Scene, before: Contacts, solution: Solution, end: End, dt: float) -> tuple[Contacts, Array]:
+def _contacts(
+    scene: Scene, before: Contacts, solution: Solution, end: End, increment: Increment
+) -> tuple[Contacts, Array]:
     """The contacts with their forces (2, k), and the forces on the walls, (walls, 2) [N/m]."""
     wall_force = np.zeros((len(scene.walls), 2))
     if solution.contact is None:
         return Contacts.none(), wall_force
-    constraints, force = solution.contact.constraints, solution.contact.constraints.forces(end.impulses, dt)
+    constraints = solution.contact.constraints
+    contacts = contacts_of(constraints, end.impulses, increment.dt)
     on_wall = constraints.bodies[1] < 0
-    on_walls = -(force[0] * constraints.normal + force[1] * constraints.tangent)[:, on_wall]
-    np.add.at(wall_force, -1 - constraints.bodies[1, on_wall], on_walls.T)
+    np.add.at(wall_force, -1 - constraints.bodies[1, on_wall], -contacts.vectors[:, on_wall].T)
+    if increment.scheme.inertia:
+        courant = increment.dt * scene.fastest_wave / scene.cell
+        contacts = replace(contacts, lasting_force=lasting_force(before, contacts, courant))
+    return contacts, wall_force
+
+
+def contacts_of(constraints: Constraints, impulses: Array, dt: float) -> Contacts:
+    """The contacts of constraints, with the forces of their impulses."""
     return Contacts(
         constraints.bodies,
         constraints.x,
         constraints.normal,
-        force,
+        constraints.forces(impulses, dt),
         constraints.gap,
         constraints.key,
         constraints.point,
         constraints.image,
-        lasting_force(before, constraints.key, force[0], dt * scene.fastest_wave / scene.cell),
-    ), wall_force
+    )

@@ -196,11 +196,14 @@ def squeezed(turn, **options):
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 1.3])
 def test_a_quasi_static_disc_does_not_turn_inside_its_shape(turn):
-    """Without the condition 300 iterations in the first of 25 steps, and 0.05 rad in one of them."""
+    """Without the condition 300 iterations in the first of 25 steps, and 0.05 rad in one of them.
+
+    The second step is solved twice, since the contacts become wide in it.
+    """
     _, states = squeezed(turn)
     assert sum(state.report.retries for state in states) == 0
     iterations = [state.report.newton for state in states]
-    assert sum(iterations) <= 60 and max(iterations) <= 4
+    assert sum(iterations) <= 60 and max(iterations) <= 6
     assert max(abs(spin(state)) for state in states) * 0.004 < 5e-4
 
 

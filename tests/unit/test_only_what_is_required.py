@@ -441,11 +441,15 @@ def test_without_inertia_no_mass_enters_the_matrix_and_no_kinetic_energy_is_summ
 
 
 def test_held_bodies_are_solved_once_without_a_metric():
-    """A static step of a body that supports hold is one solve of Newton's method, as a dynamic step is."""
+    """A static step of a body that supports hold is one solve of Newton's method, as a dynamic step is.
+
+    The first two are solved again, since the contact has become too wide for a point that slides.
+    """
     held = {"supports": [Support(lambda x: x[1] < 0.0)]}
-    for options, scheme in (({}, Scheme()), (held, Scheme(inertia=False))):
-        calls, (*_, state) = run(squeezed(gravity=(0.0, -1.0), **options), scheme)
-        assert (calls.named("newton.advance"), state.report.solves) == (STEPS, 1)
+    for options, scheme, solves in (({}, Scheme(), [1, 1, 1, 1]), (held, Scheme(inertia=False), [2, 2, 1, 1])):
+        calls, states = run(squeezed(gravity=(0.0, -1.0), **options), scheme)
+        assert [state.report.solves for state in states] == solves
+        assert calls.named("newton.advance") == sum(solves)
 
 
 def test_nodes_that_keep_their_velocities_get_no_momentum_from_points():

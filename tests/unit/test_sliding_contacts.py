@@ -73,3 +73,16 @@ def test_images_that_a_far_motion_brings_are_among_those_that_face_sides(monkeyp
     step(scene, initial(scene, scheme=scheme), 0.5, scheme=scheme)
     assert len({start for _, start in sizes}) == 2
     assert all(facing == start for facing, start in sizes)
+
+
+@pytest.mark.parametrize(("cells", "slide"), [(5, True), (20, False)])
+def test_a_contact_that_becomes_wide_in_a_step_ends_at_boundary_points(cells, slide):
+    """A disc pressed by 0.01 R in one step: half-widths of 2 segments at R/h = 20, 0.2 at 5 and a fifth of it."""
+    h, depth = R / cells, 0.01 * R * (0.2 if slide else 1.0)
+    walls = [Wall((0, y), (0, -np.sign(y)), velocity=(0, -np.sign(y) * depth)) for y in (R, -R)]
+    scene, scheme = Scene([Body(disc((0, 0), R, spacing=0.74 * h), GEL)], cell=h, walls=walls), Scheme(inertia=False)
+    state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
+    contacts = state.contacts
+    off = np.hypot(*(contacts.x - state.x[:, contacts.point]))[contacts.force[0] > 0.0].max()
+    assert (off > 0.01 * h) == slide
+    assert (state.report.solves == 1) == slide

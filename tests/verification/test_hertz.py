@@ -390,8 +390,9 @@ PLACED = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.4), (0.87, 0.6, 0.9), (0.44, 0.06, 2.1
 def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cells):
     """Approach of 0.01 R one or two boundary points under a plate: it turns until they balance.
 
-    Linear disc: two solves, ten iterations at most (up to 19, or no end, with springs that keep it from turning).
-    Wall forces are equal and opposite to Newton's tolerance.
+    Linear disc: its contacts become wide in the first solve, and the next ones find where it lies on its boundary
+    points. At R/h = 5 it turns by a quarter of a cell to there, and solves that go too far are repeated. Wall forces
+    are equal and opposite to Newton's tolerance.
     """
     cell, normal = 1.0 / cells, np.array([-np.sin(angle), np.cos(angle)])
     phase = angle + 0.37
@@ -402,7 +403,8 @@ def test_a_frictionless_disc_finds_its_balance_wherever_it_lies(x, y, angle, cel
     walls = [Wall(middle + s * normal, -s * normal, velocity=-0.01 * s * normal) for s in (1.0, -1.0)]
     scene, scheme = Scene([body], cell=cell, walls=walls), Scheme.accurate(inertia=False)
     state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
-    assert state.report.newton <= 10 and state.report.factorisations == state.report.solves <= 2
+    newton, solves = (20, 13) if cells == 5 else (10, 3)
+    assert state.report.newton <= newton and state.report.factorisations == state.report.solves <= solves
     assert np.abs(state.wall_force.sum(axis=0)).max() < 1e-5 * np.abs(state.wall_force).max()
 
 
