@@ -60,6 +60,8 @@ def simulate(
     *,
     until: float,
     dt: float | None = None,
+    max_dt: float | None = None,
+    waves: bool | None = None,
     scheme: Scheme = Scheme(),  # noqa: B008
     start: State | None = None,
     progress: bool = False,
@@ -69,9 +71,11 @@ def simulate(
     """Yield the state after every step until `t >= until` [s]; the last step is shortened to end there.
 
     Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
-    other, or more where something is driven, and where waves set the pace, they travel a tenth of the radius of the
-    smallest body (`simulate.step_length`). Steps are shorter while Newton's method takes many iterations, and a
-    sixteenth as long after a failure. Quasi-static steps under loads that are functions of time need dt.
+    other, or more where something is driven, and a step loses at most 1e-5 of the largest energy so far, unless six
+    or more bodies are driven or fall (`simulate.step_length`). Steps are shorter while Newton's method takes many
+    iterations, and a sixteenth as long after a failure. No chosen step is longer than `max_dt` [s]. With `waves` all
+    resolve waves, which travel a tenth of the radius of the smallest body in each; if that is False, no loss of
+    energy limits them. Quasi-static steps under loads that are functions of time need dt.
 
     With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
     length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always
@@ -99,7 +103,8 @@ def simulate(
         scene: if numbers of points, walls, supports or grid nodes, the body or mass of a point, rigid bodies, or the
         normal or order of walls differ, or (unless `scheme.anchor` is finite) the positions of points at t = 0
     ValueError
-        if dt is not positive, until is negative, not finite or before the time of `start`, or scheme is not a Scheme
+        if dt or max_dt is not positive, if one of max_dt and waves is given beside dt, if until is negative, not
+        finite or before the time of `start`, or if scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
         if the directory of the checkpoint does not exist, or the checkpoint is a directory
     """
@@ -107,6 +112,10 @@ def simulate(
     check_scheme("simulate", scheme)
     if dt is not None:
         check_time("simulate: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
+        if max_dt is not None or waves is not None:
+            raise ValueError(f"simulate: dt = {dt:g} s and max_dt = {max_dt!r}, waves = {waves!r}; give dt or these")
+    if max_dt is not None:
+        check_time("simulate: max_dt", max_dt, SHORTEST, "None, or the longest step to choose")
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:
         check_fits(scene, start, "start")
@@ -123,7 +132,8 @@ def simulate(
     if warn and first.report.dt == 0.0:
         for found in preflight(scene, dt, scheme=scheme, until=until or None).warnings:
             _log.warning("preflight: %s", found)
-    pace = pace_of(scene, scheme, first.step_control.began, until) if dt is None else None
+    began = first.step_control.began
+    pace = pace_of(scene, scheme, began, until, max_dt=max_dt, waves=waves) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))
 
 

@@ -37,7 +37,7 @@ def first_step(scene: Scene, scheme: Scheme) -> float:
 
 
 def chosen_steps(scene: Scene, scheme: Scheme, until: float) -> int:
-    """The number of steps of a run without dt, if Newton's method shortens none."""
+    """The number of steps of a run without dt, if neither Newton's method nor losses shorten any."""
     parts = until * (np.arange(PARTS) + 0.5) / PARTS
     return ceil(float((until / PARTS / np.minimum(_lengths(scene, scheme, parts, until), until)).sum()) - 1e-9)
 

@@ -16,10 +16,9 @@ from skmpm.preflight.cost import chosen_steps, first_step, seconds_of_step
 from skmpm.preflight.limits import PreflightWarning
 from skmpm.preflight.metrics import SceneMetrics, examine
 from skmpm.representation import table
-from skmpm.scene import Scene, check_scene, prescribed_motions
+from skmpm.scene import Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.loading import loading_of
 from skmpm.simulate.step_length import MAX_APPROACH, STROKE
 from skmpm.units import quantity
 
@@ -85,22 +84,12 @@ def preflight(
     if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen
         lid, approach = min(metrics.lid, STROKE), min(metrics.approach, MAX_APPROACH)
         metrics = replace(metrics, waves=False, lid=lid, approach=approach, fall=0.0)
-    chosen = {"step": _chosen(scene, step, scheme)} if dt is None else {}
+    chosen = {"step": f"chosen, {step:.3g} s at first"} if dt is None else {}
     if until is not None:
         steps = chosen_steps(scene, scheme, until) if dt is None else ceil(until / dt - 1e-9)
         metrics = replace(metrics, steps=steps)
     cost = {"cost": _cost(metrics)}
     return Preflight(_lines(scene, metrics, scheme) | cost | chosen, warnings_of(scene, metrics, scheme))
-
-
-def _chosen(scene: Scene, step: float, scheme: Scheme) -> str:
-    """The step, and whether all resolve waves; what moves by functions of time may do so later only."""
-    loading, text = loading_of(scene), f"chosen, {step:.3g} s at first"
-    driving = (each for wall in scene.walls for each in (wall.force, wall.pressure))
-    stress = None if scene.periodic is None else scene.periodic.stress
-    moving = (scene.gravity, stress, *driving, *prescribed_motions(scene))
-    resolved = scheme.inertia and loading.every_step and not any(callable(each) for each in moving)
-    return f"{text}; all resolve waves: {loading.why}" if resolved else text
 
 
 def _lines(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> dict[str, str]:

@@ -23,7 +23,6 @@ from skmpm.simulate.initial_state import can_touch, driven, initial_motion
 Array = NDArray[np.float64]
 
 SEVERAL = 6  # bodies that forces move, from which on errors at contacts average out, as in a packing
-BOUNCE = 0.01  # [cells] height of a bounce that need not be accurate; gaps are found a quarter of a cell ahead
 ROUND_OFF = 1e-9  # over the largest gravity, of one that turns
 SLOPE = 0.1  # component of a wall's normal against gravity from which on the wall is a floor
 
@@ -39,14 +38,6 @@ class Loading:
     driven: float  # fastest wall, support or rigid body [m/s]
     approach: float  # bound on relative velocities, at t = 0 or after falling [m/s]
     fall: float  # free height [m]
-    settles: bool  # whether nothing but gravity moves bodies, which rest on something
-    impact: float  # normal speed at contacts from which on waves matter to falling bodies [m/s]
-    release: float  # speed that contacts give a body in the time of a wave, from which on it is released [m/s]
-
-    @property
-    def every_step(self) -> bool:
-        """Whether every chosen step resolves waves, if bodies have inertia, not only those with impacts."""
-        return self.waves and not self.settles
 
 
 def loading_of(scene: Scene, times: Iterable[float] = (0.0,), inertia: bool = True) -> Loading:
@@ -60,15 +51,13 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,), inertia: bool = Tr
     # At the start where loads or springs act, too: what these cause when gravity has been applied is to be resolved.
     g = gravity_of(scene, times[0]) if scene.loads or scene.springs else strongest
     each = [(list(driven_by_force(scene, t)), list(driven(scene, t))) for t in times]
-    given = max((speed for _, moved in each for _, speed in moved), default=0.0)
     every = chain(*(chain(*both) for both in each))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max()) if inertia else 0.0
     height = free_height(scene, g) if can_touch(scene) else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*g) * height))
-    drop = fall if inertia and fall > _settling(scene, g) else 0.0
+    drop = fall if inertia and fall > settling(scene, g) else 0.0
     kind, why, speed = _kind(scene, own, prescribed, drop, name)
-    settled = max(_settling(scene, strongest), _bounce(scene, strongest))
     ends = np.stack([v.min(axis=1), v.max(axis=1)])
     passing = max(np.hypot(*np.ptp(np.concatenate([ends, scene.wall_velocities(t)]), axis=0)) for t in times)
     return Loading(
@@ -79,15 +68,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,), inertia: bool = Tr
         prescribed,
         float(np.hypot(passing, fall)),
         height,
-        kind == "pressing" and speed == 0.0 and bool(g.any()),
-        max(settled, 2.0 * given) if strongest.any() and not _several(scene) else np.inf,
-        np.inf if _several(scene) else max(settled, given),
     )
-
-
-def _bounce(scene: Scene, g: Array) -> float:
-    """Speed with which a body rises by `BOUNCE` against gravity g (2,) [m/s]."""
-    return float(np.sqrt(2.0 * np.hypot(*g) * BOUNCE * scene.cell))
 
 
 def _several(scene: Scene) -> bool:
@@ -111,7 +92,7 @@ def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -
     return "pressing", "bodies can touch and nothing moves at t = 0", 0.0
 
 
-def _settling(scene: Scene, g: Array) -> float:
+def settling(scene: Scene, g: Array) -> float:
     """Speed g L / c at which a body of height L settles by its own weight when gravity g (2,) is switched on [m/s].
 
     A fall that ends slower, from less than half of rho g L^2 / (lambda + 2 mu), moves it less than that.

@@ -14,7 +14,7 @@ from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
 from skmpm.simulate.driven import moving
-from skmpm.simulate.step_length import MAX_CHANGE, Pace, moves_too_far, next_length
+from skmpm.simulate.step_length import MAX_CHANGE, TWICE, Pace, moves_too_far, next_length
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
@@ -129,7 +129,6 @@ def advance_with_chosen_step(
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
     limit, unheld = _limits(scene, state, left, scheme, pace)
-    limit = pace.during(scene, state, state.contacts, limit)
     length = wanted = min(limit, chosen or limit)
     if length < left < 2.0 * length:  # the last two are equal: forces on what accelerates depend on their ratio
         length = 0.5 * left
@@ -137,9 +136,9 @@ def advance_with_chosen_step(
     while True:
         try:
             after = step(scene, state, length, scheme=scheme)
-            shorter = pace.during(scene, state, after.contacts, length)
-            if shorter < length:  # an impact begins in this step
-                limit, length = shorter, max(shorter, length / CUT)
+            lasting = pace.by_loss(scene, scheme, state, after)
+            if TWICE * lasting < length:  # as where an impact begins in this step
+                limit, length = lasting, max(lasting, length / CUT)
                 continue
             if length > unheld and moves_too_far(scene, after, length):  # what contacts held begins to move
                 limit = length = unheld
@@ -155,6 +154,7 @@ def advance_with_chosen_step(
         # A step that `until` shortens says nothing about the length of the next one.
         by_end = length == left < chosen or length == halved < wanted
         chosen = (chosen or wanted) if by_end else next_length(length, report.newton / report.solves)
+        chosen = min(chosen, 0.9 * lasting)
         t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
         return replace(after, t=t, report=report, step_control=replace(state.step_control, chosen=chosen)), failures
 

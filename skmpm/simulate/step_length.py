@@ -1,13 +1,16 @@
 """The length of steps where none is given (`simulate(..., dt=None)`).
 
-Three distances limit a step: those that driven objects move, and bodies past each other, by their present
-velocities and gravity, which are the limits of `preflight`; and, where waves set the pace (`simulate.loading`),
-0.1 R, with R the radius of the smallest body, which is what `Scheme.balanced` is meant for
-(docs/studies/work_precision.md); not the waves that gravity causes in bodies at rest when it begins to act. In slow
-motion the limit is a displacement, so that the number of steps does not depend on the speed of a lid.
+Two distances limit a step, that by which driven objects move and that of bodies past each other, by their present
+velocities and gravity: the limits of `preflight`. In slow motion the limit is a displacement, so that the number of
+steps does not depend on the speed of a lid.
+
+The energy that a step loses limits it as well. Backward Euler loses 1/2 |v1 - v0|_M^2; of that the part of the
+rigid motions of bodies counts, since vibrations within bodies die anyway. It may be `LOSS` of the largest energy so
+far: impacts are resolved, and what swings or slides. A free fall loses nothing, since gravity does as much work more.
+Where many bodies are driven or fall, impacts are so many that their errors average out, and losses do not count.
 
 Below the limit, steps follow the number of Newton iterations: the next one is sqrt(4 / iterations) times as long, in
-quasi-static steps sqrt(15 / iterations), at least half and at most twice. Contacts that rearrange take more
+quasi-static steps by the mean of the solves, at least half and at most twice. Contacts that rearrange take more
 iterations and then shorter steps. A step that fails is repeated with a sixteenth of its length, since rearrangements
 are 10 to 100 times faster than the loading.
 """
@@ -19,14 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Contacts, Scene, SceneError, State
+from skmpm.scene import Scene, SceneError, State, centres, fitted_motions
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
-from skmpm.simulate.driven import Moving, moving
+from skmpm.simulate.driven import Moving, driven_by_force, moving
 from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
-from skmpm.simulate.impacts import normal_speed, pushed_away
 from skmpm.simulate.initial_state import can_touch, driven
-from skmpm.simulate.loading import Loading, gravity_of, loading_of, smallest_radii
+from skmpm.simulate.loading import SEVERAL, gravity_of, settling, smallest_radii, strongest_gravity
 
 Array = NDArray[np.float64]
 
@@ -37,6 +39,10 @@ MAX_APPROACH = 0.2  # [cells] of bodies past each other, up to which collisions 
 # 0.7 to 0.94, took 284 steps, 11 retries and 55 s with 4, 195 steps, 25 retries and 56 s with 8.
 AIM = 4
 MAX_CHANGE = 2.0  # of the length, from one step to the next
+LOSS = 1e-5  # of the largest energy so far: 1/2 |v1 - v0|^2 in a step, which backward Euler loses
+VIBRATIONS = 1e-3  # share that counts of what velocities within bodies lose: vibrations die anyway
+TWICE = 2.0  # over the step that loses as much as it may: a longer one is repeated
+REST = 0.01  # [cells] height of a bounce that need not be accurate; gaps are found a quarter of a cell ahead
 SAMPLES = np.linspace(0.0, 1.0, 5)  # of a step, where prescribed velocities are taken
 
 
@@ -44,9 +50,10 @@ SAMPLES = np.linspace(0.0, 1.0, 5)  # of a step, where prescribed velocities are
 class Pace:
     """What limits the steps of a run."""
 
-    loading: Loading
-    radius: float  # of the smallest body [m]
-    wave: float  # speed of the fastest pressure wave [m/s]
+    resolving: float  # the longest step that resolves waves [s]; losses limit no shorter ones
+    longest: float  # that is allowed [s]
+    losses: bool  # whether the energy that steps lose limits them
+    negligible: float  # energy [J/m] below which losses do not matter
     room: float  # largest displacement of bodies past each other [m]
     functions: FunctionsOfTime
 
@@ -66,38 +73,70 @@ class Pace:
         `forces_at` is the time of gravity, by default t, and `box` (2, 2) the edges of a periodic box, by default
         those at the start.
         """
-        longest = min(left, *self._of_motion(scene, t, now, forces_at)) if scheme.inertia else left
+        longest = min(left, self.longest)
+        if scheme.inertia:
+            longest = min(longest, *self._of_motion(scene, t, now, forces_at))
         return _within_stroke(scene, t, self.functions.followed(t, longest, self.resolving), box)
 
     def _of_motion(self, scene: Scene, t: float, now: Moving, forces_at: float | None) -> list[float]:
-        """What waves and the motions of bodies allow [s]."""
+        """What the motions of bodies allow [s]."""
         limits = [_time(STROKE * scene.cell, now.speed, now.acceleration)]
-        if self.loading.every_step:
-            limits.append(self.resolving)
         if can_touch(scene):
-            others = np.delete(scene.wall_velocities(t), scene.driven_walls, axis=0)
-            speed = float(np.hypot(*np.ptp(np.concatenate([now.v, others.T], axis=1), axis=1)))
             gravity = gravity_of(scene, t if forces_at is None else forces_at)
-            limits.append(_time(self.room, speed, float(np.hypot(*gravity))))
+            limits.append(_time(self.room, _relative_speed(scene, t, now.v), float(np.hypot(*gravity))))
         return limits
 
-    @property
-    def resolving(self) -> float:
-        """The longest step that resolves waves [s]."""
-        return WAVES * self.radius / self.wave
+    def by_loss(self, scene: Scene, scheme: Scheme, before: State, after: State) -> float:
+        """The step [s] that loses as much energy as it may, from a step of another length."""
+        length = after.report.dt
+        largest = after.report.energy.largest
+        if not (self.losses and scheme.inertia) or largest <= self.negligible:
+            return np.inf
+        lost = _lost(scene, before, after)
+        allowed = max(LOSS * largest, 0.5 * scene.mass * _driven_at(scene, after.t, after.box) ** 2)
+        return max(self.resolving, length * float(np.sqrt(allowed / max(lost, 1e-300))))
 
-    def during(self, scene: Scene, state: State, contacts: Contacts, length: float) -> float:
-        """A length [s], or that which resolves waves if some contacts are impacts at the velocities of a state.
 
-        Or if contacts push a body away, as one that was compressed and is released.
-        """
-        if length <= self.resolving:
-            return length
-        impact = self.loading.impact < np.inf and normal_speed(state, contacts) > self.loading.impact
-        if not impact and self.loading.release < np.inf:
-            criterion = (self.loading.release, self.radius / self.wave)
-            impact = any(pushed_away(scene, state, t, *criterion) for t in (state.t, state.t + length))
-        return self.resolving if impact else length
+def _driven_at(scene: Scene, t: float, box: Array | None = None) -> float:
+    """The speed of the fastest thing that moves as prescribed at time t, or that a force gives to waves [m/s]."""
+    every = (*driven(scene, t, box), *driven_by_force(scene, t))
+    return max((speed for _, speed in every), default=0.0)
+
+
+def _lost(scene: Scene, before: State, after: State) -> float:
+    """Energy [J/m] that backward Euler loses in a step by changes of velocities, but for free fall.
+
+    All of it counts by which rigid motions change, and a share of that of points. As a body turns, velocities of its
+    points change by omega^2 r dt, too, unless it is rigid.
+    """
+    mass, owner, bodies, dt = scene.masses, scene.owner, len(scene.bodies), after.report.dt
+    fall = dt * gravity_of(scene, after.t)[:, None]
+    own, of_points = scene.movable[owner], _square(after.v - before.v, fall)
+    one, two = (fitted_motions(state.x, state.v, mass, owner) for state in (before, after))
+    arm = after.x - centres(after.x, mass, owner)[:, owner]
+    inertia = np.bincount(owner, mass * (arm**2).sum(axis=0), bodies)
+    turning = np.where(scene.deformable, dt * two[2] ** 2, 0.0)
+    of_bodies = np.bincount(owner, mass, bodies) * _square(two[:2] - one[:2], fall)
+    of_bodies += inertia * ((two[2] - one[2]) ** 2 + turning**2)
+    return 0.5 * float(of_bodies[scene.movable].sum() + VIBRATIONS * (mass[own] @ of_points[own]))
+
+
+def _square(change: Array, fall: Array) -> Array:
+    """Squares (k,) of changes of velocities (2, k), or of what they are beside those of a free fall."""
+    return np.asarray(np.minimum((change**2).sum(axis=0), ((change - fall) ** 2).sum(axis=0)))
+
+
+def _relative_speed(scene: Scene, t: float, v: Array) -> float:
+    """A bound on speeds of bodies past each other, and to or from walls, from velocities v (2, k) [m/s].
+
+    What slides along a wall, or flies beside one, comes no closer to anything else if it is alone.
+    """
+    given = np.delete(np.arange(len(scene.walls)), scene.driven_walls)
+    normal, walls = scene.normals[:, given], scene.wall_velocities(t)[given].T
+    to_walls = np.abs(normal.T @ v - (normal * walls).sum(axis=0)[:, None])
+    alone = len(scene.bodies) == 1 and scene.driven_walls.size == 0 and scene.periodic is None
+    between = 0.0 if alone else float(np.hypot(*np.ptp(np.concatenate([v, walls], axis=1), axis=1)))
+    return max(between, float(to_walls.max(initial=0.0)))
 
 
 def moves_too_far(scene: Scene, after: State, length: float) -> bool:
@@ -122,8 +161,18 @@ def _within_stroke(scene: Scene, t: float, dt: float, box: Array | None) -> floa
         dt = max(0.5 * dt if np.isfinite(dt) else 0.0, stroke / fastest)
 
 
-def pace_of(scene: Scene, scheme: Scheme, began: float, until: float) -> Pace:
+def pace_of(
+    scene: Scene,
+    scheme: Scheme,
+    began: float,
+    until: float,
+    *,
+    max_dt: float | None = None,
+    waves: bool | None = None,
+) -> Pace:
     """What limits the steps of a run or a stage from `began` to `until` [s], wherever it was interrupted.
+
+    With `waves` all steps resolve waves; if that is False, no loss of energy limits them. `max_dt` [s] does.
 
     Raises
     ------
@@ -132,12 +181,24 @@ def pace_of(scene: Scene, scheme: Scheme, began: float, until: float) -> Pace:
     """
     times = np.linspace(began, until, TIMES if until > began else 1)
     functions = FunctionsOfTime.of(scene, scheme.theta, times)
-    loading = loading_of(scene, times[:1] if functions.none else times)
     if functions.of_bodies and not scheme.inertia:
         raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
-    # Where something is driven, collisions of bodies that are loose between others need not be accurate.
-    room = max_motion(scene) if loading.driven > 0.0 else MAX_APPROACH * scene.cell
-    return Pace(loading, float(smallest_radii(scene).min()), scene.fastest_wave, room, functions)
+    looked_at = times[:1] if functions.none else times
+    driven_at = max(_driven_at(scene, float(t)) for t in looked_at)
+    gravity = strongest_gravity(scene, looked_at)
+    many = int(scene.movable.sum()) >= SEVERAL and (driven_at > 0.0 or bool(gravity.any()))
+    # What loads and springs cause is to be followed, however small beside what gravity does.
+    weight = np.zeros(2) if scene.loads or scene.springs else gravity
+    resolving = WAVES * float(smallest_radii(scene).min()) / scene.fastest_wave
+    return Pace(
+        resolving,
+        min(np.inf if max_dt is None else max_dt, resolving if waves else np.inf),
+        not many if waves is None else waves,
+        scene.mass * float(0.5 * settling(scene, weight) ** 2 + np.hypot(*weight) * REST * scene.cell),
+        # Where something is driven, the flight of bodies that are loose between others need not be accurate.
+        max_motion(scene) if driven_at > 0.0 else MAX_APPROACH * scene.cell,
+        functions,
+    )
 
 
 def next_length(length: float, newton: float) -> float:

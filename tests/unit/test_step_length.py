@@ -15,7 +15,6 @@ from skmpm.preflight import preflight
 from skmpm.run import simulate
 from skmpm.scene import (
     Body,
-    Contacts,
     Load,
     Periodic,
     Pressure,
@@ -31,7 +30,6 @@ from skmpm.scheme import Scheme
 from skmpm.simulate import initial
 from skmpm.simulate.driven import Moving
 from skmpm.simulate.functions_of_time import FunctionsOfTime
-from skmpm.simulate.impacts import normal_speed
 from skmpm.simulate.loading import loading_of
 
 STEP_CONTROL = import_module("skmpm.simulate.step_control")
@@ -86,10 +84,25 @@ def test_a_lid_moves_by_the_verified_part_of_a_cell_whatever_its_speed():
     assert min(counts) <= 12  # 0.2 R is 1 cell
 
 
-def test_waves_that_set_the_pace_travel_a_tenth_of_the_radius():
+def test_steps_resolve_waves_where_that_is_wanted_and_in_impacts():
+    """A thrown disc that bounces; 2 steps of a fifth of a cell before it touches, and none with waves=False."""
     scene = Scene([ball(1.02 * R, velocity=(0.0, -1.0))], cell=CELL, walls=[Wall((0, 0), (0, 1))])
-    states = list(simulate(scene, until=3e-5))
-    assert max(s.report.dt for s in states) == pytest.approx(0.1 * R / WAVE, rel=1e-3)
+    runs = {waves: list(simulate(scene, until=8e-5, waves=waves)) for waves in (None, True, False)}
+    resolving = 0.1 * R / WAVE
+    assert max(s.report.dt for s in runs[True]) == pytest.approx(resolving, rel=1e-3)
+    pressed = [s.report.dt for s in runs[None] if (s.contacts.force[0] > 0.0).any()]
+    assert max(pressed) < 3.0 * resolving < max(s.report.dt for s in runs[None])
+    assert rising(runs[None]) == pytest.approx(rising(runs[True]), rel=0.01)
+    assert len(runs[False]) < 0.2 * len(runs[None]) < 0.2 * len(runs[True])
+
+
+def test_no_chosen_step_is_longer_than_allowed():
+    states = list(simulate(pressed((0.0, -0.1)), until=1e-3, max_dt=3e-5))
+    assert max(s.report.dt for s in states) == pytest.approx(3e-5)
+    with pytest.raises(ValueError, match=r"dt = 1e-05 s and max_dt = 3e-05, waves = None; give dt or these"):
+        simulate(pressed((0.0, -0.1)), until=1e-3, dt=1e-5, max_dt=3e-5)
+    with pytest.raises(ValueError, match=r"simulate: max_dt = 0; give None, or the longest step"):
+        simulate(pressed((0.0, -0.1)), until=1e-3, max_dt=0)
 
 
 def rising(states):
@@ -127,18 +140,16 @@ def test_a_rebound_converges_with_the_step():
     assert 0.94 < found[2] < 0.97
 
 
-@pytest.mark.parametrize(
-    ("gap", "motion"), [(0.005, {"velocity": (0.0, -0.3)}), (0.3, {})], ids=["thrown", "dropped"]
-)
-def test_impacts_of_free_rigid_bodies_are_resolved(gap, motion):
+def test_impacts_of_free_rigid_bodies_are_resolved():
     """Gravity made them pass for bodies that settle: nine steps, and a rebound of a third."""
     pad = Body(box((0.0, 0.0), (4 * R, R), spacing=0.74 * CELL), GEL)
-    grain = Body(disc((2 * R, (2.0 + gap) * R), R, spacing=0.74 * CELL), Rigid(8000.0), **motion)
+    grain = Body(disc((2 * R, 2.005 * R), R, spacing=0.74 * CELL), Rigid(8000.0), velocity=(0.0, -0.3))
     scene = Scene([pad, grain], cell=CELL, walls=[Wall((0, 0), (0, 1))], gravity=(0.0, -9.81))
-    states = simulate(scene, until=0.1)
-    touching = next(s for s in states if (s.contacts.force[0, (s.contacts.bodies == 1).any(axis=0)] > 0.0).any())
-    resolved = [touching.report.dt, *(next(states).report.dt for _ in range(3))]
-    assert max(resolved) <= 0.1 * R / WAVE
+    chosen, short = (list(simulate(scene, until=6e-4, dt=dt)) for dt in (None, 0.1 * R / WAVE))
+    fastest = [max(float(s.v[1, s.body == 1].mean()) for s in run) for run in (chosen, short)]
+    assert fastest[0] == pytest.approx(fastest[1], rel=0.01)
+    assert fastest[0] > 0.2
+    assert len(chosen) < 0.6 * len(short)
 
 
 def test_a_disc_that_falls_by_little_comes_to_rest_where_short_steps_bring_it():
@@ -149,21 +160,6 @@ def test_a_disc_that_falls_by_little_comes_to_rest_where_short_steps_bring_it():
     chosen_height, short_height = (np.average(s[-1].x[1], weights=s[-1].mass) for s in (chosen, short))
     assert chosen_height == pytest.approx(short_height, abs=1e-4 * CELL)
     assert len(chosen) < 0.15 * len(short)
-
-
-def test_the_normal_speed_of_a_contact_is_zero_where_a_disc_rolls_and_relative_to_walls():
-    states = list(simulate(pressed((0.0, -1e-2)), until=4 * R))
-    state = next(s for s in states if (s.contacts.force[0] > 0.0).any())
-    spin = np.zeros_like(state.v)
-    spin[0], spin[1] = -(state.x[1] - R), state.x[0] - np.average(state.x[0], weights=state.mass)
-    still = replace(state, v=np.zeros_like(state.v), wall_velocity=np.zeros_like(state.wall_velocity))
-    assert normal_speed(still, state.contacts) == 0.0
-    assert normal_speed(replace(still, v=spin), state.contacts) < 0.05 * R
-    moved = replace(still, v=np.tile([[0.0], [3.0]], state.v.shape[1]))
-    assert normal_speed(moved, state.contacts) == pytest.approx(3.0)
-    moving_walls = replace(moved, wall_velocity=np.tile([0.0, 3.0], (len(state.walls), 1)))
-    assert normal_speed(moving_walls, state.contacts) == pytest.approx(0.0, abs=1e-12)
-    assert normal_speed(still, Contacts.none()) == 0.0
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-6])
@@ -195,7 +191,7 @@ def test_gravity_that_grows_slowly_sets_no_pace_of_waves():
 
 
 def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
-    """By a third of the amplitude in four periods where it slides most of the time, as docs/limits.md says."""
+    """To 8 % of the amplitude in four periods where it slides most of the time, as docs/limits.md says."""
     period, until, slide = 0.2, 0.77, 0.3 * 9.81
     omega = 2.0 * np.pi / period
     fastest = 5.0 * slide / omega
@@ -216,7 +212,7 @@ def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
         *_, state = simulate(scene, until=until, dt=given)
         moved = np.average(state.x[0] - scene.initial_positions[0], weights=state.mass)
         errors.append(abs(moved - at) / (fastest / omega))
-    assert 0.2 < errors[0] < 0.5
+    assert errors[0] < 0.1
     assert errors[1] < 0.01
 
 
@@ -240,7 +236,7 @@ def test_a_load_elsewhere_does_not_hide_impacts_under_ramped_gravity():
 
 @pytest.mark.parametrize("rigid", [False, True], ids=["a wall", "a rigid body"])
 def test_a_floor_that_shakes_is_warned_of_where_chosen_steps_change(caplog, rigid):
-    """A block on a floor that shakes at 0.8 of gravity lifts off twice in ten periods, which a dt prevents."""
+    """A floor that shakes at 0.8 of gravity bears up to 1.8 of a block's weight, to a tenth with chosen steps."""
     omega, side = 2.0 * np.pi * 50.0, 0.02
     block = Body(box((0, 0), (side, side), spacing=side / 8), NeoHookean(1e6, 0.3, 1000.0))
 
@@ -267,7 +263,7 @@ def test_a_floor_that_shakes_is_warned_of_where_chosen_steps_change(caplog, rigi
     assert "lift off" not in text
     exact = 1.0 + 0.8 * np.sin(np.pi / 14.0 * np.arange(1, 56, 2))
     assert fixed == pytest.approx(exact, abs=0.3)
-    assert max(chosen) > 2.0  # 1.8
+    assert max(chosen) == pytest.approx(1.8, abs=0.1)
 
 
 def test_a_lid_that_shakes_above_a_body_is_not_warned_of(caplog):
@@ -354,13 +350,13 @@ def test_a_motion_that_starts_at_rest_is_followed():
                 ),
             ],
             cell=CELL,
-            walls=[Wall((0, 0), (0, 1), friction=0.5)],
+            walls=[Wall((0, 0), (0, 1))],
         ),
     ]
     for scene in motions:
         states = list(simulate(scene, until=period))
         assert states[0].report.dt <= period / 8
-        assert 10 < len(states) < 400
+        assert 10 < len(states) < 500  # the rigid body throws the disc, whose impacts take most of them
         if scene.walls and callable(scene.walls[-1].velocity):
             t = np.array([s.t for s in states])
             exact = 2.0 * R - 0.025 * R * (1.0 - np.cos(2.0 * np.pi * t / period))
@@ -659,16 +655,6 @@ def test_preflight_tells_the_first_chosen_step_and_does_not_warn_of_it():
     assert f"step      chosen, {0.14 * CELL / 0.1:.3g} s at first\n" in text
     assert "a step; verified for lids" not in text
     assert "step      chosen" not in str(preflight(pressed((0.0, -0.1)), 1e-5))
-
-
-def test_preflight_tells_where_all_steps_resolve_waves():
-    """A load that grows in a second has as many steps as one that acts at once, which nobody was told."""
-    ramp = Load(lambda x: x[1] > 1.8 * R, lambda t: (0.0, -min(t, 1.0)))
-    scene = Scene([ball()], cell=CELL, walls=[Wall((0, 0), (0, 1))], loads=[ramp])
-    assert " s at first; all resolve waves: bodies can touch and nothing moves at t = 0\n" in str(preflight(scene))
-    assert "resolve waves" not in str(preflight(replace(scene, gravity=(0.0, -1.0))))
-    assert "resolve waves" not in str(preflight(scene, 1e-5))
-    assert "resolve waves" not in str(preflight(pressed(lambda t: (0.0, -0.01 * min(t, 1.0)))))
 
 
 def test_a_run_goes_on_from_any_state_as_if_it_had_not_been_interrupted():
