@@ -12,7 +12,7 @@ from skmpm.implicit.statics import TOO_FAR
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
-from skmpm.simulate.energy_budget import Budget
+from skmpm.simulate.budget import Budget
 from skmpm.simulate.initial_state import can_touch
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
 
     Each of the `solves` of a static step detects contacts anew; those after the first may move bodies further.
     """
-    if not (np.isfinite(budget.elastic) and float(after.volume.min()) > 0.0):
+    if not (np.isfinite(budget.elastic[1]) and float(after.volume.min()) > 0.0):
         worst = int(np.argmin(determinant(after.F)))
         b, material = int(after.body[worst]), material_at(scene, worst)
         linear = not isinstance(material, Rigid) and is_linear(material)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,27 +10,20 @@ from numpy.typing import NDArray
 from skmpm.implicit import End, Increment, Solution
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity, normal_speeds, velocity_at
 from skmpm.simulate.box_motion import mean_gradient
+from skmpm.simulate.budget import Budget
 from skmpm.simulate.rigid_state import RigidState, kinetic_energy, rigid_state
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class OwnEnergy:
-    """Kinetic energies, and the work on them that the budget of bodies on grids lacks [J/m].
-
-    That budget takes what they do at contacts for work of prescribed motions.
-    """
-
-    kinetic: tuple[float, float]  # at the start and at the end of the step
-    work: float  # of the forces that move them, and that of contacts on them
-
-
 def own_energies(
     scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State
-) -> Iterator[OwnEnergy]:
-    """The energies of a solved step."""
+) -> Iterator[Budget]:
+    """The energies of a solved step, and the work that the budget of bodies on grids lacks.
+
+    That takes what free bodies and driven walls do at contacts for work of prescribed motions.
+    """
     if scene.free_rigid.size:
         yield _free_bodies(scene, state, increment, solution, end, after)
     if scene.driven_walls.size and increment.scheme.inertia:
@@ -43,12 +35,13 @@ def own_kinetic_energy(scene: Scene, state: State) -> float:
     return _kinetic_of_free_bodies(scene, state) + _kinetic_of_walls(scene, state)
 
 
-def _driven_walls(scene: Scene, state: State, end: End, after: State) -> OwnEnergy:
+def _driven_walls(scene: Scene, state: State, end: End, after: State) -> Budget:
     """Those of walls: what drives and contacts transfer is the change of momentum times the mean velocity."""
     velocities = (state.wall_velocity, end.motions.walls, after.wall_velocity)
     before, mean, last = (normal_speeds(scene, v) for v in velocities)
     work = float(scene.wall_masses @ ((last - before) * mean))
-    return OwnEnergy((_kinetic_of_walls(scene, state), _kinetic_of_walls(scene, after)), work)
+    kinetic = np.array([_kinetic_of_walls(scene, each) for each in (state, after)])
+    return Budget(kinetic=kinetic, external=work)
 
 
 def _kinetic_of_walls(scene: Scene, state: State) -> float:
@@ -58,7 +51,7 @@ def _kinetic_of_walls(scene: Scene, state: State) -> float:
 
 def _free_bodies(
     scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State
-) -> OwnEnergy:
+) -> Budget:
     """Those of free rigid bodies; the work is of gravity and loads, of the box and at contacts."""
     start, own, motions, dt = rigid_state(scene, state), scene.free_rigid, end.motions, increment.dt
     last = _with_radius(motions.rigid_at_end[:, own], start.radius)
@@ -74,7 +67,7 @@ def _free_bodies(
     if gradient is not None:
         work -= float(start.mass @ ((relative - before)[:2] * (gradient @ start.centre)).sum(axis=0))
         work += kinetic - kinetic_energy(start.mass, relative)  # the velocity of the box is another one there
-    return OwnEnergy((kinetic_energy(start.mass, before), kinetic), work)
+    return Budget(kinetic=np.array([kinetic_energy(start.mass, before), kinetic]), external=work)
 
 
 def _kinetic_of_free_bodies(scene: Scene, state: State) -> float:
