@@ -34,6 +34,7 @@ class Moving(NamedTuple):
     v: Array  # (2, k) of points, relative to a periodic box, and driven walls [m/s]
     speed: float  # of the fastest wall, edge of the box or loaded body [m/s]
     accelerations: Array  # (2, q) of these, and of the rims of loaded rigid bodies as they turn [m/s2]
+    x: Array = NOTHING  # (2, n) positions of points; none where bodies move by what drives them [m]
 
     @property
     def acceleration(self) -> float:
@@ -66,7 +67,7 @@ def _moving(scene: Scene, state: State, t: float) -> Moving:
         return _moving_with_box(scene, state, t)
     walls = scene.driven_walls
     if walls.size == 0:
-        return Moving(state.v, 0.0, NOTHING)
+        return Moving(state.v, 0.0, NOTHING, state.x)
     velocity, normal = state.wall_velocity[walls], scene.normals.T[walls]
     force = driving_forces(scene, state.walls, t)
     net = force + np.einsum("pi,pi->p", state.wall_force[walls], normal)

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions
 from skmpm.scheme import Scheme
@@ -80,10 +81,16 @@ class Pace:
 
     def _of_motion(self, scene: Scene, t: float, now: Moving, forces_at: float | None) -> list[float]:
         """What the motions of bodies allow [s]."""
-        limits = [_time(STROKE * scene.cell, now.speed, now.acceleration)]
+        limits = [float(_time(STROKE * scene.cell, now.speed, now.acceleration))]
         if can_touch(scene):
             gravity = gravity_of(scene, t if forces_at is None else forces_at)
-            limits.append(_time(self.room, _relative_speed(scene, t, now.v), float(np.hypot(*gravity))))
+            fall, most = float(np.hypot(*gravity)), max_motion(scene)
+            of_pairs = not self.losses and self.room < most and now.x.size > 0
+            room = most if of_pairs else self.room
+            limits.append(float(_time(room, _relative_speed(scene, t, now.v), fall)))
+            if of_pairs:  # of many bodies that fall only those that may meet in the step move by no more
+                gaps, speeds = _meeting(scene, now, most)
+                limits.append(float(_time(self.room + gaps, speeds, fall).min(initial=np.inf)))
         return limits
 
     def by_loss(self, scene: Scene, scheme: Scheme, before: State, after: State) -> float:
@@ -139,15 +146,35 @@ def _relative_speed(scene: Scene, t: float, v: Array) -> float:
     return max(between, float(to_walls.max(initial=0.0)))
 
 
+def _meeting(scene: Scene, now: Moving, room: float) -> tuple[Array, Array]:
+    """Gaps between bodies and to walls [m] that may close in a step, and bounds on the speeds at which they do [m/s].
+
+    No body moves by more than `room` [m], and walls stand still.
+    """
+    owner, mass = scene.owner, scene.masses
+    centre, velocity = centres(now.x, mass, owner), centres(now.v, mass, owner)
+    reach, own = np.zeros((2, len(scene.bodies)))
+    np.maximum.at(reach, owner, np.hypot(*(now.x - centre[:, owner])))
+    np.maximum.at(own, owner, np.hypot(*(now.v - velocity[:, owner])))
+    i, j = KDTree(centre.T).query_pairs(2.0 * (reach.max() + room), output_type="ndarray").T
+    between = np.hypot(*(centre[:, i] - centre[:, j])) - reach[i] - reach[j]
+    relative = np.hypot(*(velocity[:, i] - velocity[:, j])) + own[i] + own[j]
+    points = np.array([wall.point for wall in scene.walls]).reshape(-1, 2)
+    to_walls = scene.normals.T @ now.x - (scene.normals.T * points).sum(axis=1)[:, None]
+    gaps, speeds = np.append(between, to_walls), np.append(relative, -scene.normals.T @ now.v)
+    near = gaps < 2.0 * room
+    return np.maximum(gaps[near], 0.0), np.maximum(speeds[near], 0.0)
+
+
 def moves_too_far(scene: Scene, after: State, length: float) -> bool:
     """Whether something that forces drive moves farther than `STROKE` in a step of this length [s]."""
     return moving(scene, after, after.t).speed * length > STROKE * scene.cell
 
 
-def _time(distance: float, speed: float, acceleration: float) -> float:
+def _time(distance: Array | float, speed: Array | float, acceleration: float) -> Array:
     """The time [s] to move a distance [m] by backward Euler, the positive root of a dt^2 + v dt = distance."""
-    rate = speed + float(np.sqrt(speed**2 + 4.0 * acceleration * distance))
-    return 2.0 * distance / rate if rate > 0.0 else np.inf
+    rate = speed + np.sqrt(np.square(speed) + 4.0 * acceleration * np.asarray(distance))
+    return np.where(rate > 0.0, 2.0 * np.asarray(distance) / np.maximum(rate, 1e-300), np.inf)
 
 
 def _within_stroke(scene: Scene, t: float, dt: float, box: Array | None) -> float:

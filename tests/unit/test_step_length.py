@@ -495,6 +495,15 @@ def test_a_body_that_falls_from_rest_is_too_far_at_first():
     assert error == pytest.approx([0.37, 0.11], abs=0.03)
 
 
+@pytest.mark.parametrize(("gap", "cells"), [(30.0, 2.5), (0.1, 0.3)], ids=["far", "near"])
+def test_of_many_bodies_that_fall_only_those_that_may_meet_limit_steps(gap, cells):
+    """Of a disc that falls on six others at rest: by a quarter of its diameter in flight, 0.2 cells beyond a gap."""
+    rest = [ball(x=2.1 * R * k) for k in range(6)]
+    falling = ball(y=3 * R + gap * CELL, x=0.0, velocity=(0.0, -1.0))
+    scene = Scene([*rest, falling], cell=CELL, walls=[Wall((0, 0), (0, 1))], gravity=(0.0, -9.81))
+    assert next(simulate(scene, until=1.0)).report.dt == pytest.approx(cells * CELL / 1.0, rel=0.03)
+
+
 def test_a_small_component_beside_a_large_one_is_followed():
     """A horizontal force of half a per cent of the weight, which was lost within a step."""
     load = Load(everywhere, lambda t: (0.005 * np.sin(2.0 * np.pi * t / 0.01), -1.0))
