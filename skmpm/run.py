@@ -103,8 +103,8 @@ def simulate(
         scene: if numbers of points, walls, supports or grid nodes, the body or mass of a point, rigid bodies, or the
         normal or order of walls differ, or (unless `scheme.anchor` is finite) the positions of points at t = 0
     ValueError
-        if dt or max_dt is not positive, if one of max_dt and waves is given beside dt, if until is negative, not
-        finite or before the time of `start`, or if scheme is not a Scheme
+        if dt or max_dt is not positive, if max_dt or waves is given beside dt, if waves is True without inertia, if
+        until is negative, not finite or before the time of `start`, or if scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
         if the directory of the checkpoint does not exist, or the checkpoint is a directory
     """
@@ -112,10 +112,13 @@ def simulate(
     check_scheme("simulate", scheme)
     if dt is not None:
         check_time("simulate: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
-        if max_dt is not None or waves is not None:
-            raise ValueError(f"simulate: dt = {dt:g} s and max_dt = {max_dt!r}, waves = {waves!r}; give dt or these")
+    for name, value in (("max_dt", max_dt), ("waves", waves)):
+        if dt is not None and value is not None:
+            raise ValueError(f"simulate: {name} = {value!r} beside dt = {dt:g} s; it is for chosen steps, without dt")
     if max_dt is not None:
         check_time("simulate: max_dt", max_dt, SHORTEST, "None, or the longest step to choose")
+    if waves not in (None, True, False) or (waves and not scheme.inertia):
+        raise ValueError(f"simulate: waves = {waves!r}; give None, True (with inertia only) or False")
     check_time("simulate: until", until, 0.0, "the time to stop at")
     if start is not None:
         check_fits(scene, start, "start")

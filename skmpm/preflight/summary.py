@@ -19,7 +19,8 @@ from skmpm.representation import table
 from skmpm.scene import Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.step_length import MAX_APPROACH, STROKE
+from skmpm.simulate.initial_state import can_touch
+from skmpm.simulate.step_length import MAX_APPROACH, STROKE, pace_of
 from skmpm.units import quantity
 
 PAGE = "docs/how_to/warnings.md"
@@ -84,12 +85,19 @@ def preflight(
     if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen
         lid, approach = min(metrics.lid, STROKE), min(metrics.approach, MAX_APPROACH)
         metrics = replace(metrics, waves=False, lid=lid, approach=approach, fall=0.0)
-    chosen = {"step": f"chosen, {step:.3g} s at first"} if dt is None else {}
+    chosen = {"step": _chosen(scene, step, scheme, until)} if dt is None else {}
     if until is not None:
         steps = chosen_steps(scene, scheme, until) if dt is None else ceil(until / dt - 1e-9)
         metrics = replace(metrics, steps=steps)
     cost = {"cost": _cost(metrics)}
     return Preflight(_lines(scene, metrics, scheme) | cost | chosen, warnings_of(scene, metrics, scheme))
+
+
+def _chosen(scene: Scene, step: float, scheme: Scheme, until: float | None) -> str:
+    """The step, and whether chosen ones pass over impacts."""
+    text, pace = f"chosen, {step:.3g} s at first", pace_of(scene, scheme, 0.0, until or 0.0)
+    passes = scheme.inertia and can_touch(scene) and not pace.losses
+    return f"{text}; impacts of so many bodies are not resolved, unless waves=True" if passes else text
 
 
 def _lines(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> dict[str, str]:

@@ -112,9 +112,10 @@ def _with_loaded_bodies(
     )
 
 
-def accelerations(scene: Scene, x: Array, t: float, contacts: Contacts | None) -> Array:
-    """Those of the centres of bodies by loads, springs, gravity and contacts, (2, bodies) [m/s2]."""
-    return _accelerations(scene, _external(scene, x, t), contacts)
+def falling(scene: Scene, state: State) -> float:
+    """The largest acceleration of a body by all forces on it, in components that no support holds [m/s2]."""
+    net = _accelerations(scene, _external(scene, state.x, state.t), state.contacts)
+    return float(np.hypot(*(free_components(scene) * net)[:, scene.movable]).max(initial=0.0))
 
 
 def _accelerations(scene: Scene, external: Array, contacts: Contacts | None) -> Array:

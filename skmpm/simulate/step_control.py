@@ -13,7 +13,7 @@ from skmpm.implicit.errors import SMALLER
 from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
-from skmpm.simulate.driven import moving
+from skmpm.simulate.driven import falling, moving
 from skmpm.simulate.step_length import MAX_CHANGE, TWICE, Pace, moves_too_far, next_length
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
@@ -140,7 +140,8 @@ def advance_with_chosen_step(
             if TWICE * lasting < length:  # as where an impact begins in this step
                 limit, length = lasting, max(lasting, length / CUT)
                 continue
-            if length > unheld and moves_too_far(scene, after, length):  # what contacts held begins to move
+            # What contacts held begins to move.
+            if scheme.inertia and length > unheld and moves_too_far(scene, after, length, pace.room):
                 limit = length = unheld
                 continue
         except StepFailed as failure:
@@ -162,12 +163,16 @@ def advance_with_chosen_step(
 def _limits(scene: Scene, state: State, left: float, scheme: Scheme, pace: Pace) -> tuple[float, float]:
     """The longest next step [s], and the longest one if contacts held no more of loads than they do now.
 
-    Loads that are functions of time may begin to act in the step, or grow in it.
+    Loads that are functions of time may begin to act in the step, or grow in it. If there are none, and nothing is
+    driven, contacts are expected to go on holding what lies on them.
     """
     now, chosen = moving(scene, state, state.t), state.step_control.chosen
     limit = pace.limit(scene, scheme, state.t, now, left, box=state.box)
     if not pace.functions.loads:
-        return limit, limit
+        if pace.driven:
+            return limit, limit
+        held = pace.limit(scene, scheme, state.t, now, left, fall=falling(scene, state), box=state.box)
+        return held, limit
     end = state.t + min(limit, chosen or limit)
     then = moving(scene, state, end)
     before = moving(scene, state, state.t - state.report.dt) if chosen else now

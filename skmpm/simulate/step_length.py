@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 STROKE = 0.14  # [cells] displacement of what is driven in a step, up to which packings were verified
 WAVES = 0.1  # distance of pressure waves in a step, over the radius of the smallest body
+FLIGHT = 0.5  # [cells] the same of many bodies that fall, where they meet no others
 MAX_APPROACH = 0.2  # [cells] of bodies past each other, up to which collisions were verified
 # Newton iterations at which the length is kept. Fifty discs, compressed slowly with friction from a solid fraction of
 # 0.7 to 0.94, took 284 steps, 11 retries and 55 s with 4, 195 steps, 25 retries and 56 s with 8.
@@ -56,6 +57,7 @@ class Pace:
     losses: bool  # whether the energy that steps lose limits them
     negligible: float  # energy [J/m] below which losses do not matter
     room: float  # largest displacement of bodies past each other [m]
+    driven: bool  # whether anything is
     functions: FunctionsOfTime
 
     def limit(
@@ -67,31 +69,32 @@ class Pace:
         left: float,
         *,
         forces_at: float | None = None,
+        fall: float = np.inf,
         box: Array | None = None,
     ) -> float:
         """The longest step from time t, at most `left` [s].
 
-        `forces_at` is the time of gravity, by default t, and `box` (2, 2) the edges of a periodic box, by default
-        those at the start.
+        `forces_at` is the time of gravity, by default t. No body accelerates by more than `fall` [m/s2], by default
+        by gravity. `box` (2, 2) are the edges of a periodic box, by default those at the start.
         """
         longest = min(left, self.longest)
         if scheme.inertia:
-            longest = min(longest, *self._of_motion(scene, t, now, forces_at))
+            gravity = float(np.hypot(*gravity_of(scene, t if forces_at is None else forces_at)))
+            longest = min(longest, *self._of_motion(scene, t, now, min(gravity, fall)))
         return _within_stroke(scene, t, self.functions.followed(t, longest, self.resolving), box)
 
-    def _of_motion(self, scene: Scene, t: float, now: Moving, forces_at: float | None) -> list[float]:
-        """What the motions of bodies allow [s]."""
-        limits = [float(_time(STROKE * scene.cell, now.speed, now.acceleration))]
+    def _of_motion(self, scene: Scene, t: float, now: Moving, fall: float) -> list[float]:
+        """What the motions of bodies, which `fall` [m/s2], allow [s]."""
+        turning = float(np.hypot(*np.ptp(now.v, axis=1)))
+        limits = [_time(STROKE * scene.cell, now.speed, now.acceleration), _time(max_motion(scene), turning, 0.0)]
         if can_touch(scene):
-            gravity = gravity_of(scene, t if forces_at is None else forces_at)
-            fall, most = float(np.hypot(*gravity)), max_motion(scene)
-            of_pairs = not self.losses and self.room < most and now.x.size > 0
-            room = most if of_pairs else self.room
-            limits.append(float(_time(room, _relative_speed(scene, t, now.v), fall)))
+            of_pairs = not self.losses and self.room < FLIGHT * scene.cell and now.x.size > 0
+            room = FLIGHT * scene.cell if of_pairs else self.room
+            limits.append(_time(room, relative_speed(scene, t, now.v), fall))
             if of_pairs:  # of many bodies that fall only those that may meet in the step move by no more
-                gaps, speeds = _meeting(scene, now, most)
-                limits.append(float(_time(self.room + gaps, speeds, fall).min(initial=np.inf)))
-        return limits
+                gaps, speeds = _meeting(scene, now, room)
+                limits.append(_time(self.room + gaps, speeds, fall).min(initial=np.inf))
+        return [float(limit) for limit in limits]
 
     def by_loss(self, scene: Scene, scheme: Scheme, before: State, after: State) -> float:
         """The step [s] that loses as much energy as it may, from a step of another length."""
@@ -133,7 +136,7 @@ def _square(change: Array, fall: Array) -> Array:
     return np.asarray(np.minimum((change**2).sum(axis=0), ((change - fall) ** 2).sum(axis=0)))
 
 
-def _relative_speed(scene: Scene, t: float, v: Array) -> float:
+def relative_speed(scene: Scene, t: float, v: Array) -> float:
     """A bound on speeds of bodies past each other, and to or from walls, from velocities v (2, k) [m/s].
 
     What slides along a wall, or flies beside one, comes no closer to anything else if it is alone.
@@ -166,9 +169,14 @@ def _meeting(scene: Scene, now: Moving, room: float) -> tuple[Array, Array]:
     return np.maximum(gaps[near], 0.0), np.maximum(speeds[near], 0.0)
 
 
-def moves_too_far(scene: Scene, after: State, length: float) -> bool:
-    """Whether something that forces drive moves farther than `STROKE` in a step of this length [s]."""
-    return moving(scene, after, after.t).speed * length > STROKE * scene.cell
+def moves_too_far(scene: Scene, after: State, length: float, room: float) -> bool:
+    """Whether something that forces drive moves farther than `STROKE` in a step of this length [s], or others do.
+
+    These move past each other by more than `room` [m].
+    """
+    now = moving(scene, after, after.t)
+    too_far = now.speed * length > STROKE * scene.cell
+    return too_far or (can_touch(scene) and relative_speed(scene, after.t, now.v) * length > room)
 
 
 def _time(distance: Array | float, speed: Array | float, acceleration: float) -> Array:
@@ -224,6 +232,7 @@ def pace_of(
         scene.mass * float(0.5 * settling(scene, weight) ** 2 + np.hypot(*weight) * REST * scene.cell),
         # Where something is driven, the flight of bodies that are loose between others need not be accurate.
         max_motion(scene) if driven_at > 0.0 else MAX_APPROACH * scene.cell,
+        driven_at > 0.0,
         functions,
     )
 
