@@ -208,7 +208,7 @@ def _moving_at_start(scene: Scene, v: Array) -> Moving:
         force = np.abs(periodic.stress_at(0.0)) * periodic.width * periodic.height / length
         return Moving(v, 0.0, np.stack([force, np.zeros(force.size)]) / (periodic.mass or scene.mass))
     if walls.size == 0:
-        return Moving(v, 0.0, NOTHING)
+        return Moving(v, 0.0, NOTHING, scene.initial_positions)
     velocity = scene.wall_velocities(0.0)[walls]
     acceleration = driving_forces(scene, _points(scene), 0.0) / scene.wall_masses
     fastest = float(np.hypot(*velocity.T).max())

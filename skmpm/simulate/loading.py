@@ -71,24 +71,24 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,), inertia: bool = Tr
     )
 
 
-def _several(scene: Scene) -> bool:
+def several(scene: Scene) -> bool:
     """Whether as many bodies as in a packing are moved by forces."""
     return int(scene.movable.sum()) >= SEVERAL
 
 
 def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -> tuple[str, str, float]:
     """Kind, reason, and the speed that limits the time step [m/s]; zero where waves do."""
-    several, moved = _several(scene), f"{name} moves at {prescribed:.3g} m/s"
+    many, moved = several(scene), f"{name} moves at {prescribed:.3g} m/s"
     if not can_touch(scene):
         if prescribed > own:
             return "bending", f"nothing can touch it and {moved}", prescribed
         return "bending", "nothing can touch it and nothing is driven", 0.0
-    if own > max(prescribed, fall) or (own > 0.0 and not several):
+    if own > max(prescribed, fall) or (own > 0.0 and not many):
         return "impact", f"bodies move at {own:.3g} m/s at t = 0", 0.0
     if fall > prescribed:
         return "pour", f"gravity lets bodies fall, at up to {fall:.3g} m/s", fall
     if prescribed > 0.0:
-        return "packing" if several else "pressing", moved, prescribed
+        return "packing" if many else "pressing", moved, prescribed
     return "pressing", "bodies can touch and nothing moves at t = 0", 0.0
 
 

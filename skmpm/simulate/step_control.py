@@ -140,8 +140,7 @@ def advance_with_chosen_step(
             if TWICE * lasting < length:  # as where an impact begins in this step
                 limit, length = lasting, max(lasting, length / CUT)
                 continue
-            # What contacts held begins to move.
-            if scheme.inertia and length > unheld and moves_too_far(scene, after, length, pace.room):
+            if length > unheld and moves_too_far(scene, after, length, pace.flight):  # what contacts held moves
                 limit = length = unheld
                 continue
         except StepFailed as failure:
@@ -169,7 +168,7 @@ def _limits(scene: Scene, state: State, left: float, scheme: Scheme, pace: Pace)
     now, chosen = moving(scene, state, state.t), state.step_control.chosen
     limit = pace.limit(scene, scheme, state.t, now, left, box=state.box)
     if not pace.functions.loads:
-        if pace.driven:
+        if pace.driven or not scheme.inertia:
             return limit, limit
         held = pace.limit(scene, scheme, state.t, now, left, fall=falling(scene, state), box=state.box)
         return held, limit

@@ -29,14 +29,14 @@ from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.driven import Moving, driven_by_force, moving
 from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.initial_state import can_touch, driven
-from skmpm.simulate.loading import SEVERAL, gravity_of, settling, smallest_radii, strongest_gravity
+from skmpm.simulate.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
 
 Array = NDArray[np.float64]
 
 STROKE = 0.14  # [cells] displacement of what is driven in a step, up to which packings were verified
 WAVES = 0.1  # distance of pressure waves in a step, over the radius of the smallest body
-FLIGHT = 0.5  # [cells] the same of many bodies that fall, where they meet no others
 MAX_APPROACH = 0.2  # [cells] of bodies past each other, up to which collisions were verified
+FLIGHT = 0.5  # [cells] the same of many bodies that fall, where they meet no others
 # Newton iterations at which the length is kept. Fifty discs, compressed slowly with friction from a solid fraction of
 # 0.7 to 0.94, took 284 steps, 11 retries and 55 s with 4, 195 steps, 25 retries and 56 s with 8.
 AIM = 4
@@ -56,7 +56,8 @@ class Pace:
     longest: float  # that is allowed [s]
     losses: bool  # whether the energy that steps lose limits them
     negligible: float  # energy [J/m] below which losses do not matter
-    room: float  # largest displacement of bodies past each other [m]
+    room: float  # largest displacement of bodies past others that they may meet in the step [m]
+    flight: float  # and past all others [m]
     driven: bool  # whether anything is
     functions: FunctionsOfTime
 
@@ -88,11 +89,9 @@ class Pace:
         turning = float(np.hypot(*np.ptp(now.v, axis=1)))
         limits = [_time(STROKE * scene.cell, now.speed, now.acceleration), _time(max_motion(scene), turning, 0.0)]
         if can_touch(scene):
-            of_pairs = not self.losses and self.room < FLIGHT * scene.cell and now.x.size > 0
-            room = FLIGHT * scene.cell if of_pairs else self.room
-            limits.append(_time(room, relative_speed(scene, t, now.v), fall))
-            if of_pairs:  # of many bodies that fall only those that may meet in the step move by no more
-                gaps, speeds = _meeting(scene, now, room)
+            limits.append(_time(self.flight, relative_speed(scene, t, now.v), fall))
+            if self.room < self.flight:
+                gaps, speeds = _meeting(scene, now, self.flight)
                 limits.append(_time(self.room + gaps, speeds, fall).min(initial=np.inf))
         return [float(limit) for limit in limits]
 
@@ -221,17 +220,21 @@ def pace_of(
     looked_at = times[:1] if functions.none else times
     driven_at = max(_driven_at(scene, float(t)) for t in looked_at)
     gravity = strongest_gravity(scene, looked_at)
-    many = int(scene.movable.sum()) >= SEVERAL and (driven_at > 0.0 or bool(gravity.any()))
+    many = several(scene) and (driven_at > 0.0 or bool(gravity.any()))
+    losses = not many if waves is None else waves
+    # Where something is driven, the flight of bodies that are loose between others need not be accurate.
+    room = max_motion(scene) if driven_at > 0.0 else MAX_APPROACH * scene.cell
+    falls = not (losses or driven_at > 0.0 or scene.periodic is not None)
     # What loads and springs cause is to be followed, however small beside what gravity does.
     weight = np.zeros(2) if scene.loads or scene.springs else gravity
     resolving = WAVES * float(smallest_radii(scene).min()) / scene.fastest_wave
     return Pace(
         resolving,
         min(np.inf if max_dt is None else max_dt, resolving if waves else np.inf),
-        not many if waves is None else waves,
+        losses,
         scene.mass * float(0.5 * settling(scene, weight) ** 2 + np.hypot(*weight) * REST * scene.cell),
-        # Where something is driven, the flight of bodies that are loose between others need not be accurate.
-        max_motion(scene) if driven_at > 0.0 else MAX_APPROACH * scene.cell,
+        room,
+        max(room, FLIGHT * scene.cell) if falls else room,
         driven_at > 0.0,
         functions,
     )
