@@ -73,12 +73,13 @@ class Assembly:
         u = displacement.reshape(-1, 2)
         return float(loops.ghost_energy(self.ghost.indptr, self.ghost.indices, self.ghost.data, u))
 
-    def stiffness(self, C: Array, added: tuple[Selection, Array] | None = None) -> Array:
+    def stiffness(self, C: Array, added: tuple[Selection, Array] | None = None, *, ghost: bool = True) -> Array:
         """Blocks of the stiffness in the pattern of A, (blocks, 2, 2), from tangents `C` (2, 2, 2, 2, n) [Pa].
 
-        `added` are k cells and the vectors of `mean_dilatation_stiffness` (k, 2, 4, 2), whose matrices are added.
+        With `ghost` the ghost penalty is in it. `added` are k cells and the vectors of `mean_dilatation_stiffness`
+        (k, 2, 4, 2), whose matrices are added.
         """
-        K, grid = self.ghost_data.copy(), self.grid
+        K, grid = self.ghost_data.copy() if ghost else np.zeros_like(self.ghost_data), self.grid
         points, cells = grid.point_offsets, np.searchsorted(grid.cell_body, np.arange(grid.bodies + 1))
         of_cells = (cells, grid.cell_body, self.block_of_cell, grid.cell_of_point)
         arguments = (*of_cells, *grid.strain_gradients, self.volume, C.reshape(4, 4, -1), K)

@@ -14,36 +14,45 @@ exactly in every Newton iteration with the matrix A = M + theta^2 dt^2 K. A stat
 several times, with a metric for M, each time about the solution before (`statics`).
 """
 
+from skmpm.implicit.budget import Budget
 from skmpm.implicit.bulk import Bulk, Configuration
 from skmpm.implicit.contact_problem import ContactIterate, ContactProblem, KnownForces
 from skmpm.implicit.end import End, carried, end_of_step
 from skmpm.implicit.errors import StepRejected, pair
-from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge, gauge_of
 from skmpm.implicit.iteration import Solution
+from skmpm.implicit.loads import DeadLoad, FollowerPressure
 from skmpm.implicit.newton import advance
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.scalar_unknowns import Inertia, ScalarUnknowns
-from skmpm.implicit.springs import Springs
+from skmpm.implicit.springs import Bars, Beds
 from skmpm.implicit.statics import settle
+from skmpm.implicit.terms import Path, Term
 from skmpm.implicit.timer import Timer
+from skmpm.implicit.viscous import ViscousBulk
 
 __all__ = [
+    "Bars",
+    "Beds",
+    "Budget",
     "Bulk",
     "Configuration",
     "ContactIterate",
     "ContactProblem",
+    "DeadLoad",
     "End",
     "FollowerPressure",
     "Gauge",
     "Increment",
     "Inertia",
     "KnownForces",
+    "Path",
     "ScalarUnknowns",
     "Solution",
-    "Springs",
     "StepRejected",
+    "Term",
     "Timer",
+    "ViscousBulk",
     "advance",
     "carried",
     "end_of_step",

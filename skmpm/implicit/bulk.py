@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly, Selection
+from skmpm.implicit.budget import Budget
+from skmpm.implicit.terms import Path, Term
 from skmpm.material import (
     Anchored,
+    InStep,
     Material,
     Response,
     dilatation,
@@ -26,15 +29,34 @@ from skmpm.material import (
 Array = NDArray[np.float64]
 Matrices = tuple[Selection, Array]  # k cells, and matrices (k, 64) by blocks [Pa]
 
+STRAIN_ROUND_OFF = 100.0 * float(np.finfo(float).eps)  # energies of such strains are round-off
+
 
 @dataclass(frozen=True)
 class Configuration:
     """The bodies at some nodal displacement, relative to the reference configuration (the anchor)."""
 
     displacement: Array  # (2 nodes,) [m]
-    F: Array  # (2, 2, n)
-    dilatation: Array | None = None  # (n,) mean of each cell at its points, nan where it is pointwise; None if all
     bulk: Bulk | None = field(default=None, repr=False, compare=False)
+    given: tuple[Array, Array | None] | None = None  # F and dilatation that do not follow from the displacement
+
+    @cached_property
+    def F(self) -> Array:
+        """Deformation gradients, (2, 2, n)."""
+        if self.given is not None:
+            return self.given[0]
+        assert self.bulk is not None
+        F = self.bulk.assembly.grid.strain_at_points(self.displacement)
+        F[0, 0] += 1.0
+        F[1, 1] += 1.0
+        return F
+
+    @cached_property
+    def dilatation(self) -> Array | None:
+        """Mean dilatation of each cell at its points (n,), nan where it is pointwise; None if everywhere."""
+        if self.given is not None:
+            return self.given[1]
+        return None if self.bulk is None else self.bulk.mean_dilatations(self.F)
 
     def translated(self, displacement: Array) -> Configuration:
         """The same with a displacement (2 nodes,) [m] that differs from its own by translations of bodies."""
@@ -66,7 +88,7 @@ class Group(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Bulk:
+class Bulk(Term):
     """The deformable bodies: their energy and its derivatives at any displacement from the reference configuration.
 
     `F_anchor` and `stress_anchor` are the deformation gradients and stresses that the points had in it. Materials
@@ -81,10 +103,20 @@ class Bulk:
     mixed_cells: bool = False  # whether cells may hold points of several materials
     internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
-    @property
+    @cached_property
     def linear(self) -> bool:
         """Whether all materials are linear."""
         return all(is_linear(material) for material, _ in self.materials)
+
+    @property
+    def balanced(self) -> bool:
+        """Its forces are internal."""
+        return True
+
+    @property
+    def turns(self) -> bool:
+        """Whether its stiffness turns with bodies: linear materials resist rotations."""
+        return not self.linear
 
     @property
     def modulus(self) -> float:
@@ -112,13 +144,14 @@ class Bulk:
 
     def at(self, displacement: Array) -> Configuration:
         """The configuration at a nodal displacement from the reference configuration (2 nodes,) [m]."""
-        F = self.assembly.grid.strain_at_points(displacement)
-        F[0, 0] += 1.0
-        F[1, 1] += 1.0
+        return Configuration(displacement, self)
+
+    def mean_dilatations(self, F: Array) -> Array | None:
+        """Means of the cells at deformation gradients (2, 2, n), (n,), nan where pointwise; None if everywhere."""
         if not any(self.mean_dilatation):
-            return Configuration(displacement, F, bulk=self)
+            return None
         volumes = [dilatation.volumes(g.law, g.of(F)) for g in self._mean_dilatation_groups]
-        return Configuration(displacement, F, self._cell_means(np.concatenate(volumes, axis=-1)), self)
+        return self._cell_means(np.concatenate(volumes, axis=-1))
 
     def responses(self, configuration: Configuration) -> tuple[Response | None, ...]:
         """Energy and its derivatives at the points of each material, None for materials without a compiled pass."""
@@ -142,6 +175,64 @@ class Bulk:
         if not np.isfinite(density).all():
             return float("inf")
         return float(self.assembly.volume @ density) + self.assembly.ghost_energy(configuration.displacement)
+
+    @cached_property
+    def reference_energy(self) -> float:
+        """Elastic energy of linear materials in the reference configuration, 1/2 stress : C^-1 : stress [J/m]."""
+        total = 0.0
+        for law, points, _ in self.groups:
+            if law.linear and law.stress_anchor is not None:
+                stress = law.stress_anchor.reshape(4, -1)
+                C = law.tangent(np.eye(2)[:, :, None]).reshape(4, 4)
+                square = np.einsum("ap,ab,bp->p", stress, np.linalg.pinv(C), stress)
+                total += 0.5 * float(self.assembly.volume[points] @ square)
+        return total
+
+    def budget(self, path: Path) -> Budget:
+        """Elastic energies, and what changes of internal variables dissipate.
+
+        The midpoint rule balances forces in the middle of the step, where bodies that rotate have not the strain of
+        the ends of chords. The elastic energy there is never above that of a vibration.
+        """
+        modulus, swing = self.modulus * float(self.assembly.volume.sum()), 0.0
+        start, end = (self.energy(at) + self.reference_energy for at in (path.start, path.end))
+        if path.stressed.displacement is not path.end.displacement:
+            swing = end - self.energy(path.stressed) - self.reference_energy
+        plastic = self.dissipated(path.end, path.internal)
+        return Budget(
+            elastic=np.array([start, end - plastic]),
+            plastic=plastic,
+            rounding=float(np.finfo(float).eps) * modulus,  # a strain energy is a small difference of terms as large
+            noise=STRAIN_ROUND_OFF**2 * modulus,
+            swing=swing,
+        )
+
+    def updated(self, end: Configuration) -> Array | None:
+        """Internal variables (k, n) after a step that ends so; None if no material has memory."""
+        if self.internal is None:
+            return None
+        internal = self.internal.copy()
+        for law, points, F, _ in self._with_memory(end):
+            internal[: law.state.shape[0], points] = law.update(F)
+        return internal
+
+    def dissipated(self, end: Configuration, after: Array | None) -> float:
+        """Energy that changes of the internal variables to `after` (k, n) dissipate in a step that ends so [J/m]."""
+        if after is None:
+            return 0.0
+        total = 0.0
+        for law, points, F, rest in self._with_memory(end):
+            density = law.dissipated(F, after[: law.state.shape[0], points])
+            total += float(self.assembly.volume[points] @ (rest * density))
+        return total
+
+    def _with_memory(self, at: Configuration) -> Iterator[tuple[InStep, Selection, Array, Array]]:
+        """Materials with memory, their points, the total F they are evaluated in, undeformed over anchor volume."""
+        for g, mean in zip(self.groups, self.dilatations_by_group(at), strict=True):
+            if isinstance(g.law.material, InStep):
+                F = g.of(at.F)
+                total = g.law.total(F) if mean is None else dilatation.seen(g.law, F, mean)
+                yield g.law.material, g.points, total, g.law.rest(F.shape[-1])
 
     def force(self, configuration: Configuration) -> Array:
         """Internal and ghost forces, the derivative of `energy`, (2 nodes,) [N/m]."""

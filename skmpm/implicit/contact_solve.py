@@ -73,7 +73,7 @@ def _delassus_matrix(
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver
     owners = _owners(contact)
     if delassus is None:
-        reused = increment.material_response.linear and increment.scheme.anchor > 0.0
+        reused = increment.bulk.linear and increment.scheme.anchor > 0.0
         reused &= solver.name != "amg"  # needs a solve per contact point: only for those in contact
         delassus = Delassus.of(solver, constraints.base, owners, whole=reused)
     left = right = constraints.D

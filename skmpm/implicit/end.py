@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.impact import after_impact, at_supports
-from skmpm.implicit.internal_variables import updated
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import Increment
 from skmpm.scene import PrescribedVelocities
@@ -38,7 +37,7 @@ def carried(increment: Increment, solution: Solution) -> tuple[Increment, Soluti
     if contact is None or contact.problem.unknowns is None or contact.problem.unknowns.carrier is None:
         return increment, solution
     v0, w = (contact.problem.carried(v, contact.z) for v in (increment.v0, solution.w))
-    return replace(increment, v0=v0, known_start=increment.at_start), replace(solution, w=w)
+    return replace(increment, v0=v0), replace(solution, w=w)
 
 
 def end_of_step(increment: Increment, solution: Solution, motions: PrescribedVelocities) -> End:
@@ -55,7 +54,7 @@ def end_of_step(increment: Increment, solution: Solution, motions: PrescribedVel
             impulses = impulses + impact
     if contact is not None and contact.problem.unknowns is not None:
         motions = contact.problem.unknowns.motions(contact.z, scalars)
-    return End(configuration, velocity, reaction, impulses, motions, updated(increment.bulk, configuration))
+    return End(configuration, velocity, reaction, impulses, motions, increment.bulk.updated(configuration))
 
 
 def _configuration(increment: Increment, solution: Solution) -> Configuration:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skmpm.implicit.bulk import Configuration
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, indefinite, worst_body
-from skmpm.implicit.matrix import check_stiffness, solver_of, with_bars
+from skmpm.implicit.matrix import check_stiffness, coupled, solver_of
 from skmpm.implicit.momentum import MAX_DRIFT
 from skmpm.implicit.residual import Increment
 from skmpm.linear import Solver
@@ -135,7 +135,7 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
     """
     w = increment.initial_guess()
     configuration = increment.at(w)
-    if increment.material_response.linear or np.isfinite(increment.energy(w, configuration)):
+    if increment.bulk.linear or np.isfinite(increment.energy(w, configuration)):
         return w, configuration
     rest = np.zeros_like(w)
     configuration = increment.at(rest)
@@ -156,7 +156,7 @@ def factorise(increment: Increment, contact: ContactIterate | None, configuratio
     """Factorise A with what `matrix.solver_of` adds."""
     in_contact = contact is not None and contact.constraints.size > 0
     try:
-        return with_bars(increment, configuration, solver_of(increment, configuration, in_contact=in_contact))
+        return coupled(increment, configuration, solver_of(increment, configuration, in_contact=in_contact))
     except np.linalg.LinAlgError as error:
         raise indefinite(increment.grid, error) from error
 

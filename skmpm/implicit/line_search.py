@@ -31,10 +31,9 @@ def move(
     step without it, since no configuration is inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with
     contact.
     """
-    increment = increment.with_load_of(w)
-    if increment.material_response.linear:
+    if increment.bulk.linear:
         return w + direction, increment.at(w + direction)
-    return _search(increment, w, configuration, direction, gradient, contact_impulse)
+    return _search(increment.frozen(configuration), w, configuration, direction, gradient, contact_impulse)
 
 
 def _round_off(increment: Increment, w: Array, configuration: Configuration, direction: Array, size: float) -> float:

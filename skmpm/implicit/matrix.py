@@ -48,17 +48,17 @@ def check_stiffness(increment: Increment) -> None:
     for material, points in increment.bulk.materials:
         law = LinearElastic(youngs_modulus(material), poisson_ratio(material), material.density)
         unstressed.append((law, points))
-    step = replace(increment, bulk=Bulk(assembly, unstressed, None, None))
-    _solver(step, step.matrix(step.bulk.at(np.zeros_like(increment.v0))))
+    step = replace(increment, at_start=Bulk(assembly, unstressed, None, None).at(np.zeros_like(increment.v0)))
+    _solver(step, step.matrix(step.at_start))
 
 
-def with_bars(increment: Increment, configuration: Configuration, solver: Solver) -> Solver:
-    """The solver for A with the stiffness of bars between bodies; the same without such springs."""
-    springs, interval = increment.springs, increment.theta_dt
-    if springs is None or springs.linear:
-        return solver
-    stiffness = interval**2 * springs.bar_stiffnesses(configuration.displacement)
-    return joined(solver, springs.bars, stiffness, increment.grid.blocks)
+def coupled(increment: Increment, configuration: Configuration, solver: Solver) -> Solver:
+    """The solver for A with stiffnesses that couple bodies; the same without such terms."""
+    for term in increment.terms:
+        if (coupling := term.coupling(configuration)) is not None:
+            ends, stiffness = coupling
+            solver = joined(solver, ends, increment.theta_dt**2 * stiffness, increment.grid.blocks)
+    return solver
 
 
 def _stabilised(

@@ -75,8 +75,8 @@ def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
     grid = increment.grid
     if increment.supports is not None:
         return np.zeros((2, grid.bodies))
-    force = increment.theta_dt * (increment.load(w) - increment.spring_force(w))
-    imbalance = _weight(increment) * (w - increment.v0) - force - contact_impulse
+    force = sum(increment.external_forces(increment.at(w)), np.zeros_like(w))
+    imbalance = _weight(increment) * (w - increment.v0) - increment.theta_dt * force - contact_impulse
     return _over_mass(increment, imbalance)
 
 

@@ -89,7 +89,6 @@ class _Balance:
     contact: float  # residual of the contact law
     norm: float  # out-of-balance norm over the largest term
     distance: float  # from convergence: the larger of both residuals over their tolerances
-    exact: bool  # whether one linear solve gives the solution, and was made
 
     @property
     def out_of_balance(self) -> Array:
@@ -104,7 +103,7 @@ class _Balance:
     @property
     def converged(self) -> bool:
         """Whether the iterate is a solution; the initial guess is none."""
-        return (self.small and self.iteration > 0) or self.exact
+        return self.small and self.iteration > 0
 
 
 def _balance(iterate: _Iterate) -> _Balance:
@@ -117,8 +116,7 @@ def _balance(iterate: _Iterate) -> _Balance:
     norm = out_of_balance_norm(increment, contact, gradient - contact_impulse)
     norm = norm / size if size > 0.0 else 0.0
     distance = max(norm / scheme.newton_tol, residual / scheme.gap_tol)
-    exact = iterate.iteration == 1 and contact is None and increment.one_solve
-    return _Balance(iterate.iteration, gradient, contact_impulse, residual, norm, distance, exact)
+    return _Balance(iterate.iteration, gradient, contact_impulse, residual, norm, distance)
 
 
 @dataclass(frozen=True)

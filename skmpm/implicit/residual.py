@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -12,10 +13,8 @@ from numpy.typing import NDArray
 from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
 from skmpm.implicit.bulk import Bulk, Configuration
-from skmpm.implicit.follower_pressure import FollowerPressure
 from skmpm.implicit.gauge import Gauge
-from skmpm.implicit.springs import Springs
-from skmpm.implicit.viscous import ViscousBulk
+from skmpm.implicit.terms import Term
 from skmpm.material import wave_speed
 from skmpm.scheme import Scheme
 
@@ -29,21 +28,28 @@ LONG = 15.0  # [cells] that pressure waves travel in a long step; bodies under p
 class Increment:
     """The equations of one time step."""
 
-    bulk: Bulk
-    start: Array  # U (2 nodes,) [m]
+    at_start: Configuration  # with the displacement U
     v0: Array  # (2 nodes,) [m/s]
-    force: Array  # of gravity and dead loads, (2 nodes,) [N/m]
+    others: Sequence[Term]  # the forces but those of the bulk
     dt: float
     scheme: Scheme
     supports: Elimination | None = None
     prescribed: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
     gauge: Gauge | None = None  # for bodies whose material can turn inside their shape
-    pressure: FollowerPressure | None = None
-    springs: Springs | None = None
-    known_start: Configuration | None = None  # the configuration at the start, where an earlier step has computed it
     metric: Array | None = None  # in place of the mass, (2 nodes,) [kg/m]: of a solve of a static step
     guess: Array | None = None  # where the iteration begins (2 nodes,) [m/s]; v0 if None
     depends_on_dt: bool = True  # whether the equations depend on dt; not in equilibria under constant conditions
+
+    @property
+    def bulk(self) -> Bulk:
+        """The deformable bodies."""
+        assert self.at_start.bulk is not None
+        return self.at_start.bulk
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All forces without contact."""
+        return (self.bulk, *self.others)
 
     @property
     def grid(self) -> BodyGrids:
@@ -55,20 +61,15 @@ class Increment:
         """Displacements in the forces are the velocity times this [s]."""
         return self.scheme.theta * self.dt
 
-    @cached_property
-    def at_start(self) -> Configuration:
-        """The configuration at the start of the step."""
-        return self.bulk.at(self.start) if self.known_start is None else self.known_start
-
-    @cached_property
-    def material_response(self) -> Bulk | ViscousBulk:
-        """The internal forces as a function of the motion."""
-        return ViscousBulk.of(self.bulk, self.at_start, self.theta_dt) if self.bulk.viscosity > 0.0 else self.bulk
+    @property
+    def start(self) -> Array:
+        """The displacement at the start of the step, (2 nodes,) [m]."""
+        return self.at_start.displacement
 
     @property
     def modulus(self) -> float:
-        """Largest modulus in the step, lambda + 2 mu + 2 eta / dt [Pa]."""
-        return self.bulk.modulus + 2.0 * self.bulk.viscosity / self.theta_dt
+        """Sum of the largest moduli of the terms, lambda + 2 mu + 2 eta / dt [Pa]."""
+        return sum(term.modulus for term in self.terms)
 
     @property
     def long(self) -> bool:
@@ -83,15 +84,10 @@ class Increment:
         """Diagonal inertia: lumped mass, in a static step its metric, (2 nodes,) [kg/m]."""
         return self.bulk.assembly.mass if self.metric is None else self.metric
 
-    @property
+    @cached_property
     def linear(self) -> bool:
-        """Whether forces without contact are linear in the velocity."""
-        return self.material_response.linear and (self.springs is None or self.springs.linear)
-
-    @property
-    def one_solve(self) -> bool:
-        """Whether one linear solve gives the solution without contact."""
-        return self.linear and self.pressure is None
+        """Whether one matrix serves all iterations."""
+        return all(term.linear for term in self.terms)
 
     def initial_guess(self) -> Array:
         """The velocity v0 with the prescribed velocities of supports, on the gauge, (2 nodes,) [m/s]."""
@@ -105,47 +101,29 @@ class Increment:
         return zero if self.supports is None else self.supports.admissible(zero, self.prescribed)
 
     def at(self, w: Array) -> Configuration:
-        """The configuration in which stresses are evaluated."""
-        return self.material_response.at(self.start + self.theta_dt * w)
+        """The configuration in which forces are evaluated."""
+        return self.bulk.at(self.start + self.theta_dt * w)
 
-    def load(self, w: Array) -> Array:
-        """The forces of gravity, loads and pressures at a velocity w, (2 nodes,) [N/m]."""
-        if self.pressure is None:
-            return self.force
-        return self.force + self.pressure.force(self.start + self.theta_dt * w)
-
-    def with_load_of(self, w: Array) -> Increment:
-        """The same with the pressures' forces at w, whatever the configuration."""
-        return self if self.pressure is None else replace(self, force=self.load(w), pressure=None)
+    def frozen(self, configuration: Configuration) -> Increment:
+        """The same with forces that have no energy as they are in a configuration."""
+        return replace(self, others=[term.frozen(configuration) for term in self.others])
 
     def energy(self, w: Array, configuration: Configuration) -> float:
-        """The incremental potential E(w) without pressures, which have none, [J/m]."""
+        """The incremental potential E(w) [J/m]."""
         change = w - self.v0
-        springs = 0.0 if self.springs is None else self.springs.energy(configuration.displacement)
-        return (
-            self.material_response.energy(configuration)
-            + springs
-            + 0.5 * float(change @ (self.mass * change))
-            - self.theta_dt * float(self.force @ w)
-        )
+        stored = sum(term.energy(configuration) for term in self.terms)
+        return stored + 0.5 * float(change @ (self.mass * change))
 
     def gradient(self, w: Array, configuration: Configuration) -> tuple[Array, float]:
         """Out-of-balance impulse without contact (2 nodes,) [kg m/s per m], and the norm of its largest term."""
-        inertia = self.mass * (w - self.v0)
-        elastic, external = (
-            self.theta_dt * self.material_response.force(configuration),
-            self.theta_dt * self.load(w),
-        )
-        if self.springs is not None:
-            elastic = elastic + self.theta_dt * self.springs.force(configuration.displacement)
+        impulses = [self.mass * (w - self.v0)]
+        impulses += [self.theta_dt * term.force(configuration) for term in self.terms]
         noise = self.round_off(w, configuration) / self.scheme.newton_tol
-        return inertia + elastic - external, max(
-            *(float(np.linalg.norm(f)) for f in (inertia, elastic, external)), noise
-        )
+        return sum(impulses[1:], impulses[0]), max(*(float(np.linalg.norm(each)) for each in impulses), noise)
 
-    def spring_force(self, w: Array) -> Array | float:
-        """Force of the nodes on the springs, (2 nodes,) [N/m]; zero without springs."""
-        return 0.0 if self.springs is None else self.springs.force(self.start + self.theta_dt * w)
+    def external_forces(self, configuration: Configuration) -> list[Array]:
+        """The forces that may move bodies, of loads and springs, (2 nodes,) each [N/m]."""
+        return [-term.force(configuration) for term in self.others if not term.balanced]
 
     @property
     def constrained_dofs(self) -> Ints:
@@ -167,12 +145,6 @@ class Increment:
             return np.zeros(0)
         return np.asarray(self.supports.prescription.T @ -gradient / self.scheme.theta)
 
-    def dissipated(self, w: Array) -> float:
-        """Energy dissipated by the viscosity of the materials in the step [J/m]; never negative."""
-        if not isinstance(self.material_response, ViscousBulk):
-            return 0.0
-        return 2.0 * self.material_response.potential(self.at(w)) / self.scheme.theta
-
     def round_off(self, w: Array, configuration: Configuration) -> float:
         """Out-of-balance impulse by round-off of displacements and velocities [kg m/s per m]."""
         length = self.grid.cell + float(np.abs(configuration.displacement).max(initial=0.0))
@@ -182,9 +154,8 @@ class Increment:
 
     def matrix(self, configuration: Configuration) -> sp.bsr_array:
         """A = M + theta^2 dt^2 K, with M the metric in a static step."""
-        K = self.material_response.stiffness(configuration)
-        if self.springs is not None:
-            K = K + self.springs.bed_stiffness()
+        parts = [term.stiffness(configuration) for term in self.others]
+        K = sum((part for part in parts if part is not None), self.bulk.stiffness(configuration))
         M = None if self.metric is None else self.metric.reshape(-1, 2, 1) * np.eye(2)
         return self.bulk.assembly.matrix(K, self.theta_dt**2, M)
 

@@ -25,7 +25,7 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
     carries along. The mean, and with it the momentum, stays. Linear materials resist rotations and supports prescribe
     components of the velocity: there it is the sum w + step.
     """
-    if increment.material_response.linear or increment.supports is not None:
+    if increment.bulk.linear or increment.supports is not None:
         return w + step
     grid, mass = increment.grid, increment.bulk.assembly.lumped
     x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), np.empty_like(w)

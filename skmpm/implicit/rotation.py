@@ -19,9 +19,8 @@ Array = NDArray[np.float64]
 
 
 def matrix_turns(increment: Increment) -> bool:
-    """Whether A turns with bodies: linear materials, supports and springs have directions that stay."""
-    fixed = increment.supports is not None or increment.springs is not None
-    return not increment.material_response.linear and not fixed
+    """Whether A turns with bodies: supports have directions that stay, and some terms."""
+    return increment.supports is None and all(term.turns for term in increment.terms)
 
 
 def turned_solver(increment: Increment, solver: Solver, old: Configuration, new: Configuration) -> Rotated:

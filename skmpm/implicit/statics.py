@@ -154,7 +154,7 @@ class _Metric:
     def applied(self, increment: Increment, centre: Array, guess: Array) -> Increment:
         """The equations of a solve about a centre (2 nodes,), that begins at a guess (2 nodes,)."""
         metric = self.unit * np.repeat(self.share[self.node_body], 2)
-        return replace(increment, metric=metric, v0=centre, guess=guess, known_start=increment.at_start)
+        return replace(increment, metric=metric, v0=centre, guess=guess)
 
     def raised(self) -> bool:
         """Larger shares after a solve that failed, of bodies that are not held; whether there are any."""
@@ -212,9 +212,11 @@ class _Change:
         lasting = np.abs(resultant) > LASTING * np.abs(before.resultant)
         resisted = step - motion.at_nodes(np.where(lasting, rigid, 0.0))
         lack = increment.on_free_dofs(increment.mass * resisted)
-        outer = _outer(increment, w) + ([] if solution.contact_impulse is None else [solution.contact_impulse])
+        pushed = np.zeros_like(w) if solution.contact_impulse is None else solution.contact_impulse
+        outer = [pushed, *(increment.theta_dt * each for each in increment.external_forces(configuration))]
         forces = 0.5 * np.hypot(*increment.grid.sums(np.abs(np.stack(outer)).sum(axis=0).reshape(-1, 2).T))
-        terms = [increment.theta_dt * increment.material_response.force(configuration), *outer]
+        inner = [term.force(configuration) for term in increment.terms if term.balanced]
+        terms = [*(increment.theta_dt * each for each in inner), *outer]
         noise = increment.round_off(w, configuration) / increment.scheme.newton_tol
         size = np.maximum(np.maximum(forces, LIGHTEST * forces.mean()), noise)
         exchanged = sum(abs(float(term @ w)) for term in terms)
@@ -240,18 +242,10 @@ def _configuration(increment: Increment, solution: Solution) -> Configuration:
     return increment.at(solution.w) if known is None else known.translated(displacement)
 
 
-def _outer(increment: Increment, w: Array) -> list[Array]:
-    """The impulses of loads and springs, (2 nodes,) each [kg m/s per m]."""
-    terms = [np.asarray(increment.theta_dt * increment.load(w))]
-    if increment.springs is not None:
-        terms.append(np.asarray(-increment.theta_dt * increment.spring_force(w)))
-    return terms
-
-
 def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem | None, w: Array) -> Array:
     """Resultants on bodies that neither supports nor known contact forces balance, (bodies,) [kg m/s per m]."""
-    impulse = np.stack(_outer(increment, w)).sum(axis=0)
-    impulse = impulse - increment.theta_dt * increment.material_response.force(increment.at_start)
+    force = sum(increment.external_forces(increment.at(w)), -increment.bulk.force(increment.at_start))
+    impulse = increment.theta_dt * force
     if problem is not None:
         impulse = impulse + problem.at(w).impulse
     return np.asarray(np.abs(motion.resultants(increment.on_free_dofs(impulse))).max(axis=0))

@@ -1,4 +1,4 @@
-"""Viscous bodies: the elastic bulk and the viscous potential of a step."""
+"""The viscous potential of a step."""
 
 from __future__ import annotations
 
@@ -7,61 +7,69 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.assembly import Selection
-from skmpm.implicit.bulk import Bulk, Configuration
+from skmpm.assembly import Assembly, Selection
+from skmpm.implicit.budget import Budget
+from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.terms import Path, Term
 from skmpm.material import Viscous, is_linear, viscosity_of
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ViscousBulk:
-    """The bulk of a step with viscosity; its potential is the elastic energy plus Psi of `material.viscous`."""
+class ViscousBulk(Term):
+    """The viscosity of bodies in a step: Psi of `material.viscous`."""
 
-    bulk: Bulk
+    assembly: Assembly
     parts: tuple[tuple[Viscous, Selection], ...]  # of the materials that are viscous, with their points
+    theta: float
 
     @classmethod
-    def of(cls, bulk: Bulk, start: Configuration, theta_dt: float) -> ViscousBulk:
-        """The bulk of a step from `start` to the configuration of its stresses, `theta_dt` [s] later."""
-        parts = []
+    def of(cls, start: Configuration, dt: float, theta: float) -> ViscousBulk:
+        """That of a step of dt [s] from `start`, with forces a part theta after it."""
+        parts, bulk = [], start.bulk
+        assert bulk is not None
         for group in bulk.groups:
             material = group.law.material
             if viscosity_of(material) > 0.0:
-                law = Viscous(2.0 * viscosity_of(material) / theta_dt, group.of(start.F), is_linear(material))
-                parts.append((law, group.points))
-        return cls(bulk, tuple(parts))
+                resistance = 2.0 * viscosity_of(material) / (theta * dt)
+                parts.append((Viscous(resistance, group.of(start.F), is_linear(material)), group.points))
+        return cls(bulk.assembly, tuple(parts), theta)
 
     @property
     def linear(self) -> bool:
-        """Whether all materials are linear."""
-        return self.bulk.linear
+        """Whether the viscous materials are linear."""
+        return all(law.linear for law, _ in self.parts)
 
-    def at(self, displacement: Array) -> Configuration:
-        """The configuration at a nodal displacement from the reference configuration (2 nodes,) [m]."""
-        return self.bulk.at(displacement)
+    @property
+    def balanced(self) -> bool:
+        """Its forces are internal."""
+        return True
 
-    def energy(self, configuration: Configuration) -> float:
-        """Strain energy, ghost penalty and viscous potential [J/m]; inf where a point is inverted (J <= 0)."""
-        elastic = self.bulk.energy(configuration)
-        return elastic if np.isinf(elastic) else elastic + self.potential(configuration)
+    @property
+    def modulus(self) -> float:
+        """Largest 2 eta / dt [Pa]."""
+        return max(law.resistance for law, _ in self.parts)
 
-    def potential(self, configuration: Configuration) -> float:
+    def energy(self, at: Configuration) -> float:
         """The viscous potential [J/m], half of the dissipation from the start at a constant rate."""
-        volume = self.bulk.assembly.volume
-        return float(sum(volume[points] @ law.energy(configuration.F[..., points]) for law, points in self.parts))
+        volume = self.assembly.volume
+        return float(sum(volume[points] @ law.energy(at.F[..., points]) for law, points in self.parts))
 
-    def force(self, configuration: Configuration) -> Array:
-        """Internal, viscous and ghost forces, the derivative of `energy`, (2 nodes,) [N/m]."""
-        P = self.bulk.stress(configuration).copy()
+    def force(self, at: Configuration) -> Array:
+        """The derivative of the potential, (2 nodes,) [N/m]."""
+        P = np.zeros_like(at.F)
         for law, points in self.parts:
-            P[..., points] += law.stress(configuration.F[..., points])
-        return self.bulk.assembly.internal_force(P) + self.bulk.assembly.ghost_force(configuration.displacement)
+            P[..., points] = law.stress(at.F[..., points])
+        return self.assembly.internal_force(P)
 
-    def stiffness(self, configuration: Configuration) -> Array:
-        """Stiffness in the pattern of A, (blocks, 2, 2) [Pa]."""
-        C, added = self.bulk.tangents(configuration)
-        C = C.copy()
+    def stiffness(self, at: Configuration) -> Array:
+        """The derivative of the force, in the pattern of A, (blocks, 2, 2) [Pa]."""
+        C = np.zeros((2, 2, *at.F.shape))
         for law, points in self.parts:
-            C[..., points] += law.tangent(configuration.F[..., points])
-        return self.bulk.assembly.stiffness(C, added)
+            C[..., points] = law.tangent(at.F[..., points])
+        return self.assembly.stiffness(C, ghost=False)
+
+    def budget(self, path: Path) -> Budget:
+        """What viscosity dissipates; never negative."""
+        return Budget(viscous=2.0 * self.energy(path.stressed) / self.theta)

@@ -16,12 +16,9 @@ from skmpm.scene.scene import Scene
 from skmpm.scene.springs import (
     Spring,
     forces_of_springs,
-    rest_in_step,
     rest_of,
-    spring_energy,
     spring_forces,
     stiffness_of,
-    work_of_ends,
 )
 from skmpm.scene.stages import at_rest, continued
 from skmpm.scene.state import Derived, State, StepFailed
@@ -73,10 +70,8 @@ __all__ = [
     "prescribed_motions",
     "prescribed_velocities",
     "recut",
-    "rest_in_step",
     "rest_of",
     "rigid_motion",
-    "spring_energy",
     "spring_forces",
     "stiffness_of",
     "stress_zz",
@@ -84,5 +79,4 @@ __all__ = [
     "view_of",
     "wall_lines",
     "with_normal_speeds",
-    "work_of_ends",
 ]

@@ -143,42 +143,6 @@ def _stretch(scene: Scene, ends: Ends, x: Array, rest: Array) -> Array:
     return np.asarray(x[:, points] - scene.initial_positions[:, points] - rest[:, None])
 
 
-def spring_energy(scene: Scene, x: Array, t: float) -> float:
-    """Energy stored in the springs with points at x (2, n) at time t [J/m]."""
-    total = 0.0
-    for i, ends in enumerate(scene.sprung):
-        k, rest = stiffness_of(i, scene.springs[i]), rest_of(scene, i, t)
-        if ends.bed:
-            total += 0.5 * float(k @ (_stretch(scene, ends, x, rest) ** 2 @ ends.first.share))
-        else:
-            total += 0.5 * float(k[0]) * float(np.hypot(*ends.span(x)) - rest) ** 2
-    return total
-
-
-def rest_in_step(scene: Scene, i: int, times: tuple[float, float], theta: float) -> Array:
-    """What spring i has without a force a part theta of a step after its start, with ends that move uniformly in it.
-
-    So the work of the ends is what the springs store, exactly, whatever their motion in time.
-    """
-    before, after = (rest_of(scene, i, t) for t in times)
-    return np.asarray(before + theta * (after - before))
-
-
-def work_of_ends(scene: Scene, x: Array, times: tuple[float, float], theta: float) -> float:
-    """Work of the ends in a step between two times, by the forces at x (2, n) a part theta after its start [J/m]."""
-    total = 0.0
-    for i, (spring, ends) in enumerate(zip(scene.springs, scene.sprung, strict=True)):
-        if not callable(spring.rest):
-            continue
-        moved = rest_of(scene, i, times[1]) - rest_of(scene, i, times[0])
-        k, middle = stiffness_of(i, spring), rest_in_step(scene, i, times, theta)
-        if ends.bed:
-            total -= float((k * moved) @ (_stretch(scene, ends, x, middle) @ ends.first.share))
-        else:
-            total -= float(k[0] * moved) * float(np.hypot(*ends.span(x)) - middle)
-    return total
-
-
 def check_springs(scene: Scene) -> None:
     """Raise SceneError for the first error in the springs."""
     for i, spring in enumerate(scene.springs):

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.implicit import StepRejected, pair
+from skmpm.implicit import Budget, StepRejected, pair
 from skmpm.implicit.statics import TOO_FAR
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
-from skmpm.simulate.budget import Budget
 from skmpm.simulate.initial_state import can_touch
 
 Array = NDArray[np.float64]

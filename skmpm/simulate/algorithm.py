@@ -34,11 +34,7 @@ from skmpm.simulate.acceptance import check_step
 from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
 from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import budget_of, report_of
-from skmpm.simulate.forces import (
-    equilibrium_depends_on_dt,
-    external_force,
-    follower_pressure,
-)
+from skmpm.simulate.forces import equilibrium_depends_on_dt, terms_of
 from skmpm.simulate.grid_to_points import contacts_of, end_state, kept_configuration, kept_solver, velocity_at_start
 from skmpm.simulate.initial_guess import continued_motion
 from skmpm.simulate.initial_state import check_cohesion, check_scheme, touches
@@ -50,7 +46,6 @@ from skmpm.simulate.regrid import (
     regridded_state,
 )
 from skmpm.simulate.rigid_edges import indenting_edge_message
-from skmpm.simulate.springs import springs_of
 from skmpm.simulate.turning import gauge_condition
 from skmpm.simulate.unbalanced import unbalanced_ratio
 from skmpm.simulate.unknowns import scalar_unknowns
@@ -85,23 +80,17 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     if unknowns is not None:
         motions = unknowns.motions(unknowns.v0)
     v0 = _first_velocity(scene, state, motions, dt, scheme)
-    force = external_force(scene, state, state.t + scheme.theta * dt)
-    known, supports = kept_configuration(scene, state, scheme), derived_of(state).supports
-    bulk = bulk_of(scene, state, scheme) if known is None or known.bulk is None else known.bulk
+    at_start = kept_configuration(scene, state, scheme) or bulk_of(scene, state, scheme).at(state.displacement)
     increment = Increment(
-        bulk,
-        state.displacement,
+        at_start,
         v0,
-        force,
+        tuple(terms_of(scene, state, at_start, dt, scheme)),
         dt,
         scheme,
-        supports,
+        derived_of(state).supports,
         motions.supports,
-        gauge=gauge_condition(scene, state, v0, force, dt, scheme),
-        pressure=follower_pressure(scene, state, state.t + scheme.theta * dt),
+        gauge=gauge_condition(scene, state, v0, dt, scheme),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
-        springs=springs_of(scene, state, dt, scheme.theta),
-        known_start=known,
     )
     timer.lap("transfer")
     try:

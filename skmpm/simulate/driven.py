@@ -18,10 +18,9 @@ from skmpm.scene import (
     centres,
     fitted_motions,
     forces_of_springs,
-    gravity_at,
 )
 from skmpm.scheme import Scheme
-from skmpm.simulate.forces import add_dead_loads
+from skmpm.simulate.forces import forces_on_points
 
 Array = NDArray[np.float64]
 
@@ -183,15 +182,12 @@ def _loaded(scene: Scene) -> NDArray[np.bool_]:
 
 def _external(scene: Scene, x: Array, t: float) -> Array:
     """Forces of loads, springs and gravity at time t on points at x (2, n), (2, n) [N/m]."""
-    each = forces_of_springs(scene, x, t)
-    add_dead_loads(scene, t, each)
+    each = forces_of_springs(scene, x, t) + forces_on_points(scene, t)
     for segments, pressure in zip(scene.pressed, scene.pressure_values(t), strict=True):
         ends = scene.outlines.point[segments], scene.outlines.point[scene.outlines.next[segments]]
         along = x[:, ends[1]] - x[:, ends[0]]
         for k, force_on_first in enumerate((-along[1], along[0])):
             np.add.at(each[k], ends[0], pressure * force_on_first)
-    own = scene.movable[scene.owner]  # gravity need not be finite at held bodies
-    each[:, own] += scene.masses[own] * gravity_at(scene, scene.initial_positions[:, own], t)
     return each
 
 

@@ -9,19 +9,15 @@ from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.implicit import Bulk, ContactIterate, End, Increment, Solution
-from skmpm.implicit.internal_variables import dissipated
+from skmpm.implicit import Budget, ContactIterate, End, Increment, Path, Solution
 from skmpm.scene import Energy, Report, Scene, State
 from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
-from skmpm.simulate.budget import Budget
 from skmpm.simulate.rigid_energy import own_energies, work_of_turning
-from skmpm.simulate.springs import energies
-from skmpm.simulate.work import work_at_start, work_of_loads
+from skmpm.simulate.work import work_at_start
 
 Array = NDArray[np.float64]
 
 SAME_ENERGY = 1e-9  # relative difference of strain energies of one configuration, evaluated twice: round-off
-STRAIN_ROUND_OFF = 100.0 * float(np.finfo(float).eps)  # energies of such strains are round-off
 
 
 def kinetic_energy(assembly: Assembly, v: Array) -> float:
@@ -37,7 +33,7 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
     speed. A quasi-static step takes the mean of the forces at both its ends (trapezoidal rule, second order).
     """
     inertia = increment.scheme.inertia
-    total = _of_bodies(state, increment, solution, end)
+    total = _of_motion(state, increment, solution, end)
     if inertia and after.box is not None:
         total += _of_box(state, increment, end, after)
     for own in own_energies(scene, state, increment, solution, end, after):
@@ -45,33 +41,33 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
     if solution.contact is not None:
         total += _of_contacts(scene, state, increment, solution.contact, solution, end)
     if not inertia:
-        at_start = work_at_start(scene, state, increment, solution.w, end.motions)
+        at_start = work_at_start(scene, state, increment, end.motions)
         total = replace(total, external=0.5 * (total.external + at_start))
-    return total if increment.springs is None else total + _of_springs(scene, state, increment, end)
+    stressed = end.configuration if increment.scheme.theta == 1.0 else increment.at(solution.w)
+    path = Path(increment.at_start, stressed, end.configuration, inertia, end.internal)
+    for term in increment.terms:
+        total += term.budget(path)
+    return _as_reported(total, state.report.energy.elastic)
 
 
-def _of_bodies(state: State, increment: Increment, solution: Solution, end: End) -> Budget:
-    """That of the bodies on grids, their loads and supports."""
-    bulk, w, reference_energy = increment.bulk, solution.w, _energy_of_reference_stress(increment.bulk)
-    elastic = np.array([bulk.energy(at) + reference_energy for at in (increment.at_start, end.configuration)])
-    reported = state.report.energy.elastic
-    if increment.known_start is None and abs(elastic[0] - reported) <= SAME_ENERGY * abs(reported):
-        elastic[0] = reported  # of a state from a file, whose configuration is evaluated again
-    plastic = dissipated(bulk, end.configuration, end.internal)
+def _as_reported(budget: Budget, elastic: float) -> Budget:
+    """The budget with the elastic energy of the last report where a state from a file evaluates it again."""
+    first = budget.elastic[0]
+    if abs(first - elastic) > SAME_ENERGY * abs(elastic):
+        return budget
+    return replace(budget, elastic=np.array([elastic, budget.elastic[1]]))
+
+
+def _of_motion(state: State, increment: Increment, solution: Solution, end: End) -> Budget:
+    """Kinetic energies of the bodies on grids, and the work of supports."""
     of_box = velocity_of_box(state, mean_gradient(state, end.motions, increment.dt))
-    ends = (increment.v0, end.velocity) if increment.scheme.inertia else ()
-    kinetic = np.array([kinetic_energy(bulk.assembly, v - of_box) for v in ends] or [0.0, 0.0])
-    modulus = bulk.modulus * float(bulk.assembly.volume.sum())
-    return Budget(
-        kinetic=kinetic,
-        elastic=elastic - [0.0, plastic],
-        external=work_of_loads(increment, w) - float(end.reaction @ increment.prescribed),
-        viscous=increment.dissipated(w),
-        plastic=plastic,
-        rounding=float(np.finfo(float).eps) * modulus,  # a strain energy is a small difference of terms as large
-        noise=STRAIN_ROUND_OFF**2 * modulus,
-        swing=_swing(increment, w, elastic, kinetic),
-    )
+    external = -float(end.reaction @ increment.prescribed)
+    if not increment.scheme.inertia:
+        return Budget(external=external)
+    assembly = increment.bulk.assembly
+    kinetic = np.array([kinetic_energy(assembly, v - of_box) for v in (increment.v0, end.velocity)])
+    swing = 0.0 if increment.scheme.theta == 1.0 else float(kinetic[1] - 0.5 * kinetic.sum())
+    return Budget(kinetic=kinetic, external=external, swing=swing)
 
 
 def _of_box(state: State, increment: Increment, end: End, after: State) -> Budget:
@@ -106,28 +102,6 @@ def _of_contacts(
         overlap=float(constraints.pushed_out[k]),
         overlapping=constraints.bodies[:, k],
     )
-
-
-def _of_springs(scene: Scene, state: State, increment: Increment, end: End) -> Budget:
-    """That of beds and bars."""
-    x, moved = state.x.copy(), increment.grid.at_points(end.configuration.displacement)
-    x[:, scene.deformable_points] = state.x_anchor[:, scene.deformable_points] + moved
-    stored, work = energies(scene, state.x, x, state.t, increment)
-    return Budget(springs=np.array(stored), external=work)
-
-
-def _swing(increment: Increment, w: Array, elastic: Array, kinetic: Array) -> float:
-    """How far kinetic and elastic energy at the end of the step exceed one that small motions conserve [J/m].
-
-    The midpoint rule balances forces in the middle of the step, where bodies that rotate have not the strain of the
-    ends of chords. The elastic energy there and the mean of the kinetic ones at the ends are never above the energy
-    of a vibration.
-    """
-    bulk = increment.bulk
-    if increment.scheme.theta == 1.0:
-        return 0.0
-    strained = bulk.energy(bulk.at(increment.start + increment.theta_dt * w)) + _energy_of_reference_stress(bulk)
-    return float(elastic[1] + kinetic[1] - strained - 0.5 * kinetic.sum())
 
 
 def report_of(
@@ -181,15 +155,3 @@ def report_of(
             largest=max(old.largest, budget.largest),
         ),
     )
-
-
-def _energy_of_reference_stress(bulk: Bulk) -> float:
-    """Elastic energy of linear materials in the reference configuration, 1/2 stress : C^-1 : stress [J/m]."""
-    total = 0.0
-    for law, points, _ in bulk.groups:
-        if law.linear and law.stress_anchor is not None:
-            stress = law.stress_anchor.reshape(4, -1)
-            C = law.tangent(np.eye(2)[:, :, None]).reshape(4, 4)
-            square = np.einsum("ap,ab,bp->p", stress, np.linalg.pinv(C), stress)
-            total += 0.5 * float(bulk.assembly.volume[points] @ square)
-    return total

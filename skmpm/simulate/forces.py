@@ -1,52 +1,69 @@
-"""External forces, gravity and loads, and properties of the loading that quasi-static steps need."""
+"""The forces of a scene on bodies, and properties of the loading that quasi-static steps need."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.implicit import FollowerPressure
+from skmpm.implicit import Configuration, DeadLoad, FollowerPressure, Term, ViscousBulk
 from skmpm.material import viscosity_of
 from skmpm.scene import Scene, State, gravity_at, prescribed_motions
+from skmpm.scheme import Scheme
 from skmpm.simulate.regrid import assembly_of
+from skmpm.simulate.springs import springs_of
 
 Array = NDArray[np.float64]
 
 
+def terms_of(scene: Scene, state: State, start: Configuration, dt: float, scheme: Scheme) -> Iterator[Term]:
+    """The terms of a step of dt [s] from a state in a configuration, but for the bulk."""
+    times = state.t, state.t + scheme.theta * dt
+    if start.bulk is not None and start.bulk.viscosity > 0.0:
+        yield ViscousBulk.of(start, dt, scheme.theta)
+    if has_gravity(scene) or scene.dead_loads:
+        yield DeadLoad(external_force(scene, state, times[1]), _first_force(scene, state, scheme), state.displacement)
+    if scene.pressures:
+        yield follower_pressure(scene, state, *times)
+    yield from springs_of(scene, state, (state.t, state.t + dt), scheme.theta)
+
+
 def external_force(scene: Scene, state: State, t: float) -> Array:
     """Nodal forces of gravity and dead loads at time t, (2 nodes,) [N/m]."""
-    assembly = assembly_of(state)
-    if not (_has_gravity(scene) or scene.dead_loads):
-        return np.zeros(2 * assembly.grid.nodes)
-    at_points, own = np.zeros_like(state.x), scene.deformable_points
-    if _has_gravity(scene):
-        at_points[:, own] = state.mass[own] * gravity_at(scene, scene.initial_positions[:, own], t)
-    add_dead_loads(scene, t, at_points)
-    return np.asarray(assembly.grid.interpolation.T @ at_points[:, own].T).ravel()
+    own = scene.deformable_points
+    return np.asarray(assembly_of(state).grid.interpolation.T @ forces_on_points(scene, t)[:, own].T).ravel()
 
 
-def add_dead_loads(scene: Scene, t: float, at_points: Array) -> None:
-    """Add the dead loads at time t to forces on points (2, n) [N/m]."""
-    for loaded, force in zip(scene.loaded, scene.forces(t), strict=True):
-        at_points[:, loaded.points] += force[:, None] * loaded.share
+def _first_force(scene: Scene, state: State, scheme: Scheme) -> Array | None:
+    """The forces at the start of a step, which only the work of one without inertia needs."""
+    return None if scheme.inertia else external_force(scene, state, state.t)
 
 
-def follower_pressure(scene: Scene, state: State, t: float) -> FollowerPressure | None:
-    """The pressures on boundaries at time t; None if there are none."""
-    if not scene.pressures:
-        return None
+def forces_on_points(scene: Scene, t: float) -> Array:
+    """Gravity and dead loads at time t on the points of bodies that forces move, (2, n) [N/m]."""
+    force, own = np.zeros_like(scene.initial_positions), scene.movable[scene.owner]
+    if has_gravity(scene):
+        force[:, own] = scene.masses[own] * gravity_at(scene, scene.initial_positions[:, own], t)
+    for loaded, load in zip(scene.loaded, scene.forces(t), strict=True):
+        force[:, loaded.points] += load[:, None] * loaded.share
+    return force
+
+
+def follower_pressure(scene: Scene, state: State, first: float, t: float) -> FollowerPressure:
+    """The pressures on boundaries of a step that begins at a time `first`, with those of time t."""
     boundary, deformable = scene.outlines, scene.deformable[state.body]
     segments = np.concatenate(scene.pressed)
-    value = np.repeat(scene.pressure_values(t), [own.size for own in scene.pressed])
+    begin, value = (np.repeat(scene.pressure_values(at), [own.size for own in scene.pressed]) for at in (first, t))
     c, ends = np.unique(np.stack([segments, boundary.next[segments]]), return_inverse=True)
     points = boundary.point[c]
     row = (np.cumsum(deformable) - 1)[points]  # among the points of deformable bodies
     interpolation = sp.csr_array(assembly_of(state).grid.interpolation[row])
-    return FollowerPressure(interpolation, state.x_anchor[:, points], ends.reshape(2, -1), value)
+    return FollowerPressure(interpolation, state.x_anchor[:, points], ends.reshape(2, -1), value, begin)
 
 
-def _has_gravity(scene: Scene) -> bool:
+def has_gravity(scene: Scene) -> bool:
     """Whether the scene has gravity."""
     return callable(scene.gravity) or bool(np.any(scene.gravity))
 

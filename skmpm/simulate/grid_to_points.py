@@ -112,7 +112,7 @@ def _reusable(scene: Scene, state: State, increment: Increment, solution: Soluti
     of_materials = (increment.scheme.mean_dilatation, scene.materials_by_group)
     derived = derived_of(state)
     derived = replace(derived, key=(), solver=None, delassus=None, configuration=kept, of_materials=of_materials)
-    if not increment.material_response.linear or increment.springs is not None:
+    if not increment.linear or scene.springs:
         return derived
     contact = solution.contact if solution.solver is not None else None  # the operator belongs to the factor
     delassus = None if contact is None else contact.delassus
@@ -125,7 +125,7 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
     It is for linear materials, unless dt, scheme or body grids have changed.
     """
     derived = state.derived
-    if derived is None or not increment.material_response.linear or increment.springs is not None:
+    if derived is None or not increment.linear or scene.springs:
         return None, None
     if derived.key != _key(scene, increment):
         return None, None

@@ -24,7 +24,6 @@ from skmpm.scene import (
     initial_internal,
     prescribed_velocities,
     rigid_motion,
-    spring_energy,
     velocity_at,
     with_normal_speeds,
 )
@@ -34,6 +33,7 @@ from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
 from skmpm.simulate.rigid_energy import own_kinetic_energy
+from skmpm.simulate.springs import springs_of
 from skmpm.transfer import to_nodes
 
 Array = NDArray[np.float64]
@@ -87,7 +87,8 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     state = replace(state, weight=weight)
     relative = nodal - velocity_of_box(state, state.box_rate)
     kinetic = kinetic_energy(assembly, relative) + own_kinetic_energy(scene, state)
-    at_start = Report(energy=Energy(kinetic=kinetic, springs=spring_energy(scene, x, 0.0)))
+    springs = sum(each.stored(state.displacement, 0.0) for each in springs_of(scene, state, (0.0, 0.0), 1.0))
+    at_start = Report(energy=Energy(kinetic=kinetic, springs=springs))
     return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
 
 

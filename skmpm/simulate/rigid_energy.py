@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit import End, Increment, Solution
+from skmpm.implicit import Budget, End, Increment, Solution
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity, normal_speeds, velocity_at
 from skmpm.simulate.box_motion import mean_gradient
-from skmpm.simulate.budget import Budget
 from skmpm.simulate.rigid_state import RigidState, kinetic_energy, rigid_state
 
 Array = NDArray[np.float64]

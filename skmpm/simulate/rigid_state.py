@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Scene, State, gravity_at
-from skmpm.simulate.forces import add_dead_loads
+from skmpm.scene import Scene, State
+from skmpm.simulate.forces import forces_on_points
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,9 +43,7 @@ class RigidState:
         """Gravity and dead loads of time t."""
         at = np.flatnonzero(np.isin(state.body, self.bodies))
         own = np.searchsorted(self.bodies, state.body[at])
-        on_points = np.zeros_like(state.x)
-        add_dead_loads(scene, t, on_points)
-        force = on_points[:, at] + state.mass[at] * gravity_at(scene, scene.initial_positions[:, at], t)
+        force = forces_on_points(scene, t)[:, at]
         arm = (state.x[:, at] - self.centre[:, own]) / self.radius[own]
         across, along = arm[0] * force[1] - arm[1] * force[0], (arm * force).sum(axis=0)
         parts = [_sums(own, part, self.bodies.size) for part in (*force, across, along)]

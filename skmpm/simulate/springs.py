@@ -1,73 +1,66 @@
-"""The springs of a scene in a step: their equations, their energy, and where they are refused."""
+"""The springs of a scene in a step."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.implicit import Increment, Springs
-from skmpm.scene import Scene, State, rest_in_step, spring_energy, stiffness_of, work_of_ends
+from skmpm.implicit import Bars, Beds
+from skmpm.scene import Scene, State, rest_of, stiffness_of
 from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 
-def springs_of(scene: Scene, state: State, dt: float, theta: float) -> Springs | None:
-    """The springs of a step with the ends that they have a part theta after its start; None without springs."""
-    if not scene.springs:
-        return None
-    assembly, number = assembly_of(state), np.cumsum(scene.deformable[state.body]) - 1
-    N, moved = assembly.grid.interpolation, state.x_anchor - scene.initial_positions
-    points, stiffness, start = [np.zeros(0, dtype=np.int64)], [np.zeros((2, 0))], [np.zeros((2, 0))]
-    ends_of_bars: list[tuple[Ints, Array, int]] = []  # points, their shares and the bar
-    span, bar_stiffness, length = [np.zeros((0, 2))], [0.0][:0], [0.0][:0]
-    for i, (spring, ends) in enumerate(zip(scene.springs, scene.sprung, strict=True)):
-        k, rest, first = stiffness_of(i, spring), rest_in_step(scene, i, (state.t, state.t + dt), theta), ends.first
-        if ends.bed:
-            points.append(number[first.points])
-            stiffness.append(k[:, None] * first.share)
-            start.append(moved[:, first.points] - rest[:, None])
-            continue
-        ends_of_bars.append((number[first.points], first.share, len(length)))
-        if ends.second is not None:
-            ends_of_bars.append((number[ends.second.points], -ends.second.share, len(length)))
-        span.append(ends.span(state.x_anchor)[None])
-        bar_stiffness.append(float(k[0]))
-        length.append(float(rest))
-    return Springs(
-        assembly,
-        np.concatenate(points),
-        np.concatenate(stiffness, axis=1),
-        np.concatenate(start, axis=1),
-        _differences(ends_of_bars, len(length), N),
-        np.concatenate(span),
-        np.array(bar_stiffness, dtype=float),
-        np.array(length, dtype=float),
-    )
+def springs_of(scene: Scene, state: State, times: tuple[float, float], theta: float) -> Iterator[Beds | Bars]:
+    """The springs of a step between two times [s] whose forces are taken a part theta after its start."""
+    beds, bars = ([i for i, ends in enumerate(scene.sprung) if ends.bed is kind] for kind in (True, False))
+    if beds:
+        yield _beds(scene, state, beds, times, theta)
+    if bars:
+        yield _bars(scene, state, bars, times, theta)
+
+
+def _beds(scene: Scene, state: State, beds: list[int], times: tuple[float, float], theta: float) -> Beds:
+    places = [scene.sprung[i].first for i in beds]
+    points, number = np.concatenate([place.points for place in places]), _among_deformable(scene, state)
+    each = [(stiffness_of(i, scene.springs[i]), place) for i, place in zip(beds, places, strict=True)]
+    stiffness = np.concatenate([k[:, None] * place.share for k, place in each], axis=1)
+    rest = np.stack([_at_points(scene, beds, t) for t in times])
+    start = (state.x_anchor - scene.initial_positions)[:, points]
+    return Beds(stiffness, rest, theta, assembly_of(state), number[points], start)
+
+
+def _at_points(scene: Scene, beds: list[int], t: float) -> Array:
+    """Displacements without a force at time t of the points of beds, (2, m) [m]."""
+    sizes = [scene.sprung[i].first.points.size for i in beds]
+    return np.repeat(np.stack([rest_of(scene, i, t) for i in beds], axis=1), sizes, axis=1)
+
+
+def _bars(scene: Scene, state: State, bars: list[int], times: tuple[float, float], theta: float) -> Bars:
+    number, joined = _among_deformable(scene, state), list[tuple[Ints, Array, int]]()  # points, their shares, the bar
+    for bar, i in enumerate(bars):
+        for place, sign in zip(scene.sprung[i].sets, (1.0, -1.0), strict=False):
+            joined.append((number[place.points], sign * place.share, bar))
+    stiffness = np.array([stiffness_of(i, scene.springs[i])[0] for i in bars])
+    rest = np.array([[float(rest_of(scene, i, t)) for i in bars] for t in times])
+    span = np.stack([scene.sprung[i].span(state.x_anchor) for i in bars])
+    differences = _differences(joined, len(bars), assembly_of(state).grid.interpolation)
+    return Bars(stiffness, rest, theta, differences, span)
+
+
+def _among_deformable(scene: Scene, state: State) -> Ints:
+    """The number of each point among those of deformable bodies, (n,)."""
+    return np.asarray(np.cumsum(scene.deformable[state.body]) - 1)
 
 
 def _differences(ends: list[tuple[Ints, Array, int]], bars: int, N: sp.csr_array) -> sp.csr_array:
     """B (2 bars, 2 nodes), from nodal displacements to those of the first less those of the second ends."""
-    if not ends:
-        return sp.csr_array((0, 2 * N.shape[1]))
     points, shares = np.concatenate([end[0] for end in ends]), np.concatenate([end[1] for end in ends])
     bar = np.repeat([end[2] for end in ends], [end[0].size for end in ends])
     means = sp.csr_array((shares, (bar, points)), shape=(bars, N.shape[0]))
     return sp.csr_array(sp.kron(means @ N, np.eye(2), format="csr"))
-
-
-def energies(
-    scene: Scene, before: Array, after: Array, t: float, increment: Increment
-) -> tuple[tuple[float, float], float]:
-    """Energy of the springs before and after a step with points at (2, n), and work of their moving ends [J/m].
-
-    With inertia the work is that of the forces in the balance, without of the mean of both ends of the step.
-    """
-    dt, theta = increment.dt, increment.scheme.theta
-    stored = spring_energy(scene, before, t), spring_energy(scene, after, t + dt)
-    if increment.scheme.inertia:
-        at = before + theta * (after - before)
-        return stored, work_of_ends(scene, at, (t, t + dt), theta)
-    return stored, 0.5 * sum(work_of_ends(scene, x, (t, t + dt), end) for x, end in ((before, 0.0), (after, 1.0)))

@@ -18,7 +18,8 @@ def unbalanced_ratio(scene: Scene, increment: Increment, solution: Solution, aft
     The resultant is that of contact forces, gravity, loads and springs, which accelerates the body. Bodies with
     supports are left out. It is zero if no force acts, and infinite if forces act but none between bodies.
     """
-    grid, force, mean = increment.grid, increment.load(solution.w) - increment.spring_force(solution.w), 0.0
+    grid, mean = increment.grid, 0.0
+    force = sum(increment.external_forces(increment.at(solution.w)), np.zeros_like(solution.w))
     contact = solution.contact
     if contact is not None and contact.constraints.size:
         force = force + contact.impulse / (increment.scheme.theta * increment.dt)

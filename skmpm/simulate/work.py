@@ -1,4 +1,4 @@
-"""Work in a step: of gravity and loads, and of all that acts on bodies by the forces at its start."""
+"""Work in a step by the forces at its start."""
 
 from __future__ import annotations
 
@@ -19,40 +19,22 @@ from skmpm.scene import (
 )
 from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.driven import driving_forces
-from skmpm.simulate.forces import external_force, follower_pressure
 from skmpm.simulate.rigid_energy import power_of_loads
 from skmpm.simulate.rigid_state import rigid_state
 
 Array = NDArray[np.float64]
 
 
-def work_of_loads(increment: Increment, w: Array) -> float:
-    """Work of gravity and loads in the step [J/m], of those at its end without inertia.
-
-    That of a pressure is p times the change of an area, which is quadratic in the displacement: so the force halfway
-    gives it exactly.
-    """
-    moved, pressure, scheme = increment.dt * w, increment.pressure, increment.scheme
-    if pressure is None or not scheme.inertia:
-        return float(increment.load(w) @ moved)
-    return float((increment.force + pressure.force(increment.start + 0.5 * moved)) @ moved)
-
-
-def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, motions: PrescribedVelocities) -> float:
-    """Work of loads, supports, walls and rigid bodies in the step with their forces at its start [J/m].
+def work_at_start(scene: Scene, state: State, increment: Increment, motions: PrescribedVelocities) -> float:
+    """Work of supports, walls and rigid bodies in the step with their forces at its start [J/m].
 
     Of free rigid bodies it is that of gravity and loads, of driven walls along their normals that of what drives
     them: contacts bear it at the end of the step, but not where it begins to act.
     """
-    contacts = state.contacts
-    loads = external_force(scene, state, state.t) @ w
-    pressure = follower_pressure(scene, state, state.t)
-    if pressure is not None:
-        loads += pressure.force(state.displacement) @ w
-    supports = state.support_force.ravel() @ increment.prescribed
+    contacts, loads = state.contacts, -float(state.support_force.ravel() @ increment.prescribed)
     if scene.driven_walls.size:
         forces = driving_forces(scene, state.walls, state.t)
-        loads += forces @ normal_speeds(scene, motions.walls)
+        loads += float(forces @ normal_speeds(scene, motions.walls))
         motions = replace(motions, walls=with_normal_speeds(scene, motions.walls, np.zeros(forces.size)))
     relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)
     gradient = mean_gradient(state, motions, increment.dt)
@@ -60,7 +42,7 @@ def work_at_start(scene: Scene, state: State, increment: Increment, w: Array, mo
         relative -= gradient @ contacts.image
     if scene.free_rigid.size:
         loads += power_of_loads(scene, state, rigid_state(scene, state), motions, 0.0)
-    return increment.dt * float(loads - supports - np.einsum("ik,ik->", contacts.vectors, relative))
+    return increment.dt * float(loads - np.einsum("ik,ik->", contacts.vectors, relative))
 
 
 def _surface_velocity(scene: Scene, state: State, motions: PrescribedVelocities, side: int) -> Array:

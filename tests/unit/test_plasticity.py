@@ -30,11 +30,10 @@ from skmpm import (
     simulate,
     step,
 )
-from skmpm.implicit.internal_variables import dissipated, updated
+from skmpm.implicit import Budget
 from skmpm.material import has_memory, in_step, virgin
 from skmpm.plot.snapshot import OfFrame
 from skmpm.scene import mises, plastic_strain, stress_zz
-from skmpm.simulate.budget import Budget
 from skmpm.simulate.regrid import bulk_of
 
 R, CELL, DT = 1e-3, 0.25e-3, 2e-5
@@ -135,8 +134,8 @@ def test_the_update_sees_the_deformation_that_the_stress_sees(anchor):
     assert all(bulk.mean_dilatation)
     configuration = bulk.at(end.displacement)
     np.testing.assert_allclose(bulk.cauchy(configuration), end.stress, rtol=0.0, atol=1e-9 * METAL.yield_stress)
-    np.testing.assert_allclose(updated(bulk, configuration), end.internal, rtol=0.0, atol=1e-12)
-    assert abs(dissipated(bulk, configuration, end.internal)) < 1e-12 * end.report.energy.plastic
+    np.testing.assert_allclose(bulk.updated(configuration), end.internal, rtol=0.0, atol=1e-12)
+    assert abs(bulk.dissipated(configuration, end.internal)) < 1e-12 * end.report.energy.plastic
 
 
 def test_viscosity_adds_to_plasticity():

@@ -6,6 +6,7 @@ from test_only_what_is_required import Calls
 
 import skmpm
 from skmpm import outline
+from skmpm.implicit import Configuration
 from skmpm.points import Points
 from skmpm.simulate.forces import follower_pressure
 
@@ -40,7 +41,7 @@ def test_the_force_is_the_derivative_of_minus_p_times_the_area():
     """By central differences in a deformed configuration; so it has neither a resultant nor a moment."""
     scene, p = pressed_disc(3e4), 3e4
     state = skmpm.initial(scene)
-    pressure, rng = follower_pressure(scene, state, 0.0), np.random.default_rng(1)
+    pressure, rng = follower_pressure(scene, state, 0.0, 0.0), np.random.default_rng(1)
     u, direction = rng.normal(0.0, 0.03 * R, (2, state.displacement.size))
 
     def area(displacement):
@@ -52,9 +53,10 @@ def test_the_force_is_the_derivative_of_minus_p_times_the_area():
         )
 
     numeric = -p * (area(u + 1e-4 * direction) - area(u - 1e-4 * direction)) / 2e-4
-    assert pressure.force(u) @ direction == pytest.approx(numeric, rel=1e-9)
+    at = Configuration(u)
+    assert pressure.force(at) @ -direction == pytest.approx(numeric, rel=1e-9)
     grid = state.derived.assembly.grid
-    force = pressure.force(u).reshape(-1, 2).T
+    force = pressure.force(at).reshape(-1, 2).T
     x = grid.position + u.reshape(-1, 2).T
     assert np.abs(force.sum(axis=1)).max() < 1e-12 * np.abs(force).sum()
     assert abs(np.sum(x[0] * force[1] - x[1] * force[0])) < 1e-12 * np.abs(force).sum() * R

@@ -15,7 +15,9 @@ def step_of(material, theta=1.0):
     scene = Scene([Body(disc((x, 0.0), R, spacing=R / 6), material) for x in (0.0, 3.0 * R)], cell=R / 4)
     assembly = initial(scene).derived.assembly
     rest = np.zeros(2 * assembly.grid.nodes)
-    return Increment(Bulk(assembly, [(material, slice(None))], None, None), rest, rest, rest, DT, Scheme(theta=theta))
+    return Increment(
+        Bulk(assembly, [(material, slice(None))], None, None).at(rest), rest, (), DT, Scheme(theta=theta)
+    )
 
 
 def spins(increment, angles):

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 import skmpm
 from skmpm import LinearElastic, NeoHookean, Spring, coulomb, linear, spring_forces
+from skmpm.implicit import Configuration
 from skmpm.points import box, disc, from_mesh
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
@@ -273,13 +274,13 @@ def test_newtons_method_knows_stiff_bars_with_and_without_contact(friction):
 def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solver):
     rng, scene = np.random.default_rng(0), pair()
     state = initial(scene)
-    springs = springs_of(scene, state, 1.0, 0.0)
-    assembly, grid = springs.assembly, springs.assembly.grid
+    (springs,), assembly = springs_of(scene, state, (0.0, 1.0), 0.0), state.derived.assembly
+    grid = assembly.grid
     C = STIFF.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
-    stiffness = 1e4 * springs.bar_stiffnesses(np.zeros(2 * grid.nodes))
-    joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions), springs.bars, stiffness, grid.blocks)
-    whole = A.toarray() + springs.bars.T @ (sp.block_diag(list(stiffness)) @ springs.bars.toarray())
+    B, stiffness = springs.coupling(Configuration(np.zeros(2 * grid.nodes)))
+    joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions), B, 1e4 * stiffness, grid.blocks)
+    whole = A.toarray() + B.T @ (1e4 * sp.block_diag(list(stiffness)) @ B.toarray())
     b = rng.normal(size=2 * grid.nodes)
     exact = np.linalg.solve(whole, b)
     np.testing.assert_allclose(joined(b), exact, atol=1e-6 * np.abs(exact).max())
@@ -309,8 +310,8 @@ def test_bars_of_different_bodies_share_a_solve(solver):
     """Nine blocks and six bars: the inverse of the sum, by as few columns as the bars on one block."""
     scene = wall_of_blocks(3, 0.0)
     state = initial(scene)
-    springs = springs_of(scene, state, 1.0, 0.0)
-    assembly, grid = springs.assembly, springs.assembly.grid
+    (springs,), assembly = springs_of(scene, state, (0.0, 1.0), 0.0), state.derived.assembly
+    grid = assembly.grid
     C = scene.bodies[0].material.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
     inner, columns = solver(A, grid.blocks, grid.rigid_motions), []
@@ -319,10 +320,10 @@ def test_bars_of_different_bodies_share_a_solve(solver):
         columns.append(b.shape[1] if b.ndim == 2 else 1)
         return inner(b)
 
-    stretched = springs.bar_stiffnesses(0.01 * np.random.default_rng(1).normal(size=2 * grid.nodes))
-    joined = linear.joined(counted, springs.bars, 1e4 * stretched, grid.blocks)
+    B, stretched = springs.coupling(Configuration(0.01 * np.random.default_rng(1).normal(size=2 * grid.nodes)))
+    joined = linear.joined(counted, B, 1e4 * stretched, grid.blocks)
     assert columns[0] <= 4  # two directions of the two bars on a block
-    whole = A.toarray() + springs.bars.T @ (1e4 * sp.block_diag(list(stretched)) @ springs.bars.toarray())
+    whole = A.toarray() + B.T @ (1e4 * sp.block_diag(list(stretched)) @ B.toarray())
     b = np.random.default_rng(2).normal(size=2 * grid.nodes)
     exact = np.linalg.solve(whole, b)
     np.testing.assert_allclose(joined(b), exact, atol=1e-7 * np.abs(exact).max())
@@ -352,15 +353,21 @@ def test_forces_and_stiffness_of_springs_are_derivatives_of_their_energy():
     rng = np.random.default_rng(3)
     springs = [Spring(lambda x: x[0] < 0.2, (K, 3 * K)), Spring(left, K, to=right, rest=1.7)]
     scene = replace(pair(), springs=springs)
-    found = springs_of(scene, initial(scene), 1.0, 0.0)
-    nodes = found.assembly.grid.nodes
+    state = initial(scene)
+    beds, bars = springs_of(scene, state, (0.0, 1.0), 0.0)
+    assembly, nodes = state.derived.assembly, state.derived.assembly.grid.nodes
     U, d = 0.05 * rng.normal(size=2 * nodes), 1e-6 * rng.normal(size=2 * nodes)
-    slope = (found.energy(U + d) - found.energy(U - d)) / 2
-    assert found.force(U) @ d == pytest.approx(slope, rel=1e-6)
-    change = (found.force(U + d) - found.force(U - d)) / 2
-    beds = found.assembly.matrix(found.bed_stiffness(), 1.0, np.zeros((nodes, 2, 2)))
-    bars = found.bars.T @ (sp.block_diag(list(found.bar_stiffnesses(U))) @ (found.bars @ d))
-    np.testing.assert_allclose(beds @ d + bars, change, atol=1e-6 * np.abs(change).max())
+    at, ahead, behind = Configuration(U), Configuration(U + d), Configuration(U - d)
+    B, K_bars = bars.coupling(at)
+    stiffness = (
+        assembly.matrix(beds.stiffness(at), 1.0, np.zeros((nodes, 2, 2))) @ d,
+        B.T @ (sp.block_diag(list(K_bars)) @ (B @ d)),
+    )
+    for springs, moved in zip((beds, bars), stiffness, strict=True):
+        slope = (springs.energy(ahead) - springs.energy(behind)) / 2
+        assert springs.force(at) @ d == pytest.approx(slope, rel=1e-6)
+        change = (springs.force(ahead) - springs.force(behind)) / 2
+        np.testing.assert_allclose(moved, change, atol=1e-6 * np.abs(change).max())
 
 
 # Runs.
@@ -385,7 +392,9 @@ def test_springs_may_change_with_the_stage():
     state = run(scene, 0.1, 5)
     new = replace(scene, springs=[Spring(everywhere, K)])
     *_, after = simulate(new, dt=0.02, until=0.2, scheme=MIDPOINT, start=skmpm.continued(scene, state, new))
-    assert after.report.energy.springs == pytest.approx(skmpm.scene.spring_energy(new, after.x, after.t))
+    place = new.sprung[0].first
+    moved = (after.x - new.initial_positions)[:, place.points]
+    assert after.report.energy.springs == pytest.approx(0.5 * K * (moved**2 @ place.share).sum())
 
 
 @pytest.mark.parametrize("scheme", [Scheme(), MIDPOINT, STATIC], ids=["backward Euler", "midpoint", "static"])

@@ -21,10 +21,9 @@ from skmpm import (
     simulate,
     step,
 )
-from skmpm.implicit import StepRejected
+from skmpm.implicit import Budget, StepRejected
 from skmpm.material import LinearElastic, Viscous, determinant, inverse, product
 from skmpm.simulate.acceptance import check_step
-from skmpm.simulate.budget import Budget
 
 SEED = st.integers(0, 2**32 - 1)
 STEP, N, ETA, DT = 1e-30, 8, 3.0, 0.25
