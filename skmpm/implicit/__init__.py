@@ -1,7 +1,7 @@
 """One implicit step of all bodies: Newton's method on the incremental potential with frictional contact.
 
-The unknown w (2 nodes,) is the velocity that moves the points, w = theta v1 + (1 - theta) v0. Without contact it
-minimises
+The unknown w (n,) is the velocity that moves the points, w = theta v1 + (1 - theta) v0: of the nodes, then of what
+has no grid (`scalar_unknowns`). Without contact it minimises
 
     E(w) = 1/2 |w - v0|_M^2 + sum_p V_p W(I + grad(U + theta dt w)) + 1/2 |U + theta dt w|_G^2 - theta dt f.w
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from skmpm import coulomb
 from skmpm.implicit.contact_problem import ContactIterate
+from skmpm.implicit.scalar_unknowns import ScalarUnknowns
 from skmpm.linear import Joined
 
 Array = NDArray[np.float64]
@@ -70,26 +71,23 @@ def with_bars(
     return W, Border(theta * moved, theta * pushed, sp.csr_array(-theta * joining.D), 0)
 
 
-def with_scalar_unknowns(
-    contact: ContactIterate, W: sp.csr_array, q: Array
-) -> tuple[sp.csr_array, Array, Border | None]:
-    """W and the free velocities with the response of the scalar unknowns to their contacts; what stays a border.
+def with_scalars(
+    contact: ContactIterate, unknowns: ScalarUnknowns, W: sp.csr_array
+) -> tuple[sp.csr_array, Border | None]:
+    """W with the response of the scalar unknowns to contacts; what stays a border.
 
     Those that a few contacts move are eliminated. A box stays an unknown in large problems, unless contacts respond
     above all by it, as between held bodies.
     """
-    constraints, unknowns = contact.constraints, contact.problem.unknowns
-    assert unknowns is not None
-    rows, stiffness, known = unknowns.rows(contact.z, constraints), unknowns.stiffness, contact.lifted
-    q = q + rows @ unknowns.change(contact.z, constraints, contact.r)
-    few, border = unknowns.carrying, None
-    if few and known.size > coulomb.MAX_DENSE_ROWS:
-        J = rows[:, :few]
-        if (W.diagonal()[: known.size] >= J.multiply(J) @ (1.0 / stiffness[:few])).all():
-            border = Border(J, J, sp.csr_array(sp.diags_array(stiffness[:few])), few)
+    rows, stiffness, border = contact.J, unknowns.inertia.response / unknowns.inertia.theta, None
+    if unknowns.carrier is not None and contact.r.size > coulomb.MAX_DENSE_ROWS:
+        few = unknowns.carrier.inertia.v0.size
+        box, rest = contact.J[:, :few], stiffness[:few]
+        if (W.diagonal()[: contact.r.size] >= box.multiply(box) @ (1.0 / rest)).all():
+            border = Border(box, box, sp.csr_array(sp.diags_array(rest)), few)
             rows, stiffness = rows[:, few:], stiffness[few:]
     compliance = sp.csr_array(rows @ sp.diags_array(1.0 / stiffness) @ rows.T)
-    return sp.csr_array(W + _padded(compliance, W.shape)), q - compliance @ known, border
+    return sp.csr_array(W + _padded(compliance, W.shape)), border
 
 
 def _padded(rows: sp.csr_array, shape: tuple[int, int]) -> sp.csr_array:

@@ -38,6 +38,7 @@ class Configuration:
 
     displacement: Array  # (2 nodes,) [m]
     bulk: Bulk | None = field(default=None, repr=False, compare=False)
+    scalars: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of scalar unknowns in the step [m]
     given: tuple[Array, Array | None] | None = None  # F and dilatation that do not follow from the displacement
 
     @cached_property
@@ -58,10 +59,11 @@ class Configuration:
             return self.given[1]
         return None if self.bulk is None else self.bulk.mean_dilatations(self.F)
 
-    def translated(self, displacement: Array) -> Configuration:
+    def translated(self, displacement: Array, scalars: Array | None = None) -> Configuration:
         """The same with a displacement (2 nodes,) [m] that differs from its own by translations of bodies."""
         moved = copy(self)  # with what has been evaluated
         object.__setattr__(moved, "displacement", displacement)
+        object.__setattr__(moved, "scalars", np.zeros(0) if scalars is None else scalars)
         return moved
 
     @cached_property
@@ -142,9 +144,12 @@ class Bulk(Term):
             out.append(Group(Anchored(in_step(material, internal), F, stress), points, one))
         return tuple(out)
 
-    def at(self, displacement: Array) -> Configuration:
-        """The configuration at a nodal displacement from the reference configuration (2 nodes,) [m]."""
-        return Configuration(displacement, self)
+    def at(self, displacement: Array, scalars: Array | None = None) -> Configuration:
+        """The configuration at a nodal displacement from the reference configuration (2 nodes,) [m].
+
+        Scalar unknowns have moved by `scalars` (p,) [m] since the start of the step.
+        """
+        return Configuration(displacement, self, np.zeros(0) if scalars is None else scalars)
 
     def mean_dilatations(self, F: Array) -> Array | None:
         """Means of the cells at deformation gradients (2, 2, n), (n,), nan where pointwise; None if everywhere."""

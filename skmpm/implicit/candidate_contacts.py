@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.constraint_elimination import Elimination
 from skmpm.contact import Constraints
 from skmpm.grid import BodyGrids
 from skmpm.implicit.errors import StepRejected, pair
+from skmpm.implicit.scalar_unknowns import driven
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -30,12 +32,12 @@ def candidates(
     grid: BodyGrids,
     supports: Elimination | None,
     supported: Bools,
-    driven: Callable[[Constraints], Bools] | None = None,
+    rows: Callable[[Constraints], sp.csr_array] | None = None,
 ) -> Constraints:
     """The contacts, closed or not, whose gap is below `MAX_CANDIDATE_GAP` and can change, and those in tension.
 
-    `supported` (2, n) are the velocity components of the points that supports prescribe; `driven` tells which
-    contacts unknowns that are not on the grids move along their normals.
+    `supported` (2, n) are the velocity components of the points that supports prescribe; `rows` gives
+    the columns of H for unknowns that are not on the grids.
 
     Raises
     ------
@@ -49,8 +51,8 @@ def candidates(
     if supports is None or constraints.size == 0:
         return constraints
     movable = _movable(constraints, grid, supports, supported)
-    if driven is not None:
-        movable |= driven(constraints)
+    if rows is not None:
+        movable |= driven(rows(constraints), constraints)
     penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
     if penetrating.size:
         bodies = constraints.bodies[:, penetrating[0]]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import coulomb
@@ -15,7 +16,7 @@ from skmpm.implicit.contact_scale import ContactScale
 from skmpm.implicit.contact_stiffness import sticking
 from skmpm.implicit.errors import pair
 from skmpm.implicit.residual import Increment
-from skmpm.implicit.scalar_unknowns import ScalarUnknowns
+from skmpm.implicit.scalar_unknowns import RESPONSE, driven
 from skmpm.implicit.timer import Timer
 from skmpm.linear import Delassus, Solver
 
@@ -65,15 +66,6 @@ class ContactProblem:
         default_factory=lambda: np.zeros((2, 0), dtype=bool)
     )
     delassus: Delassus | None = None  # of an earlier step with the same matrix
-    unknowns: ScalarUnknowns | None = None  # that are not on a grid
-    found: Array | None = None  # (p,) scalar unknowns of an earlier solve in the step [m/s]
-
-    @cached_property
-    def first_scalars(self) -> Array:
-        """The scalar unknowns at which the iteration begins, (p,) [m/s]."""
-        if self.found is not None:
-            return self.found
-        return np.zeros(0) if self.unknowns is None else self.unknowns.v0
 
     def within(self, increment: Increment, kept: Solver | None) -> ContactProblem:
         """The same with other equations of the step, and without the operator of a factor that is not kept."""
@@ -84,22 +76,15 @@ class ContactProblem:
         if contact is None:
             return self
         force = contact.constraints.forces(contact.r, self.increment.dt)
-        return replace(self, known=KnownForces(contact.constraints.key, force), found=contact.z)
+        return replace(self, known=KnownForces(contact.constraints.key, force))
 
-    def carried(self, w: Array, z: Array) -> Array:
-        """A nodal velocity w (2 nodes,) with what a periodic box adds that has scalar unknowns z (p,)."""
-        translation = None if self.unknowns is None else self.unknowns.translation(z)
-        return w if translation is None else w + translation[:, self.increment.grid.node_body].T.ravel()
-
-    def constraints(self, w: Array, z: Array) -> Constraints:
-        """The constraints about the nodal velocity w (2 nodes,) and scalar unknowns z (p,)."""
-        return self.linearise(w) if self.unknowns is None else self.linearise(w, self.unknowns.motions(z))
-
-    def candidates(self, w: Array, z: Array) -> Constraints:
-        """Those of the constraints that enter the contact problem."""
-        unknowns, grid = self.unknowns, self.increment.grid
-        driven = None if unknowns is None else partial(unknowns.drives, z)
-        return candidates(self.constraints(w, z), grid, self.increment.supports, self.supported, driven)
+    def candidates(self, moving: Array) -> Constraints:
+        """The constraints about a velocity (n,) that enter the contact problem."""
+        increment, unknowns = self.increment, self.increment.scalars
+        nodes, z = increment.on_nodes(moving), increment.of_scalars(moving)
+        found = self.linearise(nodes) if unknowns is None else self.linearise(nodes, unknowns.motions(z))
+        rows = None if unknowns is None else partial(unknowns.rows, z)
+        return candidates(found, increment.grid, increment.supports, self.supported, rows)
 
     @cached_property
     def speed_round_off(self) -> float:
@@ -109,8 +94,8 @@ class ContactProblem:
         return 4.0 * float(np.finfo(float).eps) * extent / self.increment.dt
 
     def at(self, w: Array) -> ContactIterate:
-        """The contact problem linearised about the velocity w (2 nodes,)."""
-        return _iterate(self, w, self.first_scalars, self.known, self.delassus)
+        """The contact problem linearised about the velocity w (n,)."""
+        return _iterate(self, w, self.known, self.delassus)
 
 
 @dataclass(frozen=True)
@@ -123,7 +108,7 @@ class ContactIterate:
     constraints: Constraints
     r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
     u: Array  # relative velocities at w, with gaps over dt
-    z: Array  # scalar unknowns, (p,) [m/s]
+    w: Array  # (n,) [m/s]
     iterations: int = 0  # of the contact solver in this step
     stiffness_failures: int = 0  # contact solves with geometric stiffness that did not converge
 
@@ -133,17 +118,44 @@ class ContactIterate:
         return self.problem.increment
 
     @cached_property
-    def impulse(self) -> Array:
-        """The contact impulse theta H^T r at the nodes, (2 nodes,) [kg m/s per m]."""
-        if self.constraints.size == 0:
-            return np.zeros(2 * self.increment.grid.nodes)
-        return self.increment.scheme.theta * self.constraints.at_nodes(self.constraints.D.T @ self.r)
+    def moving(self) -> Array:
+        """The velocity w with what a periodic box adds, (n,) [m/s]."""
+        return self.increment.carried(self.w, self.w)
 
     @cached_property
-    def scalar_imbalance(self) -> Array:
-        """Out-of-balance impulse of the scalar unknowns, (p,) [kg m/s per m]."""
-        unknowns = self.problem.unknowns
-        return np.zeros(0) if unknowns is None else unknowns.imbalance(self.z, self.constraints, self.r)
+    def J(self) -> sp.csr_array:
+        """The columns of H for the scalar unknowns, (rows of H, p)."""
+        unknowns = self.increment.scalars
+        if unknowns is None:
+            return sp.csr_array((self.constraints.D.shape[0], 0))
+        return unknowns.rows(self.increment.of_scalars(self.moving), self.constraints)
+
+    @property
+    def elastic_shares(self) -> Array | float:
+        """Of the response of each contact the share that is not that of scalar unknowns without mass, (k,).
+
+        Between walls of prescribed motion gaps are a millionth of it anyway.
+        """
+        unknowns = self.increment.scalars
+        if unknowns is None or unknowns.inertia.mass.any():
+            return 1.0
+        return np.where(driven(self.J, self.constraints), RESPONSE, 1.0)
+
+    @cached_property
+    def impulse(self) -> Array:
+        """The contact impulse theta H^T r, (n,) [kg m/s per m]."""
+        if self.constraints.size == 0:
+            return np.zeros_like(self.w)
+        return self.pushed(self.r)
+
+    def pushed(self, r: Array, at_points: Array | float = 0.0) -> Array:
+        """The impulse theta H^T r of impulses r, with others at the contact points (2 m,), (n,) [kg m/s per m]."""
+        nodes = self.constraints.at_nodes(self.constraints.D.T @ r + at_points)
+        return self.increment.theta * self.increment.with_scalars(nodes, self.J.T @ r)
+
+    def relative(self, at_points: Array, w: Array) -> Array:
+        """Relative velocities H w of contact points that move at (2 m,), with the scalars of w (n,), rows of H."""
+        return np.asarray(self.constraints.D @ at_points + self.J @ self.increment.of_scalars(w))
 
     @property
     def lifted(self) -> Array:
@@ -179,7 +191,7 @@ class ContactIterate:
 
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about another velocity."""
-        found = _iterate(self.problem, w, self.z, self.known, self.delassus)
+        found = _iterate(self.problem, w, self.known, self.delassus)
         return replace(found, iterations=self.iterations, stiffness_failures=self.stiffness_failures)
 
     def without_delassus(self) -> ContactIterate:
@@ -187,16 +199,14 @@ class ContactIterate:
         return replace(self, delassus=None)
 
 
-def _iterate(
-    problem: ContactProblem, w: Array, z: Array, known: KnownForces, delassus: Delassus | None
-) -> ContactIterate:
-    """Linearise about w and z, with the known impulses."""
+def _iterate(problem: ContactProblem, w: Array, known: KnownForces, delassus: Delassus | None) -> ContactIterate:
+    """Linearise about w (n,), with the known impulses."""
     problem.timer.lap("bulk")
-    increment, w = problem.increment, problem.carried(w, z)
-    constraints = problem.candidates(w, z)
+    increment, moving = problem.increment, problem.increment.carried(w, w)
+    constraints = problem.candidates(moving)
     r = u = np.zeros(0)
     if constraints.size > 0:
         r = known.on(constraints, increment.dt)
-        u = constraints.D @ constraints.at_contact_points(w) + constraints.offset
+        u = constraints.D @ constraints.at_contact_points(increment.on_nodes(moving)) + constraints.offset
     problem.timer.lap("detection")
-    return ContactIterate(problem, known, delassus, constraints, r, u, z)
+    return ContactIterate(problem, known, delassus, constraints, r, u, w)

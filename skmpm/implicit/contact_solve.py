@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import coulomb
-from skmpm.implicit.border import Border, with_bars, with_scalar_unknowns
+from skmpm.implicit.border import Border, with_bars, with_scalars
 from skmpm.implicit.candidate_contacts import check_response
 from skmpm.implicit.contact_problem import ContactIterate, KnownForces
 from skmpm.implicit.contact_scale import ContactScale, contact_scale
@@ -37,8 +37,8 @@ class Direction:
     """A Newton direction, the contact impulse that belongs to it, and the contact problem with its impulses."""
 
     contact: ContactIterate
-    direction: Array  # (2 nodes,) [m/s]
-    impulse: Array  # (2 nodes,) [kg m/s per m], with that of the geometric stiffness
+    direction: Array  # (n,) [m/s]
+    impulse: Array  # (n,) [kg m/s per m], with that of the geometric stiffness
 
 
 def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction:
@@ -48,13 +48,13 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
     """
     constraints, increment, timer = contact.constraints, contact.increment, contact.problem.timer
     if constraints.size == 0:
-        return Direction(_with_scalars(contact, contact.r), -solver(gradient), contact.impulse)
+        return Direction(contact, increment.limited(-increment.solved(solver, gradient)), contact.impulse)
     geometric = contact_stiffness(constraints, contact.r, increment.dt, increment.scheme.theta)
-    with_known = solver(contact.impulse - gradient)
+    with_known = increment.solved(solver, contact.impulse - gradient)
     timer.lap("linear")
-    W, bars, delassus = _delassus_matrix(contact, solver, geometric)
+    W, borders, delassus = _delassus_matrix(contact, solver, geometric)
     timer.lap("delassus")
-    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, bars, with_known)
+    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, borders, with_known)
     found = linearised.with_stiffness(geometric)
     timer.lap("linear")
     return found
@@ -62,10 +62,10 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
 
 def _delassus_matrix(
     contact: ContactIterate, solver: Solver, geometric: ContactStiffness | None
-) -> tuple[sp.csr_array, Border | None, Delassus]:
+) -> tuple[sp.csr_array, list[Border], Delassus]:
     """W = theta H A^-1 H^T of the contacts, extended by the rows and columns of the geometric stiffness.
 
-    Also returns the border of it that bars are, and the Delassus operator with the columns computed so far.
+    Also returns the borders of it that bars and a box are, and the operator with the columns computed so far.
     """
     constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
     joining = solver if isinstance(solver, Joined) else None
@@ -84,11 +84,13 @@ def _delassus_matrix(
     if turned:
         left, right = (turned.turned_back(rows, owners) for rows in (left, right))
     W, delassus = delassus.between(left, right)
-    theta, bars = increment.scheme.theta, None
+    theta, bars, box = increment.scheme.theta, None, None
     W = theta * W
     if joining:
         W, bars = with_bars(W, joining, left, right, constraints.base, theta, constraints.D.shape[0])
-    return W, bars, delassus
+    if increment.scalars is not None:
+        W, box = with_scalars(contact, increment.scalars, W)
+    return W, [border for border in (bars, box) if border is not None], delassus
 
 
 def _owners(contact: ContactIterate) -> Ints:
@@ -98,12 +100,6 @@ def _owners(contact: ContactIterate) -> Ints:
     deformable = np.flatnonzero(np.diff(base.indptr))
     owner[deformable] = grid.node_body[base.indices[base.indptr[deformable]]]
     return owner
-
-
-def _with_scalars(contact: ContactIterate, r: Array) -> ContactIterate:
-    """The same with scalar unknowns that balance impulses r."""
-    unknowns = contact.problem.unknowns
-    return contact if unknowns is None else replace(contact, z=unknowns.moved(contact.z, contact.constraints, r))
 
 
 @dataclass(frozen=True)
@@ -124,10 +120,10 @@ class _Linearised:
 
     contact: ContactIterate
     solver: Solver
-    gradient: Array  # (2 nodes,)
+    gradient: Array  # (n,)
     W: sp.csr_array  # of contacts, then of the geometric stiffness
-    bars: Border | None  # of W
-    with_known: Array  # (2 nodes,) velocity increment under the known impulses
+    borders: list[Border]  # of W
+    with_known: Array  # (n,) velocity increment under the known impulses
 
     def with_stiffness(self, geometric: ContactStiffness | None) -> Direction:
         """The direction with the geometric stiffness of contact, or as much of it as is usable.
@@ -154,10 +150,11 @@ class _Linearised:
     def _usable(self, geometric: ContactStiffness, found: _Impulses, iterations: int) -> Direction | None:
         """The direction of impulses with geometric stiffness; None if that cancels too much of the quadratic form."""
         contact, constraints = self.contact, self.contact.constraints
-        theta = contact.increment.scheme.theta
-        impulse = theta * constraints.at_nodes(constraints.D.T @ found.r + geometric.acting.T @ found.rho)
+        increment, theta = contact.increment, contact.increment.scheme.theta
+        impulse = contact.pushed(found.r, geometric.acting.T @ found.rho)
         direction = self._direction(impulse)
-        softening = theta * float((geometric.Z @ constraints.at_contact_points(direction)) @ found.rho)
+        turned = geometric.Z @ constraints.at_contact_points(increment.on_nodes(direction))
+        softening = theta * float(turned @ found.rho)
         largest = MAX_SOFTENING_FIRST if contact.known.normal is None else MAX_SOFTENING
         if softening > largest * float(direction @ (impulse - self.gradient)):
             return None
@@ -180,18 +177,19 @@ class _Linearised:
         return Direction(contact, self._direction(contact.impulse), contact.impulse)
 
     def _direction(self, impulse: Array) -> Array:
-        """A^-1 (impulse - gradient), (2 nodes,), from that with the known impulses.
+        """A^-1 (impulse - gradient), (n,), from that with the known impulses.
 
         Bodies whose contact impulses stay the same need no second solution.
         """
-        return self.with_known + self.solver(impulse - self.contact.impulse)
+        increment = self.contact.increment
+        return increment.limited(self.with_known + increment.solved(self.solver, impulse - self.contact.impulse))
 
     def _after(self, r: Array, scale: ContactScale, iterations: int, failures: int) -> ContactIterate:
         """The contact problem with the impulses of the solve, which are known from now on."""
         contact, constraints = self.contact, self.contact.constraints
         force = constraints.forces(r, contact.increment.dt)
         return replace(
-            _with_scalars(contact, r),
+            contact,
             r=r,
             known=KnownForces(constraints.key, force, constraints.normal, scale),
             iterations=contact.iterations + iterations,
@@ -204,11 +202,9 @@ class _Linearised:
         increment, known = contact.increment, contact.lifted
         scheme, k = increment.scheme, known.size
         by_known = W @ np.concatenate([known, np.zeros(W.shape[0] - k)])
-        increment_of_points = constraints.at_contact_points(self.with_known)
-        q = contact.u + constraints.D @ increment_of_points - by_known[:k]
-        bars, box = self.bars, None
-        if contact.problem.unknowns is not None:
-            W, q, box = with_scalar_unknowns(contact, W, q)
+        increment_of_points = constraints.at_contact_points(increment.on_nodes(self.with_known))
+        q = contact.u + contact.relative(increment_of_points, self.with_known) - by_known[:k]
+        borders = self.borders
         options: dict[str, Any] = {}
         if geometric is not None:
             p = geometric.Z @ increment_of_points - by_known[k:]
@@ -217,19 +213,16 @@ class _Linearised:
             bilateral = coulomb.Bilateral(p, geometric.owners, negative)
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}
         elif W.shape[0] > k:
-            W, bars = W[:k, :k], None if bars is None else bars.of_contacts(k)
+            W, borders = W[:k, :k], [border.of_contacts(k) for border in borders]
         diagonal = W.diagonal()[:k]
-        for border in (bars, box):
-            if border is not None:
-                W, options["bilateral"] = border.around(W, options.get("bilateral"), known)
+        for border in borders:
+            W, options["bilateral"] = border.around(W, options.get("bilateral"), known)
         check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], increment.supports)
         free = q
         if constraints.cohesive:
             free = q + (W @ np.concatenate([known - contact.r, np.zeros(W.shape[0] - k)]))[:k]
         round_off = contact.problem.speed_round_off / scheme.gap_tol
-        unknowns = contact.problem.unknowns
-        elastic = 1.0 if unknowns is None else unknowns.elastic_shares(contact.z, constraints)
-        limits = round_off, increment.dt, scheme.contact_tol, elastic
+        limits = round_off, increment.dt, scheme.contact_tol, contact.elastic_shares
         scale = contact_scale(constraints, diagonal, free, *limits)
         options |= {"tol": scheme.contact_tol, "reference": scale.reference, "pairs": constraints.pairs}
         r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)

@@ -21,7 +21,7 @@ class End:
     """Their configuration, velocity, impulses and internal variables."""
 
     configuration: Configuration
-    velocity: Array  # (2 nodes,) [m/s]
+    velocity: Array  # (n,) [m/s]
     reaction: Array  # impulses on the supports (2 supports,), with those at the end (`at_supports`) [kg m/s per m]
     impulses: Array  # of contacts, rows of H, with those of impacts at the end (`after_impact`) [N s/m]
     motions: PrescribedVelocities  # all prescribed velocities, with those that the step has found
@@ -34,9 +34,9 @@ def carried(increment: Increment, solution: Solution) -> tuple[Increment, Soluti
     Bodies begin, and end, with what it has added to their velocities (`scalar_unknowns`).
     """
     contact = solution.contact
-    if contact is None or contact.problem.unknowns is None or contact.problem.unknowns.carrier is None:
+    if contact is None:
         return increment, solution
-    v0, w = (contact.problem.carried(v, contact.z) for v in (increment.v0, solution.w))
+    v0, w = (increment.carried(v, solution.w) for v in (increment.v0, solution.w))
     return replace(increment, v0=v0), replace(solution, w=w)
 
 
@@ -45,15 +45,15 @@ def end_of_step(increment: Increment, solution: Solution, motions: PrescribedVel
     configuration = _configuration(increment, solution)
     velocity, contact = _velocity(increment, solution), solution.contact
     impulses = np.zeros(0) if contact is None else contact.r
-    reaction, scalars = solution.reaction, None
+    reaction = solution.reaction
     if increment.scheme.theta < 1.0:
         velocity, at_end = at_supports(increment, velocity)
         reaction = reaction + at_end
         if contact is not None:
-            velocity, scalars, impact = after_impact(increment, contact, velocity)
+            velocity, impact = after_impact(increment, contact, velocity)
             impulses = impulses + impact
-    if contact is not None and contact.problem.unknowns is not None:
-        motions = contact.problem.unknowns.motions(contact.z, scalars)
+    if increment.scalars is not None:
+        motions = increment.scalars.motions(increment.of_scalars(solution.w), increment.of_scalars(velocity))
     return End(configuration, velocity, reaction, impulses, motions, increment.bulk.updated(configuration))
 
 
@@ -62,14 +62,16 @@ def _configuration(increment: Increment, solution: Solution) -> Configuration:
 
     Viscous forces depend on its round-off, which a state that was loaded from a file does not know.
     """
-    displacement, known = increment.start + increment.dt * solution.w, solution.configuration
+    moved, known = increment.dt * solution.w, solution.configuration
+    displacement, scalars = increment.start + increment.on_nodes(moved), increment.of_scalars(moved)
     usable = increment.scheme.theta == 1.0 and increment.bulk.viscosity == 0.0
     if usable and known is not None and known.bulk is increment.bulk:
-        return known.translated(displacement)
-    return increment.bulk.at(displacement)
+        return known.translated(displacement, scalars)
+    return increment.bulk.at(displacement, scalars)
 
 
 def _velocity(increment: Increment, solution: Solution) -> Array:
-    """The velocity v1 at the end of the step, with what w lacks of momentum, (2 nodes,) [m/s]."""
+    """The velocity v1 at the end of the step, with what w lacks of momentum, (n,) [m/s]."""
     v0 = increment.v0
-    return np.asarray(v0 + (solution.w + solution.spin - v0) / increment.scheme.theta)
+    w = increment.with_scalars(increment.on_nodes(solution.w) + solution.spin, increment.of_scalars(solution.w))
+    return np.asarray(v0 + (w - v0) / increment.theta)

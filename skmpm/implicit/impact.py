@@ -29,37 +29,35 @@ Array = NDArray[np.float64]
 
 
 def at_supports(increment: Increment, v: Array) -> tuple[Array, Array]:
-    """The velocity v (2 nodes,) [m/s] with the prescribed values, and impulses on supports, (2 supports,)."""
-    supports, mass = increment.supports, increment.mass
+    """The velocity v (n,) [m/s] with the prescribed values, and impulses on supports, (2 supports,)."""
+    supports, mass, nodes = increment.supports, increment.on_nodes(increment.mass), increment.on_nodes(v)
     if supports is None:
         return v, np.zeros(0)
     prescribed, grid = increment.prescribed_only(), increment.grid
     M = sp.diags_array(mass).tobsr((2, 2))
     solver = supports.factorised(increment.scheme.linear, M, grid.blocks, grid.rigid_motions)
-    end = prescribed + solver(mass * (v - prescribed))
-    return end, np.asarray(supports.prescription.T @ (mass * (v - end)))
+    end = prescribed + solver(mass * (nodes - prescribed))
+    reaction = np.asarray(supports.prescription.T @ (mass * (nodes - end)))
+    return increment.with_scalars(end, increment.of_scalars(v)), reaction
 
 
-def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tuple[Array, Array, Array]:
-    """The velocity v (2 nodes,) after impacts, that of the scalar unknowns (p,) [m/s], impulses, rows of H [N s/m].
+def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tuple[Array, Array]:
+    """The velocity v (n,) [m/s] after impacts, and impulses, rows of H [N s/m].
 
     Contacts at supports, or that move a periodic box, are left as they are: the impulses would have to move these.
     """
-    constraints, unknowns = contact.constraints, contact.problem.unknowns
-    z = np.zeros(0) if unknowns is None else unknowns.at_end(contact.z)
+    constraints = contact.constraints
     impulses, chosen = np.zeros_like(contact.r), _closed(increment, contact)
     if not chosen.any():
-        return v, z, impulses
+        return v, impulses
     some, inverse = constraints.among(chosen), 1.0 / increment.mass
     of_chosen = np.repeat(chosen, contact.r.size // chosen.size)
     if constraints.tangential and not some.tangential:
         of_chosen[1::2] = False
-    W = sp.csr_array(some.H @ sp.diags_array(inverse) @ some.H.T)
-    u = some.D @ some.at_contact_points(v) + some.components(some.prescribed)
-    if unknowns is not None:
-        J, light = unknowns.rows(contact.z, some), 1.0 / unknowns.inertia.mass
-        u += J @ (z - contact.z)
-        W = sp.csr_array(W + J @ sp.diags_array(light) @ J.T)
+    J, change = contact.J[np.flatnonzero(of_chosen)], increment.of_scalars(v - contact.moving)
+    u = some.H @ increment.on_nodes(v) + J @ change + some.components(some.prescribed)
+    H = sp.csr_array(sp.hstack([some.H, J], format="csr"))
+    W = sp.csr_array(H @ sp.diags_array(inverse) @ H.T)
     before = contact.lifted[of_chosen]
     tol = increment.scheme.contact_tol
     after, info = coulomb.solve(W, u - W @ before, some.friction, r0=before, tol=tol, pairs=some.pairs)
@@ -72,14 +70,12 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
             f" residual {info.residual:.2g} (tolerance {tol:g}) here",
         )
     impulses[of_chosen] = rho
-    if unknowns is not None:
-        z = z + light * (J.T @ rho)
-    return v + inverse * some.at_nodes(some.D.T @ rho), z, impulses
+    return v + inverse * (H.T @ rho), impulses
 
 
 def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
     """Whether contacts are closed and all that they press on is moved by impulses at the end of the step, (k,)."""
-    constraints, unknowns = contact.constraints, contact.problem.unknowns
+    constraints, unknowns = contact.constraints, increment.scalars
     if constraints.size == 0:
         return np.zeros(0, dtype=bool)
     stride, shares = contact.r.size // constraints.size, constraints.shares
@@ -95,7 +91,7 @@ def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
         at_support = np.isin(shares.indices, held).astype(np.int64)
         closed &= np.bincount(np.repeat(np.arange(closed.size), np.diff(shares.indptr)), at_support, closed.size) == 0
     if unknowns is not None:
-        moved = abs(unknowns.rows(contact.z, constraints)[::stride])
+        moved = abs(contact.J[::stride])
         midpoint = unknowns.inertia.theta < 1.0
         moves |= moved @ midpoint > 0.0
         closed &= moved @ (~midpoint).astype(float) <= SMALL

@@ -102,7 +102,7 @@ class Persistence:
 class Solution:
     """A converged step."""
 
-    w: Array  # (2 nodes,) [m/s]
+    w: Array  # (n,) [m/s]
     contact: ContactIterate | None
     newton: int  # iterations
     factorisations: int
@@ -118,7 +118,7 @@ class Solution:
 
     @property
     def contact_impulse(self) -> Array | None:
-        """The contact impulse at the nodes, (2 nodes,) [kg m/s per m]; None where nothing can touch."""
+        """The contact impulse, (n,) [kg m/s per m]; None where nothing can touch."""
         return None if self.contact is None else self.contact.impulse
 
 
@@ -135,16 +135,17 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
     """
     w = increment.initial_guess()
     configuration = increment.at(w)
-    if increment.bulk.linear or np.isfinite(increment.energy(w, configuration)):
+    if increment.bulk.linear or np.isfinite(increment.bulk.energy(configuration)):
         return w, configuration
-    rest = np.zeros_like(w)
+    rest = increment.with_scalars(np.zeros_like(increment.start), increment.of_scalars(w))
     configuration = increment.at(rest)
-    gradient, _ = increment.gradient(rest, configuration)
+    gradient = increment.on_nodes(increment.gradient(rest, configuration)[0])
     prescribed = increment.prescribed_only()
-    linear = prescribed - solver_of(increment, configuration)(gradient + increment.matrix(configuration) @ prescribed)
+    nodes = prescribed - solver_of(increment, configuration)(gradient + increment.matrix(configuration) @ prescribed)
+    linear = increment.with_scalars(nodes, increment.of_scalars(w))
     trial = increment.at(linear)
-    if np.isfinite(increment.energy(linear, trial)):
-        return np.asarray(linear), trial
+    if np.isfinite(increment.bulk.energy(trial)):
+        return linear, trial
     if increment.supports is None:
         return rest, configuration
     worst = int(np.argmin(determinant(trial.F)))
@@ -162,17 +163,9 @@ def factorise(increment: Increment, contact: ContactIterate | None, configuratio
 
 
 def with_contact(increment: Increment, contact: ContactIterate, size: float) -> tuple[Array, float, float]:
-    """Contact impulse (2 nodes,), residual of the contact law, and the norm of the largest term with contact."""
-    impulse, unknowns = contact.impulse, contact.problem.unknowns
-    round_off = contact.impulse_round_off / increment.scheme.newton_tol
-    driving = 0.0 if unknowns is None else unknowns.size(contact.z)
-    return impulse, contact.residual, max(size, float(np.linalg.norm(impulse)), round_off, driving)
-
-
-def out_of_balance_norm(increment: Increment, contact: ContactIterate | None, out_of_balance: Array) -> float:
-    """The norm of an out-of-balance impulse (2 nodes,) with contact, and of those of scalar unknowns."""
-    nodes = float(np.linalg.norm(increment.on_free_dofs(out_of_balance)))
-    return nodes if contact is None else float(np.hypot(nodes, np.linalg.norm(contact.scalar_imbalance)))
+    """Contact impulse (n,), residual of the contact law, and the norm of the largest term with contact."""
+    impulse, round_off = contact.impulse, contact.impulse_round_off / increment.scheme.newton_tol
+    return impulse, contact.residual, max(size, float(np.linalg.norm(impulse)), round_off)
 
 
 def unmet_criteria(
@@ -183,7 +176,7 @@ def unmet_criteria(
     residual: float,
     drift: Array,
 ) -> list[tuple[str, str]]:
-    """The convergence criteria that are not met, where and by how much; `out_of_balance` (2 nodes,)."""
+    """The convergence criteria that are not met, where and by how much; `out_of_balance` (n,)."""
     scheme, unmet = increment.scheme, list[tuple[str, str]]()
     if not imbalance <= scheme.newton_tol:
         size = f"out-of-balance force {imbalance:.2g} (tolerance {scheme.newton_tol:g})"
@@ -199,12 +192,16 @@ def unmet_criteria(
 
 def _largest(increment: Increment, contact: ContactIterate | None, out_of_balance: Array) -> str:
     """The body with the largest out-of-balance impulse, or what has no grid and a larger one."""
-    body, impulse = worst_body(increment.grid, increment.on_free_dofs(out_of_balance))
-    unknowns = None if contact is None else contact.problem.unknowns
-    if contact is None or unknowns is None:
+    free = increment.on_free_dofs(out_of_balance)
+    body, impulse = worst_body(increment.grid, increment.on_nodes(free))
+    if increment.scalars is None:
         return body
-    size, name = unknowns.worst(contact.z, contact.constraints, contact.r)
-    return body if size < impulse else name
+    each = np.nan_to_num(np.abs(increment.of_scalars(free)), nan=np.inf)
+    k = int(np.argmax(each))
+    if each[k] < impulse:
+        return body
+    pressed = contact is not None and increment.of_scalars(contact.impulse)[k] != 0.0
+    return increment.scalars.names[k] + ("" if pressed else ", on which no contact presses")
 
 
 def not_converged(increment: Increment, limit: int, unmet: list[tuple[str, str]]) -> StepRejected:

@@ -28,12 +28,12 @@ def move(
     """The next w with its configuration, by a line search.
 
     The search is along the Newton direction, with exact rotations of bodies (`retraction`). Linear materials take the
-    step without it, since no configuration is inadmissible. `gradient` (2 nodes,) is the out-of-balance impulse with
+    step without it, since no configuration is inadmissible. `gradient` (n,) is the out-of-balance impulse with
     contact.
     """
     if increment.bulk.linear:
         return w + direction, increment.at(w + direction)
-    return _search(increment.frozen(configuration), w, configuration, direction, gradient, contact_impulse)
+    return _search(increment, w, configuration, direction, gradient, contact_impulse)
 
 
 def _round_off(increment: Increment, w: Array, configuration: Configuration, direction: Array, size: float) -> float:
@@ -55,19 +55,19 @@ def _search(
     Contact at shared grid nodes is linear in the velocity: there the search is along a straight line.
     """
     at_nodes = bool(contact_impulse.any()) and acts_at_grid_nodes(increment.scheme.contact)
-    decrease = float(gradient @ direction)
-    start = increment.energy(w, configuration) - float(contact_impulse @ w)
+    decrease, terms = float(gradient @ direction), [term.frozen(configuration) for term in increment.terms]
+    start = increment.energy(w, configuration, terms) - float(contact_impulse @ w)
     round_off = _round_off(increment, w, configuration, direction, abs(start) + abs(float(contact_impulse @ w)))
     length = 1.0
     while length > MIN_STEP_LENGTH:
         step = length * direction
         trial = w + step if at_nodes else retracted(increment, w, step)
         trial_configuration = increment.at(trial)
-        merit = increment.energy(trial, trial_configuration) - float(contact_impulse @ trial)
+        merit = increment.energy(trial, trial_configuration, terms) - float(contact_impulse @ trial)
         if merit <= start + SUFFICIENT_DECREASE * length * decrease + round_off:
             return trial, trial_configuration
         length *= 0.5
     raise StepRejected(
-        worst_body(increment.grid, gradient)[0],
+        worst_body(increment.grid, increment.on_nodes(gradient))[0],
         "the line search found no step length that lowers the energy and keeps det F > 0 at all points",
     )

@@ -25,18 +25,20 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class DeadLoad(Term):
-    """Forces on the nodes that do not depend on the configuration: gravity and dead loads."""
+    """Forces that do not depend on the configuration: gravity and dead loads."""
 
-    load: Array  # (2 nodes,) of the step [N/m]
-    at_start: Array | None  # (2 nodes,) when a step without inertia begins [N/m]
-    origin: Array  # (2 nodes,) displacement with no energy [m]
+    load: Array  # (2 nodes,) or (p,) of the step [N/m]
+    at_start: Array | None  # the same when a step without inertia begins [N/m]
+    origin: Array  # displacement with no energy [m]
+    own: slice | None = None
 
     def energy(self, at: Configuration) -> float:
         """Minus the work of the load from the origin [J/m]."""
-        return -float(self.load @ (at.displacement - self.origin))
+        moved = at.displacement if self.own is None else at.scalars[self.own]
+        return -float(self.load @ (moved - self.origin))
 
     def force(self, at: Configuration) -> Array:
-        """Minus the load, (2 nodes,) [N/m]."""
+        """Minus the load, (2 nodes,) or (p,) [N/m]."""
         return -self.load
 
     def budget(self, path: Path) -> Budget:

@@ -48,7 +48,7 @@ def check_stiffness(increment: Increment) -> None:
     for material, points in increment.bulk.materials:
         law = LinearElastic(youngs_modulus(material), poisson_ratio(material), material.density)
         unstressed.append((law, points))
-    step = replace(increment, at_start=Bulk(assembly, unstressed, None, None).at(np.zeros_like(increment.v0)))
+    step = replace(increment, at_start=Bulk(assembly, unstressed, None, None).at(np.zeros_like(increment.start)))
     _solver(step, step.matrix(step.at_start))
 
 
@@ -73,7 +73,7 @@ def _stabilised(
     """
     grid, assembly = increment.grid, increment.bulk.assembly
     weight, blocks = assembly.mass[::2], assembly.diagonal_blocks
-    mass, inertia = grid.sums(np.stack([weight, increment.mass[::2]]))
+    mass, inertia = grid.sums(np.stack([weight, increment.on_nodes(increment.mass)[::2]]))
     supported = np.unique(grid.node_body[increment.constrained_dofs // 2])
     least = MIN_ROTATIONAL_STIFFNESS * inertia / np.maximum(mass, 1e-300)
     lacking = np.maximum(least - _rotational_stiffness(increment, A, configuration), 0.0)

@@ -29,7 +29,9 @@ def with_balanced_momentum(
     for impulse in _balanced_by(increment, contact_impulse, last_impulse):
         error = _error(increment, w, impulse)
         if _displacement(increment, error).max() <= MAX_DRIFT:
-            return np.asarray(w - error.T[increment.grid.node_body].ravel())
+            return increment.with_scalars(
+                increment.on_nodes(w) - error.T[increment.grid.node_body].ravel(), increment.of_scalars(w)
+            )
     return None
 
 
@@ -50,8 +52,8 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     if increment.metric is not None:
         return 0.0
     grid, mass = increment.grid, increment.bulk.assembly.lumped[::2]
-    x = grid.position.T + (increment.start + increment.theta_dt * w).reshape(-1, 2)
-    impulse = increment.without_gauge_torque(out_of_balance).reshape(-1, 2)
+    x = grid.position.T + increment.at(w).displacement.reshape(-1, 2)
+    impulse = increment.without_gauge_torque(increment.on_nodes(out_of_balance)).reshape(-1, 2)
     arm, (moment, inertia, total) = grid.moments(x, mass, impulse)
     spin = -moment / np.maximum(inertia, 1e-300)
     turned = np.abs(spin) * np.sqrt(inertia / np.maximum(total, 1e-300)) * increment.dt / grid.cell
@@ -75,8 +77,9 @@ def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
     grid = increment.grid
     if increment.supports is not None:
         return np.zeros((2, grid.bodies))
-    force = sum(increment.external_forces(increment.at(w)), np.zeros_like(w))
-    imbalance = _weight(increment) * (w - increment.v0) - increment.theta_dt * force - contact_impulse
+    force = sum(increment.external_forces(increment.at(w)), np.zeros_like(increment.start))
+    change, pushed = (increment.on_nodes(each) for each in (w - increment.v0, contact_impulse))
+    imbalance = _weight(increment) * change - increment.theta_dt * force - pushed
     return _over_mass(increment, imbalance)
 
 

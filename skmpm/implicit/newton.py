@@ -24,7 +24,6 @@ from skmpm.implicit.iteration import (
     factorise,
     first_velocity,
     not_converged,
-    out_of_balance_norm,
     unmet_criteria,
     with_contact,
 )
@@ -62,11 +61,11 @@ class _Iterate:
     """A velocity, and what is known for the next one. The iteration changes it in place."""
 
     increment: Increment
-    w: Array  # (2 nodes,) [m/s]
+    w: Array  # (n,) [m/s]
     configuration: Configuration
     contact: ContactIterate | None
     factor: _Factor
-    last_impulse: Array  # (2 nodes,) contact impulse of the last solve [kg m/s per m]
+    last_impulse: Array  # (n,) contact impulse of the last solve [kg m/s per m]
     refactorisation: Refactorisation = field(default_factory=Refactorisation)
     iteration: int = 0
     before: float = np.inf  # out-of-balance norm of the iteration before
@@ -84,15 +83,15 @@ class _Balance:
     """The residuals at an iterate."""
 
     iteration: int
-    gradient: Array  # out-of-balance impulse without contact (2 nodes,) [kg m/s per m]
-    contact_impulse: Array  # (2 nodes,)
+    gradient: Array  # out-of-balance impulse without contact (n,) [kg m/s per m]
+    contact_impulse: Array  # (n,)
     contact: float  # residual of the contact law
     norm: float  # out-of-balance norm over the largest term
     distance: float  # from convergence: the larger of both residuals over their tolerances
 
     @property
     def out_of_balance(self) -> Array:
-        """The out-of-balance impulse, (2 nodes,) [kg m/s per m]."""
+        """The out-of-balance impulse, (n,) [kg m/s per m]."""
         return self.gradient - self.contact_impulse
 
     @property
@@ -113,7 +112,7 @@ def _balance(iterate: _Iterate) -> _Balance:
     contact_impulse, residual = np.zeros_like(gradient), 0.0
     if contact:
         contact_impulse, residual, size = with_contact(increment, contact, size)
-    norm = out_of_balance_norm(increment, contact, gradient - contact_impulse)
+    norm = float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse)))
     norm = norm / size if size > 0.0 else 0.0
     distance = max(norm / scheme.newton_tol, residual / scheme.gap_tol)
     return _Balance(iterate.iteration, gradient, contact_impulse, residual, norm, distance)
@@ -151,11 +150,11 @@ def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
 
 
 def _direction(iterate: _Iterate, balance: _Balance) -> Array:
-    """The Newton direction, (2 nodes,) [m/s], with new contact impulses."""
+    """The Newton direction, (n,) [m/s], with new contact impulses."""
     solver = iterate.factor.at(iterate.increment, iterate.configuration)
     if iterate.contact is None:
         iterate.last_impulse = balance.contact_impulse
-        return -solver(balance.gradient)
+        return -iterate.increment.solved(solver, balance.gradient)
     found = solve(iterate.contact, solver, balance.gradient)
     iterate.contact, iterate.last_impulse = found.contact, found.impulse
     return found.direction

@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 
 
 def retracted(increment: Increment, w: Array, step: Array) -> Array:
-    """The velocity (2 nodes,) [m/s] after a step (2 nodes,) [m/s] from w, with the exact rotation of every body.
+    """The velocity (n,) [m/s] after a step (n,) [m/s] from w, with the exact rotation of every body on a grid.
 
     A step is the sum of its mean, a rotation about the centre of mass, and the rest, which the rotation
     carries along. The mean, and with it the momentum, stays. Linear materials resist rotations and supports prescribe
@@ -28,7 +28,7 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
     if increment.bulk.linear or increment.supports is not None:
         return w + step
     grid, mass = increment.grid, increment.bulk.assembly.lumped
-    x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), np.empty_like(w)
+    x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), w + step
     _retract(grid.blocks, x, mass, increment.theta_dt, w, step, out)
     return out
 

@@ -152,7 +152,7 @@ class _Metric:
         return bool(4 * self.moving.max(initial=0) >= FALLING)
 
     def applied(self, increment: Increment, centre: Array, guess: Array) -> Increment:
-        """The equations of a solve about a centre (2 nodes,), that begins at a guess (2 nodes,)."""
+        """The equations of a solve about a centre (n,), that begins at a guess (n,)."""
         metric = self.unit * np.repeat(self.share[self.node_body], 2)
         return replace(increment, metric=metric, v0=centre, guess=guess)
 
@@ -206,18 +206,19 @@ class _Change:
     @staticmethod
     def of(increment: Increment, motion: RigidMotion, solution: Solution, before: _Change) -> _Change:
         """That of a solution, after the change `before`."""
-        w, step = solution.w, solution.w - increment.v0
+        w, step = (increment.on_nodes(each) for each in (solution.w, solution.w - increment.v0))
         configuration, rigid = _configuration(increment, solution), motion.velocity(step)
-        resultant = motion.resultants(increment.on_free_dofs(increment.mass * step))
+        mass = increment.on_nodes(increment.mass)
+        resultant = motion.resultants(increment.free_nodes(mass * step))
         lasting = np.abs(resultant) > LASTING * np.abs(before.resultant)
         resisted = step - motion.at_nodes(np.where(lasting, rigid, 0.0))
-        lack = increment.on_free_dofs(increment.mass * resisted)
-        pushed = np.zeros_like(w) if solution.contact_impulse is None else solution.contact_impulse
+        lack, impulse = increment.free_nodes(mass * resisted), solution.contact_impulse
+        pushed = np.zeros_like(w) if impulse is None else increment.on_nodes(impulse)
         outer = [pushed, *(increment.theta_dt * each for each in increment.external_forces(configuration))]
         forces = 0.5 * np.hypot(*increment.grid.sums(np.abs(np.stack(outer)).sum(axis=0).reshape(-1, 2).T))
         inner = [term.force(configuration) for term in increment.terms if term.balanced]
         terms = [*(increment.theta_dt * each for each in inner), *outer]
-        noise = increment.round_off(w, configuration) / increment.scheme.newton_tol
+        noise = increment.round_off(solution.w, configuration) / increment.scheme.newton_tol
         size = np.maximum(np.maximum(forces, LIGHTEST * forces.mean()), noise)
         exchanged = sum(abs(float(term @ w)) for term in terms)
         return _Change(
@@ -237,9 +238,8 @@ class _Change:
 
 def _configuration(increment: Increment, solution: Solution) -> Configuration:
     """That of a solution, without another evaluation of the points."""
-    displacement = increment.start + increment.theta_dt * solution.w
-    known = solution.configuration
-    return increment.at(solution.w) if known is None else known.translated(displacement)
+    there, known = increment.at(solution.w), solution.configuration
+    return there if known is None else known.translated(there.displacement, there.scalars)
 
 
 def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem | None, w: Array) -> Array:
@@ -247,12 +247,12 @@ def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem |
     force = sum(increment.external_forces(increment.at(w)), -increment.bulk.force(increment.at_start))
     impulse = increment.theta_dt * force
     if problem is not None:
-        impulse = impulse + problem.at(w).impulse
-    return np.asarray(np.abs(motion.resultants(increment.on_free_dofs(impulse))).max(axis=0))
+        impulse = impulse + increment.on_nodes(problem.at(w).impulse)
+    return np.asarray(np.abs(motion.resultants(increment.free_nodes(impulse))).max(axis=0))
 
 
 def _without_metric(increment: Increment, solution: Solution) -> Array:
     """The out-of-balance impulse without the metric, (2 nodes,) [kg m/s per m]."""
-    still = replace(increment, metric=np.zeros_like(solution.w))
+    still = replace(increment, metric=np.zeros_like(increment.start))
     gradient, _ = still.gradient(solution.w, _configuration(increment, solution))
     return gradient if solution.contact_impulse is None else gradient - solution.contact_impulse

@@ -7,7 +7,6 @@ scene lacks is not in it. A new one is a class as those of `loads` or `springs`,
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -40,7 +39,12 @@ class Path:
 
 
 class Term(ABC):
-    """Forces on the nodes of bodies that belong to a configuration."""
+    """Forces on unknowns that belong to a configuration: on the nodes, or on scalar unknowns."""
+
+    @property
+    def own(self) -> slice | None:
+        """The scalar unknowns on which it acts; None if it acts on the nodes."""
+        return None
 
     @property
     def linear(self) -> bool:
@@ -68,7 +72,7 @@ class Term(ABC):
 
     @abstractmethod
     def force(self, at: Configuration) -> Array:
-        """The derivative of the energy by the displacement, (2 nodes,) [N/m]."""
+        """The derivative of the energy by the displacement of what it acts on, (2 nodes,) or (p,) [N/m]."""
 
     @abstractmethod
     def budget(self, path: Path) -> Budget:
@@ -85,8 +89,3 @@ class Term(ABC):
     def coupling(self, at: Configuration) -> tuple[sp.csr_array, Array] | None:
         """B and K of a stiffness B^T K B that couples bodies, with blocks (k, 2, 2) of K; None if there is none."""
         return None
-
-
-def sum_of(terms: Iterable[Term], at: Configuration) -> Array:
-    """The forces of some terms, (2 nodes,) [N/m]."""
-    return sum((term.force(at) for term in terms), np.zeros_like(at.displacement))

@@ -22,7 +22,7 @@ def no_equilibrium(
     increment: Increment, motion: RigidMotion, solution: Solution, solves: int, body: int, share: float
 ) -> StepRejected:
     """The error that says how a body moves after some solves, a `share` of the forces on it out of balance."""
-    step = solution.w - increment.prescribed_only()
+    step = increment.on_nodes(solution.w) - increment.prescribed_only()
     moved = increment.dt / increment.grid.cell * motion.at_surface(motion.velocity(step))[body]
     verb, remedy = _motion(increment, motion, solution, body)
     problem = (
@@ -34,7 +34,7 @@ def no_equilibrium(
 
 def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body: int) -> tuple[str, str]:
     """How a body moves, on or from what, and the remedy."""
-    contact, step = solution.contact, solution.w - increment.v0
+    contact, step = solution.contact, increment.on_nodes(solution.w - increment.v0)
     remedy = "add a Support, a wall, or use inertia"
     *along, turning = motion.velocity(step)[:, body]
     free = "turns" if abs(turning) > float(np.hypot(*along)) else "falls"

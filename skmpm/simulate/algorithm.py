@@ -16,7 +16,6 @@ from skmpm.implicit import (
     ContactProblem,
     Increment,
     KnownForces,
-    ScalarUnknowns,
     StepRejected,
     Timer,
     advance,
@@ -78,12 +77,12 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     motions = prescribed_velocities(scene, state.t, dt, state.box)
     unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
     if unknowns is not None:
-        motions = unknowns.motions(unknowns.v0)
+        motions = unknowns.motions(unknowns.inertia.v0)
     v0 = _first_velocity(scene, state, motions, dt, scheme)
     at_start = kept_configuration(scene, state, scheme) or bulk_of(scene, state, scheme).at(state.displacement)
     increment = Increment(
         at_start,
-        v0,
+        v0 if unknowns is None else np.concatenate([v0, unknowns.inertia.v0]),
         tuple(terms_of(scene, state, at_start, dt, scheme)),
         dt,
         scheme,
@@ -91,6 +90,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         motions.supports,
         gauge=gauge_condition(scene, state, v0, dt, scheme),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
+        scalars=unknowns,
     )
     timer.lap("transfer")
     try:
@@ -98,7 +98,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         check_parts_apart(scene, state, scheme)
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
             solver, delassus = kept_solver(scene, state, increment)
-            problem_of = partial(_contact_problem, scene, increment, motions, unknowns, timer, delassus)
+            problem_of = partial(_contact_problem, scene, increment, motions, timer, delassus)
             if scheme.inertia:
                 solution = advance(increment, problem_of(state), solver, timer)
             else:
@@ -134,7 +134,6 @@ def _contact_problem(
     scene: Scene,
     increment: Increment,
     motions: PrescribedVelocities,
-    unknowns: ScalarUnknowns | None,
     timer: Timer,
     delassus: Delassus | None,
     state: State,
@@ -150,7 +149,7 @@ def _contact_problem(
     timer.lap("detection")
     known = KnownForces(contacts.key, contacts.force)
     held = scene.supporting >= 0
-    return ContactProblem(linearise, increment, known, timer, supported=held, delassus=delassus, unknowns=unknowns)
+    return ContactProblem(linearise, increment, known, timer, supported=held, delassus=delassus)
 
 
 def _equilibrium(
@@ -170,7 +169,7 @@ def _equilibrium(
         if found is not None:
             contacts = with_largest_forces(contacts, contacts_of(found.constraints, found.r, increment.dt))
         v = state.v.copy()
-        v[:, scene.deformable_points] = increment.grid.at_points(w)
+        v[:, scene.deformable_points] = increment.grid.at_points(increment.on_nodes(w))
         return problem_of(replace(state, v=v, contacts=contacts))
 
     return settle(increment, problem_at, kept, timer, increment.dt * fastest)

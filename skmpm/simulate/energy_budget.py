@@ -7,42 +7,33 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.assembly import Assembly
-from skmpm.contact import acts_at_grid_nodes
 from skmpm.implicit import Budget, ContactIterate, End, Increment, Path, Solution
-from skmpm.scene import Energy, Report, Scene, State
-from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
-from skmpm.simulate.rigid_energy import own_energies, work_of_turning
-from skmpm.simulate.work import work_at_start
+from skmpm.scene import Energy, Report, Scene, State, centres
+from skmpm.simulate.box_motion import mean_gradient
+from skmpm.simulate.work import work_at_contacts, work_at_start
 
 Array = NDArray[np.float64]
 
 SAME_ENERGY = 1e-9  # relative difference of strain energies of one configuration, evaluated twice: round-off
 
 
-def kinetic_energy(assembly: Assembly, v: Array) -> float:
-    """Kinetic energy of nodal velocities (2 nodes,) [J/m]."""
-    return 0.5 * float(v @ (assembly.mass * v))
-
-
 def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State) -> Budget:
     """The energy budget of a solved step, the sum of those of its terms.
 
     With inertia the work is that of the forces in the balance of momentum, so that the budget of the time scheme
-    closes. Velocities are relative to a periodic box, which works on bodies that move to where it moves at another
-    speed. A quasi-static step takes the mean of the forces at both its ends (trapezoidal rule, second order).
+    closes. A quasi-static step takes the mean of the forces at both its ends (trapezoidal rule, second order).
     """
-    inertia = increment.scheme.inertia
-    total = _of_motion(state, increment, solution, end)
-    if inertia and after.box is not None:
-        total += _of_box(state, increment, end, after)
-    for own in own_energies(scene, state, increment, solution, end, after):
-        total += own if inertia else replace(own, kinetic=np.zeros(2))
-    if solution.contact is not None:
-        total += _of_contacts(scene, state, increment, solution.contact, solution, end)
+    inertia, work = increment.scheme.inertia, -float(end.reaction @ increment.prescribed)
+    contact = solution.contact
+    if contact is not None:
+        work += work_at_contacts(scene, state, increment, contact, end)
     if not inertia:
-        at_start = work_at_start(scene, state, increment, end.motions)
-        total = replace(total, external=0.5 * (total.external + at_start))
+        work = 0.5 * (work + work_at_start(scene, state, increment, end.motions))
+    total = Budget(external=work)
+    if inertia:
+        total += _of_motion(state, increment, end, after)
+    if contact is not None:
+        total += _of_contacts(increment, contact)
     stressed = end.configuration if increment.scheme.theta == 1.0 else increment.at(solution.w)
     path = Path(increment.at_start, stressed, end.configuration, inertia, end.internal)
     for term in increment.terms:
@@ -58,43 +49,49 @@ def _as_reported(budget: Budget, elastic: float) -> Budget:
     return replace(budget, elastic=np.array([elastic, budget.elastic[1]]))
 
 
-def _of_motion(state: State, increment: Increment, solution: Solution, end: End) -> Budget:
-    """Kinetic energies of the bodies on grids, and the work of supports."""
-    of_box = velocity_of_box(state, mean_gradient(state, end.motions, increment.dt))
-    external = -float(end.reaction @ increment.prescribed)
-    if not increment.scheme.inertia:
-        return Budget(external=external)
-    assembly = increment.bulk.assembly
-    kinetic = np.array([kinetic_energy(assembly, v - of_box) for v in (increment.v0, end.velocity)])
-    swing = 0.0 if increment.scheme.theta == 1.0 else float(kinetic[1] - 0.5 * kinetic.sum())
-    return Budget(kinetic=kinetic, external=external, swing=swing)
+def _of_motion(state: State, increment: Increment, end: End, after: State) -> Budget:
+    """Kinetic energies, relative to a periodic box, which works on bodies that move to where it moves otherwise."""
+    mass, v0, v1 = _counted(increment), increment.v0, end.velocity
+    gradient = mean_gradient(state, end.motions, increment.dt)
+    if gradient is None or after.box_rate is None:
+        kinetic, work = np.array([kinetic_energy(mass, v) for v in (v0, v1)]), 0.0
+        swing = float(kinetic[1] - 0.5 * kinetic.sum())
+    else:
+        of_box, there = (
+            increment.of_bodies(rate @ centres(each.x, each.mass, each.body))
+            for rate, each in ((gradient, state), (after.box_rate, after))
+        )
+        kinetic = np.array([kinetic_energy(mass, v) for v in (v0 - of_box, v1 - there)])
+        at_rate = kinetic_energy(mass, v1 - of_box)
+        work = kinetic[1] - at_rate - float((mass * (v1 - v0)) @ of_box)
+        swing = 0.5 * (at_rate - kinetic[0])
+    return Budget(kinetic=kinetic, external=work, swing=0.0 if increment.scheme.theta == 1.0 else swing)
 
 
-def _of_box(state: State, increment: Increment, end: End, after: State) -> Budget:
-    """What a periodic box does to bodies that move to where it moves at another speed."""
-    assembly = increment.bulk.assembly
-    of_box = velocity_of_box(state, mean_gradient(state, end.motions, increment.dt))
-    there = kinetic_energy(assembly, end.velocity - velocity_of_box(after, after.box_rate))
-    gained = there - kinetic_energy(assembly, end.velocity - of_box)
-    carried = float((assembly.mass * (end.velocity - increment.v0)) @ of_box)
-    return Budget(kinetic=np.array([0.0, gained]), external=gained - carried)
+def kinetic_energy(mass: Array, v: Array) -> float:
+    """Kinetic energy of velocities (n,) with masses (n,) [J/m]."""
+    return 0.5 * float(v @ (mass * v))
 
 
-def _of_contacts(
-    scene: Scene, state: State, increment: Increment, contact: ContactIterate, solution: Solution, end: End
-) -> Budget:
-    """That of contacts, which work on walls and on bodies of prescribed motion."""
+def _counted(increment: Increment) -> Array:
+    """The masses (n,) [kg/m] but those of the edges of a periodic box, which are not of bodies."""
+    mass, scalars = increment.mass, increment.scalars
+    if scalars is None or scalars.carrier is None:
+        return mass
+    own = mass.copy()
+    increment.of_scalars(own)[scalars.carrier.own] = 0.0
+    return own
+
+
+def _of_contacts(increment: Increment, contact: ContactIterate) -> Budget:
+    """What contacts store, lose and tolerate."""
     constraints, r, dt = contact.constraints, contact.r, increment.dt
-    external = -float(end.impulses @ constraints.components(constraints.prescribed))
-    if not acts_at_grid_nodes(increment.scheme.contact):
-        external += work_of_turning(scene, state, solution, end, dt)
     rounding = float(increment.bulk.assembly.mass.sum()) * contact.problem.speed_round_off**2
     if constraints.size == 0:
-        return Budget(external=external, rounding=rounding)
+        return Budget(rounding=rounding)
     k = int(np.argmax(constraints.pushed_out))
     works = (constraints.lifted(r, dt) * contact.u).reshape(constraints.size, -1).sum(axis=1)
     return Budget(
-        external=external,
         push_out=float(constraints.forces(r, dt)[0] @ constraints.pushed_out),
         cohesion=-float(constraints.tensile_strength @ constraints.opening),
         tolerated=float(np.maximum(works, 0.0).sum()),

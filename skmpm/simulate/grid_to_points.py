@@ -42,7 +42,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
     dt, own, prescribed = increment.dt, scene.deformable_points, ~scene.deformable[state.body]
     bulk, grid, configuration = increment.bulk, increment.grid, end.configuration
 
-    J, (v, C) = determinant(configuration.F), to_points(grid, end.velocity)
+    J, (v, C) = determinant(configuration.F), to_points(grid, increment.on_nodes(end.velocity))
     F = configuration.F if bulk.F_anchor is None else product(configuration.F, bulk.F_anchor)
     x, v, F, C, stress, weight = (
         _with_points(old, own, new)
@@ -71,7 +71,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         weight=weight,
         internal=state.internal if end.internal is None else _with_points(state.internal, own, end.internal),
         displacement=configuration.displacement,
-        nodal_velocity=end.velocity,
+        nodal_velocity=increment.on_nodes(end.velocity),
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
         wall_velocity=motions.walls_at_end,

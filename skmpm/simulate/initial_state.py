@@ -22,6 +22,7 @@ from skmpm.scene import (
     check_walls_at_start,
     field_values,
     initial_internal,
+    normal_speeds,
     prescribed_velocities,
     rigid_motion,
     velocity_at,
@@ -32,7 +33,6 @@ from skmpm.simulate.box_motion import velocity_of_box
 from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
 from skmpm.simulate.regrid import assembly_of, regridded_state
-from skmpm.simulate.rigid_energy import own_kinetic_energy
 from skmpm.simulate.springs import springs_of
 from skmpm.transfer import to_nodes
 
@@ -85,11 +85,20 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     weight = volume.copy()
     weight[deformable] = assembly.volume
     state = replace(state, weight=weight)
-    relative = nodal - velocity_of_box(state, state.box_rate)
-    kinetic = kinetic_energy(assembly, relative) + own_kinetic_energy(scene, state)
+    kinetic = kinetic_energy(assembly.mass, nodal - velocity_of_box(state, state.box_rate))
+    kinetic += _kinetic_of_rigid(scene, state)
     springs = sum(each.stored(state.displacement, 0.0) for each in springs_of(scene, state, (0.0, 0.0), 1.0))
     at_start = Report(energy=Energy(kinetic=kinetic, springs=springs))
     return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
+
+
+def _kinetic_of_rigid(scene: Scene, state: State) -> float:
+    """Kinetic energy of free rigid bodies, relative to a periodic box, and of driven walls [J/m]."""
+    own, v = np.isin(state.body, scene.free_rigid), state.v
+    if state.box_rate is not None:
+        v = v - (state.box_rate @ centres(state.x, state.mass, state.body))[:, state.body]
+    walls = normal_speeds(scene, state.wall_velocity)
+    return 0.5 * float(state.mass[own] @ (v[:, own] ** 2).sum(axis=0) + scene.wall_masses @ walls**2)
 
 
 def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:

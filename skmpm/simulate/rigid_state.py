@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene import Scene, State
+from skmpm.scene import Scene, State, centres, fitted_motions
 from skmpm.simulate.forces import forces_on_points
 
 Array = NDArray[np.float64]
@@ -52,24 +52,12 @@ class RigidState:
 
 def rigid_state(scene: Scene, state: State) -> RigidState:
     """The free rigid bodies of a state. Velocities and spins are those with the momenta of the points."""
-    bodies = scene.free_rigid
-    at = np.flatnonzero(np.isin(state.body, bodies))
-    own, m, x, v = np.searchsorted(bodies, state.body[at]), state.mass[at], state.x[:, at], state.v[:, at]
-
-    def total(values: Array) -> Array:
-        return _sums(own, values, bodies.size)
-
-    mass = total(m)
-    centre, velocity = (np.stack([total(m * a[0]), total(m * a[1])]) / mass for a in (x, v))
-    arm = x - centre[:, own]
-    inertia, momentum = total(m * (arm**2).sum(axis=0)), total(m * (arm[0] * v[1] - arm[1] * v[0]))
-    radius = np.sqrt(inertia / mass)
-    return RigidState(bodies, mass, radius, centre, np.stack([*velocity, momentum / inertia * radius]))
-
-
-def kinetic_energy(mass: Array, velocity: Array) -> float:
-    """Of bodies of masses (n,) with velocities and spins times radii of gyration (3, n) [J/m]."""
-    return 0.5 * float(mass @ (velocity**2).sum(axis=0))
+    bodies, owner, mass = scene.free_rigid, state.body, state.mass
+    centre, total = centres(state.x, mass, owner), np.bincount(owner, mass).astype(float)
+    square = ((state.x - centre[:, owner]) ** 2).sum(axis=0)
+    radius = np.sqrt(np.bincount(owner, mass * square) / total)
+    velocity = fitted_motions(state.x, state.v, mass, owner) * np.stack([np.ones_like(radius)] * 2 + [radius])
+    return RigidState(bodies, total[bodies], radius[bodies], centre[:, bodies], velocity[:, bodies])
 
 
 def _sums(body: Ints, values: Array, bodies: int) -> Array:

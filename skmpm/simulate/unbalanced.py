@@ -19,10 +19,10 @@ def unbalanced_ratio(scene: Scene, increment: Increment, solution: Solution, aft
     supports are left out. It is zero if no force acts, and infinite if forces act but none between bodies.
     """
     grid, mean = increment.grid, 0.0
-    force = sum(increment.external_forces(increment.at(solution.w)), np.zeros_like(solution.w))
+    force = sum(increment.external_forces(increment.at(solution.w)), np.zeros_like(increment.start))
     contact = solution.contact
     if contact is not None and contact.constraints.size:
-        force = force + contact.impulse / (increment.scheme.theta * increment.dt)
+        force = force + increment.on_nodes(contact.impulse) / increment.theta_dt
         without_impacts = replace(after.contacts, force=contact.constraints.forces(contact.r, increment.dt))
         contacts = among(without_impacts, between(after.contacts))
         pairs = pairs_of(contacts, after.box)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from skmpm.implicit import ScalarUnknowns
-from skmpm.implicit.scalar_unknowns import RESPONSE
+from skmpm.implicit.scalar_unknowns import RESPONSE, Unknowns
 from skmpm.scene import PrescribedVelocities, Scene, State
 from skmpm.scheme import Scheme
 from skmpm.simulate.unknowns.interval import Interval
@@ -26,10 +28,18 @@ def scalar_unknowns(
     if not scheme.inertia:
         shear = max(material.lame[1] for material in scene.materials)
         soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, FARTHEST * scene.cell / dt
-    interval = Interval(state.t + scheme.theta * dt, dt, scheme.theta, soft, farthest)
-    box = StressedBox.of(scene, state, interval)
-    v0 = box.inertia.v0
-    moved = box.motions(v0, v0, motions) if v0.size else motions
-    walls, bodies = DrivenWalls.of(scene, state, interval), FreeBodies.of(scene, state, moved, interval)
-    kinds = [kind for kind in (box, walls, bodies) if kind.inertia.v0.size]
-    return ScalarUnknowns(kinds, motions, dt, box if v0.size and scheme.inertia else None)
+    interval, box = Interval(state.t + scheme.theta * dt, dt, scheme.theta, soft, farthest), None
+    kinds, moved = list[Unknowns](), motions
+    if scene.periodic is not None and scene.periodic.components.size:
+        box = StressedBox.of(scene, scene.periodic, state, interval)
+        kinds, moved = [box], box.motions(box.inertia.v0, box.inertia.v0, motions)
+    if scene.driven_walls.size:
+        kinds.append(DrivenWalls.of(scene, state, interval, _size(kinds)))
+    if scene.free_rigid.size:
+        kinds.append(FreeBodies.of(scene, state, moved, interval, _size(kinds)))
+    return ScalarUnknowns(kinds, motions, box if scheme.inertia else None)
+
+
+def _size(kinds: Sequence[Unknowns]) -> int:
+    """Number of unknowns of some kinds."""
+    return sum(kind.inertia.v0.size for kind in kinds)

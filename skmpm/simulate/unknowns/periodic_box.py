@@ -19,7 +19,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
-from skmpm.implicit import Inertia
+from skmpm.implicit import Budget, Path
+from skmpm.implicit.scalar_unknowns import Carrier
 from skmpm.scene import Periodic, PrescribedVelocities, Scene, State, centres, deformed
 from skmpm.simulate.unknowns.interval import Interval
 
@@ -27,47 +28,42 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class StressedBox:
+class StressedBox(Carrier):
     """The box of a scene in one step."""
 
-    periodic: Periodic | None
+    periodic: Periodic
     start: Array  # (2, 2) edges at the start of the step [m]
     rate: Array  # (2, 2) the prescribed gradient [1/s]
     stress: Array  # (q,) [Pa]
     length: Array  # (q,) of the edges that the unknowns move, at the start of the step [m]
-    inertia: Inertia
-    dt: float
     centres: Array  # (2, bodies) of bodies that move with it, zero of others, as those with supports or springs [m]
 
     @staticmethod
-    def of(scene: Scene, state: State, interval: Interval) -> StressedBox:
-        """The box of a state in a step, without unknowns where no stress is given."""
-        periodic, none, dt = scene.periodic, np.zeros(0), interval.dt
-        if periodic is None or state.box is None or state.box_rate is None:
-            return StressedBox(None, np.eye(2), np.eye(2), none, none, interval.inertia(none, none), dt, none)
-        i, j = periodic.components
+    def of(scene: Scene, periodic: Periodic, state: State, interval: Interval) -> StressedBox:
+        """The box of a state in a step."""
+        assert state.box is not None and state.box_rate is not None
+        (i, j), dt = periodic.components, interval.dt
         length = np.diag(state.box)[j]
         mass = np.full(i.size, scene.mass if periodic.mass is None else float(periodic.mass))
         return StressedBox(
+            replace(interval, theta=1.0).inertia(mass, state.box_rate[i, j] * length),
+            dt,
+            0,
             periodic,
             state.box,
             periodic.rate_at(state.t + 0.5 * dt),
             periodic.stress_at(interval.t),
             length,
-            replace(interval, theta=1.0).inertia(mass, state.box_rate[i, j] * length),
-            dt,
             centres(state.x, state.mass, state.body) * (scene.movable & ~_held(scene) & interval.inertial),
         )
 
     @property
     def names(self) -> list[str]:
         """The components of its stress."""
-        components = [] if self.periodic is None else self.periodic.components.T.tolist()
-        return [f"the stress {'xy'[i]}{'xy'[j]} of the periodic box" for i, j in components]
+        return [f"the stress {'xy'[i]}{'xy'[j]} of the periodic box" for i, j in self.periodic.components.T.tolist()]
 
     def _edges(self, z: Array) -> Array:
         """The edges at the end of the step, (2, 2) [m]."""
-        assert self.periodic is not None
         return deformed(self.start, self.rate, self.dt, self.periodic.components, z / self.length)
 
     @cached_property
@@ -77,7 +73,6 @@ class StressedBox:
 
     def _scale(self, z: Array) -> Array:
         """Change of the edges at the end of the step by an unknown, over dt E_e H (`scene.periodic`), (q,) [1/m]."""
-        assert self.periodic is not None
         i, j = self.periodic.components
         L = np.zeros((2, 2))
         L[i, j] = z / self.length
@@ -88,6 +83,14 @@ class StressedBox:
         """Forces of the stress on the edges, (q,) [N/m]."""
         return np.asarray(abs(float(np.linalg.det(self._edges(z)))) * self.stress * self._scale(z))
 
+    def load_at_start(self) -> Array:
+        """None are known, (q,)."""
+        return np.zeros_like(self.stress)
+
+    def budget(self, path: Path) -> Budget:
+        """Nothing: the box works on bodies by contacts of their images, and its mass is not that of bodies."""
+        return Budget()
+
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with the motion of the box."""
         return replace(prescribed, box=self._edges(z))
@@ -97,13 +100,8 @@ class StressedBox:
         change = (self._edges(z) - self._first_edges) @ np.linalg.inv(self.start) / self.dt
         return np.asarray(change @ self.centres)
 
-    def carried(self, translation: Array) -> Array:
-        """Nothing, (q,)."""
-        return np.zeros_like(self.inertia.v0)
-
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J (k, q) or (2 k, q): bodies move with their centres, the second body of a contact also with its image."""
-        assert self.periodic is not None
         i, j = self.periodic.components
         centre = self._edges(z) @ np.linalg.solve(self.start, self.centres)
         first, second = (np.where(body < 0, 0.0, centre[:, np.maximum(body, 0)]) for body in constraints.bodies)

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
-from skmpm.implicit import Inertia
+from skmpm.implicit.scalar_unknowns import Unknowns
 from skmpm.scene import PrescribedVelocities, Scene, State
 from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.rigid_state import DeadLoads, RigidState, rigid_state
@@ -20,17 +20,16 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class FreeBodies:
+class FreeBodies(Unknowns):
     """The n free rigid bodies of a scene in one step; unknowns are body after body."""
 
     bodies: Ints  # (n,)
     start: RigidState  # at the start of the step
     loads: DeadLoads  # as the bodies are at the start
-    inertia: Inertia
-    dt: float
+    first_loads: DeadLoads | None  # those when a step without inertia begins
 
     @staticmethod
-    def of(scene: Scene, state: State, motions: PrescribedVelocities, interval: Interval) -> FreeBodies:
+    def of(scene: Scene, state: State, motions: PrescribedVelocities, interval: Interval, first: int) -> FreeBodies:
         """The bodies of a state in a step; they keep their velocities relative to the periodic box in `motions`.
 
         Without inertia they begin at rest.
@@ -44,10 +43,13 @@ class FreeBodies:
         if gradient is not None:
             velocity[:2] += gradient @ start.centre
         loads = start.loads(scene, state, interval.t)
+        at_start = None if interval.inertial else start.loads(scene, state, state.t)
         inertia = interval.inertia(np.repeat(start.mass, 3), velocity.T.ravel())
         response = inertia.response.reshape(-1, 3).copy()  # with the stiffness of loads where they resist turning
         response[:, 2] += (interval.theta * dt) ** 2 * np.maximum(loads.along, 0.0) / start.radius
-        return FreeBodies(scene.free_rigid, start, loads, replace(inertia, response=response.ravel()), dt)
+        return FreeBodies(
+            replace(inertia, response=response.ravel()), dt, first, scene.free_rigid, start, loads, at_start
+        )
 
     @property
     def names(self) -> list[str]:
@@ -57,6 +59,11 @@ class FreeBodies:
     def load(self, z: Array) -> Array:
         """Forces of gravity and loads, (3 n,) [N/m], with the bodies turned as they are at t + theta dt."""
         return self.loads.turned(self.inertia.theta[2::3] * self.dt * self._with_spins(z)[2])
+
+    def load_at_start(self) -> Array:
+        """The forces when a step without inertia begins, (3 n,) [N/m]."""
+        assert self.first_loads is not None
+        return self.first_loads.turned(np.zeros(self.bodies.size))
 
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with those of the bodies."""

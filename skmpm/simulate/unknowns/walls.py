@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
-from skmpm.implicit import Inertia
+from skmpm.implicit.scalar_unknowns import Unknowns
 from skmpm.scene import PrescribedVelocities, Scene, State, normal_speeds, with_normal_speeds
 from skmpm.simulate.driven import driving_forces
 from skmpm.simulate.unknowns.interval import Interval
@@ -19,28 +19,22 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class DrivenWalls:
+class DrivenWalls(Unknowns):
     """The p walls of a scene that a force drives, in one step."""
 
     scene: Scene
     points: Array  # (walls, 2) of all walls at the start of the step [m]
     velocity: Array  # (walls, 2) that are given [m/s]
-    inertia: Inertia
+    start: float  # when the step begins [s]
     t: float  # at which forces are taken [s]
-    dt: float
 
     @staticmethod
-    def of(scene: Scene, state: State, interval: Interval) -> DrivenWalls:
+    def of(scene: Scene, state: State, interval: Interval, first: int) -> DrivenWalls:
         """The walls of a state in a step."""
         v0 = normal_speeds(scene, state.wall_velocity)
-        return DrivenWalls(
-            scene,
-            state.walls,
-            scene.wall_velocities(state.t + 0.5 * interval.dt),
-            interval.inertia(scene.wall_masses, v0),
-            interval.t,
-            interval.dt,
-        )
+        inertia = interval.inertia(scene.wall_masses, v0)
+        velocity = scene.wall_velocities(state.t + 0.5 * interval.dt)
+        return DrivenWalls(inertia, interval.dt, first, scene, state.walls, velocity, state.t, interval.t)
 
     @property
     def names(self) -> list[str]:
@@ -52,14 +46,14 @@ class DrivenWalls:
         ends = self.points + self.dt * with_normal_speeds(self.scene, self.velocity, z)
         return driving_forces(self.scene, ends, self.t)
 
+    def load_at_start(self) -> Array:
+        """The forces when the step begins, (p,) [N/m]."""
+        return driving_forces(self.scene, self.points, self.start)
+
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with those of the walls."""
         walls, at_end = (with_normal_speeds(self.scene, prescribed.walls, v) for v in (z, end))
         return replace(prescribed, walls=walls, walls_at_end=at_end)
-
-    def carried(self, translation: Array) -> Array:
-        """Nothing, (p,)."""
-        return np.zeros_like(self.inertia.v0)
 
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J (k, p) or (2 k, p): a wall that moves along its normal closes its contacts."""
