@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import ceil
 
 import numpy as np
@@ -9,8 +10,8 @@ from numpy.typing import NDArray
 
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
-from skmpm.simulate.driven import check_driven, moving_at_start
-from skmpm.simulate.initial_state import initial_motion
+from skmpm.simulate.driven import check_driven
+from skmpm.simulate.initial_state import initial
 from skmpm.simulate.step_length import pace_of
 
 Array = NDArray[np.float64]
@@ -45,5 +46,5 @@ def chosen_steps(scene: Scene, scheme: Scheme, until: float) -> int:
 def _lengths(scene: Scene, scheme: Scheme, times: Array, until: float) -> Array:
     """The longest steps from some times of a run [s], with the motion of bodies at its beginning."""
     check_driven("preflight", scene, scheme)
-    now, pace = moving_at_start(scene, initial_motion(scene)[0]), pace_of(scene, scheme, 0.0, until)
-    return np.array([pace.limit(scene, scheme, float(t), now, np.inf) for t in times])
+    state, pace = initial(scene, scheme=scheme), pace_of(scene, scheme, 0.0, until)
+    return np.array([pace.limit(scene, scheme, replace(state, t=float(t)), np.inf) for t in times])

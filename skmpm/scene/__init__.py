@@ -15,7 +15,6 @@ from skmpm.scene.rigid_motion import centres, fitted_motions, mean_velocity, rig
 from skmpm.scene.scene import Scene
 from skmpm.scene.springs import (
     Spring,
-    forces_of_springs,
     rest_of,
     spring_forces,
     stiffness_of,
@@ -55,7 +54,6 @@ __all__ = [
     "deformed",
     "field_values",
     "fitted_motions",
-    "forces_of_springs",
     "gravity_at",
     "initial_internal",
     "into_box",

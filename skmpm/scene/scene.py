@@ -149,8 +149,12 @@ class Scene:
     @cached_property
     def has_scalar_unknowns(self) -> bool:
         """Whether forces move anything that has no grid: walls, rigid bodies, a periodic box."""
-        stressed = self.periodic is not None and self.periodic.components.size > 0
-        return bool(self.driven_walls.size or self.free_rigid.size or stressed)
+        return bool(self.driven_walls.size or self.free_rigid.size or self.stressed)
+
+    @property
+    def stressed(self) -> bool:
+        """Whether a stress moves a periodic box."""
+        return self.periodic is not None and self.periodic.components.size > 0
 
     @cached_property
     def mass(self) -> float:

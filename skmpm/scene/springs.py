@@ -116,17 +116,6 @@ def spring_forces(scene: Scene, state: State) -> Array:
     return np.array([f if f.ndim == 1 else f.sum(axis=1) for f in forces]).reshape(-1, 2)
 
 
-def forces_of_springs(scene: Scene, x: Array, t: float) -> Array:
-    """Forces of the springs at time t on points at x (2, n) [m], (2, n) [N/m]."""
-    forces = np.zeros_like(x)
-    for i, ends in enumerate(scene.sprung):
-        pull = _pull(scene, i, x, t)
-        forces[:, ends.first.points] -= pull if ends.bed else pull[:, None] * ends.first.share
-        if ends.second is not None:
-            forces[:, ends.second.points] += pull[:, None] * ends.second.share
-    return forces
-
-
 def _pull(scene: Scene, i: int, x: Array, t: float) -> Array:
     """Derivative of the energy of spring i by its displacement: of a bed by those of its points, (2, m) [N/m]."""
     ends, k, rest = scene.sprung[i], stiffness_of(i, scene.springs[i]), rest_of(scene, i, t)

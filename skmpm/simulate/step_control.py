@@ -9,12 +9,13 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from skmpm.implicit.errors import SMALLER
 from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.simulate.algorithm import step
-from skmpm.simulate.driven import falling, moving
-from skmpm.simulate.step_length import MAX_CHANGE, TWICE, Pace, moves_too_far, next_length
+from skmpm.simulate.step_length import BELOW, MAX_CHANGE, SLACK, TWICE, Pace, next_length
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
@@ -128,7 +129,7 @@ def advance_with_chosen_step(
     """
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
-    limit, unheld = _limits(scene, state, left, scheme, pace)
+    limit = pace.limit(scene, scheme, state, left)
     length = wanted = min(limit, chosen or limit)
     if length < left < 2.0 * length:  # the last two are equal: forces on what accelerates depend on their ratio
         length = 0.5 * left
@@ -136,12 +137,12 @@ def advance_with_chosen_step(
     while True:
         try:
             after = step(scene, state, length, scheme=scheme)
-            lasting = pace.by_loss(scene, scheme, state, after)
-            if TWICE * lasting < length:  # as where an impact begins in this step
-                limit, length = lasting, max(lasting, length / CUT)
-                continue
-            if length > unheld and moves_too_far(scene, after, length, pace.flight):  # what contacts held moves
-                limit = length = unheld
+            by_loss, by_motion = (f(scene, scheme, state, after) for f in (pace.by_loss, pace.by_motion))
+            if length > min(
+                TWICE * by_loss, (1.0 + SLACK) * by_motion
+            ):  # an impact begins, or what contacts held moves
+                limit = min(by_loss, BELOW * by_motion)
+                length = max(limit, length / CUT)
                 continue
         except StepFailed as failure:
             if not failure.retryable or length <= SHORTEST_SHARE * limit:
@@ -154,32 +155,11 @@ def advance_with_chosen_step(
         # A step that `until` shortens says nothing about the length of the next one.
         by_end = length == left < chosen or length == halved < wanted
         chosen = (chosen or wanted) if by_end else next_length(length, report.newton / report.solves)
-        chosen = min(chosen, 0.9 * lasting)
+        # What accelerates is faster in the next step, by as much again.
+        growth = by_motion / max(pace.by_motion(scene, scheme, state, state), 1e-300)
+        chosen = min(chosen, BELOW * by_loss, by_motion * float(np.clip(growth, 1.0 / MAX_CHANGE, 1.0)))
         t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
         return replace(after, t=t, report=report, step_control=replace(state.step_control, chosen=chosen)), failures
-
-
-def _limits(scene: Scene, state: State, left: float, scheme: Scheme, pace: Pace) -> tuple[float, float]:
-    """The longest next step [s], and the longest one if contacts held no more of loads than they do now.
-
-    Loads that are functions of time may begin to act in the step, or grow in it. If there are none, and nothing is
-    driven, contacts are expected to go on holding what lies on them.
-    """
-    now, chosen = moving(scene, state, state.t), state.step_control.chosen
-    limit = pace.limit(scene, scheme, state.t, now, left, box=state.box)
-    if not pace.functions.loads:
-        if pace.driven or not scheme.inertia:
-            return limit, limit
-        held = pace.limit(scene, scheme, state.t, now, left, fall=falling(scene, state), box=state.box)
-        return held, limit
-    end = state.t + min(limit, chosen or limit)
-    then = moving(scene, state, end)
-    before = moving(scene, state, state.t - state.report.dt) if chosen else now
-    held, unheld = (
-        pace.limit(scene, scheme, state.t, each, end - state.t, forces_at=end, box=state.box)
-        for each in (then.held_further(now, before, MAX_CHANGE), then)
-    )
-    return held, unheld
 
 
 def _step_of(step_control: StepControl) -> float:

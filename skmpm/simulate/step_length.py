@@ -1,8 +1,9 @@
 """The length of steps where none is given (`simulate(..., dt=None)`).
 
-Two distances limit a step, that by which driven objects move and that of bodies past each other, by their present
-velocities and gravity: the limits of `preflight`. In slow motion the limit is a displacement, so that the number of
-steps does not depend on the speed of a lid.
+Two distances limit a step, that by which driven objects move and that of bodies past each other: the limits of
+`preflight`. They are asked before it, with present velocities, and after it, with those at its end: a step that moves
+something too far is repeated. In slow motion the limit is a displacement, so that the number of steps does not depend
+on the speed of a lid.
 
 The energy that a step loses limits it as well. Backward Euler loses 1/2 |v1 - v0|_M^2; of that the part of the
 rigid motions of bodies counts, since vibrations within bodies die anyway. It may be `LOSS` of the largest energy so
@@ -26,7 +27,7 @@ from scipy.spatial import KDTree
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
-from skmpm.simulate.driven import Moving, driven_by_force, moving
+from skmpm.simulate.driven import driven_by_force, loaded_bodies, moving
 from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.initial_state import can_touch, driven
 from skmpm.simulate.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
@@ -44,6 +45,8 @@ MAX_CHANGE = 2.0  # of the length, from one step to the next
 LOSS = 1e-5  # of the largest energy so far: 1/2 |v1 - v0|^2 in a step, which backward Euler loses
 VIBRATIONS = 1e-3  # share that counts of what velocities within bodies lose: vibrations die anyway
 TWICE = 2.0  # over the step that loses as much as it may: a longer one is repeated
+BELOW = 0.9  # of the longest step that is allowed, where one was too long or loses as much as it may
+SLACK = 1e-3  # over distances: how much too far a step may move things without being repeated
 REST = 0.01  # [cells] height of a bounce that need not be accurate; gaps are found a quarter of a cell ahead
 SAMPLES = np.linspace(0.0, 1.0, 5)  # of a step, where prescribed velocities are taken
 
@@ -53,6 +56,7 @@ class Pace:
     """What limits the steps of a run."""
 
     resolving: float  # the longest step that resolves waves [s]; losses limit no shorter ones
+    forced: bool  # whether other forces than gravity move anything: the first step resolves waves
     longest: float  # that is allowed [s]
     losses: bool  # whether the energy that steps lose limits them
     negligible: float  # energy [J/m] below which losses do not matter
@@ -61,39 +65,32 @@ class Pace:
     driven: bool  # whether anything is
     functions: FunctionsOfTime
 
-    def limit(
-        self,
-        scene: Scene,
-        scheme: Scheme,
-        t: float,
-        now: Moving,
-        left: float,
-        *,
-        forces_at: float | None = None,
-        fall: float = np.inf,
-        box: Array | None = None,
-    ) -> float:
-        """The longest step from time t, at most `left` [s].
+    def limit(self, scene: Scene, scheme: Scheme, state: State, left: float) -> float:
+        """The longest step from a state, at most `left` [s], by the present velocities."""
+        t, longest, first = state.t, min(left, self.longest), state.step_control.chosen == 0.0
+        if scheme.inertia and first and self.forced:
+            longest = min(longest, self.resolving)
+        falls = first or self.driven or self.functions.loads  # else what rests goes on resting
+        fall = float(np.hypot(*gravity_of(scene, t))) if falls else 0.0
+        longest = min(longest, self.by_motion(scene, scheme, state, state, fall))
+        return _within_stroke(scene, t, self.functions.followed(t, longest, self.resolving), state.box)
 
-        `forces_at` is the time of gravity, by default t. No body accelerates by more than `fall` [m/s2], by default
-        by gravity. `box` (2, 2) are the edges of a periodic box, by default those at the start.
+    def by_motion(self, scene: Scene, scheme: Scheme, before: State, after: State, fall: float = 0.0) -> float:
+        """The longest step [s] that moves nothing too far from a state, with the velocities of a later one.
+
+        Bodies may accelerate by `fall` [m/s2] past others.
         """
-        longest = min(left, self.longest)
-        if scheme.inertia:
-            gravity = float(np.hypot(*gravity_of(scene, t if forces_at is None else forces_at)))
-            longest = min(longest, *self._of_motion(scene, t, now, min(gravity, fall)))
-        return _within_stroke(scene, t, self.functions.followed(t, longest, self.resolving), box)
-
-    def _of_motion(self, scene: Scene, t: float, now: Moving, fall: float) -> list[float]:
-        """What the motions of bodies, which `fall` [m/s2], allow [s]."""
+        if not scheme.inertia:
+            return np.inf
+        now = moving(scene, after)
         turning = float(np.hypot(*np.ptp(now.v, axis=1)))
-        limits = [_time(STROKE * scene.cell, now.speed, now.acceleration), _time(max_motion(scene), turning, 0.0)]
+        limits = [_time(STROKE * scene.cell, now.speed, 0.0), _time(max_motion(scene), turning, 0.0)]
         if can_touch(scene):
-            limits.append(_time(self.flight, relative_speed(scene, t, now.v), fall))
+            limits.append(_time(self.flight, relative_speed(scene, after.t, now.v), fall))
             if self.room < self.flight:
-                gaps, speeds = _meeting(scene, now, self.flight)
+                gaps, speeds = _meeting(scene, before.x, after.v, self.flight)
                 limits.append(_time(self.room + gaps, speeds, fall).min(initial=np.inf))
-        return [float(limit) for limit in limits]
+        return min(map(float, limits))
 
     def by_loss(self, scene: Scene, scheme: Scheme, before: State, after: State) -> float:
         """The step [s] that loses as much energy as it may, from a step of another length."""
@@ -148,34 +145,24 @@ def relative_speed(scene: Scene, t: float, v: Array) -> float:
     return max(between, float(to_walls.max(initial=0.0)))
 
 
-def _meeting(scene: Scene, now: Moving, room: float) -> tuple[Array, Array]:
+def _meeting(scene: Scene, x: Array, v: Array, room: float) -> tuple[Array, Array]:
     """Gaps between bodies and to walls [m] that may close in a step, and bounds on the speeds at which they do [m/s].
 
-    No body moves by more than `room` [m], and walls stand still.
+    Points are at x (2, n) and move at v (2, n). No body moves by more than `room` [m], and walls stand still.
     """
     owner, mass = scene.owner, scene.masses
-    centre, velocity = centres(now.x, mass, owner), centres(now.v, mass, owner)
+    centre, velocity = centres(x, mass, owner), centres(v, mass, owner)
     reach, own = np.zeros((2, len(scene.bodies)))
-    np.maximum.at(reach, owner, np.hypot(*(now.x - centre[:, owner])))
-    np.maximum.at(own, owner, np.hypot(*(now.v - velocity[:, owner])))
+    np.maximum.at(reach, owner, np.hypot(*(x - centre[:, owner])))
+    np.maximum.at(own, owner, np.hypot(*(v - velocity[:, owner])))
     i, j = KDTree(centre.T).query_pairs(2.0 * (reach.max() + room), output_type="ndarray").T
     between = np.hypot(*(centre[:, i] - centre[:, j])) - reach[i] - reach[j]
     relative = np.hypot(*(velocity[:, i] - velocity[:, j])) + own[i] + own[j]
     points = np.array([wall.point for wall in scene.walls]).reshape(-1, 2)
-    to_walls = scene.normals.T @ now.x - (scene.normals.T * points).sum(axis=1)[:, None]
-    gaps, speeds = np.append(between, to_walls), np.append(relative, -scene.normals.T @ now.v)
+    to_walls = scene.normals.T @ x - (scene.normals.T * points).sum(axis=1)[:, None]
+    gaps, speeds = np.append(between, to_walls), np.append(relative, -scene.normals.T @ v)
     near = gaps < 2.0 * room
     return np.maximum(gaps[near], 0.0), np.maximum(speeds[near], 0.0)
-
-
-def moves_too_far(scene: Scene, after: State, length: float, room: float) -> bool:
-    """Whether something that forces drive moves farther than `STROKE` in a step of this length [s], or others do.
-
-    These move past each other by more than `room` [m].
-    """
-    now = moving(scene, after, after.t)
-    too_far = now.speed * length > STROKE * scene.cell
-    return too_far or (can_touch(scene) and relative_speed(scene, after.t, now.v) * length > room)
 
 
 def _time(distance: Array | float, speed: Array | float, acceleration: float) -> Array:
@@ -230,6 +217,7 @@ def pace_of(
     resolving = WAVES * float(smallest_radii(scene).min()) / scene.fastest_wave
     return Pace(
         resolving,
+        bool(loaded_bodies(scene).size or scene.driven_walls.size or scene.stressed),
         min(np.inf if max_dt is None else max_dt, resolving if waves else np.inf),
         losses,
         scene.mass * float(0.5 * settling(scene, weight) ** 2 + np.hypot(*weight) * REST * scene.cell),

@@ -28,7 +28,6 @@ from skmpm.scene import (
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial
-from skmpm.simulate.driven import Moving
 from skmpm.simulate.functions_of_time import FunctionsOfTime
 from skmpm.simulate.loading import loading_of
 
@@ -495,14 +494,14 @@ def test_what_begins_where_a_step_ends_moves_by_the_stroke(options, path):
 
 
 def test_a_body_that_falls_from_rest_is_too_far_at_first():
-    """By 37 % after 0.4 cells and by 11 % after two, as docs/limits.md says."""
+    """By 35 % after 0.4 cells and by 10 % after two, as docs/limits.md says."""
     scene = Scene([BLOCK], cell=SIDE / 7, walls=[Wall((0, -1.0), (0, 1))], gravity=(0, -9.81))
     start = mean_over_points(initial(scene), initial(scene).x[1])
     states = list(simulate(scene, until=0.06))
     exact = np.array([0.5 * 9.81 * state.t**2 for state in states])
     found = np.array([start - mean_over_points(state, state.x[1]) for state in states])
     error = np.interp([0.44, 2.2], exact / (SIDE / 7), found / exact - 1.0)
-    assert error == pytest.approx([0.37, 0.11], abs=0.03)
+    assert error == pytest.approx([0.35, 0.10], abs=0.03)
 
 
 @pytest.mark.parametrize(("gap", "cells"), [(30.0, 0.5), (0.1, 0.3)], ids=["far", "near"])
@@ -531,26 +530,14 @@ def test_a_load_that_contacts_hold_sets_no_pace_until_they_slip():
     block = Body(box((0, 0), (2e-3, 1e-3), spacing=0.5 * CELL), gel)
     loads = [Load(everywhere, lambda t: (ramp * t, 0.0))]
     scene = Scene([block], cell=CELL, friction=0.3, walls=[Wall((0, 0), (0, 1)), lid], loads=loads)
-    duration = np.cbrt(6.0 * 2e-3 * 2e-3 / ramp)  # in which it slides 2 mm
+    duration = np.cbrt(6.0 * 2e-3 * 3e-3 / ramp)  # in which it slides 3 mm
     states = list(simulate(scene, until=0.5 + duration))
     times = np.array([state.t for state in states])
     assert np.count_nonzero(times < 0.5) < 100  # 876 if contacts held no more than at the start of a step
     motion = np.array([state.v[0].mean() * state.report.dt for state in states])
     assert motion.max() <= 0.14 * CELL * (1.0 + 1e-3)
     assert np.count_nonzero(motion > 0.1 * CELL) > 40
-    assert states[-1].x[0].mean() - 1e-3 == pytest.approx(2e-3, rel=0.12)  # backward Euler in some sixty steps
-
-
-def test_contacts_hold_as_much_more_as_they_took_up_in_the_last_step():
-    """Of three bodies the first is held, the second moves freely, the third was not loaded before."""
-    now = Moving(np.zeros((2, 0)), 0.0, np.array([[0.0, 3.0, 0.0], [0.0, 0.0, 0.0]]))
-    before = now._replace(accelerations=np.array([[-2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
-    then = now._replace(accelerations=np.array([[4.0, 6.0, 0.0], [0.0, 0.0, 5.0]]))
-    assert then.held_further(now, before, 2.0).accelerations == pytest.approx(
-        np.array([[0.0, 6.0, 0.0], [0.0, 0.0, 5.0]])
-    )
-    farther = now._replace(accelerations=np.array([[0.0, 3.0, 0.0], [10.0, 0.0, 0.0]]))
-    assert farther.held_further(now, before, 2.0).accelerations[1, 0] == pytest.approx(6.0)
+    assert states[-1].x[0].mean() - 1e-3 == pytest.approx(3e-3, rel=0.08)  # backward Euler in some hundred steps
 
 
 def test_the_last_two_steps_are_equal():
