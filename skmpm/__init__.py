@@ -21,7 +21,16 @@ from skmpm.material import (
     Yeoh,
     check_material,
 )
-from skmpm.observe import Network, Observables, Traction, contact_pressure, network, observe, pair_correlation
+from skmpm.observe import (
+    Network,
+    Observables,
+    Traction,
+    contact_pressure,
+    network,
+    observe,
+    pair_correlation,
+    spring_forces,
+)
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
 from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, polygon
@@ -41,7 +50,6 @@ from skmpm.scene import (
     Wall,
     at_rest,
     continued,
-    spring_forces,
 )
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, step

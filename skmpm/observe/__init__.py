@@ -6,6 +6,7 @@ from skmpm.observe.observables import Observables, observe
 from skmpm.observe.pair_correlation import pair_correlation
 from skmpm.observe.pairs import Network, force_lines, network
 from skmpm.observe.regions import box_area
+from skmpm.observe.springs import spring_forces
 from skmpm.observe.traction import Traction, contact_pressure
 
 __all__ = [
@@ -20,4 +21,5 @@ __all__ = [
     "network",
     "observe",
     "pair_correlation",
+    "spring_forces",
 ]

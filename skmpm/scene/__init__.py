@@ -6,19 +6,14 @@ from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
 from skmpm.scene.gravity import gravity_at
 from skmpm.scene.materials import initial_internal, material_at, plastic_strain
-from skmpm.scene.objects import Body, Load, Pressure, SceneError, Support, Wall, field_values, motion
+from skmpm.scene.objects import Body, Load, Pressure, SceneError, Spring, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, deformed, into_box, recut
 from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
 from skmpm.scene.report import Energy, Report, StepControl
 from skmpm.scene.rigid_motion import centres, fitted_motions, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
-from skmpm.scene.springs import (
-    Spring,
-    rest_of,
-    spring_forces,
-    stiffness_of,
-)
+from skmpm.scene.springs import Ends, stiffness_of
 from skmpm.scene.stages import at_rest, continued
 from skmpm.scene.state import Derived, State, StepFailed
 from skmpm.scene.walls_in_view import view_of, wall_lines
@@ -29,6 +24,7 @@ __all__ = [
     "Body",
     "Contacts",
     "Derived",
+    "Ends",
     "Energy",
     "Load",
     "Periodic",
@@ -68,9 +64,7 @@ __all__ = [
     "prescribed_motions",
     "prescribed_velocities",
     "recut",
-    "rest_of",
     "rigid_motion",
-    "spring_forces",
     "stiffness_of",
     "stress_zz",
     "velocity_at",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,8 +14,9 @@ from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
 from skmpm.scene.check_functions import check_functions
 from skmpm.scene.check_groups import check_groups
-from skmpm.scene.check_loading import check_loads, check_supports
+from skmpm.scene.check_loading import check_loads, check_springs, check_supports
 from skmpm.scene.gravity import gravity_at
+from skmpm.scene.model import Model
 from skmpm.scene.objects import (
     Body,
     SceneError,
@@ -31,10 +31,6 @@ from skmpm.scene.objects import (
 )
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.rigid_motion import rigid_motion
-from skmpm.scene.springs import check_springs
-
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -44,7 +40,7 @@ TOUCHING = 1e-3  # [cells] overlap at the start up to which things touch
 MAX_OVERLAP = 0.25  # [cells] of an overlap that is meant; more at the end of a step has missed contacts
 
 
-def check(scene: Scene) -> None:
+def check(scene: Model) -> None:
     """Raise SceneError for the first error in the scene."""
     if not scene.bodies:
         raise SceneError("the scene has no bodies; give at least one Body")
@@ -79,7 +75,7 @@ def check(scene: Scene) -> None:
     _check_overlaps(scene)
 
 
-def _check_periodic(scene: Scene) -> None:
+def _check_periodic(scene: Model) -> None:
     if not isinstance(scene.periodic, Periodic):
         raise SceneError(
             f"periodic is a {type(scene.periodic).__name__}; use skmpm.Periodic(width, height), or None without a box"
@@ -193,14 +189,14 @@ def _check_driven(name: str, wall: Wall) -> None:
     scalar(wall.force if wall.pressure is None else wall.pressure, 0.0, f"{name}: driving force or pressure")
 
 
-def check_walls_at_start(scene: Scene) -> None:
+def check_walls_at_start(scene: Model) -> None:
     """Raise SceneError if a wall cuts a body that forces move at t = 0."""
     walls = dict(enumerate(wall.point for wall in scene.walls))
     remedy = "move the wall or the body, or turn its normal; a wall of a later stage begins in skmpm.continued"
     check_walls(scene, scene.initial_positions, walls, remedy)
 
 
-def check_walls(scene: Scene, x: Array, walls: Mapping[int, ArrayLike], remedy: str) -> None:
+def check_walls(scene: Model, x: Array, walls: Mapping[int, ArrayLike], remedy: str) -> None:
     """Raise SceneError if a body that forces move, with points x (2, n), lies behind one of the walls (2,)."""
     own = np.flatnonzero(scene.movable[scene.owner])
     for i, point in walls.items():
@@ -210,7 +206,7 @@ def check_walls(scene: Scene, x: Array, walls: Mapping[int, ArrayLike], remedy: 
             raise SceneError(f"wall {i} cuts body {b}: a point lies {behind.max():.3g} m behind it; {remedy}")
 
 
-def _check_overlaps(scene: Scene) -> None:
+def _check_overlaps(scene: Model) -> None:
     """Bodies may touch at the start, but not overlap by more than `TOUCHING` cells or what is meant."""
     boundary = scene.outlines
     if boundary.point.size == 0:
@@ -225,7 +221,7 @@ def _check_overlaps(scene: Scene) -> None:
         )
 
 
-def overlaps(scene: Scene, x: Array, box: Array | None) -> tuple[Ints, Array]:
+def overlaps(scene: Model, x: Array, box: Array | None) -> tuple[Ints, Array]:
     """Pairs of bodies (2, p) whose boxes overlap, and their depths (p,) [m], for boundary points at x (2, m) [m]."""
     near = scene.images(x, box, 0.0)
     at, reference = near.at(x, box), scene.initial_positions[:, near.outlines.point]

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from inspect import signature
-from typing import TYPE_CHECKING
 
-from skmpm.scene.objects import TURNING, Body, Load, Pressure, SceneError, Support, Wall
+from skmpm.scene.input import Input
+from skmpm.scene.objects import TURNING, Body, Load, Pressure, SceneError, Spring, Support, Wall
 from skmpm.scene.periodic import Periodic
-from skmpm.scene.springs import Spring
-
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
 
 Given = Iterator[tuple[str, object, str]]
 
@@ -23,7 +19,7 @@ REMEDY = {
 }
 
 
-def check_functions(scene: Scene) -> None:
+def check_functions(scene: Input) -> None:
     """Raise SceneError for the first function that cannot be called with its arguments; none is called."""
     for name, function, arguments in _given(scene):
         if not callable(function):
@@ -42,7 +38,7 @@ def check_functions(scene: Scene) -> None:
             raise SceneError(message) from None
 
 
-def _given(scene: Scene) -> Given:
+def _given(scene: Input) -> Given:
     """Name, function or value, and arguments."""
     yield "gravity", scene.gravity, FIELD
     for kind, objects in (

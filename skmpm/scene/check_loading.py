@@ -1,21 +1,21 @@
-"""Checks of the supports and loads of a scene before it is simulated."""
+"""Checks of the supports, loads and springs of a scene before it is simulated."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene.objects import Load, Pressure, SceneError, Support, prescribed_components
+from skmpm.scene.model import Model
+from skmpm.scene.objects import Load, Pressure, SceneError, Spring, Support, prescribed_components
 from skmpm.scene.point_sets import PointSet
+from skmpm.scene.springs import stiffness_of
 
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
+SHORTEST = 1e-6  # [cells] bar at t = 0, which needs a direction
 
 
-def check_supports(scene: Scene) -> None:
+def check_supports(scene: Model) -> None:
     """Raise SceneError for the first error in the supports."""
     for i, support in enumerate(scene.supports):
         if not isinstance(support, Support):
@@ -53,7 +53,7 @@ def _check_displacement(name: str, support: Support) -> None:
 
 
 def _check_not_empty(
-    name: str, scene: Scene, chosen: PointSet, bodies: NDArray[np.bool_], which: str, hint: str = ""
+    name: str, scene: Model, chosen: PointSet, bodies: NDArray[np.bool_], which: str, hint: str = ""
 ) -> None:
     if chosen.points.size == 0:
         x = scene.initial_positions[:, bodies[scene.owner]]
@@ -63,7 +63,7 @@ def _check_not_empty(
         )
 
 
-def check_loads(scene: Scene) -> None:
+def check_loads(scene: Model) -> None:
     """Raise SceneError for the first error in the loads."""
     given: Sequence[object] = scene.loads
     for i, load in enumerate(given):
@@ -82,3 +82,22 @@ def check_loads(scene: Scene) -> None:
                 f"load {i}: where is true at no two neighbouring boundary points of a deformable body, between which"
                 " a pressure acts; give the Points an outline, and allow for round-off in comparisons"
             )
+
+
+def check_springs(scene: Model) -> None:
+    """Raise SceneError for the first error in the springs."""
+    for i, spring in enumerate(scene.springs):
+        if not isinstance(spring, Spring):
+            raise SceneError(f"spring {i} is a {type(spring).__name__}; use skmpm.Spring(where, stiffness)")
+        stiffness_of(i, spring)
+    for i, ends in enumerate(scene.sprung):
+        for name, points in (("where", ends.first), ("to", ends.second)):
+            if points is not None and points.points.size == 0:
+                raise SceneError(
+                    f"spring {i}: {name} is true at no point of a deformable body; allow for round-off in comparisons"
+                )
+        if ends.second is not None and np.isin(ends.first.points, ends.second.points).any():
+            raise SceneError(f"spring {i}: where and to have points in common; give two separate sets")
+        if not ends.bed and np.hypot(*ends.span(scene.initial_positions)) <= SHORTEST * scene.cell:
+            raise SceneError(f"spring {i}: both its ends are at the same position at t = 0; move one of them")
+        scene.rest_of_spring(i, 0.0)

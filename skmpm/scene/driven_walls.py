@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
+from skmpm.scene.layout import Layout
 
 Array = NDArray[np.float64]
 
 
-def normal_speeds(scene: Scene, velocity: Array) -> Array:
+def normal_speeds(scene: Layout, velocity: Array) -> Array:
     """Velocities of the p driven walls along their normals from those of all walls (walls, 2), (p,) [m/s]."""
     walls = scene.driven_walls
     return np.asarray(np.einsum("pi,ip->p", velocity[walls], scene.normals[:, walls]))
 
 
-def with_normal_speeds(scene: Scene, velocity: Array, speeds: Array) -> Array:
+def with_normal_speeds(scene: Layout, velocity: Array, speeds: Array) -> Array:
     """Velocities of all walls (walls, 2) with others of the driven ones along their normals (p,) [m/s]."""
     out = velocity.copy()
     change = speeds - normal_speeds(scene, velocity)

@@ -9,15 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.scene.input import Input
 from skmpm.scene.objects import SceneError, not_negative
-
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -81,7 +79,7 @@ def _range(values: Array) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def friction_of(scene: Scene) -> Friction:
+def friction_of(scene: Input) -> Friction:
     """The coefficients of all pairs of a scene.
 
     Raises
@@ -122,7 +120,7 @@ class _Surface(NamedTuple):
 _Entries = dict[frozenset[str], float]  # by pairs of names
 
 
-def _table(scene: Scene) -> tuple[_Entries, float | None]:
+def _table(scene: Input) -> tuple[_Entries, float | None]:
     """The entries by pairs of names, and the default, None without one."""
     if not isinstance(scene.friction, Mapping):
         return {}, not_negative("friction between bodies", scene.friction, COEFFICIENT)

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.scene.input import Input
 from skmpm.scene.objects import field_values
-
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
 
-def gravity_at(scene: Scene, X: Array, t: float) -> Array:
+def gravity_at(scene: Input, X: Array, t: float) -> Array:
     """Gravity at undeformed positions X (2, n) at time t, (2, n) [m/s2]; SceneError if a field of it is wrong."""
     if not callable(scene.gravity):
         return np.broadcast_to(np.asarray(scene.gravity, dtype=float)[:, None], X.shape)

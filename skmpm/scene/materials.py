@@ -2,34 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import Material, Rigid, has_memory, initial_state
-from skmpm.scene.objects import Body
-
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
+from skmpm.scene.layout import Layout
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
-def points_by_material(scene: Scene) -> tuple[tuple[Material, Ints], ...]:
-    """The materials in order of appearance, each with its points among those of deformable bodies."""
-    number, place = np.zeros(int(scene.deformable[scene.owner].sum()), dtype=np.int64), dict[Material, int]()
-    first = 0
-    for body in scene.bodies:
-        for material, points in body.parts:
-            own = number[first : first + body.points.size]
-            own[points] = place.setdefault(material, len(place))
-        first += body.points.size if body.parts else 0
-    return tuple((material, np.flatnonzero(number == k)) for material, k in place.items())
-
-
-def material_at(scene: Scene, point: int) -> Material | Rigid:
+def material_at(scene: Layout, point: int) -> Material | Rigid:
     """The material of a point."""
     body = scene.bodies[scene.owner[point]]
     local = point - scene.offsets[scene.owner[point]]
@@ -40,24 +22,7 @@ def material_at(scene: Scene, point: int) -> Material | Rigid:
     return found
 
 
-def groups_of(body: Body) -> str:
-    """The groups of the points of a body of several materials, as text; nothing of others."""
-    return "" if len(body.materials) < 2 or body.points.group is None else "\n".join(body.points.group.tolist())
-
-
-def densities(scene: Scene) -> Array:
-    """Densities at all points, (n,) [kg/m3]."""
-    density = np.zeros(scene.offsets[-1])
-    for body, first, last in zip(scene.bodies, scene.offsets[:-1], scene.offsets[1:], strict=True):
-        own = density[first:last]
-        if isinstance(body.material, Rigid):
-            own[:] = body.material.density
-        for material, points in body.parts:
-            own[points] = material.density
-    return density
-
-
-def initial_internal(scene: Scene) -> Array:
+def initial_internal(scene: Layout) -> Array:
     """Internal variables of all points at t = 0, (k, n), k as of the material that has most; zero elsewhere."""
     deformable = np.flatnonzero(scene.deformable[scene.owner])
     internal = np.zeros((scene.internal_variables, scene.owner.size))
@@ -67,7 +32,7 @@ def initial_internal(scene: Scene) -> Array:
     return internal
 
 
-def plastic_strain(scene: Scene, internal: Array) -> Array:
+def plastic_strain(scene: Layout, internal: Array) -> Array:
     """Equivalent plastic strain of the points, (n,), of their `internal` variables (k, n).
 
     Zero in materials without memory, nan where one with memory does not tell.
@@ -81,7 +46,7 @@ def plastic_strain(scene: Scene, internal: Array) -> Array:
     return out
 
 
-def crossing_times(scene: Scene) -> Array:
+def crossing_times(scene: Layout) -> Array:
     """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones.
 
     In a body of several materials the radius is shared between them as the volume is.
@@ -95,7 +60,7 @@ def crossing_times(scene: Scene) -> Array:
     return np.asarray(radius * slowness)
 
 
-def surface_compliance(scene: Scene) -> Array:
+def surface_compliance(scene: Layout) -> Array:
     """(1 - nu^2) / E at small strain, by body, (bodies,) [1/Pa]; zero for rigid bodies.
 
     Of a body of several materials it is the mean over its boundary points, where it is touched.

@@ -19,6 +19,7 @@ Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
 Components = Sequence[float | None]  # of a support's velocity; None is free
 Part = tuple[Material, NDArray[np.int64] | slice]  # a material and its points
 Where = Callable[[Array], ArrayLike]  # positions (2, n) [m] at t = 0 -> (n,) bool
+Rest = float | ArrayLike | Callable[[float], ArrayLike] | None  # of a spring
 
 
 class SceneError(ValueError):
@@ -177,6 +178,32 @@ class Pressure:
 
     where: Where
     value: float | Callable[[float], float]
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring on the points of deformable bodies where `where(x)` is true at t = 0.
+
+    Without `to` it is a bed to ground: every point is held at its position at t = 0 by a share of the stiffness, by
+    boundary length if only boundary points match, else by volume. It resists rotation, too. With `to` it is a bar
+    between the means of two sets of points, weighted alike, or from one to a fixed point: its force
+    stiffness * (length - rest) acts along it, whatever it turns to. The force is exact at t + theta dt of each step.
+    Neither `where` nor `to` may be true at points of free rigid bodies.
+
+    Parameters
+    ----------
+    where : positions (2, n) [m] -> (n,) bool
+    stiffness : in total, force per displacement and per metre of thickness [N/m2]; of a bed a number or (2,), one
+        per direction, of which one may be zero
+    to : the other end of a bar: positions (2, n) -> (n,) bool, or a point (2,) [m]
+    rest : of a bed the displacement (2,) [m] without a force, by default zero; of a bar the length [m] without a
+        force, by default that at t = 0. A number, or a function of time: its end then moves
+    """
+
+    where: Where
+    stiffness: float | Sequence[float]
+    to: Where | ArrayLike | None = field(default=None, kw_only=True)
+    rest: Rest = field(default=None, kw_only=True)
 
 
 def prescribed_components(support: Support, t: float, name: str) -> Array:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.outline import Outlines
-from skmpm.scene.objects import Load, Pressure, SceneError, Support
-
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
+from skmpm.scene.layout import Layout
+from skmpm.scene.objects import Load, Pressure, SceneError
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,23 +24,17 @@ class PointSet:
     share: Array  # (m,) their sum is 1
 
 
-def supported_points(scene: Scene, i: int, support: Support) -> PointSet:
-    """The points whose velocity support i prescribes, with equal shares."""
-    points = _matching(scene, f"support {i}: where", support.where)
-    return PointSet(points, np.full(points.size, 1.0 / max(points.size, 1)))
-
-
-def loaded_points(scene: Scene, i: int, load: Load) -> PointSet:
+def loaded_points(scene: Layout, i: int, load: Load) -> PointSet:
     """The points of bodies that forces move which share load i, as `points_with_shares`."""
-    return _with_shares(scene, _matching(scene, f"load {i}: where", load.where, scene.movable))
+    return _with_shares(scene, matching(scene, f"load {i}: where", load.where, scene.movable))
 
 
-def points_with_shares(scene: Scene, name: str, where: Callable[[Array], ArrayLike]) -> PointSet:
+def points_with_shares(scene: Layout, name: str, where: Callable[[Array], ArrayLike]) -> PointSet:
     """The points where a function is true: by boundary length if these are boundary points, otherwise by volume."""
-    return _with_shares(scene, _matching(scene, name, where))
+    return _with_shares(scene, matching(scene, name, where))
 
 
-def _with_shares(scene: Scene, points: Ints) -> PointSet:
+def _with_shares(scene: Layout, points: Ints) -> PointSet:
     boundary = scene.outlines
     if np.isin(points, boundary.point).all():
         share = _lengths(boundary, scene.initial_positions, points)
@@ -52,15 +43,15 @@ def _with_shares(scene: Scene, points: Ints) -> PointSet:
     return PointSet(points, share / share.sum() if points.size else share)
 
 
-def pressed_segments(scene: Scene, i: int, pressure: Pressure) -> Ints:
+def pressed_segments(scene: Layout, i: int, pressure: Pressure) -> Ints:
     """The boundary points at which the segments begin that load i, a pressure, acts on."""
     chosen, boundary = np.zeros(scene.offsets[-1], dtype=bool), scene.outlines
-    chosen[_matching(scene, f"load {i}: where", pressure.where)] = True
+    chosen[matching(scene, f"load {i}: where", pressure.where)] = True
     return np.flatnonzero(chosen[boundary.point] & chosen[boundary.point[boundary.next]])
 
 
-def _matching(
-    scene: Scene, name: str, where: Callable[[Array], ArrayLike], bodies: NDArray[np.bool_] | None = None
+def matching(
+    scene: Layout, name: str, where: Callable[[Array], ArrayLike], bodies: NDArray[np.bool_] | None = None
 ) -> Ints:
     """The points of some bodies (bodies,), by default the deformable ones, where a function is true.
 

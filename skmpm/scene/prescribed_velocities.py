@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.scene.objects import SceneError, prescribed_components
+from skmpm.scene.input import Input
+from skmpm.scene.model import Model
+from skmpm.scene.objects import SceneError
 from skmpm.scene.periodic import deformed
 from skmpm.scene.rigid_motion import rigid_motion
-
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -38,7 +37,7 @@ class PrescribedVelocities:
         return max(float(np.abs(each).max(initial=0.0)) for each in (self.walls, self.rigid[:2], self.supports))
 
 
-def prescribed_velocities(scene: Scene, t: float, dt: float, box: Array | None = None) -> PrescribedVelocities:
+def prescribed_velocities(scene: Model, t: float, dt: float, box: Array | None = None) -> PrescribedVelocities:
     """The prescribed velocities of a step from t to t + dt [s], with the edges `box` of a periodic box at its start.
 
     Components of the motion of the box that a stress determines are zero.
@@ -59,7 +58,7 @@ def prescribed_velocities(scene: Scene, t: float, dt: float, box: Array | None =
     )
 
 
-def prescribed_motions(scene: Scene) -> list[Any]:
+def prescribed_motions(scene: Input) -> list[Any]:
     """What prescribes the motion of rigid bodies, walls, supports and box: constants and functions of time."""
     rate = () if scene.periodic is None else (scene.periodic.rate,)
     box = [each if callable(each) else np.ravel(np.asarray(each, dtype=float)) for each in rate]
@@ -68,38 +67,14 @@ def prescribed_motions(scene: Scene) -> list[Any]:
     return [*motions, *walls, *supports, *box]
 
 
-def support_velocities(scene: Scene, t: float, dt: float | None = None) -> Array:
-    """Velocities of supports in a step from t to t + dt [s], (supports, 2) [m/s], nan where free.
-
-    They are the prescribed ones in its middle, and mean ones of prescribed displacements. Without dt they are those
-    at t, where displacements are differentiated over the time in which waves cross a cell, which steps do not
-    resolve.
-
-    Raises
-    ------
-    SceneError
-        if one is invalid
-    """
-    interval, middle = (scene.cell / scene.fastest_wave, t) if dt is None else (dt, t + 0.5 * dt)
-    each = np.empty((len(scene.supports), 2))
-    for i, support in enumerate(scene.supports):
-        if support.displacement is None:
-            each[i] = prescribed_components(support, middle, f"support {i}: velocity")
-        else:
-            name = f"support {i}: displacement"
-            start, end = (prescribed_components(support, time, name) for time in (t, t + interval))
-            each[i] = (end - start) / interval
-    return each
-
-
-def _rigid(scene: Scene, t: float) -> Array:
+def _rigid(scene: Model, t: float) -> Array:
     velocity = np.zeros((3, len(scene.bodies)))
     for b in np.flatnonzero(~scene.movable).tolist():
         velocity[:, b] = rigid_motion(scene.bodies[b], t, f"body {b}")
     return velocity
 
 
-def _supports(scene: Scene, t: float, dt: float) -> Array:
+def _supports(scene: Model, t: float, dt: float) -> Array:
     velocity = scene.support_velocities(t, dt)
     changed = np.flatnonzero((np.isnan(velocity) != scene.free_components).any(axis=1))
     if changed.size:

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.assembly import Assembly
+from skmpm.constraint_elimination import Elimination
+from skmpm.linear import Delassus, Solver
 from skmpm.representation import line, table
 from skmpm.scene.contacts import Contacts
 from skmpm.scene.report import Report, StepControl
 from skmpm.scene.rigid_motion import centres
 from skmpm.units import quantity
-
-if TYPE_CHECKING:
-    from skmpm.assembly import Assembly
-    from skmpm.constraint_elimination import Elimination
-    from skmpm.linear import Delassus, Solver
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

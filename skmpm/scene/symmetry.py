@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.material import Material, has_memory, viscosity_of
+from skmpm.scene.model import Model
 from skmpm.scene.objects import Body
-
-if TYPE_CHECKING:
-    from skmpm.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -19,7 +15,7 @@ ROUND = 1e-3  # deviation of boundary points from a circle, over its radius
 SAME_ENERGY = 1e-9  # relative: round-off of energies
 
 
-def round_bodies(scene: Scene) -> NDArray[np.bool_]:
+def round_bodies(scene: Model) -> NDArray[np.bool_]:
     """Bodies whose boundaries are circles about their centres of mass, (bodies,)."""
     found = np.zeros(len(scene.bodies), dtype=bool)
     boundary, x, volume = scene.outlines, scene.initial_positions, scene.initial_volumes
@@ -33,10 +29,10 @@ def round_bodies(scene: Scene) -> NDArray[np.bool_]:
     return found
 
 
-def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
+def indifferent_to_rotation(scene: Model, circular: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Round bodies, isotropic and elastic, that nothing but frictionless contact acts on, (bodies,).
 
-    Several materials do not matter if they are concentric rings.
+    Bodies in a mask (bodies,) are `circular`. Several materials do not matter if they are concentric rings.
     """
     if scene.frictions.among_bodies.any() or scene.cohesive:
         return np.zeros(len(scene.bodies), dtype=bool)
@@ -45,7 +41,7 @@ def indifferent_to_rotation(scene: Scene) -> NDArray[np.bool_]:
         bool(body.materials) and all(isotropic[id(m)] for m in body.materials) and _rings(body)
         for body in scene.bodies
     ]
-    found = scene.round & np.array(symmetric)
+    found = circular & np.array(symmetric)
     ends = [place for ends in scene.sprung for place in ends.sets]
     for place in (*scene.supported, *scene.loaded, *ends):
         found[scene.owner[place.points]] = False

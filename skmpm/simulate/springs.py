@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.implicit import Bars, Beds
-from skmpm.scene import Scene, State, rest_of, stiffness_of
+from skmpm.scene import Scene, State, stiffness_of
 from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ def _beds(scene: Scene, state: State, beds: list[int], times: tuple[float, float
 def _at_points(scene: Scene, beds: list[int], t: float) -> Array:
     """Displacements without a force at time t of the points of beds, (2, m) [m]."""
     sizes = [scene.sprung[i].first.points.size for i in beds]
-    return np.repeat(np.stack([rest_of(scene, i, t) for i in beds], axis=1), sizes, axis=1)
+    return np.repeat(np.stack([scene.rest_of_spring(i, t) for i in beds], axis=1), sizes, axis=1)
 
 
 def _bars(scene: Scene, state: State, bars: list[int], times: tuple[float, float], theta: float) -> Bars:
@@ -47,7 +47,7 @@ def _bars(scene: Scene, state: State, bars: list[int], times: tuple[float, float
         for place, sign in zip(scene.sprung[i].sets, (1.0, -1.0), strict=False):
             joined.append((number[place.points], sign * place.share, bar))
     stiffness = np.array([stiffness_of(i, scene.springs[i])[0] for i in bars])
-    rest = np.array([[float(rest_of(scene, i, t)) for i in bars] for t in times])
+    rest = np.array([[float(scene.rest_of_spring(i, t)) for i in bars] for t in times])
     span = np.stack([scene.sprung[i].span(state.x_anchor) for i in bars])
     differences = _differences(joined, len(bars), assembly_of(state).grid.interpolation)
     return Bars(stiffness, rest, theta, differences, span)

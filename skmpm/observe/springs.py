@@ -1,0 +1,32 @@
+"""Forces of springs at a state."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.scene import Ends, Scene, State, stiffness_of
+
+Array = NDArray[np.float64]
+
+
+def spring_forces(scene: Scene, state: State) -> Array:
+    """Forces of the springs on the points of their `where`, (springs, 2) [N/m], at the time of a state."""
+    forces = [-_pull(scene, i, state.x, state.t) for i in range(len(scene.springs))]
+    return np.array([f if f.ndim == 1 else f.sum(axis=1) for f in forces]).reshape(-1, 2)
+
+
+def _pull(scene: Scene, i: int, x: Array, t: float) -> Array:
+    """Derivative of the energy of spring i by its displacement: of a bed by those of its points, (2, m) [N/m]."""
+    ends, k, rest = scene.sprung[i], stiffness_of(i, scene.springs[i]), scene.rest_of_spring(i, t)
+    if ends.bed:
+        return np.asarray(k[:, None] * ends.first.share * _stretch(scene, ends, x, rest))
+    span = ends.span(x)
+    length = float(np.hypot(*span))
+    return np.asarray(k * (length - rest) * span / length) if length > 0.0 else np.zeros(2)
+
+
+def _stretch(scene: Scene, ends: Ends, x: Array, rest: Array) -> Array:
+    """Displacements of the points of a bed less that without a force, (2, m) [m]."""
+    points = ends.first.points
+    return np.asarray(x[:, points] - scene.initial_positions[:, points] - rest[:, None])

@@ -1,0 +1,208 @@
+"""The points and walls of a scene as arrays, made once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import Material, Rigid, initial_state, wave_speed
+from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
+from skmpm.scene.input import Input
+from skmpm.scene.objects import Body, motion, scalar
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Layout(Input):
+    """Bodies, their points and outlines, and walls."""
+
+    @cached_property
+    def offsets(self) -> Ints:
+        """Index of each body's first point in the arrays of a state, (bodies + 1,)."""
+        return np.concatenate([[0], np.cumsum([body.points.x.shape[1] for body in self.bodies])]).astype(int)
+
+    @cached_property
+    def owner(self) -> Ints:
+        """Body of each point, (n,)."""
+        return np.repeat(np.arange(len(self.bodies)), np.diff(self.offsets))
+
+    @cached_property
+    def deformable_points(self) -> NDArray[np.bool_] | slice:
+        """Index of the points of deformable bodies; if these are all points, a slice, which copies nothing."""
+        own = self.deformable[self.owner]
+        return slice(None) if own.all() else own
+
+    @cached_property
+    def initial_positions(self) -> Array:
+        """Positions of all points at t = 0, (2, n) [m]."""
+        return np.concatenate([body.points.x for body in self.bodies], axis=1)
+
+    @cached_property
+    def initial_volumes(self) -> Array:
+        """Volumes of all points at t = 0, (n,) [m2]."""
+        return np.concatenate([body.points.volume for body in self.bodies])
+
+    @cached_property
+    def deformable(self) -> NDArray[np.bool_]:
+        """Which bodies have unknowns, (bodies,)."""
+        return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
+
+    @cached_property
+    def free_rigid(self) -> Ints:
+        """The rigid bodies that forces move, (n,)."""
+        held = np.array([body.motion is not None for body in self.bodies], dtype=bool)
+        return np.flatnonzero(~self.deformable & ~held)
+
+    @cached_property
+    def movable(self) -> NDArray[np.bool_]:
+        """Which bodies forces move, deformable ones and free rigid ones, (bodies,)."""
+        movable = self.deformable.copy()
+        movable[self.free_rigid] = True
+        return movable
+
+    @cached_property
+    def materials(self) -> tuple[Material, ...]:
+        """The deformable materials, in order of appearance."""
+        return tuple(dict.fromkeys(material for body in self.bodies for material in body.materials))
+
+    @cached_property
+    def points_by_material(self) -> tuple[tuple[Material, Ints], ...]:
+        """The deformable materials, each with its points among those of deformable bodies."""
+        number, place = np.zeros(int(self.deformable[self.owner].sum()), dtype=np.int64), dict[Material, int]()
+        first = 0
+        for body in self.bodies:
+            for material, points in body.parts:
+                own = number[first : first + body.points.size]
+                own[points] = place.setdefault(material, len(place))
+            first += body.points.size if body.parts else 0
+        return tuple((material, np.flatnonzero(number == k)) for material, k in place.items())
+
+    @cached_property
+    def internal_variables(self) -> int:
+        """Number of internal variables of the material that has most."""
+        return max(len(initial_state(material)) for material in self.materials)
+
+    @cached_property
+    def materials_by_group(self) -> tuple[tuple[tuple[Material, ...], str], ...]:
+        """The materials of each body, with the groups of its points if there are several."""
+        return tuple((body.materials, _groups_of(body)) for body in self.bodies)
+
+    @cached_property
+    def composite(self) -> NDArray[np.bool_]:
+        """Which bodies have several materials, (bodies,)."""
+        return np.array([len(body.materials) > 1 for body in self.bodies], dtype=bool)
+
+    @cached_property
+    def densities(self) -> Array:
+        """Densities at all points, (n,) [kg/m3]."""
+        density = np.zeros(self.offsets[-1])
+        for body, first, last in zip(self.bodies, self.offsets[:-1], self.offsets[1:], strict=True):
+            own = density[first:last]
+            if isinstance(body.material, Rigid):
+                own[:] = body.material.density
+            for material, points in body.parts:
+                own[points] = material.density
+        return density
+
+    @cached_property
+    def masses(self) -> Array:
+        """Masses of all points, (n,) [kg/m]."""
+        return self.densities * self.initial_volumes
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass of all bodies that forces move [kg/m]."""
+        return float(self.masses[self.movable[self.owner]].sum())
+
+    @cached_property
+    def fastest_wave(self) -> float:
+        """Speed of the fastest pressure wave [m/s]."""
+        return max(wave_speed(material) for material in self.materials)
+
+    @cached_property
+    def outlined(self) -> NDArray[np.bool_]:
+        """Which bodies have an outline, (bodies,)."""
+        return np.array([bool(body.points.outline) for body in self.bodies], dtype=bool)
+
+    @cached_property
+    def outlines(self) -> Outlines:
+        """The outlines of all bodies, as indices into the arrays of a state."""
+        return outlines([body.points.outline for body in self.bodies], self.offsets)
+
+    def images(self, x: Array, box: Array | None, reach: float) -> Images:
+        """Outlines with boundary points at x (2, m), and their images within reach [m] in a box of edges (2, 2)."""
+        return images(self.outlines, x, len(self.bodies), box, reach)
+
+    @cached_property
+    def thickness(self) -> Array:
+        """Width of the thinnest part of each body at t = 0, (bodies,) [m]; nan without an outline."""
+        return thickness(self.outlines, self.initial_positions[:, self.outlines.point], len(self.bodies))
+
+    def folded(self, x: Array) -> Ints:
+        """Deformable bodies that may touch themselves with points at x (2, n): their outlines turn back that far."""
+        bodies = folded(self.outlines, x[:, self.outlines.point])
+        return np.asarray(bodies[self.deformable[bodies]])
+
+    @cached_property
+    def cohesive(self) -> bool:
+        """Whether any contact has cohesion."""
+        return any(c > 0.0 for c in (self.cohesion, *(wall.cohesion for wall in self.walls)))
+
+    def cohesion_between(self, bodies: Ints) -> Array:
+        """Cohesion (k,) [Pa] of pairs (2, k) of bodies, or of body and wall; walls are -1, -2, ..."""
+        of_walls = np.array([wall.cohesion for wall in self.walls], dtype=float)
+        cohesion, on_wall = np.full(bodies.shape[1], float(self.cohesion)), bodies[1] < 0
+        cohesion[on_wall] = of_walls[-1 - bodies[1, on_wall]]
+        return cohesion
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit normals of the walls, (2, walls)."""
+        normals = np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T
+        return np.asarray(normals / np.hypot(*normals))
+
+    @cached_property
+    def driven_walls(self) -> Ints:
+        """The walls that a force or a pressure drives, (p,)."""
+        return np.flatnonzero([wall.driven for wall in self.walls])
+
+    @cached_property
+    def wall_masses(self) -> Array:
+        """Masses of the driven walls, (p,) [kg/m]."""
+        masses = [self.walls[i].mass for i in self.driven_walls.tolist()]
+        return np.array([self.mass if mass is None else mass for mass in masses], dtype=float)
+
+    def driving_forces(self, t: float, lengths: Array) -> Array:
+        """Forces towards the bodies on the driven walls at time t, (p,) [N/m], from the lengths of all walls [m]."""
+        forces = np.zeros(self.driven_walls.size)
+        for k, i in enumerate(self.driven_walls.tolist()):
+            wall, name = self.walls[i], "force" if self.walls[i].pressure is None else "pressure"
+            value = scalar(getattr(wall, name), t, f"wall {i}: {name}")
+            forces[k] = value if name == "force" else value * lengths[i]
+        return forces
+
+    def wall_velocities(self, t: float) -> Array:
+        """Given velocities of the walls at time t, (walls, 2) [m/s]; SceneError if not finite.
+
+        Those of driven walls hold along the wall, and along their normals where the wall begins.
+        """
+        each = [motion(wall.velocity, t, f"wall {i}: velocity") for i, wall in enumerate(self.walls)]
+        return np.array(each).reshape(-1, 2)
+
+    @property
+    def stressed(self) -> bool:
+        """Whether a stress moves a periodic box."""
+        return self.periodic is not None and self.periodic.components.size > 0
+
+    @cached_property
+    def has_scalar_unknowns(self) -> bool:
+        """Whether forces move anything that has no grid: walls, rigid bodies, a periodic box."""
+        return bool(self.driven_walls.size or self.free_rigid.size or self.stressed)
+
+
+def _groups_of(body: Body) -> str:
+    """The groups of the points of a body of several materials, as text; nothing of others."""
+    return "" if len(body.materials) < 2 or body.points.group is None else "\n".join(body.points.group.tolist())

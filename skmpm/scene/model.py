@@ -1,0 +1,110 @@
+"""What acts on the points of a scene, made once: friction, supports, loads, springs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.material import bounded_modulus
+from skmpm.scene.friction import Friction, friction_of
+from skmpm.scene.layout import Layout
+from skmpm.scene.materials import crossing_times, surface_compliance
+from skmpm.scene.objects import Load, Pressure, motion, scalar
+from skmpm.scene.point_sets import PointSet, loaded_points, pressed_segments
+from skmpm.scene.springs import Ends, ends_of, rest_of
+from skmpm.scene.supports import support_velocities, supported_points
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Model(Layout):
+    """Points and walls with what acts on them."""
+
+    @cached_property
+    def first_moduli(self) -> Array:
+        """Bounded modulus of the first material of each body, zero for rigid ones, (bodies,) [Pa]."""
+        return np.array([bounded_modulus(body.materials[0]) if body.materials else 0.0 for body in self.bodies])
+
+    @cached_property
+    def crossing_times(self) -> Array:
+        """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones."""
+        return crossing_times(self)
+
+    @cached_property
+    def compliance(self) -> Array:
+        """(1 - nu^2) / E at the surface of each body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
+        return surface_compliance(self)
+
+    @cached_property
+    def frictions(self) -> Friction:
+        """The Coulomb coefficients of all pairs."""
+        return friction_of(self)
+
+    @cached_property
+    def supported(self) -> Sequence[PointSet]:
+        """The points whose velocity each support prescribes."""
+        return tuple(supported_points(self, i, support) for i, support in enumerate(self.supports))
+
+    def support_velocities(self, t: float, dt: float | None = None) -> Array:
+        """Velocities of supports in a step from t to t + dt, or at t, (supports, 2) [m/s], nan where free."""
+        return support_velocities(self, t, dt)
+
+    @cached_property
+    def free_components(self) -> NDArray[np.bool_]:
+        """Which components of their points' velocities supports leave free, (supports, 2)."""
+        return np.isnan(self.support_velocities(0.0))
+
+    @cached_property
+    def supporting(self) -> Ints:
+        """The support that prescribes each component of the points' velocities, -1 where none does, (2, n)."""
+        number = np.full((2, self.offsets[-1]), -1)
+        for i, (place, free) in enumerate(zip(self.supported, self.free_components, strict=True)):
+            for axis in np.flatnonzero(~free):
+                number[axis, place.points] = i
+        return number
+
+    @cached_property
+    def dead_loads(self) -> Sequence[Load]:
+        """The loads that keep their direction."""
+        return tuple(load for load in self.loads if isinstance(load, Load))
+
+    def forces(self, t: float) -> Array:
+        """The dead loads at time t, (dead loads, 2) [N/m]; SceneError if one is not finite."""
+        loads = enumerate(self.loads)
+        each = [motion(load.force, t, f"load {i}: force") for i, load in loads if isinstance(load, Load)]
+        return np.array(each).reshape(-1, 2)
+
+    @cached_property
+    def loaded(self) -> Sequence[PointSet]:
+        """The points that share each dead load."""
+        return tuple(loaded_points(self, i, load) for i, load in enumerate(self.loads) if isinstance(load, Load))
+
+    @cached_property
+    def pressures(self) -> Sequence[Pressure]:
+        """The loads that follow the boundary."""
+        return tuple(load for load in self.loads if isinstance(load, Pressure))
+
+    def pressure_values(self, t: float) -> Array:
+        """The pressures at time t, (pressures,) [Pa]; SceneError if one is not finite."""
+        loads = enumerate(self.loads)
+        each = [scalar(load.value, t, f"load {i}: value") for i, load in loads if isinstance(load, Pressure)]
+        return np.array(each, dtype=float)
+
+    @cached_property
+    def pressed(self) -> Sequence[Ints]:
+        """The boundary points at which the segments begin that each pressure acts on."""
+        each = enumerate(self.loads)
+        return tuple(pressed_segments(self, i, load) for i, load in each if isinstance(load, Pressure))
+
+    @cached_property
+    def sprung(self) -> Sequence[Ends]:
+        """The points that each spring acts on."""
+        return tuple(ends_of(self, i, spring) for i, spring in enumerate(self.springs))
+
+    def rest_of_spring(self, i: int, t: float) -> Array:
+        """What spring i has at time t without a force: displacement (2,) of a bed, length () of a bar [m]."""
+        return rest_of(i, self.springs[i], self.sprung[i], self.initial_positions, t)
