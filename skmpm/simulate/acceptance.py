@@ -1,4 +1,4 @@
-"""Acceptance checks of a solved step: inversion, energy gain, self-intersection, tunnelling, penetration."""
+"""The five checks of a solved step: inversion, energy gain, folds, tunnelling, penetration."""
 
 from __future__ import annotations
 
@@ -35,29 +35,41 @@ MAX_GAIN = 0.05
 def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget, solves: int = 1) -> float:
     """Overlap area over the area of all bodies after a step; StepRejected if the step violates a check.
 
+    No point is inverted, bodies gain no energy without work, no outline folds, nothing moves so far that contact may
+    go undetected, and nothing lies deep in a wall or in a body.
+
     Each of the `solves` of a static step detects contacts anew; those after the first may move bodies further.
     """
-    if not (np.isfinite(budget.elastic[1]) and float(after.volume.min()) > 0.0):
-        worst = int(np.argmin(determinant(after.F)))
-        b, material = int(after.body[worst]), material_at(scene, worst)
-        linear = not isinstance(material, Rigid) and is_linear(material)
-        small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
-        remedy = f"use a smaller dt{small}"
-        raise StepRejected(f"body {b}", "points are inverted (det F <= 0) at the end of the step", remedy)
+    _check_points(scene, after, budget)
     if scheme.inertia:
-        _check_push_out(scene, before, after, budget)
-    if scheme.inertia and scheme.theta == 1.0:
-        _check_energy(before, after, budget)
-    if scheme.theta < 1.0:
-        _check_total_energy(scheme, before, after, budget)
+        _check_energy(scene, scheme, before, after, budget)
     _check_crossings(scene, after)
     if not (can_touch(scene) or after.contacts.gap.size):
         return 0.0
     exact = not acts_at_grid_nodes(scheme.contact)
     _check_travel(scene, before, after, exact, (solves - 1) * TOO_FAR * scene.cell)
-    if exact:
-        _check_walls(scene, after)
-    return _check_overlap(scene, after, exact)
+    return _check_penetration(scene, after, exact)
+
+
+def _check_points(scene: Scene, after: State, budget: Budget) -> None:
+    """Raise StepRejected if a point is inverted."""
+    if np.isfinite(budget.elastic[1]) and float(after.volume.min()) > 0.0:
+        return
+    worst = int(np.argmin(determinant(after.F)))
+    b, material = int(after.body[worst]), material_at(scene, worst)
+    linear = not isinstance(material, Rigid) and is_linear(material)
+    small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
+    remedy = f"use a smaller dt{small}"
+    raise StepRejected(f"body {b}", "points are inverted (det F <= 0) at the end of the step", remedy)
+
+
+def _check_energy(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> None:
+    """Raise StepRejected if bodies gain energy: by removing an overlap, in the step, or with theta < 1 in the run."""
+    _check_push_out(scene, before, after, budget)
+    if scheme.theta == 1.0:
+        _check_gain(before, after, budget)
+    else:
+        _check_total_energy(scheme, before, after, budget)
 
 
 def _check_push_out(scene: Scene, before: State, after: State, budget: Budget) -> None:
@@ -78,7 +90,7 @@ def _check_push_out(scene: Scene, before: State, after: State, budget: Budget) -
         )
 
 
-def _check_energy(before: State, after: State, budget: Budget) -> None:
+def _check_gain(before: State, after: State, budget: Budget) -> None:
     """Raise StepRejected if the bodies gain more energy than the work done on them and the tolerance.
 
     In a solved step of backward Euler the energy changes by the work of loads, walls and supports, minus
@@ -227,6 +239,13 @@ def _check_walls(scene: Scene, after: State) -> None:
                 f"a point lies {depth.max():.3g} cells behind the wall",
                 "use a smaller dt or cell, or compress less",
             )
+
+
+def _check_penetration(scene: Scene, after: State, exact: bool) -> float:
+    """Overlap area over the area of all bodies; StepRejected if something lies too deep in a wall or a body."""
+    if exact:
+        _check_walls(scene, after)
+    return _check_overlap(scene, after, exact)
 
 
 def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
