@@ -15,7 +15,8 @@ several times, with a metric for M, each time about the solution before (`static
 """
 
 from skmpm.implicit.budget import Budget
-from skmpm.implicit.bulk import Bulk, Configuration
+from skmpm.implicit.bulk import Bulk
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.contact_problem import ContactIterate, ContactProblem, KnownForces
 from skmpm.implicit.end import End, carried, end_of_step
 from skmpm.implicit.errors import StepRejected, pair

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.impact import after_impact, at_supports
 from skmpm.implicit.iteration import Solution
 from skmpm.implicit.residual import Increment

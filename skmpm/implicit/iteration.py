@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.contact_problem import ContactIterate
 from skmpm.implicit.errors import StepRejected, indefinite, worst_body
 from skmpm.implicit.matrix import check_stiffness, coupled, solver_of

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.errors import StepRejected, worst_body
 from skmpm.implicit.residual import Increment
 from skmpm.implicit.retraction import retracted

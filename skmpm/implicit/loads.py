@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.implicit.budget import Budget
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.terms import Path, Term
 
 Array = NDArray[np.float64]

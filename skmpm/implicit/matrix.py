@@ -8,7 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.implicit.bulk import Bulk, Configuration
+from skmpm.implicit.bulk import Bulk
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.residual import Increment
 from skmpm.linear import NotPositiveDefinite, Solver, joined, without_added_mass
 from skmpm.material import LinearElastic, poisson_ratio, youngs_modulus

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.contact_solve import solve
 from skmpm.implicit.errors import StepRejected

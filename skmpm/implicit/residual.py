@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from skmpm.constraint_elimination import Elimination
 from skmpm.grid import BodyGrids
-from skmpm.implicit.bulk import Bulk, Configuration
+from skmpm.implicit.bulk import Bulk
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.gauge import Gauge
 from skmpm.implicit.scalar_unknowns import ScalarUnknowns
 from skmpm.implicit.terms import Term
@@ -46,7 +47,7 @@ class Increment:
     @property
     def bulk(self) -> Bulk:
         """The deformable bodies."""
-        assert self.at_start.bulk is not None
+        assert isinstance(self.at_start.bulk, Bulk)
         return self.at_start.bulk
 
     @property

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import Constraints
 from skmpm.implicit.budget import Budget
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.loads import DeadLoad
 from skmpm.implicit.terms import Path, Term
 from skmpm.scene import PrescribedVelocities

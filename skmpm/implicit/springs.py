@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly
 from skmpm.implicit.budget import Budget
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.terms import Path, Term
 
 Array = NDArray[np.float64]

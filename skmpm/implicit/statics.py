@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.contact_problem import ContactIterate, ContactProblem
 from skmpm.implicit.errors import StepRejected
 from skmpm.implicit.iteration import Solution

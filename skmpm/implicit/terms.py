@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.implicit.budget import Budget
-
-if TYPE_CHECKING:
-    from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.configuration import Configuration
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from skmpm.assembly import Assembly, Selection
 from skmpm.implicit.budget import Budget
-from skmpm.implicit.bulk import Configuration
+from skmpm.implicit.bulk import Bulk
+from skmpm.implicit.configuration import Configuration
 from skmpm.implicit.terms import Path, Term
 from skmpm.material import Viscous, is_linear, viscosity_of
 
@@ -28,7 +29,7 @@ class ViscousBulk(Term):
     def of(cls, start: Configuration, dt: float, theta: float) -> ViscousBulk:
         """That of a step of dt [s] from `start`, with forces a part theta after it."""
         parts, bulk = [], start.bulk
-        assert bulk is not None
+        assert isinstance(bulk, Bulk)
         for group in bulk.groups:
             material = group.law.material
             if viscosity_of(material) > 0.0:

@@ -29,12 +29,29 @@ class PrescribedVelocities:
     rigid_at_end: Array  # (3, bodies) the same at the end of the step
     supports: Array  # (2 supports,) zero where free
     walls_at_end: Array  # (walls, 2) the same as `walls`, but for driven walls
+    dt: float  # of the step [s]
     box: Array | None = None  # (2, 2) edges of the periodic box at the end of the step [m]
+    box_at_start: Array | None = None  # (2, 2) the same at its start [m]
 
     @property
     def fastest(self) -> float:
         """The largest component of a velocity of walls, rigid bodies and supports [m/s]."""
         return max(float(np.abs(each).max(initial=0.0)) for each in (self.walls, self.rigid[:2], self.supports))
+
+    @property
+    def gradient(self) -> Array | None:
+        """Mean velocity gradient (2, 2) [1/s] of the box over its edges at the start; None without a box."""
+        return self._gradient(self.box_at_start)
+
+    @property
+    def gradient_at_end(self) -> Array | None:
+        """The same mean velocity of the edges over the edges at the end, (2, 2) [1/s]."""
+        return self._gradient(self.box)
+
+    def _gradient(self, edges: Array | None) -> Array | None:
+        if self.box is None or self.box_at_start is None or edges is None:
+            return None
+        return np.asarray((self.box - self.box_at_start) @ np.linalg.inv(edges) / self.dt)
 
 
 def prescribed_velocities(scene: Model, t: float, dt: float, box: Array | None = None) -> PrescribedVelocities:
@@ -53,9 +70,8 @@ def prescribed_velocities(scene: Model, t: float, dt: float, box: Array | None =
         still = np.zeros(periodic.components.shape[1])
         at_end = deformed(box, periodic.rate_at(middle), dt, periodic.components, still)
     walls = scene.wall_velocities(middle)
-    return PrescribedVelocities(
-        walls, _rigid(scene, middle), _rigid(scene, t + dt), _supports(scene, t, dt), walls, at_end
-    )
+    rigid, supports = (_rigid(scene, middle), _rigid(scene, t + dt)), _supports(scene, t, dt)
+    return PrescribedVelocities(walls, *rigid, supports, walls, dt, at_end, box)
 
 
 def prescribed_motions(scene: Input) -> list[Any]:

@@ -100,6 +100,13 @@ class State:
     derived: Derived | None = field(default=None, repr=False, compare=False)
 
     @property
+    def grids(self) -> Derived:
+        """The body grids and what is on them; ValueError in a state without grids, as one of a file."""
+        if self.derived is None:
+            raise ValueError("the state has no body grids; pass it through `regridded_state` first")
+        return self.derived
+
+    @property
     def body_force(self) -> Array:
         """Resultant of the contact forces of the last step on each body, rigid ones included, (2, bodies) [N/m]."""
         return np.stack([self._on_bodies(component, component) for component in self.contacts.vectors])

@@ -30,7 +30,7 @@ from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
-from skmpm.simulate.box_motion import mean_gradient, velocity_of_box
+from skmpm.simulate.box_motion import velocity_of_box
 from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import budget_of, report_of
 from skmpm.simulate.forces import equilibrium_depends_on_dt, terms_of
@@ -41,7 +41,6 @@ from skmpm.simulate.regrid import (
     bulk_of,
     check_connected,
     check_parts_apart,
-    derived_of,
     regridded_state,
 )
 from skmpm.simulate.rigid_edges import indenting_edge_message
@@ -86,7 +85,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         tuple(terms_of(scene, state, at_start, dt, scheme)),
         dt,
         scheme,
-        derived_of(state).supports,
+        state.grids.supports,
         motions.supports,
         gauge=gauge_condition(scene, state, v0, dt, scheme),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
@@ -124,10 +123,10 @@ def _first_velocity(scene: Scene, state: State, motions: PrescribedVelocities, d
     """The nodal velocities v0 (2 nodes,) [m/s] of a state, those that go on without inertia; with a periodic box."""
     if scheme.inertia:
         v0 = velocity_at_start(scene, state, scheme)
-        before = 0.0 if state.box is None else velocity_of_box(state, state.box_rate)
+        gradient = None if state.box_rate is None or motions.gradient is None else motions.gradient - state.box_rate
     else:
-        v0, before = continued_motion(scene, state, motions, dt, scheme), 0.0
-    return v0 if state.box is None else v0 - before + velocity_of_box(state, mean_gradient(state, motions, dt))
+        v0, gradient = continued_motion(scene, state, motions, dt, scheme), motions.gradient
+    return v0 + velocity_of_box(state, gradient)
 
 
 def _contact_problem(

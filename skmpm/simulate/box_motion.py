@@ -15,29 +15,14 @@ from numpy.typing import NDArray
 
 from skmpm import outline
 from skmpm.contact import recut_keys
-from skmpm.scene import Contacts, PrescribedVelocities, Scene, State, centres, recut
-from skmpm.simulate.regrid import assembly_of
+from skmpm.scene import Contacts, Scene, State, centres, recut
 
 Array = NDArray[np.float64]
 
 
-def mean_gradient(state: State, motions: PrescribedVelocities, dt: float) -> Array | None:
-    """The mean velocity gradient (2, 2) [1/s] of the box in a step, over its edges at the start; None without one."""
-    if state.box is None or motions.box is None:
-        return None
-    return np.asarray((motions.box - state.box) @ np.linalg.inv(state.box) / dt)
-
-
-def gradient_at_end(state: State, motions: PrescribedVelocities, dt: float) -> Array | None:
-    """The same mean velocity of the edges over the edges at the end of the step, (2, 2) [1/s]."""
-    if state.box is None or motions.box is None:
-        return None
-    return np.asarray((motions.box - state.box) @ np.linalg.inv(motions.box) / dt)
-
-
 def velocity_of_box(state: State, gradient: Array | None) -> Array:
     """Velocity of the box at the centres of the bodies, at their nodes (2 nodes,) [m/s]; zero without a box."""
-    grid = assembly_of(state).grid
+    grid = state.grids.assembly.grid
     if gradient is None:
         return np.zeros(2 * grid.nodes)
     return np.asarray((gradient @ centres(state.x, state.mass, state.body))[:, grid.node_body].T.ravel())

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from skmpm.implicit import Budget, ContactIterate, End, Increment, Path, Solution
 from skmpm.scene import Energy, Report, Scene, State, centres
-from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.work import work_at_contacts, work_at_start
 
 Array = NDArray[np.float64]
@@ -52,7 +51,7 @@ def _as_reported(budget: Budget, elastic: float) -> Budget:
 def _of_motion(state: State, increment: Increment, end: End, after: State) -> Budget:
     """Kinetic energies, relative to a periodic box, which works on bodies that move to where it moves otherwise."""
     mass, v0, v1 = _counted(increment), increment.v0, end.velocity
-    gradient = mean_gradient(state, end.motions, increment.dt)
+    gradient = end.motions.gradient
     if gradient is None or after.box_rate is None:
         kinetic, work = np.array([kinetic_energy(mass, v) for v in (v0, v1)]), 0.0
         swing = float(kinetic[1] - 0.5 * kinetic.sum())

@@ -12,7 +12,6 @@ from skmpm.implicit import Configuration, DeadLoad, FollowerPressure, Term, Visc
 from skmpm.material import viscosity_of
 from skmpm.scene import Scene, State, gravity_at, prescribed_motions
 from skmpm.scheme import Scheme
-from skmpm.simulate.regrid import assembly_of
 from skmpm.simulate.springs import springs_of
 
 Array = NDArray[np.float64]
@@ -21,7 +20,7 @@ Array = NDArray[np.float64]
 def terms_of(scene: Scene, state: State, start: Configuration, dt: float, scheme: Scheme) -> Iterator[Term]:
     """The terms of a step of dt [s] from a state in a configuration, but for the bulk."""
     times = state.t, state.t + scheme.theta * dt
-    if start.bulk is not None and start.bulk.viscosity > 0.0:
+    if any(viscosity_of(material) > 0.0 for material in scene.materials):
         yield ViscousBulk.of(start, dt, scheme.theta)
     if has_gravity(scene) or scene.dead_loads:
         yield DeadLoad(external_force(scene, state, times[1]), _first_force(scene, state, scheme), state.displacement)
@@ -33,7 +32,7 @@ def terms_of(scene: Scene, state: State, start: Configuration, dt: float, scheme
 def external_force(scene: Scene, state: State, t: float) -> Array:
     """Nodal forces of gravity and dead loads at time t, (2 nodes,) [N/m]."""
     own = scene.deformable_points
-    return np.asarray(assembly_of(state).grid.interpolation.T @ forces_on_points(scene, t)[:, own].T).ravel()
+    return np.asarray(state.grids.assembly.grid.interpolation.T @ forces_on_points(scene, t)[:, own].T).ravel()
 
 
 def _first_force(scene: Scene, state: State, scheme: Scheme) -> Array | None:
@@ -59,7 +58,7 @@ def follower_pressure(scene: Scene, state: State, first: float, t: float) -> Fol
     c, ends = np.unique(np.stack([segments, boundary.next[segments]]), return_inverse=True)
     points = boundary.point[c]
     row = (np.cumsum(deformable) - 1)[points]  # among the points of deformable bodies
-    interpolation = sp.csr_array(assembly_of(state).grid.interpolation[row])
+    interpolation = sp.csr_array(state.grids.assembly.grid.interpolation[row])
     return FollowerPressure(interpolation, state.x_anchor[:, points], ends.reshape(2, -1), value, begin)
 
 

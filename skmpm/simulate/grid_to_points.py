@@ -22,8 +22,7 @@ from skmpm.scene import (
     velocity_at,
 )
 from skmpm.scheme import Scheme
-from skmpm.simulate.box_motion import gradient_at_end, recut_box
-from skmpm.simulate.regrid import assembly_of, derived_of
+from skmpm.simulate.box_motion import recut_box
 from skmpm.transfer import nodal_velocity, to_points
 
 Array = NDArray[np.float64]
@@ -33,7 +32,7 @@ def velocity_at_start(scene: Scene, state: State, scheme: Scheme) -> Array:
     """Nodal velocities (2 nodes,) of a state [m/s]."""
     own = scene.deformable_points
     known = state.nodal_velocity if scheme.keeps_nodal_velocities else np.zeros(0)
-    return nodal_velocity(assembly_of(state), state.mass[own], state.v[:, own], state.C[:, :, own], known=known)
+    return nodal_velocity(state.grids.assembly, state.mass[own], state.v[:, own], state.C[:, :, own], known=known)
 
 
 def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> State:
@@ -78,7 +77,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         support_force=end.reaction.reshape(-1, 2) / dt,
         contacts=contacts,
         box=box,
-        box_rate=gradient_at_end(state, motions, dt),
+        box_rate=motions.gradient_at_end,
         derived=_reusable(scene, state, increment, solution, configuration),
     )
 
@@ -110,7 +109,7 @@ def _reusable(scene: Scene, state: State, increment: Increment, solution: Soluti
     """
     kept = end if increment.bulk.internal is None else None
     of_materials = (increment.scheme.mean_dilatation, scene.materials_by_group)
-    derived = derived_of(state)
+    derived = state.grids
     derived = replace(derived, key=(), solver=None, delassus=None, configuration=kept, of_materials=of_materials)
     if not increment.linear or scene.springs:
         return derived
@@ -134,7 +133,7 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
 
 def kept_configuration(scene: Scene, state: State, scheme: Scheme) -> Configuration | None:
     """The configuration at the end of the step that led to the state, if it is still that, else None."""
-    derived = derived_of(state)
+    derived = state.grids
     known = derived.configuration
     if not isinstance(known, Configuration) or known.displacement is not state.displacement:
         return None

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
 from skmpm.scheme import Scheme
-from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.grid_to_points import velocity_at_start
-from skmpm.simulate.regrid import assembly_of, derived_of
 
 Array = NDArray[np.float64]
 
@@ -23,7 +21,7 @@ def continued_motion(scene: Scene, state: State, motions: PrescribedVelocities, 
     along those before. An initial guess that goes on regardless leads friction to other equilibria, as loose bodies
     that go on lead packings.
     """
-    grid, supports = assembly_of(state).grid, derived_of(state).supports
+    grid, supports = state.grids.assembly.grid, state.grids.supports
     if supports is None or not supports.holds.any():
         return np.zeros(2 * grid.nodes)
     now, before = (np.concatenate(each) for each in zip(*_prescribed(scene, state, motions, dt), strict=True))
@@ -47,6 +45,6 @@ def _prescribed(
         arm = state.x[:, own] - centre[:, b : b + 1]
         points = np.sqrt(arm.shape[1])
         yield velocity_at(arm, motions.rigid[:, b : b + 1]).ravel() / points, state.v[:, own].ravel() / points
-    gradient = mean_gradient(state, motions, dt)
+    gradient = motions.gradient
     if gradient is not None and state.box is not None and state.box_rate is not None:
         yield (gradient @ state.box).ravel(), (state.box_rate @ state.box).ravel()

@@ -32,7 +32,7 @@ from skmpm.scheme import Scheme
 from skmpm.simulate.box_motion import velocity_of_box
 from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import kinetic_energy
-from skmpm.simulate.regrid import assembly_of, regridded_state
+from skmpm.simulate.regrid import regridded_state
 from skmpm.simulate.springs import springs_of
 from skmpm.transfer import to_nodes
 
@@ -80,7 +80,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         box_rate=rate,
     )
     state, _ = regridded_state(scene, state, scheme)
-    assembly, deformable = assembly_of(state), scene.deformable[body]
+    assembly, deformable = state.grids.assembly, scene.deformable[body]
     nodal = to_nodes(assembly, state.mass[deformable], v[:, deformable], C[:, :, deformable])
     weight = volume.copy()
     weight[deformable] = assembly.volume
@@ -106,7 +106,7 @@ def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
     if not touches(scene, state, scheme):
         return state.contacts
     # The step is so short that nothing moves and the search radius of contact detection does not grow.
-    grid, v = assembly_of(state).grid, state.v
+    grid, v = state.grids.assembly.grid, state.v
     speed = max(float(np.abs(v).max()), float(np.abs(scene.wall_velocities(0.0)).max(initial=0.0)))
     dt = 1e-9 * scene.cell / max(speed, scene.cell)
     motions = prescribed_velocities(scene, 0.0, dt, state.box)

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.assembly import Assembly, prepare
+from skmpm.assembly import prepare
 from skmpm.constraint_elimination import Elimination, eliminate
 from skmpm.contact import acts_at_grid_nodes, joined_parts
 from skmpm.grid import BodyGrids, build_grids
@@ -110,7 +110,7 @@ def torn_bodies(scene: Scene, grid: BodyGrids) -> Ints:
 
 def check_connected(scene: Scene, state: State) -> None:
     """Raise StepRejected if the cells of a body form several components."""
-    grid = assembly_of(state).grid
+    grid = state.grids.assembly.grid
     torn = torn_bodies(scene, grid)
     if torn.size:
         raise StepRejected(
@@ -198,18 +198,6 @@ def check_parts_apart(scene: Scene, state: State, scheme: Scheme) -> None:
         )
 
 
-def derived_of(state: State) -> Derived:
-    """The derived data of a state with body grids."""
-    if state.derived is None:
-        raise ValueError("the state has no body grids; pass it through `regridded_state` first")
-    return state.derived
-
-
-def assembly_of(state: State) -> Assembly:
-    """The assembly of a state with body grids."""
-    return derived_of(state).assembly
-
-
 def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
     """The deformable bodies' energy, grouped by material."""
     own, parts = scene.deformable_points, scene.points_by_material
@@ -219,4 +207,4 @@ def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
     averaged = tuple(averages_dilatation(scheme, material) for material, _ in parts)
     internal = state.internal[:, own] if state.internal.size else None
     mixed = bool(scene.composite.any())
-    return Bulk(assembly_of(state), parts, *reference, averaged, mixed_cells=mixed, internal=internal)
+    return Bulk(state.grids.assembly, parts, *reference, averaged, mixed_cells=mixed, internal=internal)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from skmpm.implicit import Bars, Beds
 from skmpm.scene import Scene, State, stiffness_of
-from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -32,7 +31,7 @@ def _beds(scene: Scene, state: State, beds: list[int], times: tuple[float, float
     stiffness = np.concatenate([k[:, None] * place.share for k, place in each], axis=1)
     rest = np.stack([_at_points(scene, beds, t) for t in times])
     start = (state.x_anchor - scene.initial_positions)[:, points]
-    return Beds(stiffness, rest, theta, assembly_of(state), number[points], start)
+    return Beds(stiffness, rest, theta, state.grids.assembly, number[points], start)
 
 
 def _at_points(scene: Scene, beds: list[int], t: float) -> Array:
@@ -49,7 +48,7 @@ def _bars(scene: Scene, state: State, bars: list[int], times: tuple[float, float
     stiffness = np.array([stiffness_of(i, scene.springs[i])[0] for i in bars])
     rest = np.array([[float(scene.rest_of_spring(i, t)) for i in bars] for t in times])
     span = np.stack([scene.sprung[i].span(state.x_anchor) for i in bars])
-    differences = _differences(joined, len(bars), assembly_of(state).grid.interpolation)
+    differences = _differences(joined, len(bars), state.grids.assembly.grid.interpolation)
     return Bars(stiffness, rest, theta, differences, span)
 
 

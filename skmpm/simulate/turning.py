@@ -12,7 +12,6 @@ from skmpm.scene import Scene, State, centres
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
 from skmpm.simulate.forces import external_force
-from skmpm.simulate.regrid import assembly_of
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -43,7 +42,7 @@ def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Sc
         held = scene.free_to_turn
     if not held.any():
         return None
-    assembly = assembly_of(state)
+    assembly = state.grids.assembly
     x = assembly.grid.position + state.displacement.reshape(-1, 2).T
     dropped = _unstable(state, interval) if scheme.inertia else held
     gauge = gauge_of(assembly.grid, x, assembly.mass, held, dropped=dropped)

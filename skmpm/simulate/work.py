@@ -21,7 +21,6 @@ from skmpm.scene import (
     velocity_at,
     with_normal_speeds,
 )
-from skmpm.simulate.box_motion import mean_gradient
 
 Array = NDArray[np.float64]
 
@@ -68,7 +67,7 @@ def work_at_start(scene: Scene, state: State, increment: Increment, motions: Pre
     """Work of supports and at contacts in the step, with their forces at its start [J/m]."""
     contacts, of_supports = state.contacts, -float(state.support_force.ravel() @ increment.prescribed)
     relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)
-    gradient = mean_gradient(state, motions, increment.dt)
+    gradient = motions.gradient
     if gradient is not None:
         relative -= gradient @ contacts.image
     return increment.dt * float(of_supports - np.einsum("ik,ik->", contacts.vectors, relative))

@@ -17,7 +17,6 @@ from skmpm.run import simulate
 from skmpm.scene import Body, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial, step
-from skmpm.simulate.regrid import assembly_of
 
 CELL, WIDTH, HEIGHT, G, DENSITY, E = 0.1, 1.0, 0.6, 10.0, 1000.0, 1e6
 WEIGHT = DENSITY * G * WIDTH * HEIGHT  # [N/m]
@@ -68,7 +67,7 @@ def hanging(c, below, *, tilt=0.0, spacing=0.5 * CELL, friction=0.5, material=SO
 
 def strengths(scene, state):
     """The constraints of a state, with their tensile strengths."""
-    grid = assembly_of(state).grid
+    grid = state.grids.assembly.grid
     return point_to_curve(scene, state, grid, 1e-6)(np.zeros(2 * grid.nodes))
 
 
@@ -147,7 +146,7 @@ def test_tension_is_that_of_the_start_of_the_step_in_all_iterates(motion):
     else:
         scene = wet_pair(np.radians(0.9), 0.0)
     state, dt = initial(scene), 1e-3
-    grid = assembly_of(state).grid
+    grid = state.grids.assembly.grid
     linearise, second = point_to_curve(scene, state, grid, dt), grid.node_body == 1
     arms = grid.position - grid.position[:, second].mean(axis=1, keepdims=True)
     velocity = {

@@ -247,9 +247,7 @@ def test_lasting_contact_does_not_chatter_with_the_midpoint_rule(monkeypatch):
     scheme = Scheme(theta=0.5)
     *_, start = simulate(scene, dt=0.02, until=2.0 * until, scheme=scheme)
     assert chatter(scene, start, scheme=scheme) < 0.009
-    monkeypatch.setattr(
-        end_of_step, "after_impact", lambda increment, contact, v: (v, np.zeros_like(contact.r))
-    )
+    monkeypatch.setattr(end_of_step, "after_impact", lambda increment, contact, v: (v, np.zeros_like(contact.r)))
     *_, start = simulate(scene, dt=0.02, until=2.0 * until, scheme=scheme)
     assert chatter(scene, start, scheme=scheme) > 0.035
 

@@ -15,7 +15,6 @@ from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Support
 from skmpm.scheme import Scheme
 from skmpm.simulate import initial
-from skmpm.simulate.regrid import assembly_of
 from skmpm.transfer import nodal_velocity
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}
@@ -122,7 +121,7 @@ def cross(a, b):
 
 def angular_momentum(state):
     """Of the nodes about the origin [kg m2/s per m]."""
-    assembly = assembly_of(state)
+    assembly = state.grids.assembly
     v = nodal_velocity(assembly, state.mass, state.v, state.C, known=state.nodal_velocity).reshape(-1, 2).T
     return float(assembly.lumped[::2] @ cross(assembly.grid.position + state.displacement.reshape(-1, 2).T, v))
 

@@ -20,7 +20,6 @@ from self_contact import c_ring, crushed_ring, flying_fork, penetration, slotted
 from skmpm import Scheme, StepFailed, contact_pressure, initial, load, network, observe, save, simulate, step
 from skmpm.contact import point_to_curve
 from skmpm.scene import prescribed_velocities
-from skmpm.simulate.regrid import assembly_of
 
 STATIC = Scheme(inertia=False)
 SMOOTH = 0.02  # [cells] deepest penetration
@@ -113,7 +112,7 @@ def test_legs_attract_each_other_as_two_bodies_do(slot):
     for divided, depth in ((False, 20.0 - 0.25), (True, 23.0)):
         scene = replace(slotted(slot, divided=divided), cohesion=3.0, cohesion_range=0.6 * slot)
         state = initial(scene, scheme=STATIC)
-        grid = assembly_of(state).grid
+        grid = state.grids.assembly.grid
         found = point_to_curve(scene, state, grid, 1e-6)(np.zeros(2 * grid.nodes))
         assert found.tensile_strength.sum() == pytest.approx(3.0 * depth, rel=1e-9)
 

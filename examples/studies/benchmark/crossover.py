@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from skmpm import Body, NeoHookean, Scene, Scheme, disc, initial, linear
-from skmpm.simulate.regrid import assembly_of, bulk_of
+from skmpm.simulate.regrid import bulk_of
 
 
 def seconds(solver: linear.Linear, A, grid) -> float:
@@ -33,7 +33,7 @@ def main(options: argparse.Namespace) -> list[tuple[int, int, float, float]]:
         h = 2.0 / cells
         scene = Scene([Body(disc((0.123 * h, 0.377 * h), 1.0, spacing=0.65 * h), gel)], cell=h)
         state = initial(scene)
-        bulk, assembly = bulk_of(scene, state, Scheme()), assembly_of(state)
+        bulk, assembly = bulk_of(scene, state, Scheme()), state.grids.assembly
         stiffness = bulk.stiffness(bulk.at(state.displacement))
         ratios = []
         for steps in (10.0, 1000.0):

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from skmpm.contact import Constraints
 from skmpm.implicit.scalar_unknowns import Unknowns
 from skmpm.scene import PrescribedVelocities, Scene, State
-from skmpm.simulate.box_motion import mean_gradient
 from skmpm.simulate.rigid_state import DeadLoads, RigidState, rigid_state
 from skmpm.simulate.unknowns.interval import Interval
 
@@ -35,7 +34,7 @@ class FreeBodies(Unknowns):
         Without inertia they begin at rest.
         """
         start, dt = rigid_state(scene, state), interval.dt
-        velocity, gradient = start.velocity.copy(), mean_gradient(state, motions, dt)
+        velocity, gradient = start.velocity.copy(), motions.gradient
         if state.box_rate is not None:
             velocity[:2] -= state.box_rate @ start.centre
         if not interval.inertial:
