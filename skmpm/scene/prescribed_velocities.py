@@ -13,6 +13,7 @@ from skmpm.scene.model import Model
 from skmpm.scene.objects import SceneError
 from skmpm.scene.periodic import deformed
 from skmpm.scene.rigid_motion import rigid_motion
+from skmpm.scene.supports import support_velocities
 
 Array = NDArray[np.float64]
 
@@ -91,11 +92,11 @@ def _rigid(scene: Model, t: float) -> Array:
 
 
 def _supports(scene: Model, t: float, dt: float) -> Array:
-    velocity = scene.support_velocities(t, dt)
+    velocity = support_velocities(scene, t, dt)
     changed = np.flatnonzero((np.isnan(velocity) != scene.free_components).any(axis=1))
     if changed.size:
         raise SceneError(
             f"support {changed[0]}: velocity at t = {t + 0.5 * dt:.6g} s is {velocity[changed[0]]}, at t = 0"
-            f" {scene.support_velocities(0.0)[changed[0]]} (nan: None); a component is free always or never"
+            f" {support_velocities(scene, 0.0)[changed[0]]} (nan: None); a component is free always or never"
         )
     return np.nan_to_num(velocity).ravel()

@@ -30,20 +30,18 @@ from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import check_step
-from skmpm.simulate.box_motion import velocity_of_box
 from skmpm.simulate.driven import check_driven
 from skmpm.simulate.energy_budget import budget_of, report_of
 from skmpm.simulate.forces import equilibrium_depends_on_dt, terms_of
-from skmpm.simulate.grid_to_points import contacts_of, end_state, kept_configuration, kept_solver, velocity_at_start
-from skmpm.simulate.initial_guess import continued_motion
+from skmpm.simulate.grid_to_points import contacts_of, end_state, kept_solver
 from skmpm.simulate.initial_state import check_cohesion, check_scheme, touches
 from skmpm.simulate.regrid import (
-    bulk_of,
     check_connected,
     check_parts_apart,
     regridded_state,
 )
 from skmpm.simulate.rigid_edges import indenting_edge_message
+from skmpm.simulate.start import configuration_at_start, first_velocity
 from skmpm.simulate.turning import gauge_condition
 from skmpm.simulate.unbalanced import unbalanced_ratio
 from skmpm.simulate.unknowns import scalar_unknowns
@@ -77,17 +75,17 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
     if unknowns is not None:
         motions = unknowns.motions(unknowns.inertia.v0)
-    v0 = _first_velocity(scene, state, motions, dt, scheme)
-    at_start = kept_configuration(scene, state, scheme) or bulk_of(scene, state, scheme).at(state.displacement)
+    v0, at_start = first_velocity(scene, state, motions, scheme), configuration_at_start(scene, state, scheme)
+    terms = tuple(terms_of(scene, state, at_start, dt, scheme))
     increment = Increment(
         at_start,
         v0 if unknowns is None else np.concatenate([v0, unknowns.inertia.v0]),
-        tuple(terms_of(scene, state, at_start, dt, scheme)),
+        terms,
         dt,
         scheme,
         state.grids.supports,
         motions.supports,
-        gauge=gauge_condition(scene, state, v0, dt, scheme),
+        gauge=gauge_condition(scene, state, v0, terms, dt, scheme),
         depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
         scalars=unknowns,
     )
@@ -117,16 +115,6 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         start.report.energy, increment, solution, budget, overlap, unbalanced=unbalanced, regridded=regridded
     )
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))
-
-
-def _first_velocity(scene: Scene, state: State, motions: PrescribedVelocities, dt: float, scheme: Scheme) -> Array:
-    """The nodal velocities v0 (2 nodes,) [m/s] of a state, those that go on without inertia; with a periodic box."""
-    if scheme.inertia:
-        v0 = velocity_at_start(scene, state, scheme)
-        gradient = None if state.box_rate is None or motions.gradient is None else motions.gradient - state.box_rate
-    else:
-        v0, gradient = continued_motion(scene, state, motions, dt, scheme), motions.gradient
-    return v0 + velocity_of_box(state, gradient)
 
 
 def _contact_problem(

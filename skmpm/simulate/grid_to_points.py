@@ -21,18 +21,10 @@ from skmpm.scene import (
     mean_velocity,
     velocity_at,
 )
-from skmpm.scheme import Scheme
 from skmpm.simulate.box_motion import recut_box
-from skmpm.transfer import nodal_velocity, to_points
+from skmpm.transfer import to_points
 
 Array = NDArray[np.float64]
-
-
-def velocity_at_start(scene: Scene, state: State, scheme: Scheme) -> Array:
-    """Nodal velocities (2 nodes,) of a state [m/s]."""
-    own = scene.deformable_points
-    known = state.nodal_velocity if scheme.keeps_nodal_velocities else np.zeros(0)
-    return nodal_velocity(state.grids.assembly, state.mass[own], state.v[:, own], state.C[:, :, own], known=known)
 
 
 def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> State:
@@ -129,15 +121,6 @@ def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solve
     if derived.key != _key(scene, increment):
         return None, None
     return derived.solver, derived.delassus
-
-
-def kept_configuration(scene: Scene, state: State, scheme: Scheme) -> Configuration | None:
-    """The configuration at the end of the step that led to the state, if it is still that, else None."""
-    derived = state.grids
-    known = derived.configuration
-    if not isinstance(known, Configuration) or known.displacement is not state.displacement:
-        return None
-    return known if derived.of_materials == (scheme.mean_dilatation, scene.materials_by_group) else None
 
 
 def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:

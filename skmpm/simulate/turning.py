@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.implicit import Gauge, gauge_of
+from skmpm.implicit import DeadLoad, Gauge, Term, gauge_of
 from skmpm.scene import Scene, State, centres
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
-from skmpm.simulate.forces import external_force
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -24,7 +24,9 @@ MAX_ANGLE = 1e-3
 NO_MOMENT = 1e-9  # moment of a force over the sum of its parts: round-off of a force that is uniform
 
 
-def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Scheme) -> Gauge | None:
+def gauge_condition(
+    scene: Scene, state: State, v0: Array, terms: Sequence[Term], dt: float, scheme: Scheme
+) -> Gauge | None:
     """The condition on the rotation of round bodies that friction acts on nowhere; None where there are none.
 
     In quasi-static steps these bodies do not rotate: nothing determines a rotation of theirs. In dynamic steps the
@@ -32,8 +34,8 @@ def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Sc
     impacts and rotations. A body under pressure p that rotates by phi while its loads keep their directions loses the
     energy p V phi^2, with 2 p V the virial of its contact forces. From dt^2 2 p V = J on that exceeds its rotational
     energy, and its spin is dropped; under less pressure it is kept, and bodies that spin fast do not have the
-    condition, nor do those on which gravity has a moment. `v0` (2 nodes,) [m/s] are the velocities at the start of
-    the step.
+    condition, nor do those on which gravity, one of the `terms`, has a moment. `v0` (2 nodes,) [m/s] are the
+    velocities at the start of the step.
     """
     interval = scheme.theta * dt
     if scheme.inertia:
@@ -47,7 +49,8 @@ def gauge_condition(scene: Scene, state: State, v0: Array, dt: float, scheme: Sc
     dropped = _unstable(state, interval) if scheme.inertia else held
     gauge = gauge_of(assembly.grid, x, assembly.mass, held, dropped=dropped)
     if callable(scene.gravity):
-        gauge = gauge.among(~_turned(gauge, external_force(scene, state, state.t + interval)))
+        for load in (term.load for term in terms if isinstance(term, DeadLoad)):
+            gauge = gauge.among(~_turned(gauge, load))
     return gauge.among(dropped | (interval * np.abs(gauge.spin(v0)) < MAX_ANGLE))
 
 

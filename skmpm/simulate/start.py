@@ -1,0 +1,77 @@
+"""Where a step begins: the configuration of the bodies, and the velocities of their nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.implicit import Configuration
+from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
+from skmpm.scheme import Scheme
+from skmpm.simulate.box_motion import velocity_of_box
+from skmpm.simulate.regrid import bulk_of
+from skmpm.transfer import nodal_velocity
+
+Array = NDArray[np.float64]
+
+
+def configuration_at_start(scene: Scene, state: State, scheme: Scheme) -> Configuration:
+    """That at the end of the step that led to the state, if it is still that, else one of a new bulk."""
+    known = state.grids.configuration
+    same = state.grids.of_materials == (scheme.mean_dilatation, scene.materials_by_group)
+    if isinstance(known, Configuration) and known.displacement is state.displacement and same:
+        return known
+    return bulk_of(scene, state, scheme).at(state.displacement)
+
+
+def first_velocity(scene: Scene, state: State, motions: PrescribedVelocities, scheme: Scheme) -> Array:
+    """The nodal velocities v0 (2 nodes,) [m/s] of a state, those that go on without inertia; with a periodic box."""
+    if scheme.inertia:
+        v0 = _velocity(scene, state, scheme)
+        gradient = None if state.box_rate is None or motions.gradient is None else motions.gradient - state.box_rate
+    else:
+        v0, gradient = _continued(scene, state, motions, scheme), motions.gradient
+    return v0 + velocity_of_box(state, gradient)
+
+
+def _velocity(scene: Scene, state: State, scheme: Scheme) -> Array:
+    """Nodal velocities (2 nodes,) of a state [m/s]."""
+    own = scene.deformable_points
+    known = state.nodal_velocity if scheme.keeps_nodal_velocities else np.zeros(0)
+    return nodal_velocity(state.grids.assembly, state.mass[own], state.v[:, own], state.C[:, :, own], known=known)
+
+
+def _continued(scene: Scene, state: State, motions: PrescribedVelocities, scheme: Scheme) -> Array:
+    """The nodal velocities (2 nodes,) of the last step as far as they go on; zero of bodies that may move freely.
+
+    What is prescribed may stop, reverse or change: the share that goes on is that of the prescribed velocities now
+    along those before. An initial guess that goes on regardless leads friction to other equilibria, as loose bodies
+    that go on lead packings.
+    """
+    grid, supports = state.grids.assembly.grid, state.grids.supports
+    if supports is None or not supports.holds.any():
+        return np.zeros(2 * grid.nodes)
+    now, before = (np.concatenate(each) for each in zip(*_prescribed(scene, state, motions), strict=True))
+    size = float(before @ before)
+    share = min(max(float(now @ before) / size, 0.0), 1.0) if size > 0.0 else 1.0
+    return share * np.repeat(supports.holds[grid.node_body], 2) * _velocity(scene, state, scheme)
+
+
+def _prescribed(scene: Scene, state: State, motions: PrescribedVelocities) -> Iterator[tuple[Array, Array]]:
+    """Velocities in this step and in the last one of what has a prescribed motion [m/s]."""
+    yield motions.walls.ravel(), state.wall_velocity.ravel()
+    each = zip(scene.supported, motions.supports.reshape(-1, 2), scene.free_components, strict=True)
+    for place, velocity, free in each:
+        yield velocity[~free], state.v[:, place.points].mean(axis=1)[~free]
+    held = np.flatnonzero(~scene.movable).tolist()
+    centre = centres(state.x, state.mass, state.body) if held else np.zeros((2, 0))
+    for b in held:
+        own = slice(scene.offsets[b], scene.offsets[b + 1])
+        arm = state.x[:, own] - centre[:, b : b + 1]
+        points = np.sqrt(arm.shape[1])
+        yield velocity_at(arm, motions.rigid[:, b : b + 1]).ravel() / points, state.v[:, own].ravel() / points
+    gradient = motions.gradient
+    if gradient is not None and state.box is not None and state.box_rate is not None:
+        yield (gradient @ state.box).ravel(), (state.box_rate @ state.box).ravel()
