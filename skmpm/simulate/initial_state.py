@@ -85,20 +85,20 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     weight = volume.copy()
     weight[deformable] = assembly.volume
     state = replace(state, weight=weight)
-    kinetic = kinetic_energy(assembly.mass, nodal - velocity_of_box(state, state.box_rate))
-    kinetic += _kinetic_of_rigid(scene, state)
+    report = Report(energy=_initial_energy(scene, state, nodal))
+    return replace(state, contacts=_initial_contacts(scene, state, scheme), report=report)
+
+
+def _initial_energy(scene: Scene, state: State, nodal: Array) -> Energy:
+    """That of bodies with nodal velocities (2 nodes,) [m/s], relative to a periodic box, and of springs and walls."""
+    kinetic = kinetic_energy(state.grids.assembly.mass, nodal - velocity_of_box(state, state.box_rate))
     springs = sum(each.stored(state.displacement, 0.0) for each in springs_of(scene, state, (0.0, 0.0), 1.0))
-    at_start = Report(energy=Energy(kinetic=kinetic, springs=springs))
-    return replace(state, contacts=_initial_contacts(scene, state, scheme), report=at_start)
-
-
-def _kinetic_of_rigid(scene: Scene, state: State) -> float:
-    """Kinetic energy of free rigid bodies, relative to a periodic box, and of driven walls [J/m]."""
     own, v = np.isin(state.body, scene.free_rigid), state.v
     if state.box_rate is not None:
         v = v - (state.box_rate @ centres(state.x, state.mass, state.body))[:, state.body]
     walls = normal_speeds(scene, state.wall_velocity)
-    return 0.5 * float(state.mass[own] @ (v[:, own] ** 2).sum(axis=0) + scene.wall_masses @ walls**2)
+    rigid = 0.5 * float(state.mass[own] @ (v[:, own] ** 2).sum(axis=0) + scene.wall_masses @ walls**2)
+    return Energy(kinetic=kinetic + rigid, springs=springs)
 
 
 def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
