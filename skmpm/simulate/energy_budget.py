@@ -62,7 +62,7 @@ def _of_motion(state: State, increment: Increment, end: End, after: State) -> Bu
         )
         kinetic = np.array([kinetic_energy(mass, v) for v in (v0 - of_box, v1 - there)])
         at_rate = kinetic_energy(mass, v1 - of_box)
-        work = kinetic[1] - at_rate - float((mass * (v1 - v0)) @ of_box)
+        work = float(kinetic[1]) - at_rate - float((mass * (v1 - v0)) @ of_box)
         swing = 0.5 * (at_rate - kinetic[0])
     return Budget(kinetic=kinetic, external=work, swing=0.0 if increment.scheme.theta == 1.0 else swing)
 

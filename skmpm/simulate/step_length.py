@@ -6,8 +6,9 @@ something too far is repeated. In slow motion the limit is a displacement, so th
 on the speed of a lid.
 
 The energy that a step loses limits it as well. Backward Euler loses 1/2 |v1 - v0|_M^2; of that the part of the
-rigid motions of bodies counts, since vibrations within bodies die anyway. It may be `LOSS` of the largest energy so
-far: impacts are resolved, and what swings or slides. A free fall loses nothing, since gravity does as much work more.
+rigid motions of bodies and walls counts, since vibrations within bodies die anyway. It may be `LOSS` of the largest
+energy so far: impacts are resolved, and what swings or slides. A free fall loses nothing, since gravity does as much
+work more, and neither does a wall that nothing but its force moves.
 Where many bodies are driven or fall, impacts are so many that their errors average out, and losses do not count.
 
 Below the limit, steps follow the number of Newton iterations: the next one is sqrt(4 / iterations) times as long, in
@@ -24,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from skmpm.scene import Scene, SceneError, State, centres, fitted_motions
+from skmpm.scene import Scene, SceneError, State, centres, fitted_motions, normal_speeds
 from skmpm.scheme import Scheme
 from skmpm.simulate.acceptance import max_motion
-from skmpm.simulate.driven import driven_by_force, loaded_bodies, moving
+from skmpm.simulate.driven import driven_by_force, driving_forces, loaded_bodies, moving
 from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.simulate.initial_state import can_touch, driven
 from skmpm.simulate.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
@@ -110,7 +111,7 @@ def _driven_at(scene: Scene, t: float, box: Array | None = None) -> float:
 
 
 def _lost(scene: Scene, before: State, after: State) -> float:
-    """Energy [J/m] that backward Euler loses in a step by changes of velocities, but for free fall.
+    """Energy [J/m] that backward Euler loses in a step by changes of velocities, but for free fall and free walls.
 
     All of it counts by which rigid motions change, and a share of that of points. As a body turns, velocities of its
     points change by omega^2 r dt, too, unless it is rigid.
@@ -124,7 +125,17 @@ def _lost(scene: Scene, before: State, after: State) -> float:
     turning = np.where(scene.deformable, dt * two[2] ** 2, 0.0)
     of_bodies = np.bincount(owner, mass, bodies) * _square(two[:2] - one[:2], fall)
     of_bodies += inertia * ((two[2] - one[2]) ** 2 + turning**2)
-    return 0.5 * float(of_bodies[scene.movable].sum() + VIBRATIONS * (mass[own] @ of_points[own]))
+    of_bodies = of_bodies[scene.movable].sum() + VIBRATIONS * (mass[own] @ of_points[own])
+    return 0.5 * float(of_bodies + _of_walls(scene, before, after))
+
+
+def _of_walls(scene: Scene, before: State, after: State) -> float:
+    """Masses of driven walls times squares of their changes of velocity, beside those by what drives them [J/m]."""
+    if scene.driven_walls.size == 0:
+        return 0.0
+    change = normal_speeds(scene, after.wall_velocity) - normal_speeds(scene, before.wall_velocity)
+    free = after.report.dt * driving_forces(scene, after.walls, after.t) / scene.wall_masses
+    return float(scene.wall_masses @ _square(change[None], free[None]))
 
 
 def _square(change: Array, fall: Array) -> Array:
@@ -203,7 +214,9 @@ def pace_of(
     times = np.linspace(began, until, TIMES if until > began else 1)
     functions = FunctionsOfTime.of(scene, scheme.theta, times)
     if functions.of_bodies and not scheme.inertia:
-        raise SceneError("simulate: quasi-static steps under loads that are functions of time need dt")
+        raise SceneError(
+            "simulate: quasi-static steps under loads, springs or gravity that are functions of time need dt"
+        )
     looked_at = times[:1] if functions.none else times
     driven_at = max(_driven_at(scene, float(t)) for t in looked_at)
     gravity = strongest_gravity(scene, looked_at)
