@@ -105,7 +105,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "solves": lambda c: c.named("Banded.__call__", "Amg.__call__"),
     "line searches": lambda c: c.named("line_search._search"),
     "gravity evaluated": lambda c: c.named("gravity.gravity_at"),
-    "loads evaluated": lambda c: c.named("Scene.forces"),
+    "loads evaluated": lambda c: c.named("Model.forces"),
     "body grids built": lambda c: c.named("building.build_grids"),
     "weights fitted": lambda c: c.named("moment_fitting.fitted_weights"),
     "outlines cut by cells": lambda c: c.named("cells.cell_moments"),
