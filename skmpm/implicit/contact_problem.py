@@ -108,7 +108,7 @@ class ContactIterate:
     constraints: Constraints
     r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
     u: Array  # relative velocities at w, with gaps over dt
-    w: Array  # (n,) [m/s]
+    moving: Array  # w with what a periodic box adds, (n,) [m/s]
     iterations: int = 0  # of the contact solver in this step
     stiffness_failures: int = 0  # contact solves with geometric stiffness that did not converge
 
@@ -116,11 +116,6 @@ class ContactIterate:
     def increment(self) -> Increment:
         """The equations of the step without contact."""
         return self.problem.increment
-
-    @cached_property
-    def moving(self) -> Array:
-        """The velocity w with what a periodic box adds, (n,) [m/s]."""
-        return self.increment.carried(self.w, self.w)
 
     @cached_property
     def J(self) -> sp.csr_array:
@@ -145,7 +140,7 @@ class ContactIterate:
     def impulse(self) -> Array:
         """The contact impulse theta H^T r, (n,) [kg m/s per m]."""
         if self.constraints.size == 0:
-            return np.zeros_like(self.w)
+            return np.zeros_like(self.moving)
         return self.pushed(self.r)
 
     def pushed(self, r: Array, at_points: Array | float = 0.0) -> Array:
@@ -209,4 +204,4 @@ def _iterate(problem: ContactProblem, w: Array, known: KnownForces, delassus: De
         r = known.on(constraints, increment.dt)
         u = constraints.D @ constraints.at_contact_points(increment.on_nodes(moving)) + constraints.offset
     problem.timer.lap("detection")
-    return ContactIterate(problem, known, delassus, constraints, r, u, w)
+    return ContactIterate(problem, known, delassus, constraints, r, u, moving)

@@ -33,8 +33,7 @@ def carried(increment: Increment, solution: Solution) -> tuple[Increment, Soluti
 
     Bodies begin, and end, with what it has added to their velocities (`scalar_unknowns`).
     """
-    contact = solution.contact
-    if contact is None:
+    if increment.scalars is None or increment.scalars.carrier is None:
         return increment, solution
     v0, w = (increment.carried(v, solution.w) for v in (increment.v0, solution.w))
     return replace(increment, v0=v0), replace(solution, w=w)

@@ -77,7 +77,7 @@ def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
     grid = increment.grid
     if increment.supports is not None:
         return np.zeros((2, grid.bodies))
-    force = sum(increment.external_forces(increment.at(w)), np.zeros_like(increment.start))
+    force = increment.external_force(increment.at(w))
     change, pushed = (increment.on_nodes(each) for each in (w - increment.v0, contact_impulse))
     imbalance = _weight(increment) * change - increment.theta_dt * force - pushed
     return _over_mass(increment, imbalance)

@@ -68,7 +68,8 @@ class Increment:
     @cached_property
     def theta(self) -> Array:
         """Moreau-Jean parameters, (n,)."""
-        return self.with_scalars(np.full(self.start.size, self.scheme.theta), "theta")
+        nodes = np.full(self.start.size, self.scheme.theta)
+        return nodes if self.scalars is None else self.with_scalars(nodes, self.scalars.inertia.theta)
 
     @cached_property
     def interval(self) -> Array:
@@ -83,12 +84,9 @@ class Increment:
         """The part (p,) of a vector of all unknowns (n,)."""
         return w[self.start.size :]
 
-    def with_scalars(self, on_nodes: Array, of_scalars: Array | str) -> Array:
-        """A vector of all unknowns (n,) from those of nodes and of scalars (p,), or a property of their inertia."""
-        if self.scalars is None:
-            return on_nodes
-        values = getattr(self.scalars.inertia, of_scalars) if isinstance(of_scalars, str) else of_scalars
-        return np.concatenate([on_nodes, values])
+    def with_scalars(self, on_nodes: Array, of_scalars: Array) -> Array:
+        """A vector of all unknowns (n,) from those of nodes (2 nodes,) and of scalars (p,)."""
+        return on_nodes if self.scalars is None else np.concatenate([on_nodes, of_scalars])
 
     @property
     def start(self) -> Array:
@@ -111,7 +109,8 @@ class Increment:
     @cached_property
     def mass(self) -> Array:
         """Diagonal inertia: lumped mass, of nodes in a static step its metric, (n,) [kg/m]."""
-        return self.with_scalars(self.bulk.assembly.mass if self.metric is None else self.metric, "mass")
+        nodes = self.bulk.assembly.mass if self.metric is None else self.metric
+        return nodes if self.scalars is None else self.with_scalars(nodes, self.scalars.inertia.mass)
 
     @cached_property
     def linear(self) -> bool:
@@ -172,6 +171,10 @@ class Increment:
     def external_forces(self, configuration: Configuration) -> list[Array]:
         """The forces that may move bodies on grids, of loads and springs, (2 nodes,) each [N/m]."""
         return [-term.force(configuration) for term in self.others if not term.balanced]
+
+    def external_force(self, configuration: Configuration) -> Array:
+        """Their sum, (2 nodes,) [N/m]."""
+        return sum(self.external_forces(configuration), np.zeros_like(self.start))
 
     @property
     def constrained_dofs(self) -> Ints:

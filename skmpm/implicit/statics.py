@@ -244,7 +244,7 @@ def _configuration(increment: Increment, solution: Solution) -> Configuration:
 
 def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem | None, w: Array) -> Array:
     """Resultants on bodies that neither supports nor known contact forces balance, (bodies,) [kg m/s per m]."""
-    force = sum(increment.external_forces(increment.at(w)), -increment.bulk.force(increment.at_start))
+    force = increment.external_force(increment.at(w)) - increment.bulk.force(increment.at_start)
     impulse = increment.theta_dt * force
     if problem is not None:
         impulse = impulse + increment.on_nodes(problem.at(w).impulse)

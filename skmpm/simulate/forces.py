@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 def terms_of(scene: Scene, state: State, start: Configuration, dt: float, scheme: Scheme) -> Iterator[Term]:
     """The terms of a step of dt [s] from a state in a configuration, but for the bulk."""
     times = state.t, state.t + scheme.theta * dt
-    if any(viscosity_of(material) > 0.0 for material in scene.materials):
+    if _viscous(scene):
         yield ViscousBulk.of(start, dt, scheme.theta)
     if has_gravity(scene) or scene.dead_loads:
         yield DeadLoad(external_force(scene, state, times[1]), _first_force(scene, state, scheme), state.displacement)
@@ -80,4 +80,9 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     if any(callable(f) for f in (scene.gravity, *loads, *driving, *ends, *motions, stress)):
         return True
     moving = any(v for motion in motions for v in motion if v is not None)
-    return moving or any(viscosity_of(material) > 0.0 for material in scene.materials)
+    return moving or _viscous(scene)
+
+
+def _viscous(scene: Scene) -> bool:
+    """Whether any material is viscous."""
+    return any(viscosity_of(material) > 0.0 for material in scene.materials)

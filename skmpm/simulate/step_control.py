@@ -138,9 +138,8 @@ def advance_with_chosen_step(
         try:
             after = step(scene, state, length, scheme=scheme)
             by_loss, by_motion = (f(scene, scheme, state, after) for f in (pace.by_loss, pace.by_motion))
-            if length > min(
-                TWICE * by_loss, (1.0 + SLACK) * by_motion
-            ):  # an impact begins, or what contacts held moves
+            accepted = min(TWICE * by_loss, (1.0 + SLACK) * by_motion)
+            if length > accepted:  # an impact begins, or what contacts held moves
                 limit = min(by_loss, BELOW * by_motion)
                 length = max(limit, length / CUT)
                 continue

@@ -69,11 +69,11 @@ class Pace:
     def limit(self, scene: Scene, scheme: Scheme, state: State, left: float) -> float:
         """The longest step from a state, at most `left` [s], by the present velocities."""
         t, longest, first = state.t, min(left, self.longest), state.step_control.chosen == 0.0
-        if scheme.inertia and first and self.forced:
-            longest = min(longest, self.resolving)
-        falls = first or self.driven or self.functions.loads  # else what rests goes on resting
-        fall = float(np.hypot(*gravity_of(scene, t))) if falls else 0.0
-        longest = min(longest, self.by_motion(scene, scheme, state, state, fall))
+        if scheme.inertia:
+            falls = first or self.driven or self.functions.loads  # else what rests goes on resting
+            fall = float(np.hypot(*gravity_of(scene, t))) if falls else 0.0
+            longest = min(longest, self.by_motion(scene, scheme, state, state, fall))
+            longest = min(longest, self.resolving) if first and self.forced else longest
         return _within_stroke(scene, t, self.functions.followed(t, longest, self.resolving), state.box)
 
     def by_motion(self, scene: Scene, scheme: Scheme, before: State, after: State, fall: float = 0.0) -> float:

@@ -18,8 +18,7 @@ def unbalanced_ratio(scene: Scene, increment: Increment, solution: Solution, aft
     The resultant is that of contact forces, gravity, loads and springs, which accelerates the body. Bodies with
     supports are left out. It is zero if no force acts, and infinite if forces act but none between bodies.
     """
-    grid, mean = increment.grid, 0.0
-    force = sum(increment.external_forces(increment.at(solution.w)), np.zeros_like(increment.start))
+    grid, force, mean = increment.grid, increment.external_force(increment.at(solution.w)), 0.0
     contact = solution.contact
     if contact is not None and contact.constraints.size:
         force = force + increment.on_nodes(contact.impulse) / increment.theta_dt
