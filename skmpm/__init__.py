@@ -52,7 +52,8 @@ from skmpm.scene import (
     continued,
 )
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 from skmpm.sweep import Run, Sweep, SweepError, sweep
 
 __version__ = "0.2.0.dev0"

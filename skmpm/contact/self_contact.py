@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.contact.constraints import ContactFormulation, acts_at_grid_nodes
 from skmpm.contact.reach import contact_reach
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, State
@@ -31,7 +32,7 @@ Bools = NDArray[np.bool_]
 # are narrower, their sides move as one: 80 and 56 times (0.5 cells) the force of two bodies in throw-away runs.
 MIN_SEPARATION = 0.75
 # [cells] and [distances in the reference configuration] Depth up to which a point behind a surface has penetrated it,
-# that of `simulate.acceptance` between bodies; deeper ones lie on the other side of a thin part.
+# that of `step.acceptance` between bodies; deeper ones lie on the other side of a thin part.
 MAX_PENETRATION = 0.25
 # [cells] Parts closer than the first share nodes wherever they lie on the grid, parts farther apart than the second
 # do not: the support of a shape function is two cells wide.
@@ -103,3 +104,15 @@ def joined_parts(scene: Scene, state: State) -> Ints:
     joined = start.separation(c, j) > NEVER_JOINED * scene.cell
     joined &= now.separation(c, j) < ALWAYS_JOINED * scene.cell
     return np.unique(scene.outlines.body[c[joined]])
+
+
+def can_touch(scene: Scene) -> bool:
+    """Whether the scene has a wall, more than one body or a periodic box."""
+    return bool(scene.walls) or len(scene.bodies) > 1 or scene.periodic is not None
+
+
+def touches(scene: Scene, state: State, contact: ContactFormulation) -> bool:
+    """Whether anything can touch in a step with this contact formulation: a wall, bodies, or parts of one."""
+    if can_touch(scene) or not scene.folded(state.x).size:
+        return can_touch(scene)
+    return not acts_at_grid_nodes(contact) and may_touch_itself(scene, state)

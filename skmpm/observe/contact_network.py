@@ -136,7 +136,7 @@ def moments(branches: HalfBranches, weight: Array | float, torque_free: Bools) -
 
     Divided by a volume it is a stress, tension positive. The sum over the bodies is Love's and Weber's,
     -sum f (x) branch (Christoffersen, Mehrabadi & Nemat-Nasser, J. Appl. Mech. 48, 1981). It is symmetric for bodies
-    `torque_free` (bodies,): a moment of their contacts is an error of the discretisation (`implicit.gauge`).
+    `torque_free` (bodies,): a moment of their contacts is an error of the discretisation (`step.gauge`).
     """
     arm, n = weight * (branches.x - branches.centre), torque_free.size
     M = np.array([[np.bincount(branches.body, f * a, n) for a in arm] for f in branches.force])

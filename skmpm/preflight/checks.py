@@ -19,10 +19,10 @@ from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.rolling import contacts_on_slopes
 from skmpm.scene import Pressure, Scene, prescribed_motions
 from skmpm.scheme import Scheme
-from skmpm.simulate.driven import driven_by_force
-from skmpm.simulate.initial_state import driven, initial_motion
-from skmpm.simulate.loading import gravity_of
-from skmpm.simulate.rigid_edges import MIN_EDGE_RADIUS, facing_edges
+from skmpm.step.driven import driven, driven_by_force
+from skmpm.step.initial_state import initial_motion
+from skmpm.step.loading import gravity_of
+from skmpm.step.rigid_edges import MIN_EDGE_RADIUS, facing_edges
 
 CONFINED_POINTS = 3.5  # per cell; half a cell apart they are four, less a tenth at the boundary
 PASCALS = 1e4  # modulus from which on moduli are taken to be in Pa, and lengths then to be in metres

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
-from skmpm.simulate.driven import check_driven
-from skmpm.simulate.initial_state import initial
-from skmpm.simulate.step_length import pace_of
+from skmpm.step.driven import check_driven
+from skmpm.step.initial_state import initial
+from skmpm.step.step_length import pace_of
 
 Array = NDArray[np.float64]
 

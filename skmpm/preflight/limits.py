@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.contact.closest_points import LIGHT
-from skmpm.implicit.residual import LONG
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE
-from skmpm.simulate.step_length import MAX_APPROACH, STROKE
+from skmpm.step.equations import LONG
+from skmpm.step.step_length import MAX_APPROACH, STROKE
 
 LIMIT_TOLERANCE = 1e-9  # relative excess over a limit that is round-off
 DOWN, UP = floor, ceil

@@ -10,23 +10,19 @@ from numpy.typing import NDArray
 from skmpm import linear
 from skmpm.assembly import ghost_facets
 from skmpm.contact import acts_at_grid_nodes, check_outlines
+from skmpm.contact.self_contact import can_touch
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import chord_sagitta, inclined_thickness, slit_width
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Derived, Scene, check_walls_at_start
 from skmpm.scheme import Scheme
-from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.driven import check_driven, driven_by_force
-from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
-from skmpm.simulate.initial_state import (
-    can_touch,
-    check_cohesion,
-    driven,
-    initial_motion,
-)
-from skmpm.simulate.loading import loading_of
-from skmpm.simulate.regrid import derived_data, inward_normals, torn_bodies
+from skmpm.step.algorithm import SHORTEST, check_time
+from skmpm.step.driven import check_driven, driven, driven_by_force
+from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
+from skmpm.step.initial_state import check_cohesion, initial_motion
+from skmpm.step.loading import loading_of
+from skmpm.step.regrid import derived_data, inward_normals, torn_bodies
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,7 +9,7 @@ from skmpm.contact import acts_at_grid_nodes
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
-from skmpm.simulate.loading import gravity_of
+from skmpm.step.loading import gravity_of
 
 WIDE = 1.3  # [cells] half-width from which on the boundary points in contact average their chords out; test_rolling
 STEEP = np.radians(6.0)  # slope from which on discs roll to 12 % at any width

@@ -10,7 +10,7 @@ from skmpm.grid import BodyGrids, build_grids
 from skmpm.moment_fitting import fitted_places, fitted_weights
 from skmpm.outline import cell_moments
 from skmpm.scene import Scene
-from skmpm.simulate.regrid import inward_normals
+from skmpm.step.regrid import inward_normals
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from skmpm.contact.self_contact import can_touch
 from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import slit_width
 from skmpm.points import Points
@@ -25,10 +26,9 @@ from skmpm.preflight.limits import (
 )
 from skmpm.scene import Body, Scene, check_scene
 from skmpm.scheme import Scheme
-from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.functions_of_time import TIMES, FunctionsOfTime
-from skmpm.simulate.initial_state import can_touch
-from skmpm.simulate.loading import SEVERAL, Loading, loading_of, smallest_radii
+from skmpm.step.algorithm import SHORTEST, check_time
+from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
+from skmpm.step.loading import SEVERAL, Loading, loading_of, smallest_radii
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact.self_contact import can_touch
 from skmpm.material import is_linear
 from skmpm.preflight.checks import warnings_of
 from skmpm.preflight.cost import chosen_steps, first_step, seconds_of_step
@@ -18,9 +19,8 @@ from skmpm.preflight.metrics import SceneMetrics, examine
 from skmpm.representation import table
 from skmpm.scene import Scene, check_scene
 from skmpm.scheme import Scheme
-from skmpm.simulate.algorithm import SHORTEST, check_time
-from skmpm.simulate.initial_state import can_touch
-from skmpm.simulate.step_length import MAX_APPROACH, STROKE, pace_of
+from skmpm.step.algorithm import SHORTEST, check_time
+from skmpm.step.step_length import MAX_APPROACH, STROKE, pace_of
 from skmpm.units import quantity
 
 PAGE = "docs/how_to/warnings.md"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from time import perf_counter
 
 from skmpm.representation import line, table
 from skmpm.units import quantity
@@ -84,8 +85,8 @@ class Report:
     contact : iterations of the contact solver, over all Newton iterations
     residual : natural-map residual of the contact law at the end of the step
     imbalance : residual of the momentum balance over the largest of its terms
-    solves : of a static step, each about the solution before (`implicit.statics`); one in dynamic steps
-    unbalanced : largest resultant force on a body over the mean contact force (`simulate.unbalanced`)
+    solves : of a static step, each about the solution before (`step.statics`); one in dynamic steps
+    unbalanced : largest resultant force on a body over the mean contact force (`step.report`)
     overlap : area shared by bodies / area of all bodies
     energy : energy budget, an `Energy`
     seconds : wall time by phase [s]
@@ -118,3 +119,17 @@ class Report:
         facts |= {"contact iterations": self.contact, "retries": self.retries, "residual": f"{self.residual:.2g}"}
         facts |= {"imbalance": f"{self.imbalance:.2g}", "overlap": f"{self.overlap:.2g}"}
         return facts | {"took": quantity(sum(self.seconds.values()), "s")}
+
+
+@dataclass
+class Timer:
+    """Seconds by phase, for the report."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    _since: float = field(default_factory=perf_counter)
+
+    def lap(self, phase: str) -> None:
+        """Add the time since the last lap to `phase`."""
+        now = perf_counter()
+        self.seconds[phase] = self.seconds.get(phase, 0.0) + now - self._since
+        self._since = now

@@ -24,8 +24,9 @@ from skmpm import (
     step,
 )
 from skmpm.contact import point_to_curve, shared_grid
-from skmpm.implicit import Budget, StepRejected
-from skmpm.simulate.acceptance import _exchanged_at_contacts, check_step
+from skmpm.step.acceptance import _exchanged_at_contacts, check_step
+from skmpm.step.errors import StepRejected
+from skmpm.step.terms import Budget
 
 sys.path.append(str(Path(__file__).parents[1] / "verification"))
 from sectors import sector

@@ -14,7 +14,7 @@ from skmpm.points import Points, box, capsule, disc, polygon
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial
+from skmpm.step.initial_state import initial
 
 R, CELL, DT = 1e-3, 0.2e-3, 1e-6
 SPACING = R / 8

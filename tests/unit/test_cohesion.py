@@ -8,7 +8,6 @@ import pytest
 
 from skmpm import contact, preflight
 from skmpm.contact import point_to_curve, shared_grid
-from skmpm.implicit.contact_scale import contact_scale
 from skmpm.io import load, save
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import observe
@@ -16,7 +15,9 @@ from skmpm.points import Points, box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.contact_scale import contact_scale
+from skmpm.step.initial_state import initial
 
 CELL, WIDTH, HEIGHT, G, DENSITY, E = 0.1, 1.0, 0.6, 10.0, 1000.0, 1e6
 WEIGHT = DENSITY * G * WIDTH * HEIGHT  # [N/m]

@@ -15,7 +15,8 @@ from skmpm.material import LinearElastic
 from skmpm.points import box, disc
 from skmpm.scene import Body, Load, Scene, Support
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 SOLID = LinearElastic(1e3, 0.3, 1.0)
 

@@ -16,7 +16,8 @@ from skmpm.points import Points, box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 GEL = NeoHookean(1e6, 0.3, 1000.0)
 R, CELL = 1e-3, 0.25e-3

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skmpm import Body, NeoHookean, Scene, Wall, contact, coulomb, disc, initial, simulate
-from skmpm.implicit.contact_stiffness import contact_stiffness, loaded
+from skmpm.step.contact_stiffness import contact_stiffness, loaded
 
 GEL = NeoHookean(1e6, 0.3, 1000.0)
 R, CELL, DT = 1e-3, 0.2e-3, 1e-5
@@ -143,6 +143,6 @@ def test_newton_takes_half_the_iterations(monkeypatch):
         return np.mean([state.report.newton for state in states])
 
     consistent = iterations()
-    contact = import_module("skmpm.implicit.contact_solve")
+    contact = import_module("skmpm.step.contact_solve")
     monkeypatch.setattr(contact, "contact_stiffness", lambda *arguments: None)
     assert consistent < 0.8 * iterations()

@@ -12,9 +12,10 @@ import skmpm
 from skmpm import MooneyRivlin, Ogden, forms
 from skmpm.assembly import prepare
 from skmpm.grid import build_grids
-from skmpm.implicit import Bulk, Configuration
 from skmpm.material import Anchored, LinearElastic, NeoHookean, determinant, dilatation, product, response
 from skmpm.scene import mises, stress_zz
+from skmpm.step.bulk import Bulk
+from skmpm.step.terms import Configuration
 
 SEED = st.integers(0, 2**32 - 1)
 CELL = 0.2

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from test_only_what_is_required import Calls
 
 import skmpm
-from skmpm.simulate.rigid_state import rigid_state
+from skmpm.step.rigid_bodies import rigid_state
 
 R, G = 1e-3, 9.81
 GEL = skmpm.NeoHookean(E=1e6, nu=0.45, density=990.0)

@@ -9,15 +9,16 @@ import scipy.sparse as sp
 
 import skmpm
 from skmpm import linear
-from skmpm.implicit import DeadLoad
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
-from skmpm.simulate.forces import external_force
-from skmpm.simulate.turning import gauge_condition
+from skmpm.step.algorithm import step
+from skmpm.step.forces import DeadLoad
+from skmpm.step.gauge import gauge_condition
+from skmpm.step.initial_state import initial
+from skmpm.step.scene_forces import external_force
 
 R, CELL = 1e-3, 2e-4
 GEL = NeoHookean(10e6, 0.45, 990.0)

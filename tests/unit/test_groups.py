@@ -16,8 +16,9 @@ from skmpm.points import Points, box, disc, from_mesh
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, Support, Wall, mises, stress_zz
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
-from skmpm.simulate.regrid import bulk_of, regridded_state
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
+from skmpm.step.regrid import bulk_of, regridded_state
 
 sys.path.append(str(Path(__file__).parent))
 from test_only_what_is_required import Calls

@@ -26,13 +26,14 @@ from skmpm import (
     simulate,
     step,
 )
-from skmpm.implicit import Bulk, Increment, contact_solve
-from skmpm.implicit.contact_stiffness import ContactStiffness
-from skmpm.implicit.iteration import Refactorisation
-from skmpm.implicit.matrix import solver_of
-from skmpm.implicit.momentum import drift, with_balanced_momentum
-from skmpm.implicit.rotation import matrix_turns, turned_solver
 from skmpm.linear import band
+from skmpm.step import contact_solve
+from skmpm.step.bulk import Bulk
+from skmpm.step.contact_stiffness import ContactStiffness
+from skmpm.step.equations import Increment
+from skmpm.step.iteration import Refactorisation
+from skmpm.step.matrix import solver_of
+from skmpm.step.rotation import drift, matrix_turns, turned_solver, with_balanced_momentum
 
 R = 1e-3
 
@@ -63,7 +64,7 @@ def test_with_inertia_the_stiffness_that_failed_is_tried_again(monkeypatch):
         failures.append((first, found.contact.stiffness_failures - contact.stiffness_failures))
         return found
 
-    monkeypatch.setattr(import_module("skmpm.implicit.newton"), "solve", failing_at_first)
+    monkeypatch.setattr(import_module("skmpm.step.newton"), "solve", failing_at_first)
     state = last(squeezed(0.0), 6)
     assert (True, 1) in failures and (False, 0) in failures and (False, 1) not in failures
     assert state.wall_force == pytest.approx(expected.wall_force, rel=1e-5, abs=1e-6)
@@ -71,7 +72,7 @@ def test_with_inertia_the_stiffness_that_failed_is_tried_again(monkeypatch):
 
 def test_where_the_stiffness_fails_half_of_it_is_used(monkeypatch):
     """If no contact solve succeeds with all of it, steps take fewer iterations with half of it than without."""
-    newton, solve, softer = import_module("skmpm.implicit.newton"), contact_solve.solve, ContactStiffness.softer
+    newton, solve, softer = import_module("skmpm.step.newton"), contact_solve.solve, ContactStiffness.softer
     most, shares = contact_solve.MAX_STEPS, []
 
     def failing(*arguments):
@@ -97,7 +98,7 @@ def test_where_the_stiffness_fails_half_of_it_is_used(monkeypatch):
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_a_contact_solve_leaves_the_iterate_as_it_is(monkeypatch, friction):
     """Solved twice, an iterate gives the same direction and impulses bit for bit, and keeps its own."""
-    newton, calls = import_module("skmpm.implicit.newton"), []
+    newton, calls = import_module("skmpm.step.newton"), []
 
     def twice(contact, solver, gradient):
         r, delassus, key = contact.r.copy(), contact.delassus, contact.known.key
@@ -248,7 +249,7 @@ def test_a_failure_names_the_criteria_that_are_not_met_and_no_other(iterations, 
 
 def test_pressed_bodies_in_long_steps_get_mass_before_a_factorisation_fails(monkeypatch):
     """With just the mass that a rotation lacks the softest mode stayed unstable."""
-    matrix, calls = import_module("skmpm.implicit.matrix"), []
+    matrix, calls = import_module("skmpm.step.matrix"), []
     for name in ("without_added_mass", "_solver"):
         original = getattr(matrix, name)
         monkeypatch.setattr(matrix, name, lambda *a, of=original, n=name: (calls.append(n), of(*a))[1])
@@ -324,7 +325,7 @@ def test_momentum_is_corrected_against_the_last_contact_solve_or_not_at_all():
 
 def test_the_tolerated_energy_gain_is_relative_to_the_energy_exchanged_in_the_step():
     """Arches at rest had every twelfth step halved, for 1e-5 of an energy that did not change."""
-    checks, report = import_module("skmpm.simulate.acceptance"), import_module("skmpm.implicit.budget")
+    checks, report = import_module("skmpm.step.acceptance"), import_module("skmpm.step.terms")
     scene = squeezed()
     states = [last(scene, 2), replace(last(scene, 2), step_control=replace(last(scene, 2).step_control, halvings=9))]
 

@@ -24,7 +24,8 @@ from skmpm.observe import network, observe
 from skmpm.points import Points, disc
 from skmpm.scene import Body, Contacts, Report, Scene, State, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 DT = 2e-5
 

@@ -16,7 +16,8 @@ from skmpm.points import box as block
 from skmpm.run import simulate
 from skmpm.scene import Body, Contacts, Pressure, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 SOFT = NeoHookean(1e7, 0.45, 990.0)
 SEEDS = st.integers(0, 2**32 - 1)

@@ -20,7 +20,8 @@ from skmpm.points import Points, box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 sys.path.append(str(Path(__file__).parents[1] / "verification"))
 from self_contact import rectilinear
@@ -205,15 +206,15 @@ def test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall():
 def test_a_linear_material_makes_one_tangent_and_searches_no_line(build):
     """In a whole run; at finite strain a tangent for each matrix, and line searches."""
     calls, states = run(build(LINEAR))
-    names = ("skmpm.implicit.bulk.Bulk.stiffness", "skmpm.assembly.Assembly.matrix")
+    names = ("skmpm.step.bulk.Bulk.stiffness", "skmpm.assembly.Assembly.matrix")
     assert [calls[name] for name in names] == [1, 1]
     assert sum(state.report.factorisations for state in states) == 1
-    assert calls["skmpm.implicit.line_search._search"] == 0
+    assert calls["skmpm.step.iteration._search"] == 0
     calls, states = run(build(SOFT))
     matrices = sum(state.report.factorisations for state in states)
     assert [calls[name] for name in names] == [matrices, matrices]
     assert matrices >= STEPS
-    assert calls["skmpm.implicit.line_search._search"] > 0
+    assert calls["skmpm.step.iteration._search"] > 0
 
 
 def test_a_linear_material_computes_its_delassus_operator_once():
@@ -236,7 +237,7 @@ def test_with_regridding_only_points_in_contact_enter_the_delassus_operator(sche
 @pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
 def test_the_potential_of_a_linear_material_is_never_evaluated(build):
     """Its energies are those of the report, two a step; at finite strain line searches and the start ask for more."""
-    energies = ("skmpm.implicit.residual.Increment.energy", "skmpm.implicit.bulk.Bulk.energy")
+    energies = ("skmpm.step.equations.Increment.energy", "skmpm.step.bulk.Bulk.energy")
     calls, _ = run(build(LINEAR))
     assert [calls[name] for name in energies] == [0, 2 * STEPS]
     calls, _ = run(build(SOFT))
@@ -247,7 +248,7 @@ def test_the_potential_of_a_linear_material_is_never_evaluated(build):
 @pytest.mark.parametrize("build", [alone, squeezed], ids=["alone", "in contact"])
 def test_without_viscosity_no_function_of_it_runs(build, material):
     """In a whole run, and no matrix and no energy is evaluated more often; with it some are."""
-    viscous = ("skmpm.material.viscous", "skmpm.implicit.viscous")
+    viscous = ("skmpm.material.viscous", "skmpm.step.forces")
     calls, states = run(build(material))
     assert calls.below(*viscous) == 0
     assert states[-1].report.energy.viscous == 0.0
@@ -431,7 +432,7 @@ def test_without_inertia_no_mass_enters_the_matrix_and_no_kinetic_energy_is_summ
         state = initial(scene, scheme=scheme)
         with Calls() as calls:
             step(scene, state, DT, scheme=scheme)
-        return matrices[0], calls["skmpm.simulate.energy_budget.kinetic_energy"]
+        return matrices[0], calls["skmpm.step.budget.kinetic_energy"]
 
     (light, none), (heavy, _) = pull(1.0, False), pull(1000.0, False)
     assert np.array_equal(light, heavy)

@@ -30,11 +30,11 @@ from skmpm import (
     simulate,
     step,
 )
-from skmpm.implicit import Budget
 from skmpm.material import has_memory, in_step, virgin
 from skmpm.plot.snapshot import OfFrame
 from skmpm.scene import mises, plastic_strain, stress_zz
-from skmpm.simulate.regrid import bulk_of
+from skmpm.step.regrid import bulk_of
+from skmpm.step.terms import Budget
 
 R, CELL, DT = 1e-3, 0.25e-3, 2e-5
 METAL = ElastoPlastic(1e6, 0.3, 1000.0, yield_stress=1e4, hardening=5e4)

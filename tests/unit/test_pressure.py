@@ -6,9 +6,9 @@ from test_only_what_is_required import Calls
 
 import skmpm
 from skmpm import outline
-from skmpm.implicit import Configuration
 from skmpm.points import Points
-from skmpm.simulate.forces import follower_pressure
+from skmpm.step.scene_forces import follower_pressure
+from skmpm.step.terms import Configuration
 
 R = 1e-3
 GEL = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000.0)

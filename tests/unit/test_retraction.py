@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from skmpm import Body, LinearElastic, NeoHookean, Scene, Scheme, disc, initial
-from skmpm.implicit import Bulk, Increment
-from skmpm.implicit.retraction import retracted
+from skmpm.step.bulk import Bulk
+from skmpm.step.equations import Increment
+from skmpm.step.rotation import retracted
 
 R, DT = 1e-3, 1e-4
 

@@ -8,7 +8,7 @@ from skmpm.points import box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial
+from skmpm.step.initial_state import initial
 
 
 def test_gravity_does_work_on_them_at_both_ends_of_quasi_static_steps():

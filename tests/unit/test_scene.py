@@ -14,7 +14,8 @@ from skmpm.preflight import preflight
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, Spring, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 R, CELL = 1.0, 0.4
 GEL = NeoHookean(1e6, 0.3, 1000.0)

@@ -5,7 +5,7 @@ import pytest
 
 from skmpm import Body, NeoHookean, Periodic, Scene, Scheme, Wall, contact, disc, initial, step
 from skmpm.contact import projection
-from skmpm.implicit.contact_stiffness import contact_stiffness
+from skmpm.step.contact_stiffness import contact_stiffness
 
 R, H = 1.0, 0.2
 GEL = NeoHookean(1e6, 0.3, 1000.0)

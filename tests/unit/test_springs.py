@@ -11,13 +11,14 @@ import scipy.sparse as sp
 
 import skmpm
 from skmpm import LinearElastic, NeoHookean, Spring, coulomb, linear, spring_forces
-from skmpm.implicit import Configuration
 from skmpm.points import box, disc, from_mesh
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
-from skmpm.simulate.springs import springs_of
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
+from skmpm.step.scene_forces import springs_of
+from skmpm.step.terms import Configuration
 
 sys.path.append(str(Path(__file__).parent))
 from test_only_what_is_required import Calls
@@ -487,9 +488,7 @@ def test_a_scene_without_springs_calls_none_of_them():
         start = initial(scene)
         with Calls() as found:
             step(scene, start, 1e-2)
-        return sum(
-            found.below(name) for name in ("skmpm.implicit.springs", "skmpm.linear.joined", "skmpm.scene.springs")
-        )
+        return sum(found.below(name) for name in ("skmpm.step.forces", "skmpm.linear.joined", "skmpm.scene.springs"))
 
     assert calls(replace(pair(), springs=())) == 0
     assert calls(pair()) > 0

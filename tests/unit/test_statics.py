@@ -26,8 +26,9 @@ from skmpm import (
     save,
 )
 from skmpm.run import simulate
-from skmpm.simulate import initial, step
-from skmpm.simulate.forces import equilibrium_depends_on_dt
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
+from skmpm.step.scene_forces import equilibrium_depends_on_dt
 
 R, H, E = 1.0, 0.2, 1e6
 GEL, LINEAR = NeoHookean(E, 0.3, 1000.0), LinearElastic(E, 0.3, 1000.0)

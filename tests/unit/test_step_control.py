@@ -23,9 +23,10 @@ from skmpm.preflight import preflight
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
-STEP_CONTROL = import_module("skmpm.simulate.step_control")
+STEP_CONTROL = import_module("skmpm.step.step_control")
 IMPACT = Scene(
     [round_body(velocity=(0, -20.0), material=SOFT)], cell=CELL, walls=[Wall((0, -R - 3e-4), (0, 1), friction=0.5)]
 )

@@ -18,7 +18,7 @@ from skmpm.preflight.metrics import examine
 from skmpm.preflight.suggest import LAWS, Suggestion, suggest
 from skmpm.scene import Body, Load, Pressure, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate.loading import free_height, gravity_of, loading_of
+from skmpm.step.loading import free_height, gravity_of, loading_of
 
 SOFT, R = NeoHookean(1e5, 0.3, 1000.0), 0.1
 WAVE = float(np.sqrt((SOFT.lame[0] + 2.0 * SOFT.lame[1]) / SOFT.density))

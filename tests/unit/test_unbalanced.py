@@ -8,7 +8,8 @@ from skmpm.points import disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Load, Periodic, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 R, CELL = 1e-3, 2e-4
 GEL = NeoHookean(10e6, 0.45, 990.0)

@@ -21,9 +21,10 @@ from skmpm import (
     simulate,
     step,
 )
-from skmpm.implicit import Budget, StepRejected
 from skmpm.material import LinearElastic, Viscous, determinant, inverse, product
-from skmpm.simulate.acceptance import check_step
+from skmpm.step.acceptance import check_step
+from skmpm.step.errors import StepRejected
+from skmpm.step.terms import Budget
 
 SEED = st.integers(0, 2**32 - 1)
 STEP, N, ETA, DT = 1e-30, 8, 3.0, 0.25

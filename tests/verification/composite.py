@@ -27,7 +27,8 @@ from skmpm.material import LinearElastic
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.scene import Body, Scene, Support
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 STATIC = Scheme(inertia=False, newton_tol=1e-10)
 

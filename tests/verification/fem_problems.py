@@ -12,7 +12,8 @@ from ledger import relative
 from skmpm import linear, points
 from skmpm.scene import Body, Load, Scene, Support
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
 
 SIDE = 2.0  # of the quarter of the plate [m]
 SPACING = 1 / 4  # of the points, in cells: what the goals take, see `test_fem_elasticity.rows`

@@ -24,8 +24,8 @@ from skmpm.points import Points, box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial
-from skmpm.simulate import step as advance
+from skmpm.step.algorithm import step as advance
+from skmpm.step.initial_state import initial
 
 E, NU, G, DENSITY = 1e6, 0.3, 10.0, 1000.0
 STIFFNESS = E / (1.0 - NU**2)  # E*

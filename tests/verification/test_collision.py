@@ -21,9 +21,9 @@ from skmpm.points import Points, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial
+from skmpm.step.initial_state import initial
 
-end_of_step = import_module("skmpm.implicit.end")
+end_of_step = import_module("skmpm.step.end")
 
 R, E, NU, DENSITY, SPEED = 0.2, 1000.0, 0.3, 1000.0, 0.1
 MASS = np.pi * R**2 * DENSITY

@@ -1,7 +1,7 @@
 """Crystals of discs without friction and without inertia: a hexagonal one, sheared, and a square one between walls.
 
 All discs are alike, so errors of the discretisation do not cancel. In the continuum contacts exert no moment on such
-a disc (`implicit.gauge`), so the mean stress is symmetric, and symmetry makes many contact forces equal.
+a disc (`step.gauge`), so the mean stress is symmetric, and symmetry makes many contact forces equal.
 
 The hexagonal crystal is squeezed by 4 % and then sheared by 1 %. The reference of its shear stress is the limit of
 fine grids: 1537 Pa at R/h = 20, 1544 at 32. Quadratic triangles with a penalty contact, coded separately, gave 1552

@@ -14,7 +14,7 @@ from skmpm.points import box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Support
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial
+from skmpm.step.initial_state import initial
 from skmpm.transfer import nodal_velocity
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}

@@ -19,7 +19,7 @@ from skmpm.points import Points, box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial
+from skmpm.step.initial_state import initial
 
 G, DENSITY, SLOPE = 10.0, 1000.0, np.radians(30.0)
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}

@@ -16,8 +16,9 @@ from skmpm.points import box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial, step
-from skmpm.simulate.regrid import bulk_of, regridded_state
+from skmpm.step.algorithm import step
+from skmpm.step.initial_state import initial
+from skmpm.step.regrid import bulk_of, regridded_state
 
 SOFT, LINEAR = NeoHookean(1e6, 0.3, 1000.0), LinearElastic(1e6, 0.3, 1000.0)
 STIFF = NeoHookean(1e8, 0.3, 1000.0)
@@ -268,7 +269,7 @@ def test_zero_gravity_forms_nothing(monkeypatch):
     def never(*arguments):
         raise AssertionError("gravity was formed")
 
-    monkeypatch.setattr(import_module("skmpm.simulate.forces"), "gravity_at", never)
+    monkeypatch.setattr(import_module("skmpm.step.scene_forces"), "gravity_at", never)
     still, falling = (Scene([round_body((0, 0))], cell=CELL, gravity=g) for g in ((0, 0.0), (0.0, -1e-9)))
     step(still, initial(still), DT)
     with pytest.raises(AssertionError, match="gravity was formed"):

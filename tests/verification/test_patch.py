@@ -34,7 +34,7 @@ from skmpm import (
 )
 from skmpm.material import Anchored
 from skmpm.points import Points
-from skmpm.simulate.regrid import bulk_of, regridded_state
+from skmpm.step.regrid import bulk_of, regridded_state
 
 E, CELL = 1e6, 1 / 6
 CORNER = np.array([0.37, 0.21]) * CELL

@@ -13,7 +13,7 @@ from skmpm.points import disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, StepFailed, Wall
 from skmpm.scheme import Scheme
-from skmpm.simulate import initial
+from skmpm.step.initial_state import initial
 
 G, R, DENSITY = 10.0, 0.1, 1000.0
 SOLVERS = {"banded": linear.banded}  # amg solves for one contact row at a time: a pile takes it a quarter of an hour

@@ -1,0 +1,175 @@
+"""One time step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from numbers import Real
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.contact import with_largest_forces
+from skmpm.contact.self_contact import touches
+from skmpm.linear import Delassus, Solver, one_thread
+from skmpm.parallel import threads
+from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
+from skmpm.scene.report import Timer
+from skmpm.scheme import Scheme
+from skmpm.step.acceptance import check_step
+from skmpm.step.budget import budget_of
+from skmpm.step.contact_problem import ContactIterate, ContactProblem, KnownForces
+from skmpm.step.driven import check_driven
+from skmpm.step.end import carried, end_of_step
+from skmpm.step.equations import Increment
+from skmpm.step.errors import SMALLER, StepRejected
+from skmpm.step.gauge import gauge_condition
+from skmpm.step.initial_state import check_cohesion, check_scheme
+from skmpm.step.iteration import Solution
+from skmpm.step.new_state import contacts_of, end_state, kept_solver
+from skmpm.step.newton import advance
+from skmpm.step.regrid import check_connected, check_parts_apart, regridded_state
+from skmpm.step.report import report_of, unbalanced_ratio
+from skmpm.step.rigid_edges import indenting_edge_message
+from skmpm.step.scene_forces import equilibrium_depends_on_dt, terms_of
+from skmpm.step.start import configuration_at_start, first_velocity, scalar_unknowns
+from skmpm.step.statics import settle
+
+Array = NDArray[np.float64]
+
+LOAD_STEPS = "begin without gaps, apply loads in steps, as functions of time, or use inertia; not a smaller dt"
+
+SHORTEST = 1e-100  # [s]; with shorter steps, velocities overflow
+
+
+def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
+    """Advance `state` by `dt` [s] and return the new state; a pure function.
+
+    Raises
+    ------
+    StepFailed
+        if the equations of the step are not solved, or the result violates an acceptance check
+        (`step.acceptance`); its `state` is the argument `state`
+    ValueError
+        if dt is not positive or scheme is not a Scheme; SceneError if the state belongs to another scene, or a
+        prescribed velocity, load or gravity is not finite
+    """
+    check_scheme("step", scheme)
+    check_fits(scene, state, "step")
+    check_cohesion("step", scene, scheme)
+    check_driven("step", scene, scheme)
+    check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
+    timer, start = Timer(), state
+    state, regridded = regridded_state(scene, start, scheme)
+    motions = prescribed_velocities(scene, state.t, dt, state.box)
+    unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
+    if unknowns is not None:
+        motions = unknowns.motions(unknowns.inertia.v0)
+    v0, at_start = first_velocity(scene, state, motions, scheme), configuration_at_start(scene, state, scheme)
+    terms = tuple(terms_of(scene, state, at_start, dt, scheme))
+    increment = Increment(
+        at_start,
+        v0 if unknowns is None else np.concatenate([v0, unknowns.inertia.v0]),
+        terms,
+        dt,
+        scheme,
+        state.grids.supports,
+        motions.supports,
+        gauge=gauge_condition(scene, state, v0, terms, dt, scheme),
+        depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
+        scalars=unknowns,
+    )
+    timer.lap("transfer")
+    try:
+        check_connected(scene, state)
+        check_parts_apart(scene, state, scheme)
+        with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
+            solver, delassus = kept_solver(scene, state, increment)
+            problem_of = partial(_contact_problem, scene, increment, motions, timer, delassus)
+            if scheme.inertia:
+                solution = advance(increment, problem_of(state), solver, timer)
+            else:
+                solution = _equilibrium(scene, state, increment, motions.fastest, problem_of, solver, timer)
+            increment, solution = carried(increment, solution)
+            end = end_of_step(increment, solution, motions)
+            after = end_state(scene, state, increment, solution, end)
+            timer.lap("transfer")
+            budget = budget_of(scene, state, increment, solution, end, after)
+            timer.lap("report")
+            overlap = check_step(scene, scheme, state, after, budget, solution.solves)
+            timer.lap("overlap")
+    except (StepRejected, np.linalg.LinAlgError, ArithmeticError) as error:  # compiled loops: ZeroDivisionError
+        raise _failure(scene, start, increment, error) from error
+    unbalanced = unbalanced_ratio(scene, increment, solution, after)
+    report = report_of(
+        start.report.energy, increment, solution, budget, overlap, unbalanced=unbalanced, regridded=regridded
+    )
+    return replace(after, report=replace(report, seconds=dict(timer.seconds)))
+
+
+def _contact_problem(
+    scene: Scene,
+    increment: Increment,
+    motions: PrescribedVelocities,
+    timer: Timer,
+    delassus: Delassus | None,
+    state: State,
+) -> ContactProblem | None:
+    """The contact problem of the step, with the contact points to which the velocities of a state lead.
+
+    None where a single body and no part of it can touch anything.
+    """
+    scheme, contacts = increment.scheme, state.contacts
+    if not touches(scene, state, scheme.contact):
+        return None
+    linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions, scheme.inertia)
+    timer.lap("detection")
+    known = KnownForces(contacts.key, contacts.force)
+    held = scene.supporting >= 0
+    return ContactProblem(linearise, increment, known, timer, supported=held, delassus=delassus)
+
+
+def _equilibrium(
+    scene: Scene,
+    state: State,
+    increment: Increment,
+    fastest: float,
+    problem_of: Callable[[State], ContactProblem | None],
+    kept: Solver | None,
+    timer: Timer,
+) -> Solution:
+    """The solution of a step without inertia; motions are prescribed that are at most as fast as this [m/s]."""
+    contacts = state.contacts
+
+    def problem_at(w: Array, found: ContactIterate | None) -> ContactProblem | None:
+        nonlocal contacts
+        if found is not None:
+            contacts = with_largest_forces(contacts, contacts_of(found.constraints, found.r, increment.dt))
+        v = state.v.copy()
+        v[:, scene.deformable_points] = increment.grid.at_points(increment.on_nodes(w))
+        return problem_of(replace(state, v=v, contacts=contacts))
+
+    return settle(increment, problem_at, kept, timer, increment.dt * fastest)
+
+
+def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:
+    """The failure of the step from a state; it is retryable if a shorter step has other equations."""
+    reason = _floating_point_failure(start, error) if isinstance(error, ArithmeticError) else str(error)
+    edge = "" if increment.scheme.inertia else indenting_edge_message(scene, start.contacts)
+    remedy = reason if increment.depends_on_dt else reason.replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
+    message = f"the step from t = {start.t:.6g} s with dt = {increment.dt:.3g} s failed: {remedy}{edge}"
+    return StepFailed(message, start, retryable=increment.depends_on_dt and getattr(error, "retryable", True))
+
+
+def _floating_point_failure(state: State, error: ArithmeticError) -> str:
+    """The message of an overflow, a division by zero or an invalid operation, with the fastest body."""
+    fastest = int(np.argmax(np.abs(state.v).max(axis=0)))
+    b = state.body[fastest]
+    return f"body {b}, the fastest of all: floating-point error ({error}); use a smaller dt or check its velocity"
+
+
+def check_time(name: str, value: object, lowest: float, expected: str) -> None:
+    """Raise ValueError unless a value is a finite number of at least `lowest` [s]."""
+    if not (isinstance(value, Real) and lowest <= float(value) < np.inf):
+        raise ValueError(f"{name} = {value!r}; give {expected}, finite and in seconds")

@@ -1,0 +1,272 @@
+"""Candidate contacts: those that enter the contact problem, since they may close and their gap can change.
+
+The contact problem of a step: constraints, impulses and Delassus operator at an iterate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm import coulomb
+from skmpm.constraint_elimination import Elimination
+from skmpm.contact import Constraints, Linearise
+from skmpm.grid import BodyGrids
+from skmpm.linear import Delassus, Solver
+from skmpm.scene.report import Timer
+from skmpm.step.contact_scale import ContactScale
+from skmpm.step.contact_stiffness import sticking
+from skmpm.step.equations import Increment
+from skmpm.step.errors import StepRejected, pair
+from skmpm.step.scalar_unknowns import RESPONSE, driven
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+# [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
+# closes from a larger gap is one in the next.
+MAX_CANDIDATE_GAP = 0.08
+# [cells] Largest penetration of a supported point, a fifth of what `step.acceptance` accepts at walls.
+MAX_SUPPORTED_PENETRATION = 0.01
+ZERO_COMPONENT = 1e-9  # component of a unit normal that counts as zero
+MIN_RESPONSE = 1e-12  # over the median diagonal entry of W: round-off of a contact that cannot respond
+BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
+ROUND_OFF_FACTOR = 5.0  # over the round-off of impulses: what counts as zero
+
+
+def candidates(
+    constraints: Constraints,
+    grid: BodyGrids,
+    supports: Elimination | None,
+    supported: Bools,
+    rows: Callable[[Constraints], sp.csr_array] | None = None,
+) -> Constraints:
+    """The contacts, closed or not, whose gap is below `MAX_CANDIDATE_GAP` and can change, and those in tension.
+
+    `supported` (2, n) are the velocity components of the points that supports prescribe; `rows` gives
+    the columns of H for unknowns that are not on the grids.
+
+    Raises
+    ------
+    StepRejected
+        if a point that cannot move penetrates what it touches
+    """
+    if constraints.size == 0:
+        return constraints
+    near = constraints.gap < MAX_CANDIDATE_GAP * grid.cell
+    constraints = constraints.among(near | (constraints.tensile_strength > 0.0))
+    if supports is None or constraints.size == 0:
+        return constraints
+    movable = _movable(constraints, grid, supports, supported)
+    if rows is not None:
+        movable |= driven(rows(constraints), constraints)
+    penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
+    if penetrating.size:
+        bodies = constraints.bodies[:, penetrating[0]]
+        raise StepRejected(pair(bodies), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
+    return constraints.among(movable)
+
+
+def _movable(constraints: Constraints, grid: BodyGrids, supports: Elimination, supported: Bools) -> Bools:
+    """Whether nodes move contacts along their normals, (k,): supports or rigid bodies may prescribe both sides."""
+    normal = constraints.H[:: 2 if constraints.tangential else 1]
+    free = abs(normal @ supports.T).sum(axis=1) > 1e-12
+    rigid = (constraints.bodies[1] < 0) | (np.diff(grid.blocks)[np.maximum(constraints.bodies[1], 0)] == 0)
+    prescribed = (supported[:, constraints.point] | (np.abs(constraints.normal) < ZERO_COMPONENT)).all(axis=0)
+    return np.asarray(free & ~(rigid & prescribed & (constraints.point >= 0)))
+
+
+def check_response(constraints: Constraints, normal: Array, supports: Elimination | None) -> None:
+    """Raise StepRejected if a contact cannot respond along its normal; `normal` (k,) are entries of diag W [1/kg]."""
+    if supports is None:
+        return
+    stiffest = int(np.argmin(normal))
+    if not normal[stiffest] > MIN_RESPONSE * float(np.median(normal)):
+        raise StepRejected(pair(constraints.bodies[:, stiffest]), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
+
+
+@dataclass(frozen=True)
+class KnownForces:
+    """Contact forces of the previous step, or of the last contact solve in this one."""
+
+    key: Ints  # (k,) contacts
+    force: Array  # (2, k) normal and tangential [N/m]
+    normal: Array | None = None  # (2, k) of the surfaces, if the forces were found in this step
+    scale: ContactScale | None = None  # of residuals, if there was a contact solve in this step
+
+    def on(self, constraints: Constraints, dt: float) -> Array:
+        """The known impulses on other constraints: contacts that stick keep the vector, others its components.
+
+        Components are those along the normal and the tangent, which change with the contact geometry.
+        """
+        r = constraints.impulses(self.key, self.force, dt)
+        if not constraints.tangential or self.normal is None:
+            return r
+        n, t = self.normal, np.stack([-self.normal[1], self.normal[0]])
+        vector = constraints.impulses(self.key, self.force[0] * n + self.force[1] * t, dt).reshape(-1, 2).T
+        same_vector = np.stack(
+            [np.einsum("ik,ik->k", a, vector) for a in (constraints.normal, constraints.tangent)], axis=1
+        ).ravel()
+        sticks = np.logical_and(
+            *(sticking(constraints.lifted(a, dt), constraints.friction) for a in (r, same_vector))
+        )
+        return np.where(np.repeat(sticks, 2), same_vector, r)
+
+
+@dataclass(frozen=True)
+class ContactProblem:
+    """What the contact problems of all iterations of a step have in common."""
+
+    linearise: Linearise
+    increment: Increment
+    known: KnownForces  # at the start of the step
+    timer: Timer
+    supported: NDArray[np.bool_] = field(  # (2, n) velocity components of the points that supports prescribe
+        default_factory=lambda: np.zeros((2, 0), dtype=bool)
+    )
+    delassus: Delassus | None = None  # of an earlier step with the same matrix
+
+    def within(self, increment: Increment, kept: Solver | None) -> ContactProblem:
+        """The same with other equations of the step, and without the operator of a factor that is not kept."""
+        return replace(self, increment=increment, delassus=self.delassus if kept else None)
+
+    def after(self, contact: ContactIterate | None) -> ContactProblem:
+        """The problem of a solve that follows another one in the same step."""
+        if contact is None:
+            return self
+        force = contact.constraints.forces(contact.r, self.increment.dt)
+        return replace(self, known=KnownForces(contact.constraints.key, force))
+
+    def candidates(self, moving: Array) -> Constraints:
+        """The constraints about a velocity (n,) that enter the contact problem."""
+        increment, unknowns = self.increment, self.increment.scalars
+        nodes, z = increment.on_nodes(moving), increment.of_scalars(moving)
+        found = self.linearise(nodes) if unknowns is None else self.linearise(nodes, unknowns.motions(z))
+        rows = None if unknowns is None else partial(unknowns.rows, z)
+        return candidates(found, increment.grid, increment.supports, self.supported, rows)
+
+    @cached_property
+    def speed_round_off(self) -> float:
+        """Round-off of gap velocities that comes from positions [m/s]."""
+        grid = self.increment.grid
+        extent = grid.cell * float(np.abs(grid.node_index).max(initial=0))
+        return 4.0 * float(np.finfo(float).eps) * extent / self.increment.dt
+
+    def at(self, w: Array) -> ContactIterate:
+        """The contact problem linearised about the velocity w (n,)."""
+        return _iterate(self, w, self.known, self.delassus)
+
+
+@dataclass(frozen=True)
+class ContactIterate:
+    """The contact problem linearised about a velocity w, with impulses: the known ones, or those of a solve at w."""
+
+    problem: ContactProblem
+    known: KnownForces
+    delassus: Delassus | None  # belongs to the solver in use; None before a new factorisation
+    constraints: Constraints
+    r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
+    u: Array  # relative velocities at w, with gaps over dt
+    moving: Array  # w with what a periodic box adds, (n,) [m/s]
+    iterations: int = 0  # of the contact solver in this step
+    stiffness_failures: int = 0  # contact solves with geometric stiffness that did not converge
+
+    @property
+    def increment(self) -> Increment:
+        """The equations of the step without contact."""
+        return self.problem.increment
+
+    @cached_property
+    def J(self) -> sp.csr_array:
+        """The columns of H for the scalar unknowns, (rows of H, p)."""
+        unknowns = self.increment.scalars
+        if unknowns is None:
+            return sp.csr_array((self.constraints.D.shape[0], 0))
+        return unknowns.rows(self.increment.of_scalars(self.moving), self.constraints)
+
+    @property
+    def elastic_shares(self) -> Array | float:
+        """Of the response of each contact the share that is not that of scalar unknowns without mass, (k,).
+
+        Between walls of prescribed motion gaps are a millionth of it anyway.
+        """
+        unknowns = self.increment.scalars
+        if unknowns is None or unknowns.inertia.mass.any():
+            return 1.0
+        return np.where(driven(self.J, self.constraints), RESPONSE, 1.0)
+
+    @cached_property
+    def impulse(self) -> Array:
+        """The contact impulse theta H^T r, (n,) [kg m/s per m]."""
+        if self.constraints.size == 0:
+            return np.zeros_like(self.moving)
+        return self.pushed(self.r)
+
+    def pushed(self, r: Array, at_points: Array | float = 0.0) -> Array:
+        """The impulse theta H^T r of impulses r, with others at the contact points (2 m,), (n,) [kg m/s per m]."""
+        nodes = self.constraints.at_nodes(self.constraints.D.T @ r + at_points)
+        return self.increment.theta * self.increment.with_scalars(nodes, self.J.T @ r)
+
+    def relative(self, at_points: Array, w: Array) -> Array:
+        """Relative velocities H w of contact points that move at (2 m,), with the scalars of w (n,), rows of H."""
+        return np.asarray(self.constraints.D @ at_points + self.J @ self.increment.of_scalars(w))
+
+    @property
+    def lifted(self) -> Array:
+        """The impulses r + c l dt n, which obey the law without cohesion."""
+        return self.constraints.lifted(self.r, self.increment.dt)
+
+    @cached_property
+    def residual(self) -> float:
+        """Relative residual of the contact law; infinite before the first contact solve of the step."""
+        constraints, scale = self.constraints, self.known.scale
+        if constraints.size == 0:
+            return 0.0
+        if scale is None:
+            return float("inf")
+        diagonal = scale.diagonal_of(constraints)
+        return coulomb.residual(self.lifted, self.u, constraints.friction, diagonal, reference=scale.reference)
+
+    @property
+    def impulse_round_off(self) -> float:
+        """Size of the contact impulse of round-off in gap velocities [kg m/s per m]; zero before the first solve."""
+        scale = self.known.scale
+        if scale is None or scale.key.size == 0:
+            return 0.0
+        return ROUND_OFF_FACTOR * float(np.linalg.norm(self.problem.speed_round_off / scale.diagonal[0]))
+
+    def worst_pair(self) -> str:
+        """The pair of bodies with the largest contact residual, as text."""
+        if self.known.scale is None:
+            return "contacts not solved yet"
+        diagonal = self.known.scale.diagonal_of(self.constraints)
+        residuals = coulomb.residuals(self.lifted, self.u, self.constraints.friction, diagonal)
+        return pair(self.constraints.bodies[:, np.argmax(residuals)])
+
+    def at(self, w: Array) -> ContactIterate:
+        """The contact problem linearised about another velocity."""
+        found = _iterate(self.problem, w, self.known, self.delassus)
+        return replace(found, iterations=self.iterations, stiffness_failures=self.stiffness_failures)
+
+    def without_delassus(self) -> ContactIterate:
+        """The same without the Delassus operator, which belongs to a solver that is about to be released."""
+        return replace(self, delassus=None)
+
+
+def _iterate(problem: ContactProblem, w: Array, known: KnownForces, delassus: Delassus | None) -> ContactIterate:
+    """Linearise about w (n,), with the known impulses."""
+    problem.timer.lap("bulk")
+    increment, moving = problem.increment, problem.increment.carried(w, w)
+    constraints = problem.candidates(moving)
+    r = u = np.zeros(0)
+    if constraints.size > 0:
+        r = known.on(constraints, increment.dt)
+        u = constraints.D @ constraints.at_contact_points(increment.on_nodes(moving)) + constraints.offset
+    problem.timer.lap("detection")
+    return ContactIterate(problem, known, delassus, constraints, r, u, moving)

@@ -1,0 +1,199 @@
+"""Solution of the contact problem on the linearised bulk: Newton direction and contact impulses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm import coulomb
+from skmpm.linear import Solver
+from skmpm.step.compliance import Border, delassus_matrix
+from skmpm.step.contact_problem import ContactIterate, KnownForces, check_response
+from skmpm.step.contact_scale import ContactScale, contact_scale
+from skmpm.step.contact_stiffness import ContactStiffness, contact_stiffness
+from skmpm.step.errors import NOTHING_DEFORMS, SMALLER, StepRejected, pair
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Largest share of the quadratic form of A along a Newton direction that the geometric stiffness of contact may
+# cancel: with the impulses of the previous step, and with those of an earlier iteration of this one.
+MAX_SOFTENING_FIRST, MAX_SOFTENING = 0.5, 0.95
+# Iterations of the contact solver with geometric stiffness: one to six are usual, near a limit point a hundred. It
+# tries no other method then: of 242 problems that 12 iterations did not solve, projected gradient steps and others
+# solved 14, in as much time as all iterations took. With half of the stiffness, from the contacts without it, three
+# iterations solved 170 of 180 such problems, with a quarter 7 of 10 others.
+MAX_STEPS = 12
+SHARES = 0.5, 0.25
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A Newton direction, the contact impulse that belongs to it, and the contact problem with its impulses."""
+
+    contact: ContactIterate
+    direction: Array  # (n,) [m/s]
+    impulse: Array  # (n,) [kg m/s per m], with that of the geometric stiffness
+
+
+def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction:
+    """Newton direction with impulses that satisfy the contact law on the linearised bulk.
+
+    u = u(w) + H [A^-1 (theta H^T r - gradient)] + W (r_new - r).
+    """
+    constraints, increment, timer = contact.constraints, contact.increment, contact.problem.timer
+    if constraints.size == 0:
+        return Direction(contact, increment.limited(-increment.solved(solver, gradient)), contact.impulse)
+    geometric = contact_stiffness(constraints, contact.r, increment.dt, increment.scheme.theta)
+    with_known = increment.solved(solver, contact.impulse - gradient)
+    timer.lap("linear")
+    W, borders, delassus = delassus_matrix(contact, solver, geometric)
+    timer.lap("delassus")
+    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, borders, with_known)
+    found = linearised.with_stiffness(geometric)
+    timer.lap("linear")
+    return found
+
+
+@dataclass(frozen=True)
+class _Impulses:
+    """The result of the contact solver."""
+
+    r: Array
+    rho: Array  # of the geometric stiffness
+    scale: ContactScale
+    iterations: int
+    residual: float
+    worst: int | None  # the contact with the largest residual, if the solver did not converge
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    """The contact problem on the bulk linearised at an iterate."""
+
+    contact: ContactIterate
+    solver: Solver
+    gradient: Array  # (n,)
+    W: sp.csr_array  # of contacts, then of the geometric stiffness
+    borders: list[Border]  # of W
+    with_known: Array  # (n,) velocity increment under the known impulses
+
+    def with_stiffness(self, geometric: ContactStiffness | None) -> Direction:
+        """The direction with the geometric stiffness of contact, or as much of it as is usable.
+
+        The geometric stiffness is indefinite. Where it cancels most of the quadratic form of A along the direction,
+        the contacts are near a limit point (`contact_stiffness`) and the direction is far too long. Where the contact
+        solver does not converge with all of it, it tries shares of it, from the solution without.
+        """
+        if geometric is None:
+            return self._without(self._impulses(None, self.contact.lifted), 0, 0)
+        found = self._impulses(geometric, self.contact.lifted)
+        if found.worst is None and (usable := self._usable(geometric, found, 0)):
+            return usable
+        without = self._impulses(None, self.contact.lifted)
+        failed, iterations = found.worst is not None, found.iterations
+        for share in SHARES if failed and without.worst is None else ():
+            start = self.contact.constraints.lifted(without.r, self.contact.increment.dt)
+            part = self._impulses(geometric.softer(share), start)
+            if part.worst is None and (usable := self._usable(geometric, part, iterations + without.iterations)):
+                return usable
+            iterations += part.iterations
+        return self._without(without, iterations, int(failed))
+
+    def _usable(self, geometric: ContactStiffness, found: _Impulses, iterations: int) -> Direction | None:
+        """The direction of impulses with geometric stiffness; None if that cancels too much of the quadratic form."""
+        contact, constraints = self.contact, self.contact.constraints
+        increment, theta = contact.increment, contact.increment.scheme.theta
+        impulse = contact.pushed(found.r, geometric.acting.T @ found.rho)
+        direction = self._direction(impulse)
+        turned = geometric.Z @ constraints.at_contact_points(increment.on_nodes(direction))
+        softening = theta * float(turned @ found.rho)
+        largest = MAX_SOFTENING_FIRST if contact.known.normal is None else MAX_SOFTENING
+        if softening > largest * float(direction @ (impulse - self.gradient)):
+            return None
+        r = geometric.rotated_impulses(found.r, found.rho) if constraints.tangential else found.r
+        return Direction(self._after(r, found.scale, iterations + found.iterations, 0), direction, impulse)
+
+    def _without(self, found: _Impulses, iterations: int, failures: int) -> Direction:
+        """The direction of impulses without the geometric stiffness, after iterations and failures of the solver."""
+        constraints = self.contact.constraints
+        if found.worst is not None:
+            bodies, tol = constraints.bodies[:, found.worst], self.contact.increment.scheme.contact_tol
+            rigid = np.append(np.diff(self.contact.increment.grid.blocks) == 0, True)[np.maximum(bodies, -1)].all()
+            raise StepRejected(
+                pair(bodies),
+                f"the contact solver did not converge for {constraints.size} contacts: residual"
+                f" {found.residual:.2g} (tolerance {tol:g}) here",
+                NOTHING_DEFORMS if rigid else SMALLER,
+            )
+        contact = self._after(found.r, found.scale, iterations + found.iterations, failures)
+        return Direction(contact, self._direction(contact.impulse), contact.impulse)
+
+    def _direction(self, impulse: Array) -> Array:
+        """A^-1 (impulse - gradient), (n,), from that with the known impulses.
+
+        Bodies whose contact impulses stay the same need no second solution.
+        """
+        increment = self.contact.increment
+        return increment.limited(self.with_known + increment.solved(self.solver, impulse - self.contact.impulse))
+
+    def _after(self, r: Array, scale: ContactScale, iterations: int, failures: int) -> ContactIterate:
+        """The contact problem with the impulses of the solve, which are known from now on."""
+        contact, constraints = self.contact, self.contact.constraints
+        force = constraints.forces(r, contact.increment.dt)
+        return replace(
+            contact,
+            r=r,
+            known=KnownForces(constraints.key, force, constraints.normal, scale),
+            iterations=contact.iterations + iterations,
+            stiffness_failures=contact.stiffness_failures + failures,
+        )
+
+    def _impulses(self, geometric: ContactStiffness | None, start: Array) -> _Impulses:
+        """The new impulses and those of the geometric stiffness; the start has the impulses that cohesion adds."""
+        contact, constraints, W = self.contact, self.contact.constraints, self.W
+        increment, known = contact.increment, contact.lifted
+        scheme, k = increment.scheme, known.size
+        by_known = W @ np.concatenate([known, np.zeros(W.shape[0] - k)])
+        increment_of_points = constraints.at_contact_points(increment.on_nodes(self.with_known))
+        q = contact.u + contact.relative(increment_of_points, self.with_known) - by_known[:k]
+        borders = self.borders
+        options: dict[str, Any] = {}
+        if geometric is not None:
+            p = geometric.Z @ increment_of_points - by_known[k:]
+            W = W + _lower_right(geometric.compliance, k)
+            negative = None if constraints.tangential else geometric.contacts.size
+            bilateral = coulomb.Bilateral(p, geometric.owners, negative)
+            options = {"bilateral": bilateral, "iterations": MAX_STEPS}
+        elif W.shape[0] > k:
+            W, borders = W[:k, :k], [border.of_contacts(k) for border in borders]
+        diagonal = W.diagonal()[:k]
+        for border in borders:
+            W, options["bilateral"] = border.around(W, options.get("bilateral"), known)
+        check_response(constraints, diagonal[:: 2 if constraints.tangential else 1], increment.supports)
+        free = q
+        if constraints.cohesive:
+            free = q + (W @ np.concatenate([known - contact.r, np.zeros(W.shape[0] - k)]))[:k]
+        round_off = contact.problem.speed_round_off / scheme.gap_tol
+        limits = round_off, increment.dt, scheme.contact_tol, contact.elastic_shares
+        scale = contact_scale(constraints, diagonal, free, *limits)
+        options |= {"tol": scheme.contact_tol, "reference": scale.reference, "pairs": constraints.pairs}
+        r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)
+        contact.problem.timer.lap("contact")
+        worst = None
+        if not info.converged:
+            u = (W @ np.concatenate([r, info.bilateral]))[:k] + q
+            residuals = coulomb.residuals(r, u, constraints.friction, diagonal)
+            worst = int(np.argmax(residuals))
+        lowered, rho = constraints.lowered(r, increment.dt), info.bilateral[: geometric.size if geometric else 0]
+        return _Impulses(lowered, rho, scale, info.iterations, info.residual, worst)
+
+
+def _lower_right(matrix: sp.csr_array, k: int) -> sp.csr_array:
+    """A matrix with k rows and columns of zeros before those of `matrix`."""
+    size, offsets = k + matrix.shape[0], np.concatenate([np.zeros(k, dtype=matrix.indptr.dtype), matrix.indptr])
+    return sp.csr_array((matrix.data, matrix.indices + k, offsets), shape=(size, size))

@@ -1,0 +1,144 @@
+"""What forces drive, walls, edges of a periodic box and loaded bodies: how fast it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.contact import acts_at_grid_nodes
+from skmpm.observe.regions import region
+from skmpm.scene import (
+    Scene,
+    SceneError,
+    State,
+    centres,
+    fitted_motions,
+    rigid_motion,
+    with_normal_speeds,
+)
+from skmpm.scheme import Scheme
+
+Array = NDArray[np.float64]
+
+
+class Moving(NamedTuple):
+    """What moves at a state."""
+
+    v: Array  # (2, k) of points, relative to a periodic box, and driven walls [m/s]
+    speed: float  # of the fastest wall, edge of the box or loaded body that forces drive [m/s]
+
+
+def moving(scene: Scene, state: State) -> Moving:
+    """What moves at a state; components of loaded bodies that supports hold are left out."""
+    v, speeds = state.v, [_of_loaded_bodies(scene, state)]
+    if state.box is not None and state.box_rate is not None and scene.periodic is not None:
+        i, j = scene.periodic.components
+        v = state.v - state.box_rate @ state.x
+        speeds.append(np.abs(state.box_rate[i, j] * np.diag(state.box)[j]))
+    if scene.driven_walls.size:
+        velocity = state.wall_velocity[scene.driven_walls].T
+        v = np.concatenate([v, velocity], axis=1)
+        speeds.append(np.hypot(*velocity))
+    return Moving(v, float(np.concatenate(speeds).max(initial=0.0)))
+
+
+def _of_loaded_bodies(scene: Scene, state: State) -> Array:
+    """Speeds of bodies that have loads or springs, of rigid ones also at the rims as they turn [m/s]."""
+    free, loaded = free_components(scene), loaded_bodies(scene)
+    if loaded.size == 0:
+        return np.zeros(0)
+    owner, mass = scene.owner, scene.masses
+    motion, radius = fitted_motions(state.x, state.v, mass, owner), np.zeros(len(scene.bodies))
+    np.maximum.at(radius, owner, np.hypot(*(state.x - centres(state.x, mass, owner)[:, owner])))
+    rims = np.where(scene.deformable, 0.0, radius * np.abs(motion[2]))
+    return np.maximum(np.hypot(*(free * motion[:2])), rims)[loaded]
+
+
+def free_components(scene: Scene) -> NDArray[np.bool_]:
+    """Which components of the motions of bodies no support holds, (2, bodies)."""
+    found = np.ones((2, len(scene.bodies)), dtype=bool)
+    for free, supporting in zip(found, scene.supporting, strict=True):
+        free[scene.owner[supporting >= 0]] = False
+    return found
+
+
+def loaded_bodies(scene: Scene) -> NDArray[np.int64]:
+    """The bodies that have loads or springs and that supports do not hold; all where gravity is a function."""
+    loaded = scene.movable & callable(scene.gravity)
+    springs = [place for ends in scene.sprung for place in ends.sets]
+    for place in (*scene.loaded, *springs):
+        loaded[scene.owner[place.points]] = True
+    for segments in scene.pressed:
+        loaded[scene.outlines.body[segments]] = True
+    return np.flatnonzero(loaded & free_components(scene).any(axis=0))
+
+
+def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
+    """What a force or a stress drives, with the speed P / (rho c) that it gives to a wave in bodies at t [m/s]."""
+    if not (scene.driven_walls.size or scene.periodic is not None):
+        return
+    x = scene.initial_positions
+    impedance = float(min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in scene.materials))
+    forces = np.abs(driving_forces(scene, _points(scene), t))
+    for i, force in zip(scene.driven_walls.tolist(), forces.tolist(), strict=True):
+        width = float(np.ptp(scene.normals[0, i] * x[1] - scene.normals[1, i] * x[0]))
+        yield f"wall {i} by its force", force / width / impedance
+    if scene.periodic is not None and scene.periodic.components.size:
+        yield "the periodic box by its stress", float(np.abs(scene.periodic.stress_at(t)).max()) / impedance
+
+
+def driving_forces(scene: Scene, walls: Array, t: float) -> Array:
+    """Driving forces at time t with walls through some points (walls, 2) [m], (p,) [N/m]."""
+    return scene.driving_forces(t, region(scene.normals, walls.T).length)
+
+
+def _points(scene: Scene) -> Array:
+    """Points of the walls at t = 0, (walls, 2) [m]."""
+    return np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2)
+
+
+def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
+    """Raise SceneError if a scheme cannot drive walls, or a pressure acts on a side that is not closed."""
+    if (scene.has_scalar_unknowns or scene.periodic is not None) and acts_at_grid_nodes(scheme.contact):
+        what = "the box is periodic"
+        if scene.free_rigid.size:
+            what = f"body {scene.free_rigid[0]} is a free rigid body"
+        if scene.driven_walls.size:
+            what = f"wall {scene.driven_walls[0]} is driven by a force"
+        raise SceneError(f"{name}: {what}, which contact = shared_grid cannot; use point_to_curve")
+    if scene.driven_walls.size == 0:
+        return
+    length = region(scene.normals, _points(scene).T).length
+    for i in scene.driven_walls.tolist():
+        if scene.walls[i].pressure is not None and not 0.0 < length[i] < np.inf:
+            raise SceneError(
+                f"{name}: wall {i} has a pressure, and other walls leave it a length of {length[i]:g} m; close the"
+                " box on both sides of it, or give a force"
+            )
+
+
+def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[tuple[str, float]]:
+    """Walls, supports, rigid bodies and edges of the periodic box with their prescribed speeds at time t [m/s].
+
+    The edges (2, 2) of the box are those at the start if not given. Walls that forces drive have a prescribed speed
+    along their normals at t = 0 only.
+    """
+    walls = scene.wall_velocities(t)
+    if t != 0.0:
+        walls = with_normal_speeds(scene, walls, np.zeros(scene.driven_walls.size))
+    for i, v in enumerate(walls):
+        yield f"wall {i}", float(np.hypot(*v))
+    for i, v in enumerate(np.nan_to_num(scene.support_velocities(t))):
+        yield f"support {i}", float(np.hypot(*v))
+    for i, body in enumerate(scene.bodies):
+        if body.motion is not None:
+            vx, vy, spin = rigid_motion(body, t, f"body {i}").tolist()
+            x = body.points.x
+            reach = float(np.hypot(*(x - np.average(x, axis=1, weights=body.points.volume)[:, None])).max())
+            yield f"rigid body {i}", float(np.hypot(vx, vy) + abs(spin) * reach)
+    if scene.periodic is not None:
+        edges = scene.periodic.rate_at(t) @ (scene.periodic.box if box is None else box)
+        yield "the periodic box", float(np.hypot(*edges).max())

@@ -1,0 +1,124 @@
+"""Functions of time that prescribe motions and loads, and chosen steps that follow them.
+
+A step takes one value of each: of loads that at t + theta dt, of velocities that in its middle, of displacements the
+difference between its ends. Where loads change in it, and velocities or displacements are not straight in it, it is
+shortened. So pulses are seen that last a sixty-fourth of a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skmpm.scene import Scene, prescribed_motions
+
+Array = NDArray[np.float64]
+
+Function = Callable[[float], ArrayLike]
+
+INTERVALS = 64  # of a step, between times at which functions are looked at
+# Largest error of the impulse of a load in a step, over that of the largest in a run: the mean deviation from
+# the value that the step takes. A ramp from zero then takes 50 steps; the velocity at its end is 1.5 % too large.
+MAX_ERROR = 0.01
+# Largest deviation of a velocity or a displacement from a straight line, over the largest in a run: the mean of a
+# parabola is off by a third of it. A period of a sine then takes 13 steps.
+MAX_BEND = 3.0 * MAX_ERROR
+ROUND_OFF = 1e-9  # of the largest component: values of another one that are none
+GRAVITY_POINTS = 64  # at which gravity that is a function of position and time is looked at, three or more of a body
+TIMES = 101  # of a run, at which functions of time tell how large they are
+
+
+@dataclass(frozen=True)
+class FunctionsOfTime:
+    """Those of a scene, each with the largest value of every component in a run."""
+
+    loads: tuple[tuple[Function, Array], ...]
+    velocities: tuple[tuple[Function, Array], ...]
+    displacements: tuple[tuple[Function, Array], ...]
+    theta: float
+    of_bodies: bool  # whether some of the loads act on bodies, not on walls or a periodic box
+
+    @classmethod
+    def of(cls, scene: Scene, theta: float, times: Array) -> FunctionsOfTime:
+        """Those of a scene, and how large they are at some times of a run [s]."""
+
+        def with_size(functions: Iterable[Any]) -> tuple[tuple[Function, Array], ...]:
+            return tuple((f, np.abs(values_at(f, times)).max(axis=0)) for f in functions if callable(f))
+
+        displacements = [support.displacement for support in scene.supports]
+        velocities = [f for f in prescribed_motions(scene) if not any(f is each for each in displacements)]
+        on_bodies, driving = with_size(_on_bodies(scene)), with_size(_driving(scene))
+        others = with_size(velocities), with_size(displacements)
+        return cls(on_bodies + driving, *others, theta, bool(on_bodies))
+
+    @property
+    def none(self) -> bool:
+        """Whether there are none."""
+        return not (self.loads or self.velocities or self.displacements)
+
+    def followed(self, t: float, dt: float, shortest: float) -> float:
+        """The longest of dt, dt / 2, ... [s] in which a step from time t follows them, at least the shortest one."""
+        if self.none or not np.isfinite(dt):
+            return dt
+        while dt > shortest and not self._follows(t, dt):
+            dt = max(0.5 * dt, shortest)
+        return dt
+
+    def _follows(self, t: float, dt: float) -> bool:
+        """Whether a step from t to t + dt follows them."""
+        part = np.linspace(0.0, 1.0, INTERVALS + 1)
+        times = t + dt * part
+        for f, size in self.loads:
+            values, (taken,) = values_at(f, times), values_at(f, np.array([t + self.theta * dt]))
+            away = np.abs(values - taken)
+            mean = (away.sum(axis=0) - 0.5 * (away[0] + away[-1])) / INTERVALS
+            if _relative(mean, values, size) > MAX_ERROR:
+                return False
+        for f, size in self.velocities + self.displacements:
+            values = values_at(f, times)
+            line = values[0] + part[:, None] * (values[-1] - values[0])
+            if _relative(values - line, values, size) > MAX_BEND:
+                return False
+        return True
+
+
+def _relative(error: Array, values: Array, size: Array) -> float:
+    """The largest error over the largest value of its component, of those in the step and that of the run."""
+    largest = np.maximum(size, np.abs(values).max(axis=0))
+    largest = np.maximum(largest, ROUND_OFF * largest.max())
+    return float((np.abs(error) / np.where(largest > 0.0, largest, 1.0)).max())
+
+
+def values_at(f: Function, times: Array) -> Array:
+    """The values of a function at some times, (times, k); components that it leaves free are zero."""
+    each = [np.array(f(float(t)), dtype=float).ravel() for t in times]
+    return np.asarray(np.nan_to_num(np.array(each)), dtype=np.float64)
+
+
+def _on_bodies(scene: Scene) -> Iterator[Any]:
+    """Gravity, loads and the rest lengths of springs, constants and functions of time."""
+    if callable(scene.gravity):
+        gravity, X = scene.gravity, _some_points(scene)
+        yield lambda t: gravity(X.copy(), t)  # the function may work in place
+    yield from (load.force for load in scene.dead_loads)
+    yield from (pressure.value for pressure in scene.pressures)
+    yield from (spring.rest for spring in scene.springs)
+
+
+def _some_points(scene: Scene) -> Array:
+    """Positions at t = 0 of points of all bodies that forces move, (2, k) [m]."""
+    bodies = np.flatnonzero(scene.movable)
+    first, last = scene.offsets[bodies], scene.offsets[bodies + 1] - 1
+    each = np.linspace(first, last, max(3, -(-GRAVITY_POINTS // bodies.size)))
+    return scene.initial_positions[:, np.unique(each.astype(np.int64))]
+
+
+def _driving(scene: Scene) -> Iterator[Any]:
+    """What drives walls and a periodic box, constants and functions of time."""
+    yield from (f for wall in scene.walls for f in (wall.force, wall.pressure))
+    if scene.periodic is not None:
+        yield scene.periodic.stress

@@ -1,0 +1,163 @@
+"""State at the end of a step: from the grid to points, walls and contacts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.contact import Constraints, lasting_force
+from skmpm.linear import Delassus, Solver
+from skmpm.material import determinant, product
+from skmpm.scene import (
+    Contacts,
+    Derived,
+    PrescribedVelocities,
+    Scene,
+    State,
+    centres,
+    mean_velocity,
+    velocity_at,
+)
+from skmpm.step.end import End
+from skmpm.step.equations import Increment
+from skmpm.step.iteration import Solution
+from skmpm.step.periodic_box import recut_box
+from skmpm.step.terms import Configuration
+from skmpm.transfer import to_points
+
+Array = NDArray[np.float64]
+
+
+def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> State:
+    """The state at the end of the step; positions and velocities follow the contact-corrected nodal field."""
+    motions = end.motions
+    dt, own, prescribed = increment.dt, scene.deformable_points, ~scene.deformable[state.body]
+    bulk, grid, configuration = increment.bulk, increment.grid, end.configuration
+
+    J, (v, C) = determinant(configuration.F), to_points(grid, increment.on_nodes(end.velocity))
+    F = configuration.F if bulk.F_anchor is None else product(configuration.F, bulk.F_anchor)
+    x, v, F, C, stress, weight = (
+        _with_points(old, own, new)
+        for old, new in (
+            (state.x, state.x_anchor[:, own] + grid.at_points(configuration.displacement)),
+            (state.v, v),
+            (state.F, F),
+            (state.C, C),
+            (state.stress, bulk.cauchy(configuration)),
+            (state.weight, bulk.assembly.volume * J),
+        )
+    )
+    if prescribed.any():
+        x[:, prescribed], v[:, prescribed] = _carried(state, motions, prescribed, dt)
+    contacts, wall_force = _contacts(scene, state.contacts, solution, end, increment)
+    box, contacts = recut_box(scene, motions.box, contacts)
+    return replace(
+        state,
+        t=state.t + dt,
+        x=x,
+        v=v,
+        F=F,
+        C=C,
+        stress=stress,
+        volume=scene.initial_volumes * determinant(F),
+        weight=weight,
+        internal=state.internal if end.internal is None else _with_points(state.internal, own, end.internal),
+        displacement=configuration.displacement,
+        nodal_velocity=increment.on_nodes(end.velocity),
+        walls=state.walls + dt * motions.walls,
+        wall_force=wall_force,
+        wall_velocity=motions.walls_at_end,
+        support_force=end.reaction.reshape(-1, 2) / dt,
+        contacts=contacts,
+        box=box,
+        box_rate=motions.gradient_at_end,
+        derived=_reusable(scene, state, increment, solution, configuration),
+    )
+
+
+def _with_points(old: Array, own: NDArray[np.bool_] | slice, new: Array) -> Array:
+    """Values (..., n) of all points, `new` at those of index `own`, which are all if that is a slice."""
+    if isinstance(own, slice):
+        return new
+    values = old.copy()
+    values[..., own] = new
+    return values
+
+
+def _carried(
+    state: State, motions: PrescribedVelocities, prescribed: NDArray[np.bool_], dt: float
+) -> tuple[Array, Array]:
+    """Positions and velocities (2, k) of the points of rigid bodies at the end of the step."""
+    body, now = state.body[prescribed], state.x[:, prescribed]
+    centre = centres(state.x, state.mass, state.body)[:, body]
+    x = now + dt * mean_velocity(now - centre, motions.rigid[:, body], dt)
+    ahead = centre + dt * motions.rigid[:2, body]
+    return x, velocity_at(x - ahead, motions.rigid_at_end[:, body])
+
+
+def _reusable(scene: Scene, state: State, increment: Increment, solution: Solution, end: Configuration) -> Derived:
+    """The data that later steps can use again: the configuration and, of linear materials, factor and operator.
+
+    Materials with memory answer a configuration differently in the next step, which begins with other variables.
+    """
+    kept = end if increment.bulk.internal is None else None
+    of_materials = (increment.scheme.mean_dilatation, scene.materials_by_group)
+    derived = state.grids
+    derived = replace(derived, key=(), solver=None, delassus=None, configuration=kept, of_materials=of_materials)
+    if not increment.linear or scene.springs:
+        return derived
+    contact = solution.contact if solution.solver is not None else None  # the operator belongs to the factor
+    delassus = None if contact is None else contact.delassus
+    return replace(derived, key=_key(scene, increment), solver=solution.solver, delassus=delassus)
+
+
+def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solver | None, Delassus | None]:
+    """The factor and the Delassus operator of an earlier step, if the matrix of this one is the same, else None.
+
+    It is for linear materials, unless dt, scheme or body grids have changed.
+    """
+    derived = state.derived
+    if derived is None or not increment.linear or scene.springs:
+        return None, None
+    if derived.key != _key(scene, increment):
+        return None, None
+    return derived.solver, derived.delassus
+
+
+def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
+    scheme = increment.scheme
+    options = (scheme.theta, scheme.inertia, scheme.linear, scheme.mean_dilatation, scheme.contact)
+    return (increment.dt, *options, scene.materials_by_group)
+
+
+def _contacts(
+    scene: Scene, before: Contacts, solution: Solution, end: End, increment: Increment
+) -> tuple[Contacts, Array]:
+    """The contacts with their forces (2, k), and the forces on the walls, (walls, 2) [N/m]."""
+    wall_force = np.zeros((len(scene.walls), 2))
+    if solution.contact is None:
+        return Contacts.none(), wall_force
+    constraints = solution.contact.constraints
+    contacts = contacts_of(constraints, end.impulses, increment.dt)
+    on_wall = constraints.bodies[1] < 0
+    np.add.at(wall_force, -1 - constraints.bodies[1, on_wall], -contacts.vectors[:, on_wall].T)
+    if increment.scheme.inertia:
+        courant = increment.dt * scene.fastest_wave / scene.cell
+        contacts = replace(contacts, lasting_force=lasting_force(before, contacts, courant))
+    return contacts, wall_force
+
+
+def contacts_of(constraints: Constraints, impulses: Array, dt: float) -> Contacts:
+    """The contacts of constraints, with the forces of their impulses."""
+    return Contacts(
+        constraints.bodies,
+        constraints.x,
+        constraints.normal,
+        constraints.forces(impulses, dt),
+        constraints.gap,
+        constraints.key,
+        constraints.point,
+        constraints.image,
+    )

@@ -1,0 +1,190 @@
+"""Newton's method on the incremental potential, with the contact problem solved in every iteration.
+
+Every iteration computes the gaps at the current w and solves the contact problem on the linearised bulk. Since that
+includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity; it is
+factorised again where convergence is slow. Near a limit point of the contacts the contact problem may have no
+solution: that iteration then goes without geometric stiffness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.linear import Solver
+from skmpm.scene.report import Timer
+from skmpm.step.contact_problem import ContactIterate, ContactProblem
+from skmpm.step.contact_solve import solve
+from skmpm.step.equations import Increment
+from skmpm.step.errors import StepRejected
+from skmpm.step.iteration import (
+    Persistence,
+    Refactorisation,
+    Solution,
+    factorise,
+    first_velocity,
+    move,
+    not_converged,
+    unmet_criteria,
+    with_contact,
+)
+from skmpm.step.rotation import drift, matrix_turns, missing_spin, turned_solver, with_balanced_momentum
+from skmpm.step.terms import Configuration
+
+Array = NDArray[np.float64]
+
+
+def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
+    """Solve one step, or one of a static step, from the initial guess unless that inverts points (`first_velocity`).
+
+    StepRejected is raised after `max_newton` iterations, with contacts after some without progress (`Persistence`),
+    and if the contact solver or the line search fails.
+    """
+    iterate = _first(increment, problem, kept)
+    persistence = Persistence.of(increment, in_contact=problem is not None)
+    while True:
+        balance = _balance(iterate)
+        if balance.converged and (solution := _solution(iterate, balance)):
+            return solution
+        if persistence.ends(balance.iteration, balance.distance):
+            raise _not_converged(iterate, balance)
+        _factorise(iterate, balance, timer)
+        direction = _direction(iterate, balance)
+        _move(iterate, balance, direction, timer)
+
+
+@dataclass
+class _Iterate:
+    """A velocity, and what is known for the next one. The iteration changes it in place."""
+
+    increment: Increment
+    w: Array  # (n,) [m/s]
+    configuration: Configuration
+    contact: ContactIterate | None
+    factor: _Factor
+    last_impulse: Array  # (n,) contact impulse of the last solve [kg m/s per m]
+    refactorisation: Refactorisation = field(default_factory=Refactorisation)
+    iteration: int = 0
+    before: float = np.inf  # out-of-balance norm of the iteration before
+
+
+def _first(increment: Increment, problem: ContactProblem | None, kept: Solver | None) -> _Iterate:
+    """The iterate at the initial guess."""
+    w, configuration = first_velocity(increment)
+    contact = None if problem is None else problem.at(w)
+    return _Iterate(increment, w, configuration, contact, _Factor(kept), np.zeros_like(w))
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """The residuals at an iterate."""
+
+    iteration: int
+    gradient: Array  # out-of-balance impulse without contact (n,) [kg m/s per m]
+    contact_impulse: Array  # (n,)
+    contact: float  # residual of the contact law
+    norm: float  # out-of-balance norm over the largest term
+    distance: float  # from convergence: the larger of both residuals over their tolerances
+
+    @property
+    def out_of_balance(self) -> Array:
+        """The out-of-balance impulse, (n,) [kg m/s per m]."""
+        return self.gradient - self.contact_impulse
+
+    @property
+    def small(self) -> bool:
+        """Whether both residuals are within their tolerances."""
+        return self.distance <= 1.0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the iterate is a solution; the initial guess is none."""
+        return self.small and self.iteration > 0
+
+
+def _balance(iterate: _Iterate) -> _Balance:
+    """The residuals of the momentum balance and of the contact law, with the known contact impulses."""
+    increment, contact, scheme = iterate.increment, iterate.contact, iterate.increment.scheme
+    gradient, size = increment.gradient(iterate.w, iterate.configuration)
+    contact_impulse, residual = np.zeros_like(gradient), 0.0
+    if contact:
+        contact_impulse, residual, size = with_contact(increment, contact, size)
+    norm = float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse)))
+    norm = norm / size if size > 0.0 else 0.0
+    distance = max(norm / scheme.newton_tol, residual / scheme.gap_tol)
+    return _Balance(iterate.iteration, gradient, contact_impulse, residual, norm, distance)
+
+
+@dataclass(frozen=True)
+class _Factor:
+    """The factorised matrix of the iteration."""
+
+    solver: Solver | None
+    configuration: Configuration | None = None  # of the matrix, if it turns with bodies
+
+    def at(self, increment: Increment, configuration: Configuration) -> Solver:
+        """The solver for the matrix turned as bodies have turned since it was factorised."""
+        assert self.solver is not None
+        if self.configuration is None or self.configuration is configuration:
+            return self.solver
+        return turned_solver(increment, self.solver, self.configuration, configuration)
+
+
+def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
+    """Factorise the matrix where that pays."""
+    increment, iteration = iterate.increment, iterate.iteration
+    touching = iterate.contact is not None and iterate.contact.constraints.size > 0
+    norms = balance.norm, iterate.before, balance.distance
+    due = iterate.refactorisation.due(increment, iteration, *norms, in_contact=touching)
+    if iterate.factor.solver is not None and not due:
+        return
+    iterate.factor = _Factor(None)  # so that only one solver is in memory
+    iterate.contact = None if iterate.contact is None else iterate.contact.without_delassus()
+    solver = factorise(increment, iterate.contact, iterate.configuration)
+    iterate.factor = _Factor(solver, iterate.configuration if matrix_turns(increment) else None)
+    iterate.refactorisation.made(iteration)
+    timer.lap("factorisation")
+
+
+def _direction(iterate: _Iterate, balance: _Balance) -> Array:
+    """The Newton direction, (n,) [m/s], with new contact impulses."""
+    solver = iterate.factor.at(iterate.increment, iterate.configuration)
+    if iterate.contact is None:
+        iterate.last_impulse = balance.contact_impulse
+        return -iterate.increment.solved(solver, balance.gradient)
+    found = solve(iterate.contact, solver, balance.gradient)
+    iterate.contact, iterate.last_impulse = found.contact, found.impulse
+    return found.direction
+
+
+def _move(iterate: _Iterate, balance: _Balance, direction: Array, timer: Timer) -> None:
+    """Move along the direction as far as the potential decreases."""
+    iterate.before, out_of_balance = balance.norm, balance.gradient - iterate.last_impulse
+    iterate.w, iterate.configuration = move(
+        iterate.increment, iterate.w, iterate.configuration, direction, out_of_balance, iterate.last_impulse
+    )
+    timer.lap("bulk")
+    iterate.iteration += 1
+    iterate.contact = None if iterate.contact is None else iterate.contact.at(iterate.w)
+
+
+def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
+    """The solution, with the momentum of every body balanced to round-off; None if that would change gaps."""
+    increment, factor = iterate.increment, iterate.factor
+    w = with_balanced_momentum(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
+    if w is None:
+        return None
+    reaction = increment.reaction(balance.out_of_balance)
+    spin = missing_spin(increment, w, balance.out_of_balance)
+    numbers = balance.iteration, iterate.refactorisation.count, balance.contact, balance.norm
+    return Solution(w, iterate.contact, *numbers, reaction, factor.solver, spin, iterate.configuration)
+
+
+def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:
+    """The error that names the criteria which are not met."""
+    increment, contact = iterate.increment, iterate.contact
+    moved = drift(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
+    unmet = unmet_criteria(increment, contact, balance.out_of_balance, balance.norm, balance.contact, moved)
+    return not_converged(increment, balance.iteration, unmet)

@@ -1,0 +1,105 @@
+"""The error of a static step in which a body moves on and on: how, on what, and with which forces out of balance."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.contact import Constraints
+from skmpm.outline.curve import CORNER_COSINE
+from skmpm.step.equations import Increment
+from skmpm.step.errors import StepRejected
+from skmpm.step.iteration import Solution
+from skmpm.step.rotation import RigidMotion
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SLIP = 0.3  # of the speed of its surface: a body that slips faster on a contact slides, else it rotates
+
+
+def no_equilibrium(
+    increment: Increment, motion: RigidMotion, solution: Solution, solves: int, body: int, share: float
+) -> StepRejected:
+    """The error that says how a body moves after some solves, a `share` of the forces on it out of balance."""
+    step = increment.on_nodes(solution.w) - increment.prescribed_only()
+    moved = increment.dt / increment.grid.cell * motion.at_surface(motion.velocity(step))[body]
+    verb, remedy = _motion(increment, motion, solution, body)
+    problem = (
+        f"no equilibrium was found: it {verb}, by {moved:.2g} cells in {solves} solves so far, and"
+        f" {100.0 * min(share, 1.0):.3g} % of the forces on it are out of balance"
+    )
+    return StepRejected(f"body {body}", problem, remedy, retryable=increment.depends_on_dt)
+
+
+def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body: int) -> tuple[str, str]:
+    """How a body moves, on or from what, and the remedy."""
+    contact, step = solution.contact, increment.on_nodes(solution.w - increment.v0)
+    remedy = "add a Support, a wall, or use inertia"
+    *along, turning = motion.velocity(step)[:, body]
+    free = "turns" if abs(turning) > float(np.hypot(*along)) else "falls"
+    if contact is None or contact.constraints.size == 0:
+        return free, remedy
+    constraints = contact.constraints
+    own = np.flatnonzero((constraints.bodies == body).any(axis=0))
+    normal, tangential = constraints.forces(contact.r, increment.dt)
+    pressed = own[normal[own] > 0.0] if own.size else own
+    if pressed.size == 0 or normal[own].sum() < 0.0:  # hangs by cohesion
+        return ("separates" if (normal[own] < 0.0).any() else free), remedy
+    corners = [each for each in pressed.tolist() if at_corner(increment, constraints, each)]
+    most = int(pressed[np.argmax(normal[pressed])])
+    speed = float(motion.at_surface(motion.velocity(step))[body])
+    on_cone = abs(tangential[most]) >= (1.0 - 1e-6) * constraints.friction[most] * normal[most]
+    slides = on_cone and abs(_slip(constraints, step, most)) > SLIP * speed
+    if slides or np.unique(constraints.bodies[:, pressed]).size > 2:  # friction does not keep it from rolling on one
+        remedy = "add a Support, a wall or friction, or use inertia"
+    if slides:
+        verb = "slides"
+    else:
+        verb = "topples" if corners else "rolls"
+        most = max(corners, key=lambda each: normal[each], default=most)
+    place = _place(constraints, most, increment.grid.cell)
+    return f"{verb} on {_other(constraints, most, body)} at {place}", remedy
+
+
+def _slip(constraints: Constraints, velocity: Array, contact: int) -> float:
+    """The tangential relative velocity of a contact under nodal velocities (2 nodes,) [m/s]."""
+    points = (constraints.base @ velocity.reshape(-1, 2)).T
+    relative = (constraints.difference[[contact]] @ points.T)[0]
+    return float(constraints.tangent[:, contact] @ relative)
+
+
+def _other(constraints: Constraints, contact: int, body: int) -> str:
+    """What a body touches at a contact, as text."""
+    first, second = constraints.bodies[:, contact].tolist()
+    other = first if second == body else second
+    return f"wall {-1 - other}" if other < 0 else f"body {other}"
+
+
+def _place(constraints: Constraints, contact: int, cell: float) -> str:
+    """The position of a contact, as text."""
+    x, y = cell * np.round(constraints.x[:, contact] / cell, 3) + 0.0  # no -2e-17
+    return f"({x:.4g}, {y:.4g}) m"
+
+
+def at_corner(increment: Increment, constraints: Constraints, contact: int) -> bool:
+    """Whether the boundary point of a body that is nearest to the contact is a corner, on either side."""
+    return any(
+        _corner_of(increment, constraints, contact, body)
+        for body in constraints.bodies[:, contact].tolist()
+        if body >= 0
+    )
+
+
+def _corner_of(increment: Increment, constraints: Constraints, contact: int, body: int) -> bool:
+    grid = increment.grid
+    deformable = np.flatnonzero(np.diff(constraints.base.indptr) > 0)
+    owner = grid.node_body[constraints.base.indices[constraints.base.indptr[deformable]]]
+    of_body = deformable[owner == body]
+    if of_body.size == 0:
+        return False
+    x = (constraints.base[of_body] @ (grid.position + increment.start.reshape(-1, 2).T).T).T
+    nearest = int(np.argmin(np.hypot(*(x - constraints.x[:, contact, None]))))
+    a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % of_body.size]].T
+    ahead, back = c - b, b - a
+    return bool(float(ahead @ back) < CORNER_COSINE * float(np.hypot(*ahead) * np.hypot(*back)))

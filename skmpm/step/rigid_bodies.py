@@ -1,0 +1,159 @@
+"""Position, motion and inertia of free rigid bodies, from their material points.
+
+Free rigid bodies: three unknowns each, velocity of the centre of mass and spin times radius of gyration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.contact import Constraints
+from skmpm.scene import PrescribedVelocities, Scene, State, centres, fitted_motions
+from skmpm.step.scalar_unknowns import Interval, Unknowns
+from skmpm.step.scene_forces import forces_on_points
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class DeadLoads:
+    """Forces on points of n rigid bodies that keep their directions as the bodies turn."""
+
+    resultant: Array  # (2, n) [N/m]
+    moment: Array  # (n,) over radii of gyration [N/m]
+    # Sum of arms times forces over radii of gyration (n,) [N/m]: what the moment loses per angle at first.
+    along: Array
+
+    def turned(self, angle: Array) -> Array:
+        """Resultants and moments after the bodies have turned by some angles (n,), body after body (3 n,) [N/m]."""
+        moment = np.cos(angle) * self.moment - np.sin(angle) * self.along
+        return np.stack([*self.resultant, moment], axis=1).ravel()
+
+
+@dataclass(frozen=True)
+class RigidState:
+    """The n free rigid bodies of a scene."""
+
+    bodies: Ints  # (n,)
+    mass: Array  # (n,) [kg/m]
+    radius: Array  # (n,) of gyration [m]
+    centre: Array  # (2, n) of mass [m]
+    velocity: Array  # (3, n) of the centre, and spin times radius of gyration [m/s]
+
+    def loads(self, scene: Scene, state: State, t: float) -> DeadLoads:
+        """Gravity and dead loads of time t."""
+        at = np.flatnonzero(np.isin(state.body, self.bodies))
+        own = np.searchsorted(self.bodies, state.body[at])
+        force = forces_on_points(scene, t)[:, at]
+        arm = (state.x[:, at] - self.centre[:, own]) / self.radius[own]
+        across, along = arm[0] * force[1] - arm[1] * force[0], (arm * force).sum(axis=0)
+        parts = [_sums(own, part, self.bodies.size) for part in (*force, across, along)]
+        return DeadLoads(np.stack(parts[:2]), *parts[2:])
+
+
+def rigid_state(scene: Scene, state: State) -> RigidState:
+    """The free rigid bodies of a state. Velocities and spins are those with the momenta of the points."""
+    bodies, owner, mass = scene.free_rigid, state.body, state.mass
+    centre, total = centres(state.x, mass, owner), np.bincount(owner, mass).astype(float)
+    square = ((state.x - centre[:, owner]) ** 2).sum(axis=0)
+    radius = np.sqrt(np.bincount(owner, mass * square) / total)
+    velocity = fitted_motions(state.x, state.v, mass, owner) * np.stack([np.ones_like(radius)] * 2 + [radius])
+    return RigidState(bodies, total[bodies], radius[bodies], centre[:, bodies], velocity[:, bodies])
+
+
+def _sums(body: Ints, values: Array, bodies: int) -> Array:
+    """Sums of values (k,) by body, (bodies,)."""
+    return np.asarray(np.bincount(body, values, bodies), dtype=np.float64)  # bincount of nothing is integer
+
+
+@dataclass(frozen=True)
+class FreeBodies(Unknowns):
+    """The n free rigid bodies of a scene in one step; unknowns are body after body."""
+
+    bodies: Ints  # (n,)
+    start: RigidState  # at the start of the step
+    loads: DeadLoads  # as the bodies are at the start
+    first_loads: DeadLoads | None  # those when a step without inertia begins
+
+    @staticmethod
+    def of(scene: Scene, state: State, motions: PrescribedVelocities, interval: Interval, first: int) -> FreeBodies:
+        """The bodies of a state in a step; they keep their velocities relative to the periodic box in `motions`.
+
+        Without inertia they begin at rest.
+        """
+        start, dt = rigid_state(scene, state), interval.dt
+        velocity, gradient = start.velocity.copy(), motions.gradient
+        if state.box_rate is not None:
+            velocity[:2] -= state.box_rate @ start.centre
+        if not interval.inertial:
+            velocity[:] = 0.0
+        if gradient is not None:
+            velocity[:2] += gradient @ start.centre
+        loads = start.loads(scene, state, interval.t)
+        at_start = None if interval.inertial else start.loads(scene, state, state.t)
+        inertia = interval.inertia(np.repeat(start.mass, 3), velocity.T.ravel())
+        response = inertia.response.reshape(-1, 3).copy()  # with the stiffness of loads where they resist turning
+        response[:, 2] += (interval.theta * dt) ** 2 * np.maximum(loads.along, 0.0) / start.radius
+        return FreeBodies(
+            replace(inertia, response=response.ravel()), dt, first, scene.free_rigid, start, loads, at_start
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """The bodies."""
+        return [f"body {b}" for b in np.repeat(self.bodies, 3)]
+
+    def load(self, z: Array) -> Array:
+        """Forces of gravity and loads, (3 n,) [N/m], with the bodies turned as they are at t + theta dt."""
+        return self.loads.turned(self.inertia.theta[2::3] * self.dt * self._with_spins(z)[2])
+
+    def load_at_start(self) -> Array:
+        """The forces when a step without inertia begins, (3 n,) [N/m]."""
+        assert self.first_loads is not None
+        return self.first_loads.turned(np.zeros(self.bodies.size))
+
+    def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
+        """All prescribed velocities with those of the bodies."""
+        rigid, at_end = prescribed.rigid.copy(), prescribed.rigid_at_end.copy()
+        for table, values in ((rigid, z), (at_end, end)):
+            table[:, self.bodies] = self._with_spins(values)
+        return replace(prescribed, rigid=rigid, rigid_at_end=at_end)
+
+    def _with_spins(self, z: Array) -> Array:
+        """Velocities and angular velocities (3, n) [m/s, rad/s]."""
+        v = z.reshape(-1, 3).T
+        return np.stack([v[0], v[1], v[2] / self.start.radius])
+
+    def carried(self, translation: Array) -> Array:
+        """The velocities (2, bodies) at their centres, (3 n,)."""
+        own = translation[:, self.bodies]
+        return np.stack([*own, np.zeros_like(own[0])], axis=1).ravel()
+
+    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """J (k, 3 n) or (2 k, 3 n), about the centres at the end of the step, where the contacts are."""
+        number = np.full(int(constraints.bodies.max(initial=0)) + 1, -1)
+        known = self.bodies[self.bodies < number.size]
+        number[known] = np.arange(known.size)
+        centre = self.start.centre + self.dt * self._with_spins(z)[:2]
+        directions = constraints.directions
+        row, column, data = [], [], []
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            members = constraints.bodies[side]
+            body = np.where(members < 0, -1, number[np.maximum(members, 0)])
+            k = np.flatnonzero(body >= 0)
+            at = constraints.x[:, k] - (constraints.image[:, k] if side else 0.0)
+            arm = (at - centre[:, body[k]]) / self.start.radius[body[k]]
+            for i, direction in enumerate(directions):
+                d = direction[:, k]
+                each = np.stack([d[0], d[1], arm[0] * d[1] - arm[1] * d[0]])
+                row.append(np.tile(len(directions) * k + i, 3))
+                column.append((3 * body[k] + np.arange(3)[:, None]).ravel())
+                data.append(sign * each.ravel())
+        shape = (len(directions) * constraints.size, self.inertia.v0.size)
+        entries = (np.concatenate(data), (np.concatenate(row), np.concatenate(column)))
+        return sp.csr_array(entries, shape=shape)

@@ -1,0 +1,186 @@
+"""What all kinds of unknowns need to know of a step.
+
+Unknowns of a step that are not on a grid: velocities of driven walls, of free rigid bodies, of a periodic box.
+
+They follow the nodes in the vector w of all unknowns. Each has a mass m, a velocity z = theta v1 + (1 - theta) v0 and
+a force F that drives it, and moves contacts: their relative velocity changes by J z. With the contact impulses r,
+
+    m (z - v0) = theta (dt F + J^T r),
+
+as at the nodes: J are further columns of H, and m further entries of the diagonals of M and A. So F is exact at the
+end of the step, whatever the stiffness of what it acts on. Without inertia m = 0 in this balance, and `response`
+takes its place in A.
+
+A periodic box carries the bodies in it: inertia resists velocities relative to that of the box at their centres. What
+it adds to them when its rates change in the step (`translation`) changes no stress and no imbalance, only contacts.
+Nodal velocities of the iteration, and unknowns of bodies, are therefore without it until the step is solved.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from skmpm.contact import Constraints
+from skmpm.scene import PrescribedVelocities
+from skmpm.step.forces import DeadLoad
+from skmpm.step.terms import Budget, Configuration, Path, Term
+
+Array = NDArray[np.float64]
+
+# Without inertia, mass of an unknown in A over dt^2 times the largest shear modulus of the bodies.
+RESPONSE = 1e-3
+SMALL = 1e-12  # motion along the normal of a contact per motion of what moves it, by round-off
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A step, as the unknowns that are not on a grid see it."""
+
+    t: float  # at which forces are taken [s]
+    dt: float  # [s]
+    theta: float  # Moreau-Jean parameter
+    soft: float | None  # mass of an unknown in W without inertia, None with it [kg/m]
+    farthest: float  # largest change of an unknown in an iteration [m/s]
+
+    @property
+    def inertial(self) -> bool:
+        """Whether bodies have inertia."""
+        return self.soft is None
+
+    def inertia(self, mass: Array, v0: Array) -> Inertia:
+        """Inertia of unknowns with these masses (p,) [kg/m] and velocities (p,) [m/s]."""
+        farthest, theta = (np.full_like(mass, value) for value in (self.farthest, self.theta))
+        if self.inertial:
+            return Inertia(mass, mass, v0, theta, farthest)
+        return Inertia(np.zeros_like(mass), np.full_like(mass, self.soft), v0, theta, farthest)
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """What resists changes of p unknowns, and where they begin."""
+
+    mass: Array  # in the balance, zero without inertia (p,) [kg/m]
+    response: Array  # in A (p,) [kg/m]
+    v0: Array  # at the start of the step (p,) [m/s]
+    theta: Array  # Moreau-Jean parameters (p,)
+    farthest: Array  # largest change in an iteration (p,) [m/s]
+
+    @staticmethod
+    def joined(parts: Sequence[Inertia]) -> Inertia:
+        """That of several kinds, one after the other."""
+        return Inertia(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Inertia)))
+
+
+@dataclass(frozen=True)
+class Unknowns(Term):
+    """Unknowns of one kind, p velocities [m/s]: spins are times radii of gyration, strain rates times lengths."""
+
+    inertia: Inertia
+    dt: float
+    first: int  # number of scalar unknowns of other kinds before these
+
+    @property
+    def own(self) -> slice:
+        """These among the scalar unknowns."""
+        return slice(self.first, self.first + self.inertia.v0.size)
+
+    @property
+    @abstractmethod
+    def names(self) -> Sequence[str]:
+        """What each of them moves, for messages (p,)."""
+
+    @abstractmethod
+    def load(self, z: Array) -> Array:
+        """The forces that drive the unknowns (p,) [N/m], which move as z."""
+
+    @abstractmethod
+    def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
+        """All prescribed velocities with these: means z in the step, and those at its end (p,)."""
+
+    @abstractmethod
+    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
+
+    def carried(self, translation: Array) -> Array:
+        """What velocities (2, bodies) of all bodies add to the unknowns, (p,)."""
+        return np.zeros_like(self.inertia.v0)
+
+    def energy(self, at: Configuration) -> float:
+        """Zero: forces that follow what they move have none."""
+        return 0.0
+
+    def force(self, at: Configuration) -> Array:
+        """Minus the load, (p,) [N/m]."""
+        return -self.load(at.scalars[self.own] / (self.inertia.theta * self.dt))
+
+    def frozen(self, at: Configuration) -> Term:
+        """The load at a configuration, as a dead one."""
+        return DeadLoad(-self.force(at), None, at.scalars[self.own], self.own)
+
+    @abstractmethod
+    def load_at_start(self) -> Array:
+        """The forces when the step begins, (p,) [N/m]."""
+
+    def budget(self, path: Path) -> Budget:
+        """The work of the load."""
+        load = -self.force(path.stressed)
+        load = load if path.inertia else 0.5 * (load + self.load_at_start())
+        return Budget(external=float(load @ path.end.scalars[self.own]))
+
+
+class Carrier(Unknowns):
+    """Unknowns that carry bodies."""
+
+    @abstractmethod
+    def translation(self, z: Array) -> Array:
+        """Velocities of bodies, over those at the start of the step, (2, bodies)."""
+
+
+@dataclass(frozen=True)
+class ScalarUnknowns:
+    """All such unknowns of a step."""
+
+    kinds: Sequence[Unknowns]
+    prescribed: PrescribedVelocities
+    carrier: Carrier | None = None  # one of them, the first
+
+    @cached_property
+    def inertia(self) -> Inertia:
+        """Masses, and velocities at the start of the step, of all."""
+        return Inertia.joined([kind.inertia for kind in self.kinds])
+
+    @property
+    def names(self) -> list[str]:
+        """What each unknown moves, for messages (p,)."""
+        return [name for kind in self.kinds for name in kind.names]
+
+    def translation(self, z: Array) -> Array | None:
+        """Velocities (2, bodies) that the changes of the carrier's unknowns add to those of bodies."""
+        return None if self.carrier is None else self.carrier.translation(z[self.carrier.own])
+
+    def carried(self, translation: Array) -> Array:
+        """What velocities (2, bodies) of all bodies add to the unknowns, (p,)."""
+        return np.concatenate([kind.carried(translation) for kind in self.kinds])
+
+    def motions(self, z: Array, end: Array | None = None) -> PrescribedVelocities:
+        """All prescribed velocities, with those of the unknowns, and with those at the end of the step (p,)."""
+        motions = self.prescribed
+        for kind in self.kinds:
+            motions = kind.motions(z[kind.own], (z if end is None else end)[kind.own], motions)
+        return motions
+
+    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
+        return sp.csr_array(sp.hstack([kind.rows(z[kind.own], constraints) for kind in self.kinds], format="csr"))
+
+
+def driven(J: sp.csr_array, constraints: Constraints) -> NDArray[np.bool_]:
+    """Whether scalar unknowns with the columns J of H move contacts along their normals, (k,)."""
+    return np.asarray(abs(J[:: 2 if constraints.tangential else 1]).sum(axis=1) > SMALL)

@@ -1,0 +1,258 @@
+"""Static steps: the proximal point method in the metric of the mass.
+
+A dynamic step minimises the potential plus 1/2 |w - v0|_M^2. A static step has no inertia, but the same problem with
+v0 := w of the last solve, repeated until M (w - v0) is negligible, is the proximal point method for the equilibrium
+(Rockafellar, SIAM J. Control Optim. 14, 1976; pseudo-transient continuation: Kelley & Keyes, SIAM J. Numer. Anal. 35,
+1998). M is the lumped mass of every body, scaled to a share of its shear modulus times dt^2. Start, loads, walls and
+time of the step stay.
+
+The share is small where bodies rest, and so large where nothing holds a body that it moves by a tenth of a cell in a
+solve: contact points are chosen once per solve. A body that moves by as much again and again is given up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skmpm.linear import Solver
+from skmpm.scene import between_bodies
+from skmpm.scene.report import Timer
+from skmpm.step.contact_problem import ContactIterate, ContactProblem
+from skmpm.step.equations import Increment
+from skmpm.step.errors import StepRejected
+from skmpm.step.iteration import Solution
+from skmpm.step.newton import advance
+from skmpm.step.no_equilibrium import no_equilibrium
+from skmpm.step.rotation import RigidMotion
+from skmpm.step.terms import Configuration
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Shares of the shear modulus of a body that its metric has: in the first solve of bodies at rest, the least and the
+# largest of all. Below the first, solves of bodies that buckle fail. Bodies that supports hold have none.
+FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
+MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
+TOO_FAR = 0.2  # [cells] beyond them: such a solve is repeated with a larger share
+MOVING = 0.7  # of `MOTION`: a body that moves as far in `FALLING` solves in a row is given up
+FALLING = 40  # a quarter of them where a solve fails then
+MAX_SOLVES = 120
+# Largest factor of a share, or of its inverse, from one solve to the next, and that after a solve that failed. Later
+# shares stay above that one by its root.
+CHANGE = 10.0
+NEGLIGIBLE = 1e-3  # resultant of M (w - v0) over the forces on a body: discretised surfaces are not smoother
+LASTING = 0.5  # of the solve before: a resultant that is larger meets no resistance, and may stay as it is
+WORK = 0.1  # over Newton's tolerance: work of M (w - v0) that is negligible beside that of the other forces
+LIGHTEST = 0.1  # smallest force on a body that counts, over the mean of all: rattlers bear almost none
+
+Problems = Callable[[Array, ContactIterate | None], ContactProblem | None]
+
+
+def settle(increment: Increment, problem_at: Problems, kept: Solver | None, timer: Timer, stroke: float) -> Solution:
+    """The equilibrium at the end of a step.
+
+    `problem_at` gives the contact problem with the contact points at a velocity (2 nodes,) [m/s], for the contact
+    forces of the solve before. The `kept` factor is of use where supports hold all bodies. Prescribed motions may
+    move bodies by `stroke` [m].
+
+    Raises
+    ------
+    StepRejected
+        if a body moves on and on, if `MAX_SOLVES` do not suffice, or if a solve fails with the largest shares
+    """
+    motion, solved = RigidMotion.of(increment), list[Solution]()
+    centre, w = increment.v0, increment.initial_guess()
+    problem = problem_at(w, None)
+    metric = _Metric.of(increment, motion, _unheld(increment, motion, problem, w))
+    kept = None if metric.share.any() else kept
+    change = _Change.none(increment.grid.bodies)
+    for _ in range(MAX_SOLVES):
+        trial = metric.applied(increment, centre, w)
+        try:
+            found = advance(trial, None if problem is None else problem.within(trial, kept), kept, timer)
+        except StepRejected as error:
+            if metric.moves_on:
+                break
+            if not error.retryable or not metric.raised():
+                raise
+            continue
+        solved.append(found)
+        change = _Change.of(trial, motion, found, change)
+        moved = change.moved - stroke / increment.grid.cell
+        if metric.too_far(moved):
+            continue
+        centre = w = found.w
+        settled = change.negligible(increment.scheme.newton_tol)
+        if settled and not _widened(found.contact):
+            return _equilibrium(trial, change, solved)
+        if not settled and metric.follows(moved):
+            break
+        problem = problem_at(w, found.contact)
+        problem = None if problem is None else problem.after(found.contact)
+    if not solved:
+        raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
+    body = int(np.argmax(np.where(metric.moving > 0, metric.moving, change.share)))
+    raise no_equilibrium(increment, motion, solved[-1], len(solved), body, float(change.share[body]))
+
+
+def _widened(contact: ContactIterate | None) -> bool:
+    """Whether contacts whose points slide have become too wide for that."""
+    if contact is None:
+        return False
+    at = contact.constraints
+    force = at.forces(contact.r, contact.increment.dt)[0]
+    return bool((between_bodies(at.bodies, force) >= at.wide_from).any())
+
+
+def _equilibrium(increment: Increment, change: _Change, solved: list[Solution]) -> Solution:
+    """The last solution of a step, with what all solves took, and the factor where it is without a metric."""
+    found = solved[-1]
+    return replace(
+        found,
+        solves=len(solved),
+        newton=sum(each.newton for each in solved),
+        factorisations=sum(each.factorisations for each in solved),
+        imbalance=max(found.imbalance, change.imbalance),
+        reaction=increment.reaction(_without_metric(increment, found)),
+        solver=None if increment.mass.any() else found.solver,
+    )
+
+
+@dataclass
+class _Metric:
+    """The metric of the bodies; solves change its shares."""
+
+    unit: Array  # (2 nodes,) metric of a share of one [kg/m]
+    node_body: NDArray[np.int64]
+    held: Bools  # (bodies,) whether supports prevent all rigid motions of the body
+    share: Array  # (bodies,)
+    least: Array  # (bodies,) after solves that failed
+    before: Array  # (bodies,) in the solve before
+    moving: NDArray[np.int64]  # (bodies,) solves in a row in which each has moved on
+
+    @staticmethod
+    def of(increment: Increment, motion: RigidMotion, unheld: Array) -> _Metric:
+        """That with which resultants (bodies,) [kg m/s per m] that nothing bears move bodies by `MOTION`."""
+        grid, modulus = increment.grid, increment.shear_modulus
+        held = np.zeros(grid.bodies, dtype=bool) if increment.supports is None else increment.supports.holds
+        unit = np.repeat((modulus / motion.total)[grid.node_body] * motion.mass, 2)
+        wanted = unheld / (MOTION * grid.cell / increment.dt * np.maximum(modulus, 1e-300))
+        first, least = np.where(held, 0.0, np.clip(wanted, FIRST, LARGEST)), np.full(grid.bodies, LEAST)
+        return _Metric(
+            unit, grid.node_body, held, first, least, np.zeros(grid.bodies), np.zeros(grid.bodies, dtype=np.int64)
+        )
+
+    @property
+    def moves_on(self) -> bool:
+        """Whether a body has moved on for so long that a solve which fails is given up."""
+        return bool(4 * self.moving.max(initial=0) >= FALLING)
+
+    def applied(self, increment: Increment, centre: Array, guess: Array) -> Increment:
+        """The equations of a solve about a centre (n,), that begins at a guess (n,)."""
+        metric = self.unit * np.repeat(self.share[self.node_body], 2)
+        return replace(increment, metric=metric, v0=centre, guess=guess)
+
+    def raised(self) -> bool:
+        """Larger shares after a solve that failed, of bodies that are not held; whether there are any."""
+        if self.share[~self.held].min(initial=LARGEST) >= LARGEST:
+            return False
+        self.least = np.minimum(np.maximum(self.least, np.sqrt(CHANGE) * self.share), LARGEST)
+        self.share = np.where(self.held, 0.0, np.clip(CHANGE * self.share, FIRST, LARGEST))
+        return True
+
+    def too_far(self, moved: Array) -> bool:
+        """Whether bodies moved (bodies,) [cells] farther than a solve may move them: their shares are larger then.
+
+        Those of all bodies are at least what they were in the solve before: with friction, smaller ones may have led
+        past an equilibrium nearby.
+        """
+        far = ~self.held & (moved > TOO_FAR) & (self.share < LARGEST)
+        if far.any():
+            wanted = np.where(far, self.share * moved / MOTION, self.share)
+            self.share = np.minimum(np.maximum(wanted, self.before), LARGEST)
+        return bool(far.any())
+
+    def follows(self, moved: Array) -> bool:
+        """Shares for motions (bodies,) [cells] as large as a solve may move bodies; whether one moves on and on."""
+        moved = np.where(self.held, 0.0, moved)
+        self.moving = np.where(moved > MOVING * MOTION, self.moving + 1, 0)
+        factor = np.clip(moved / MOTION, 1.0 / CHANGE, CHANGE)
+        self.before = self.share
+        self.share = np.where(self.held, 0.0, np.clip(self.share * factor, self.least, LARGEST))
+        return bool(self.moving.max() >= FALLING)
+
+
+@dataclass(frozen=True)
+class _Change:
+    """The change by a solve, and what the metric leaves out of balance."""
+
+    moved: Array  # rigid motion of bodies, at their surfaces (bodies,) [cells]
+    resultant: Array  # of M (w - v0), (3, bodies) [kg m/s per m]
+    share: Array  # of the forces on bodies that their resultants are (bodies,)
+    resisted: Array  # the same without those that last
+    imbalance: float  # norm of M (w - v0), without resultants that last, over that of the largest force
+    work: float  # of the same over that of the other forces
+
+    @staticmethod
+    def none(bodies: int) -> _Change:
+        """Before the first solve."""
+        none = np.zeros(bodies)
+        return _Change(none, np.full((3, bodies), np.inf), none, none, np.inf, np.inf)
+
+    @staticmethod
+    def of(increment: Increment, motion: RigidMotion, solution: Solution, before: _Change) -> _Change:
+        """That of a solution, after the change `before`."""
+        w, step = (increment.on_nodes(each) for each in (solution.w, solution.w - increment.v0))
+        configuration, rigid = _configuration(increment, solution), motion.velocity(step)
+        mass = increment.on_nodes(increment.mass)
+        resultant = motion.resultants(increment.free_nodes(mass * step))
+        lasting = np.abs(resultant) > LASTING * np.abs(before.resultant)
+        resisted = step - motion.at_nodes(np.where(lasting, rigid, 0.0))
+        lack, impulse = increment.free_nodes(mass * resisted), solution.contact_impulse
+        pushed = np.zeros_like(w) if impulse is None else increment.on_nodes(impulse)
+        outer = [pushed, *(increment.theta_dt * each for each in increment.external_forces(configuration))]
+        forces = 0.5 * np.hypot(*increment.grid.sums(np.abs(np.stack(outer)).sum(axis=0).reshape(-1, 2).T))
+        inner = [term.force(configuration) for term in increment.terms if term.balanced]
+        terms = [*(increment.theta_dt * each for each in inner), *outer]
+        noise = increment.round_off(solution.w, configuration) / increment.scheme.newton_tol
+        size = np.maximum(np.maximum(forces, LIGHTEST * forces.mean()), noise)
+        exchanged = sum(abs(float(term @ w)) for term in terms)
+        return _Change(
+            increment.dt / increment.grid.cell * motion.at_surface(rigid),
+            resultant,
+            np.abs(resultant).max(axis=0) / size,
+            np.abs(np.where(lasting, 0.0, resultant)).max(axis=0) / size,
+            float(np.linalg.norm(lack)) / max(*(float(np.linalg.norm(term)) for term in terms), noise),
+            float(lack @ resisted) / max(exchanged, noise * float(np.linalg.norm(w)), 1e-300),
+        )
+
+    def negligible(self, tol: float) -> bool:
+        """Whether M (w - v0) is, on nodes, in the work that it does along w - v0, and on bodies."""
+        on_bodies = bool((self.share <= NEGLIGIBLE).all() and (self.resisted <= tol).all())
+        return self.imbalance <= tol and self.work <= WORK * tol and on_bodies
+
+
+def _configuration(increment: Increment, solution: Solution) -> Configuration:
+    """That of a solution, without another evaluation of the points."""
+    there, known = increment.at(solution.w), solution.configuration
+    return there if known is None else known.translated(there.displacement, there.scalars)
+
+
+def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem | None, w: Array) -> Array:
+    """Resultants on bodies that neither supports nor known contact forces balance, (bodies,) [kg m/s per m]."""
+    force = increment.external_force(increment.at(w)) - increment.bulk.force(increment.at_start)
+    impulse = increment.theta_dt * force
+    if problem is not None:
+        impulse = impulse + increment.on_nodes(problem.at(w).impulse)
+    return np.asarray(np.abs(motion.resultants(increment.free_nodes(impulse))).max(axis=0))
+
+
+def _without_metric(increment: Increment, solution: Solution) -> Array:
+    """The out-of-balance impulse without the metric, (2 nodes,) [kg m/s per m]."""
+    still = replace(increment, metric=np.zeros_like(increment.start))
+    gradient, _ = still.gradient(solution.w, _configuration(increment, solution))
+    return gradient if solution.contact_impulse is None else gradient - solution.contact_impulse

@@ -1,0 +1,215 @@
+"""What `simulate` warns of once in a run: states in which forces may be far off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skmpm.material import youngs_modulus
+from skmpm.scene import Scene, State
+from skmpm.scheme import Scheme, averages_dilatation
+from skmpm.step.functions_of_time import values_at
+from skmpm.step.loading import SLOPE, strongest_gravity
+
+# Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
+# their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
+MAX_PRESSURE = 1.0
+
+# Of the largest energy: what steps with theta < 1 may gain, too. Bodies of nu = 0.49 that vibrate have two to seven
+# times their energy after 240 steps of theta = 1/2 with anchor = 0.1.
+MAX_REGRIDDING = 0.05
+
+# Of gravity: error of the acceleration of a wall in a step, and so of the force on a body that it carries, over its
+# weight. Where a block is shaken at 0.8 of gravity, chosen steps make it 0.4, and twice in ten periods it lifts off.
+MAX_JOLT = 0.1
+SHORT = 1e-2  # of a step: half of the interval over which velocities are differentiated
+
+# How far a wall may be from where the integral of its velocity leads: in cells, what contacts may overlap, and over
+# its path. Of a seal under a lid that stops 1 to 6 % of the diameter too early or late, the force is 8 to 43 % off.
+MAX_STRAY, STRAY_SHARE = 0.05, 0.01
+# Of a step: where velocities are looked at for their integral.
+SHARES = np.linspace(0.0625, 0.9375, 8)
+
+
+class Watch(Protocol):
+    """What is asked at every state of a run, until it warns."""
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state; empty for nothing."""
+        ...
+
+
+def first_warnings(watches: list[Watch], state: State) -> Iterator[str]:
+    """The warnings at a state of watches, which are then removed from the list: each warns once in a run."""
+    for watch in tuple(watches):
+        if text := watch.warning(state):
+            watches.remove(watch)
+            yield text
+
+
+class PressureWatch:
+    """Finds the first body under such a pressure in a run, where volumes of cells are those at the points.
+
+    With moment fitting they are exact (`moment_fitting.fitted_places`), and nothing is looked at, nor are bodies
+    without mean dilatation.
+    """
+
+    def __init__(self, scene: Scene, scheme: Scheme) -> None:
+        moduli = np.full(len(scene.bodies), np.inf)
+        for b, body in enumerate(scene.bodies):
+            fitted = scheme.moment_fitting and scene.outlined[b]
+            if not fitted and any(averages_dilatation(scheme, material) for material in body.materials):
+                moduli[b] = min(map(youngs_modulus, body.materials))
+        self._moduli = moduli
+        self._none = not np.isfinite(moduli).any()
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state; empty for nothing."""
+        if self._none:
+            return ""
+        trace = np.bincount(state.body, state.volume * (state.stress[0, 0] + state.stress[1, 1]))
+        pressure = -0.5 * trace / np.bincount(state.body, state.volume) / self._moduli
+        b = int(np.argmax(pressure))
+        if pressure[b] <= MAX_PRESSURE:
+            return ""
+        return (
+            f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
+            " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
+            " small: press less, or give the body an outline and use Scheme(moment_fitting=True)"
+        )
+
+
+class RegriddingWatch:
+    """Finds the first step of a run in which new body grids have added energy, which no check of steps counts."""
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state; empty for nothing."""
+        energy = state.report.energy
+        share = energy.regridding / max(energy.largest, 1e-300)
+        if share <= MAX_REGRIDDING:
+            return ""
+        return (
+            f"until t = {state.t:.6g} s new body grids have added energy (Energy.regridding), {share:.2g} of the"
+            " largest that bodies had: use anchor = inf, or more points in a cell"
+        )
+
+
+class StrokeWatch:
+    """Finds what moves in steps of a given length by other than the integral of its velocity, as where that jumps.
+
+    Steps take velocities at their middles.
+    """
+
+    def __init__(self, scene: Scene, t: float, *, wanted: bool) -> None:
+        self._t = t  # at the end of the step before [s]
+        named: list[tuple[str, Any]] = [
+            *((f"wall {i}", _given(scene, i)) for i in range(len(scene.walls))),
+            *((f"body {b}", body.motion) for b, body in enumerate(scene.bodies)),
+            *((f"support {i}", held.velocity) for i, held in enumerate(scene.supports) if held.displacement is None),
+        ]
+        self._cell = scene.cell
+        self._moving: list[tuple[str, Any]] = [(name, f) for name, f in named if wanted and callable(f)]
+        self._paths = np.zeros((3, 2, len(self._moving)))  # moved, integral, integral of the magnitude [m]
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state; empty for nothing."""
+        dt, began = state.report.dt, self._t
+        self._t = state.t
+        for k, (name, f) in enumerate(self._moving):
+            moved, path, length = self._paths[:, :, k]
+            each = values_at(f, began + dt * SHARES)[:, :2]
+            moved += dt * values_at(f, np.array([began + 0.5 * dt]))[0, :2]
+            path += dt * each.mean(axis=0)
+            length += dt * np.abs(each).mean(axis=0)
+            off = np.abs(moved - path)
+            if (off > np.maximum(MAX_STRAY * self._cell, STRAY_SHARE * length)).any():
+                return (
+                    f"{name}: at t = {state.t:.6g} s it has moved by ({moved[0]:.4g}, {moved[1]:.4g}) m, while the"
+                    f" integral of its velocity is ({path[0]:.4g}, {path[1]:.4g}) m: steps take velocities at their"
+                    " middles; give a dt that ends steps where the velocity jumps, or none"
+                )
+        return ""
+
+
+def _given(scene: Scene, i: int) -> Any:
+    """The velocity of a wall as far as it is given: along it, if a force drives it."""
+    wall, (x, y) = scene.walls[i], scene.normals[:, i]
+    velocity = wall.velocity
+    if not (wall.driven and callable(velocity)):
+        return velocity
+    along = np.array([-y, x])
+    return lambda t: along * (along @ np.asarray(velocity(t), dtype=float))
+
+
+class Floor(NamedTuple):
+    """What may shake under a body."""
+
+    name: str
+    velocity: Callable[[float], ArrayLike]
+    carries: Callable[[State], bool]  # whether something rests on it
+
+
+class ShakingWatch:
+    """Finds the first chosen step in which what shakes under a body accelerates by other than its function of time.
+
+    The velocity is constant within a step. Its jump between two steps is that of an acceleration over the mean of
+    their lengths, but the inertial force is computed with the length of the second one. `times` [s] are those of the
+    run, at which gravity is looked at.
+    """
+
+    def __init__(self, scene: Scene, scheme: Scheme, before: float, times: NDArray[np.float64] | None) -> None:
+        self._before = before  # length of the step before [s]
+        self._floors: list[Floor] = []
+        if times is None or not scheme.inertia:
+            return
+        gravity = strongest_gravity(scene, times)
+        self._weight = float(np.hypot(*gravity))
+        if self._weight > 0.0:
+            self._floors = [*_walls(scene, gravity), *_rigid_bodies(scene, gravity)]
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state; empty for nothing."""
+        dt, before = state.report.dt, self._before
+        self._before = dt
+        short, middle = SHORT * dt, state.t - 0.5 * dt
+        share = 0.5 * abs(before / dt - 1.0) if before else 0.0
+        for floor in self._floors:
+            if share == 0.0 or not floor.carries(state):
+                continue
+            change = np.subtract(floor.velocity(middle + short), floor.velocity(middle - short))
+            acceleration = float(np.hypot(*change[:2])) / (2.0 * short)
+            if share * acceleration > MAX_JOLT * self._weight:
+                off = share * acceleration / self._weight
+                return (
+                    f"{floor.name}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen"
+                    f" step, {dt / before:.2g} times as long as the one before: forces on what it carries are off"
+                    f" by {off:.2g} of its weight, so that it may lift off or slip; give dt"
+                )
+        return ""
+
+
+def _walls(scene: Scene, gravity: NDArray[np.float64]) -> Iterator[Floor]:
+    """Walls below bodies whose velocity is a function of time."""
+    below = scene.normals.T @ gravity < -SLOPE * np.hypot(*gravity)
+    for i, wall in enumerate(scene.walls):
+        if below[i] and callable(wall.velocity):
+            yield Floor(f"wall {i}", wall.velocity, partial(_wall_carries, i))
+
+
+def _wall_carries(i: int, state: State) -> bool:
+    return bool(state.wall_force[i].any())
+
+
+def _rigid_bodies(scene: Scene, gravity: NDArray[np.float64]) -> Iterator[Floor]:
+    """Rigid bodies whose motion is a function of time; what rests on one presses it along gravity."""
+    for b, body in enumerate(scene.bodies):
+        if callable(body.motion):
+            yield Floor(f"body {b}", body.motion, partial(_body_carries, b, gravity))
+
+
+def _body_carries(b: int, gravity: NDArray[np.float64], state: State) -> bool:
+    return bool(state.body_force[:, b] @ gravity > 0.0)
