@@ -7,7 +7,8 @@ ParaView. `sweep` runs the members of an ensemble.
 
 import logging
 
-from skmpm import contact, coulomb, linear, outline, transfer
+from skmpm import contact, coulomb, linear, outline
+from skmpm.grid import transfer
 from skmpm.io import CheckpointError, load, read, record, save
 from skmpm.material import (
     ElastoPlastic,

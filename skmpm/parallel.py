@@ -16,7 +16,8 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+
+from skmpm.arrays import Ints
 
 # Ranges per thread, so that threads end together although one of them waits for a core. Less work than that of a
 # range of this size is not worth a thread: handing it over takes 30 us, its factorisation a millisecond.
@@ -41,7 +42,7 @@ def available() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def over_bodies(work: Callable[[int, int], None], offsets: NDArray[np.int64]) -> None:
+def over_bodies(work: Callable[[int, int], None], offsets: Ints) -> None:
     """Call work(first, last) for ranges of bodies that together are all; body b has offsets[b]:offsets[b + 1]."""
     bodies, size = offsets.size - 1, int(offsets[-1] - offsets[0])
     count = min(_ranges(size), bodies)

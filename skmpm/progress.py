@@ -9,8 +9,8 @@ from types import TracebackType
 import numpy as np
 
 from skmpm.observe import box_area
+from skmpm.representation import quantity
 from skmpm.scene import Scene, State
-from skmpm.units import quantity
 
 WIDTH = 110  # characters; the line before is overwritten
 SLOW = 0.01  # kinetic over elastic energy below which the motion counts as quasi-static

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled_in_order
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 STRAIGHT = 1e-4  # turns [rad] that are not told from none
 
 
 @compiled_in_order
-def backward_shares(x: Floats, previous: Integers, following: Integers, corner: NDArray[np.bool_]) -> Floats:
+def backward_shares(x: Array, previous: Ints, following: Ints, corner: Bools) -> Array:
     """Shares (m,) of the direction of the segment behind each point x (2, m) in the tangent there.
 
     Where the curvature is the same on both sides they are those of the parabola through three points. Otherwise, with

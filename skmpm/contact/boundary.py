@@ -19,9 +19,9 @@ from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array
 from skmpm.contact.closest_points import closest_points
 from skmpm.contact.cohesion import tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise, no_constraints
@@ -29,9 +29,8 @@ from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, co
 from skmpm.contact.motion import Motion
 from skmpm.contact.neighbours import Neighbours, Roles, Tension, neighbours, pairs_of_bodies
 from skmpm.contact.reach import contact_reach
-from skmpm.contact.rows import combinations
+from skmpm.contact.rows import combinations, joined
 from skmpm.contact.self_contact import SelfContact
-from skmpm.contact.tables import joined
 from skmpm.grid import BodyGrids
 from skmpm.outline import Cubics, Outlines
 from skmpm.scene import (
@@ -41,9 +40,6 @@ from skmpm.scene import (
     State,
     prescribed_velocities,
 )
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies. In dynamic steps
 # shorter than waves take to cross a cell it is as much smaller: velocities would be overlaps over dt.

@@ -23,21 +23,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.contact.constraints import lookup
 from skmpm.contact.feet import foot_of, nearest_of_group
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import MAX_DEPTH, wall_keys
+from skmpm.contact.rows import among, joined
 from skmpm.contact.shifts import NO_SHIFTS, Shifts, guarded
-from skmpm.contact.tables import among, joined
 from skmpm.outline import Cubics, Loops, tangent
 from skmpm.scene import Contacts, Scene, between_bodies, pair_numbers
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # Turn of a segment against the other surface [rad] that is neglected: its chord has half of it as rolling friction.
 MIN_TURN = 1e-3

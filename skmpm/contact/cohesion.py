@@ -15,17 +15,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
 from skmpm.contact.gap_function import ContactPairs
 from skmpm.outline import Images, Outlines
 from skmpm.scene import Scene
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # [cells] Largest gap of a contact that counts as closed, as of bodies that may touch at the start (`scene.check`).
 # Contacts that bear less than their strength end steps with gaps below 1e-5 cells (test_cohesion).

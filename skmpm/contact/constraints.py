@@ -9,15 +9,12 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.feet import MIN_CURVATURE_FACTOR
 from skmpm.contact.rows import components
 from skmpm.grid import BodyGrids
 from skmpm.scene import PrescribedVelocities, Scene, State, pair_numbers
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -149,7 +146,7 @@ class Constraints:
         return sp.csr_array(own - sp.diags_array(factor) @ other - bend @ slide)
 
     @cached_property
-    def curved(self) -> NDArray[np.bool_]:
+    def curved(self) -> Bools:
         """Whether the second surface is curved and belongs to a body with unknowns, (k,)."""
         unknown = np.diff(self.base.indptr) > 0
         row = np.repeat(np.arange(self.size), np.diff(self.tangent_shares.indptr))
@@ -173,7 +170,7 @@ class Constraints:
             return normal
         return np.stack([normal, np.einsum("ik,ik->k", self.tangent, self.prescribed)], axis=1).ravel()
 
-    def among(self, chosen: NDArray[np.bool_]) -> Constraints:
+    def among(self, chosen: Bools) -> Constraints:
         """The constraints of the contacts where `chosen` (k,) is true."""
         if chosen.all():
             return self
@@ -240,7 +237,7 @@ def acts_at_grid_nodes(law: ContactFormulation) -> bool:
     return bool(getattr(law, "at_grid_nodes", False))
 
 
-def _match(known: Ints, wanted: Ints) -> tuple[NDArray[np.bool_], Ints]:
+def _match(known: Ints, wanted: Ints) -> tuple[Bools, Ints]:
     """For each wanted key, whether it is one of the known keys (unique) and at which index."""
     order = np.argsort(known, kind="stable")  # fast where runs ascend, as keys do
     index = np.minimum(np.searchsorted(known[order], wanted), max(known.size - 1, 0))

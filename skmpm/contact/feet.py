@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.outline import Loops, distance_to_segment, foot, place, seen, tangent
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 MAX_NORMALS_COSINE = -0.3  # largest cosine between outward normals of surfaces in contact, ideally -1; 0 at corners
 # The edges beside a contact point may point into the other surface at an angle of up to this sine, or by this depth

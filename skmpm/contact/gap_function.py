@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled_in_order
 from skmpm.contact import feet
 from skmpm.contact.neighbours import Neighbours
@@ -14,10 +14,6 @@ from skmpm.contact.projection import foot_points, project, tangent_shares, wall_
 from skmpm.contact.shifts import guard_keys, guarded
 from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

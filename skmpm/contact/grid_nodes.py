@@ -13,15 +13,12 @@ from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.contact.constraints import Constraints, Linearise
-from skmpm.contact.tables import joined
+from skmpm.contact.rows import joined
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, centres, prescribed_velocities
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Thickness of a wall made of material points [cells]: points in front of it share nodes less than one cell behind its
 # surface with it, and these nodes receive mass from points less than two cells deep.

@@ -6,19 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
-from skmpm.contact.lattice_keys import lattice_code
+from skmpm.contact.motion import lattice_code
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.shifts import NO_SHIFTS, Shifts, guard_keys
 from skmpm.outline import Cubics, Curve, Images
 from skmpm.scene import Scene
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # A rigid boundary that turns by more than this within a spacing s of the other boundary is treated as an edge: beside
 # edges boundaries stretch to twice their length, and a chord of 2 s would lie deeper in it than s SHARP_TURN / 2,

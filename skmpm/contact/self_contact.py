@@ -15,17 +15,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import ContactFormulation, acts_at_grid_nodes
 from skmpm.contact.reach import contact_reach
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, State
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # [cells] Least distance in the reference configuration of parts that may touch. Slits of 1 and 1.5 cells with sides
 # on grid lines close with the forces of two bodies to 0.5 % (`test_self_contact`). At other positions, and where they

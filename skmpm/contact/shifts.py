@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 
 # [segments] Smaller shifts are zero. A shifted contact keeps a second one at the boundary point, because a force at
 # the contact point dents the outline there, and the boundary point would pass a wall by up to 0.02 cells in impacts.
@@ -54,7 +50,7 @@ class Shifts:
 NO_SHIFTS = Shifts(np.zeros(0, dtype=np.int64), *np.zeros((4, 0)))
 
 
-def guarded(shift: Array) -> NDArray[np.bool_]:
+def guarded(shift: Array) -> Bools:
     """Whether contacts at shifts (k,) have a second one at the boundary point, (k,)."""
     return np.asarray(np.abs(shift) >= MIN_SHIFT)
 

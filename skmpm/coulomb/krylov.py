@@ -14,9 +14,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
+from skmpm.arrays import Array
 from skmpm.compiled import compiled
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 # Of residuals, relative to those of the Newton step before: the next step reduces the rest. Of 1e-10, 1e-9 and 1e-7

@@ -23,9 +23,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from skmpm.arrays import Array
 from skmpm.compiled import compiled
 from skmpm.coulomb.krylov import TOLERANCE, NotConvergedError, by_blocks, by_known_factor
-from skmpm.coulomb.law import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, Array, split
+from skmpm.coulomb.law import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, split
 from skmpm.coulomb.problem import Iterate, Problem, is_sparse
 
 States: TypeAlias = NDArray[np.int8]

@@ -9,17 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.compiled import compiled
-from skmpm.coulomb.law import (
-    MIN_TANGENTIAL_RESPONSE,
-    Array,
-    clip_to_cone,
-    natural,
-    root,
-    row_scales,
-    scaled_friction,
-    split,
-)
+from skmpm.coulomb.law import MIN_TANGENTIAL_RESPONSE, clip_to_cone, natural, root, row_scales, scaled_friction, split
 
 Matrix: TypeAlias = Any  # dense or CSR, with @
 Ints: TypeAlias = NDArray[np.integer]

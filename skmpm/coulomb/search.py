@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.coulomb.law import Array
+from skmpm.arrays import Array, Ints
 from skmpm.coulomb.newton import full_steps
-from skmpm.coulomb.problem import Bilateral, Ints, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
+from skmpm.coulomb.problem import Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
 
 # Weight of the proximal term over diag(W~), which is one: at first, and its factors after success and failure. Larger
 # first weights and slower decreases take longer; of 1,200 problems of random rigid bodies with friction up to 1 these

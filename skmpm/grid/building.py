@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.grid.body_grids import BodyGrids
 from skmpm.grid.point_loops import CORNERS
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 TABLE_RATIO = 30  # possible keys per given key above which sorting is faster than a table of all possible keys
 

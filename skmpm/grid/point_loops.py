@@ -8,17 +8,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.compiled import compiled
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int32]
+ShortInts = NDArray[np.int32]
 
 CORNERS = np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
 """Corners of the reference square in the order of `ElementQuad1`, (2, 4)."""
 
 
 @compiled
-def interpolate(node: Ints, weight: Array, field: Array, out: Array) -> None:
+def interpolate(node: ShortInts, weight: Array, field: Array, out: Array) -> None:
     """Values `out` (2, n) of a nodal field (nodes, 2) at the points."""
     for p in range(node.shape[0]):
         x = y = 0.0
@@ -29,7 +29,7 @@ def interpolate(node: Ints, weight: Array, field: Array, out: Array) -> None:
 
 
 @compiled
-def differentiate(node: Ints, by_x: Array, by_y: Array, field: Array, out: Array) -> None:
+def differentiate(node: ShortInts, by_x: Array, by_y: Array, field: Array, out: Array) -> None:
     """Gradients out[i, j] = d field_i / d x_j (2, 2, n) of a nodal field (nodes, 2) at the points."""
     for p in range(node.shape[0]):
         xx = xy = yx = yy = 0.0
@@ -43,7 +43,7 @@ def differentiate(node: Ints, by_x: Array, by_y: Array, field: Array, out: Array
 
 
 @compiled
-def add_divergence(node: Ints, by_x: Array, by_y: Array, volume: Array, P: Array, out: Array) -> None:
+def add_divergence(node: ShortInts, by_x: Array, by_y: Array, volume: Array, P: Array, out: Array) -> None:
     """Add V P : grad N of all points to `out` (nodes, 2); P (2, 2, n)."""
     for p in range(node.shape[0]):
         xx, xy = volume[p] * P[0, 0, p], volume[p] * P[0, 1, p]
@@ -55,7 +55,7 @@ def add_divergence(node: Ints, by_x: Array, by_y: Array, volume: Array, P: Array
 
 @compiled
 def add_affine_momentum(
-    node: Ints, weight: Array, local: Array, cell: float, mass: Array, v: Array, C: Array, out: Array
+    node: ShortInts, weight: Array, local: Array, cell: float, mass: Array, v: Array, C: Array, out: Array
 ) -> None:
     """Add m N (v + C (X - x)) of all points at `local` (2, n) in their cells to `out` (nodes, 2)."""
     for p in range(node.shape[0]):
@@ -67,7 +67,7 @@ def add_affine_momentum(
 
 
 @compiled
-def sum_by_body(body: NDArray[np.int64], values: Array, out: Array) -> None:
+def sum_by_body(body: Ints, values: Array, out: Array) -> None:
     """Add values (k, nodes) to those of their bodies, `out` (k, bodies)."""
     for k in range(out.shape[0]):
         for n in range(body.size):
@@ -75,7 +75,7 @@ def sum_by_body(body: NDArray[np.int64], values: Array, out: Array) -> None:
 
 
 @compiled
-def moments_by_body(body: NDArray[np.int64], x: Array, mass: Array, impulse: Array, arms: Array, sums: Array) -> None:
+def moments_by_body(body: Ints, x: Array, mass: Array, impulse: Array, arms: Array, sums: Array) -> None:
     """Write the arms (nodes, 2) of nodes, and add moments, moments of inertia and masses to `sums` (3, bodies)."""
     centres = np.zeros((sums.shape[1], 2))
     for n in range(body.size):

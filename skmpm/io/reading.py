@@ -10,11 +10,10 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
+from skmpm.io.blocks import KINDS
 from skmpm.io.recording import open_file
-from skmpm.io.vtkhdf import KINDS
 from skmpm.representation import with_shapes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,9 +44,9 @@ class Frame:
     contacts: dict[str, NDArray[Any]]
     walls: dict[str, NDArray[Any]]
     box: Array | None
-    deformable: NDArray[np.bool_]
-    boundary_points: NDArray[np.int64]
-    held_points: NDArray[np.int64]
+    deformable: Bools
+    boundary_points: Ints
+    held_points: Ints
 
     __repr__ = with_shapes
 

@@ -10,12 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.io.blocks import blocks_of
+from skmpm.io.blocks import VERSION, Block, blocks_of
 from skmpm.io.checkpoint import writable
-from skmpm.io.vtkhdf import VERSION, Block
 from skmpm.scene import Scene, State, check_scene
-
-Array = NDArray[np.float64]
 
 CONSTANT = ("points", "bodies")  # blocks whose cells do not change
 

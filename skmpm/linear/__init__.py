@@ -6,15 +6,11 @@ H A^-1 H^T, the Delassus operator of constraints H. `blocks` (bodies + 1,) are t
 """
 
 from skmpm.linear.band import Banded, banded, column_lengths
-from skmpm.linear.choice import chosen, default
+from skmpm.linear.choice import Direct, chosen, default, direct
+from skmpm.linear.corrected import Joined, LowRank, Rotated, joined, without_added_mass
 from skmpm.linear.delassus import Delassus
-from skmpm.linear.joined import Joined, joined
-from skmpm.linear.low_rank import LowRank, without_added_mass
-from skmpm.linear.lu import Direct, direct
 from skmpm.linear.multigrid import Amg, amg
-from skmpm.linear.rotated import Rotated
-from skmpm.linear.solver import Linear, NotPositiveDefinite, Solver, half_bandwidth
-from skmpm.linear.threads import one_thread
+from skmpm.linear.solver import Linear, NotPositiveDefinite, Solver, half_bandwidth, one_thread
 
 __all__ = [
     "Amg",

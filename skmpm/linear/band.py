@@ -9,15 +9,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.linear import cholesky
-from skmpm.linear.blockwise import Rows, by_body
+from skmpm.linear.blockwise import Rows, by_body, squares
 from skmpm.linear.solver import NotPositiveDefinite, Solver, half_bandwidth
-from skmpm.linear.squares import squares
 from skmpm.parallel import over_bodies
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Entries of bands in one array: glibc returns larger ones to the system when they are freed, and their pages take as
 # long to be provided again as a sixth of the factorisation.
@@ -77,7 +74,7 @@ def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     return _factorised(Banded(bands, parts, offsets, blocks, ends), A, chosen)
 
 
-def _factorised(factor: Banded, A: sp.bsr_array, chosen: NDArray[np.bool_]) -> Banded:
+def _factorised(factor: Banded, A: sp.bsr_array, chosen: Bools) -> Banded:
     """The factor with the blocks of A of the chosen bodies; its bands are overwritten."""
     failed = np.zeros(chosen.size, dtype=bool)
     arguments = (chosen, A.indptr, A.indices, A.data, factor.blocks, factor.ends, failed)

@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled, compiled_in_order
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 PANEL = 4  # columns of L that are eliminated at once, those of two nodes
 WIDEST = 4160  # rows of a panel; no power of two, with which its columns would share lines of the cache
@@ -25,13 +23,13 @@ def factorise(
     last: int,
     bands: Array,
     offsets: Ints,
-    chosen: NDArray[np.bool_],
+    chosen: Bools,
     indptr: NDArray[np.integer],
     indices: NDArray[np.integer],
     data: Array,
     blocks: Ints,
     ends: Ints,
-    failed: NDArray[np.bool_],
+    failed: Bools,
 ) -> None:
     """Overwrite the bands of the chosen bodies among first:last by the factors of their blocks of A."""
     for body in range(first, last):

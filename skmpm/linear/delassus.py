@@ -8,11 +8,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools
 from skmpm.compiled import compiled
 from skmpm.linear.solver import Solver
 from skmpm.parallel import over_bodies
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 
@@ -31,7 +31,7 @@ class Delassus:
     owner: Ints  # (m,) body of each contact point
     whole: bool
     squares: Array  # S of the contact points in `known`, body after body, each row after row
-    known: NDArray[np.bool_]  # (m,) whether S contains the contact point
+    known: Bools  # (m,) whether S contains the contact point
 
     @staticmethod
     def of(solver: Solver, base: sp.csr_array, owner: Ints, *, whole: bool = False) -> Delassus:
@@ -66,7 +66,7 @@ class Delassus:
         squares[~chosen] = self.squares[np.repeat(~again, self._sizes(self.known))]
         return replace(self, squares=squares, known=known)
 
-    def _sizes(self, known: NDArray[np.bool_]) -> Ints:
+    def _sizes(self, known: Bools) -> Ints:
         """Entries of the square of each body for known contact points (m,), (bodies,)."""
         return np.asarray((2 * np.bincount(self.owner[known], minlength=int(self.owner.max()) + 1)) ** 2)
 

@@ -10,18 +10,14 @@ import numpy as np
 import pyamg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 from pyamg.aggregation import fit_candidates, standard_aggregation
 from pyamg.relaxation.smoothing import change_smoothers
 from pyamg.strength import symmetric_strength_of_connection
 from pyamg.util.utils import get_block_diag
 
+from skmpm.arrays import Array, Ints
 from skmpm.linear.blockwise import by_columns
-from skmpm.linear.solver import Solver
-from skmpm.linear.threads import one_thread
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from skmpm.linear.solver import Solver, one_thread
 
 CONNECTION_THRESHOLD = 0.08  # strength of connection on the finest level, that of Vanek, Mandel & Brezina (1996)
 COARSEST_SIZE = 300  # unknowns of a level that a dense pseudoinverse solves directly

@@ -1,18 +1,33 @@
-"""The interface of linear solvers."""
+"""Restrict BLAS to one thread: for the small matrices of bodies two threads are ten times slower and more.
+
+The interface of linear solvers.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from contextlib import AbstractContextManager
+from functools import cache
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
+from skmpm.arrays import Array, Ints
 from skmpm.compiled import compiled
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+
+@cache
+def _libraries() -> Any:
+    return ThreadpoolController()
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Context manager within which BLAS uses one thread."""
+    limited: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
+    return limited
 
 
 class Solver(Protocol):

@@ -9,11 +9,13 @@ material with each other.
 from skmpm.material import dilatation
 from skmpm.material.anchored import Anchored
 from skmpm.material.check import check_material
+from skmpm.material.elastic import LinearElastic, NeoHookean
 from skmpm.material.elastoplastic import ElastoPlastic
 from skmpm.material.invariants import Hyperelastic
 from skmpm.material.law import (
     Isotropic,
     Material,
+    Rigid,
     bounded_modulus,
     determinant,
     inverse,
@@ -24,12 +26,9 @@ from skmpm.material.law import (
     wave_speed,
     youngs_modulus,
 )
-from skmpm.material.linear import LinearElastic
 from skmpm.material.memory import InStep, MaterialWithMemory, has_memory, in_step, initial_state, virgin
-from skmpm.material.neohookean import NeoHookean
 from skmpm.material.requirements import lacking
 from skmpm.material.response import Response, response
-from skmpm.material.rigid import Rigid
 from skmpm.material.rubber import MooneyRivlin, Ogden, Yeoh
 from skmpm.material.viscous import Viscous
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.material.law import Material, determinant, is_linear, product, referred_stress, referred_tangent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -18,16 +18,14 @@ linear. docs/theory/method.md derives what is computed here.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.compiled import compiled, compiled_in_order
 from skmpm.material.anchored import Anchored
 from skmpm.material.invariants import cofactor
 from skmpm.material.law import determinant
 from skmpm.material.memory import InStep
 from skmpm.material.response import curvature
-
-Array = NDArray[np.float64]
 
 ONE = np.array([1.0, 0.0, 0.0, 1.0])[:, None]
 DEVIATOR = np.eye(4) - 0.5 * ONE * ONE.T

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skmpm.material.chebyshev import squared_angle
-from skmpm.material.invariants import Hyperelastic
+from skmpm.arrays import Array
+from skmpm.material.invariants import Hyperelastic, squared_angle
 from skmpm.material.law import Isotropic, determinant, product, referred_stress, referred_tangent
-
-Array = NDArray[np.float64]
 
 ITERATIONS = 8  # of Newton's method for ln J, exact to round-off for J from 0.05 to 3
 EQUAL = 1e-8  # ln(l1 / l2) below which sinh(r x) / sinh(x) is r to round-off

@@ -1,4 +1,7 @@
-"""What a material is to the library: a density, wave moduli and three functions of the deformation gradient."""
+"""What a material is to the library: a density, wave moduli and three functions of the deformation gradient.
+
+Rigid bodies.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skmpm.arrays import Array
 
 FUNCTIONS = ("energy", "stress", "tangent")
 NEEDED = ("density", "lame", *FUNCTIONS)
@@ -116,3 +118,17 @@ def referred_stress(P: Array, G: Array) -> Array:
 def referred_tangent(C: Array, G: Array) -> Array:
     """The second derivative by F of an energy of F G, (2, 2, 2, 2, n), from that by F G."""
     return np.asarray(np.einsum("iKjLp,IKp,JLp->iIjJp", C, G, G, optimize=True))
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A rigid body: forces move it, or its motion is prescribed (`Body.motion`).
+
+    Contact between rigid bodies is perfectly inelastic.
+
+    Parameters
+    ----------
+    density : density [kg/m3], by which the volumes of its points give mass and moment of inertia
+    """
+
+    density: float

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.material.law import Material, determinant, product, viscosity_of
-
-Array = NDArray[np.float64]
 
 
 class MaterialWithMemory(Protocol):

@@ -6,12 +6,10 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.material.law import FUNCTIONS, NEEDED, Material
 from skmpm.material.memory import has_memory, initial_state, virgin
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-12  # of internal variables that are to stay as they are, over the largest
 SHAPES: dict[str, tuple[int, ...]] = {"energy": (), "stress": (2, 2), "tangent": (2, 2, 2, 2)}

@@ -8,15 +8,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.compiled import compiled, compiled_in_order
 from skmpm.material.anchored import Anchored
-from skmpm.material.linear import LinearElastic
-from skmpm.material.neohookean import NeoHookean
+from skmpm.material.elastic import LinearElastic, NeoHookean
 from skmpm.parallel import over_points
-
-Array = NDArray[np.float64]
 
 
 class Response(NamedTuple):

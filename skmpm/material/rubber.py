@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skmpm.material.chebyshev import half_angles
-from skmpm.material.invariants import Hyperelastic, first_invariant, second_invariant, volumetric
+from skmpm.arrays import Array
+from skmpm.material.invariants import Hyperelastic, first_invariant, half_angles, second_invariant, volumetric
 from skmpm.material.law import determinant
-
-Array = NDArray[np.float64]
 
 
 def _moduli(shear: float, bulk: float) -> tuple[float, float]:

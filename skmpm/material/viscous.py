@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.material.law import determinant, inverse, product
-
-Array = NDArray[np.float64]
 
 # I_sym of entries 2 i + I: from F to sym F.
 SYMMETRIC = np.array([[2, 0, 0, 0], [0, 1, 1, 0], [0, 1, 1, 0], [0, 0, 0, 2]]) / 2.0

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import determinant
-from skmpm.observe.contact_length import contact_length, contact_lengths
 from skmpm.observe.contact_network import (
     half_branches,
     mass_centres,
@@ -18,13 +18,10 @@ from skmpm.observe.contact_network import (
     rattlers,
     touching_pairs,
 )
+from skmpm.observe.sides import contact_length, contact_lengths
 from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 ROUND = 1e-9  # relative difference of the principal moments below which a body has no long axis
 MARGIN = 2.0  # mean diameters between the walls and the interior

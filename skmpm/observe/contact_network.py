@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.scene import Contacts, Scene, State
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 CLOSED = 0.02  # largest gap that counts as contact [cells]
 FORCED = 1e-9  # share of the largest force below which a force counts as zero

@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array
 from skmpm.observe.bodies import PerBody, away_from_walls, per_body
 from skmpm.observe.contact_network import half_branches, moments
 from skmpm.observe.regions import Region, area_inside, contains, periodic_region, region, share_inside
 from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

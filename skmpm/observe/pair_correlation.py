@@ -1,19 +1,29 @@
-"""`pair_correlation`: the radial distribution function of the centres of bodies."""
+"""Arguments of functions that count in bins.
+
+`pair_correlation`: the radial distribution function of the centres of bodies.
+"""
 
 from __future__ import annotations
 
+import reprlib
+
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from skmpm.arrays import Array
 from skmpm.observe.contact_network import mass_centres
-from skmpm.observe.histogram import check_bins
 from skmpm.observe.regions import contains, periodic_region, region
 from skmpm.scene import Scene, SceneError, State, check_fits
 
-Array = NDArray[np.float64]
-
 DIAMETERS = 4.0  # mean diameters up to which the function is computed by default
+
+
+def check_bins(name: str, bins: object, largest: object, remedy: str) -> None:
+    """Raise SceneError unless `bins` is a positive integer and `largest` a positive number."""
+    if not isinstance(bins, int | np.integer) or bins < 1:
+        raise SceneError(f"{name}: bins = {reprlib.repr(bins)}; give a whole number, 1 or more")
+    if not (isinstance(largest, int | float | np.number) and 0.0 < largest < np.inf):
+        raise SceneError(f"{name}: largest = {reprlib.repr(largest)}; give {remedy}")
 
 
 def pair_correlation(
@@ -68,7 +78,7 @@ def pair_correlation(
     return np.sqrt(0.5 * (edges[1:] ** 2 + edges[:-1] ** 2)), g
 
 
-def _images(centre: NDArray[np.float64], box: NDArray[np.float64], largest: float) -> NDArray[np.float64]:
+def _images(centre: Array, box: Array, largest: float) -> Array:
     """The centres (2, n) [m] with all images that may be closer than `largest` [m] to one of them, (2, k)."""
     k = np.linalg.solve(box, centre)
     height = abs(float(np.linalg.det(box))) / np.hypot(*box)[::-1]

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.observe.contact_length import contact_lengths
+from skmpm.arrays import Array, Ints
 from skmpm.observe.contact_network import among, between, mass_centres, pairs_of, touching
-from skmpm.observe.histogram import check_bins
+from skmpm.observe.pair_correlation import check_bins
+from skmpm.observe.sides import contact_lengths
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

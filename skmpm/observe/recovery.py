@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.observe.sides import Placed, Side
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 NARROW = 2.7  # loaded length up to which the narrow estimate counts alone [cells]
 SAMPLES = 12  # per cell, for integrals along the side

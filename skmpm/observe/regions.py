@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.outline import Outlines
 from skmpm.scene import State
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 PARALLEL = 1e-12  # sine of the angle below which two walls are parallel
 
@@ -67,7 +64,7 @@ def _lengths(normal: Array, point: Array) -> Array:
     return np.where(outside, 0.0, np.maximum(high - low, 0.0))
 
 
-def contains(region: Region, x: Array) -> NDArray[np.bool_]:
+def contains(region: Region, x: Array) -> Bools:
     """Whether points x (2, n) [m] lie in the region, (n,)."""
     inside = np.ones(x.shape[1], dtype=bool)
     for n, p in zip(region.normal.T, region.point.T, strict=True):

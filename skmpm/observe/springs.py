@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.scene import Ends, Scene, State, stiffness_of
-
-Array = NDArray[np.float64]
 
 
 def spring_forces(scene: Scene, state: State) -> Array:

@@ -6,18 +6,15 @@ import reprlib
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm import outline
+from skmpm.arrays import Array, Ints
 from skmpm.observe.contact_network import FORCED
 from skmpm.observe.recovery import recover
 from skmpm.observe.sides import Placed, Side, place, sides
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, SceneError, State, check_fits
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,16 +3,15 @@
 In every function `x` (2, m) [m] holds the current positions of the boundary points, in the order of `Outlines`.
 """
 
-from skmpm.outline.cells import cell_moments
 from skmpm.outline.crossings import apart, crossings, depth, folded, turns
 from skmpm.outline.cubics import Cubics, foot, place, seen, tangent
 from skmpm.outline.curve import Curve, Loops, curve
-from skmpm.outline.facing import facing
 from skmpm.outline.images import Images, images, reduced, without_images
 from skmpm.outline.measures import (
     TURNED_AWAY,
     area,
     bend,
+    cell_moments,
     centroid,
     chord_sagitta,
     dimensions,
@@ -22,7 +21,7 @@ from skmpm.outline.measures import (
     second_moments,
     turning_angles,
 )
-from skmpm.outline.near import both_ways, candidates, closest, distance_to_segment, inside
+from skmpm.outline.near import both_ways, candidates, closest, distance_to_segment, facing, inside
 from skmpm.outline.overlaps import box_pairs, boxes, overlap
 from skmpm.outline.polylines import Polylines, joined, polylines
 from skmpm.outline.topology import Outlines, outlines

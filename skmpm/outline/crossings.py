@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled_in_order
 from skmpm.outline.near import closest, inside
-from skmpm.outline.topology import Floats, Integers, Outlines
+from skmpm.outline.topology import Outlines
 
 # Total turns up to which a loop is taken to be free of self-intersections [rad]. Where a simple loop first touches
 # itself its tangents are opposite, and the arc between the two points, which bounds the cavity, turns backward by pi;
@@ -19,7 +19,7 @@ JUST_OUTSIDE = 1e-6  # [segments] from a boundary point along its normal
 ROUND_OFF = 1e-12  # of coordinates, relative to the extent of all bodies
 
 
-def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
+def crossings(outlines: Outlines, x: Array, chosen: Ints) -> Ints:
     """Find pairs (2, k) of segments of one body that intersect, for the bodies `chosen`; the first < the second.
 
     Only bodies whose outlines turn backward by more than `MAX_BACKWARD_TURN` in total, or forward by more than
@@ -43,13 +43,13 @@ def crossings(outlines: Outlines, x: Floats, chosen: Integers) -> Integers:
     return np.sort(np.stack([i[cross], j[cross]]), axis=0)
 
 
-def folded(outlines: Outlines, x: Floats) -> Integers:
+def folded(outlines: Outlines, x: Array) -> Ints:
     """Bodies whose outlines turn so far that they may meet or cross themselves; convex ones never do."""
     forward, backward = turns(outlines, x)
     return np.flatnonzero((backward > MAX_BACKWARD_TURN) | (forward > MAX_FORWARD_TURN))
 
 
-def depth(outlines: Outlines, x: Floats, body: int) -> Floats:
+def depth(outlines: Outlines, x: Array, body: int) -> Array:
     """Depths (k,) [m] of the boundary points of a body that lie inside it, below the surface that they penetrate.
 
     A point lies inside if the outline winds around a place just outside the outline there. Its depth is the distance
@@ -67,7 +67,7 @@ def depth(outlines: Outlines, x: Floats, body: int) -> Floats:
     return np.asarray(np.where(opposes, distance, np.inf).reshape(c.size, own.size).min(axis=1))
 
 
-def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
+def turns(outlines: Outlines, x: Array) -> tuple[Array, Array]:
     """Total left and right turns along the outline of each body, (bodies,) [rad]."""
     left, right = np.zeros((2, int(outlines.body.max(initial=-1)) + 1))
     _turns(x, outlines.previous, outlines.next, outlines.body, left, right)
@@ -75,7 +75,7 @@ def turns(outlines: Outlines, x: Floats) -> tuple[Floats, Floats]:
 
 
 @compiled_in_order
-def _turns(x: Floats, previous: Integers, following: Integers, body: Integers, left: Floats, right: Floats) -> None:
+def _turns(x: Array, previous: Ints, following: Ints, body: Ints, left: Array, right: Array) -> None:
     """Add the left and right turns (bodies,) at boundary points; their difference is 2 pi for each turn of a tangent.
 
     The tangent has turned once more when it passes the direction of x, so that only right turns need their angles.
@@ -100,7 +100,7 @@ def _upward(x: float, y: float) -> bool:
     return y > 0.0 or (y == 0.0 and x > 0.0)
 
 
-def apart(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> Floats:
+def apart(outlines: Outlines, x: Array, i: Ints, j: Ints) -> Array:
     """Arc length between segments i and j of one outline, the shorter of both (k,) [m]; inf between two loops."""
     length = np.hypot(*(x[:, outlines.next] - x))
     begins = outlines.previous >= np.arange(outlines.size)
@@ -110,7 +110,7 @@ def apart(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> Floats:
     return np.asarray(np.where(loop[i] == loop[j], np.minimum(arc, perimeter - arc), np.inf))
 
 
-def _separates(outlines: Outlines, x: Floats, i: Integers, j: Integers) -> NDArray[np.bool_]:
+def _separates(outlines: Outlines, x: Array, i: Ints, j: Ints) -> Bools:
     """Whether the ends of segment j lie on opposite sides of the line through segment i, beyond round-off, (k,)."""
     origin, along = x[:, i], x[:, outlines.next[i]] - x[:, i]
     first, second = (

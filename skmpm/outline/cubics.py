@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skmpm.arrays import Array, Ints
 from skmpm.compiled import compiled
-from skmpm.outline.topology import Floats, Integers
 
 if TYPE_CHECKING:
     from skmpm.outline.curve import Curve, Loops
@@ -21,19 +21,19 @@ class Cubics:
     """The cubics X(s) = c0 + c1 s + c2 s^2 + c3 s^3 of the segments, 0 <= s <= 1."""
 
     curve: Curve
-    x: Floats  # (2, m) boundary points [m]
-    c: Floats  # (m, 4, 2) [m]
+    x: Array  # (2, m) boundary points [m]
+    c: Array  # (m, 4, 2) [m]
 
-    def at(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
+    def at(self, segment: Ints, s: Array, derivative: int = 0) -> Array:
         """Points of the curve (2, k) [m] or their derivatives with respect to s."""
         return _values(self.c, segment, s, derivative)
 
-    def normals(self, segment: Integers, s: Floats) -> Floats:
+    def normals(self, segment: Ints, s: Array) -> Array:
         """Unit outward normals (2, k)."""
         slope = self.at(segment, s, 1)
         return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
 
-    def seen_from(self, y: Floats, segment: Integers, s: Floats) -> tuple[Floats, Floats, Floats]:
+    def seen_from(self, y: Array, segment: Ints, s: Array) -> tuple[Array, Array, Array]:
         """Unit outward normals (2, k) at points of the curve, and where y (2, k) lies relative to these points.
 
         In front by a distance (k,) [m], negative behind, and along the tangent by (k,) [segments].
@@ -42,7 +42,7 @@ class Cubics:
         _see(y, self.c, segment, s, normal, gap, along)
         return normal, gap, along
 
-    def area(self, bodies: int) -> Floats:
+    def area(self, bodies: int) -> Array:
         """Area enclosed by the curves of each body, without its holes, (bodies,) [m2]; 0 without outline.
 
         Half the integral of X x X' along the cubics, exactly: sum over i < j of (j - i) / (i + j) c_i x c_j / 2.
@@ -56,7 +56,7 @@ class Cubics:
         cross = c[:, i, 0] * c[:, j, 1] - c[:, i, 1] * c[:, j, 0]
         return np.asarray(np.bincount(body, cross @ ((j - i) / (i + j)) / 2.0, bodies), dtype=np.float64)
 
-    def perimeter(self, bodies: int) -> Floats:
+    def perimeter(self, bodies: int) -> Array:
         """Length of the curves of each body, holes included, (bodies,) [m]; 0 without outline.
 
         By Gauss's quadrature with three points a segment.
@@ -66,7 +66,7 @@ class Cubics:
         speed = np.stack([np.hypot(*self.at(segment, np.full(segment.size, 0.5 + 0.5 * s), 1)) for s in places])
         return np.asarray(np.bincount(self.curve.outlines.body, 0.5 * weights @ speed, bodies), dtype=np.float64)
 
-    def project(self, y: Floats, segment: Integers, s: Floats) -> tuple[Integers, Floats]:
+    def project(self, y: Array, segment: Ints, s: Array) -> tuple[Ints, Array]:
         """Closest-point projection of y (2, k): segments (k,) and parameters (k,), from initial guesses."""
         segment, s = segment.astype(np.int64), s.astype(np.float64)
         _project(y, segment, s, self.c, self.curve.loops)
@@ -74,7 +74,7 @@ class Cubics:
 
 
 @compiled
-def foot(y: tuple[float, float], segment: int, s: float, c: Floats, loops: Loops) -> tuple[int, float]:
+def foot(y: tuple[float, float], segment: int, s: float, c: Array, loops: Loops) -> tuple[int, float]:
     """Closest-point projection of y on cubics c (m, 4, 2): segment and parameter, from an initial guess.
 
     Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from
@@ -103,7 +103,7 @@ def foot(y: tuple[float, float], segment: int, s: float, c: Floats, loops: Loops
 
 
 @compiled
-def place(c: Floats, i: int, t: float) -> tuple[float, float]:
+def place(c: Array, i: int, t: float) -> tuple[float, float]:
     """The point of the cubics c (m, 4, 2) at parameter t of segment i."""
     x = c[i, 0, 0] + t * (c[i, 1, 0] + t * (c[i, 2, 0] + t * c[i, 3, 0]))
     y = c[i, 0, 1] + t * (c[i, 1, 1] + t * (c[i, 2, 1] + t * c[i, 3, 1]))
@@ -111,7 +111,7 @@ def place(c: Floats, i: int, t: float) -> tuple[float, float]:
 
 
 @compiled
-def tangent(c: Floats, i: int, t: float) -> tuple[float, float, float]:
+def tangent(c: Array, i: int, t: float) -> tuple[float, float, float]:
     """The unit tangent there, and the length of the derivative by t."""
     x = c[i, 1, 0] + t * (2.0 * c[i, 2, 0] + 3.0 * t * c[i, 3, 0])
     y = c[i, 1, 1] + t * (2.0 * c[i, 2, 1] + 3.0 * t * c[i, 3, 1])
@@ -120,7 +120,7 @@ def tangent(c: Floats, i: int, t: float) -> tuple[float, float, float]:
 
 
 @compiled
-def seen(y: tuple[float, float], c: Floats, i: int, t: float) -> tuple[float, float, float, float]:
+def seen(y: tuple[float, float], c: Array, i: int, t: float) -> tuple[float, float, float, float]:
     """The unit outward normal there, and where y lies: in front by a distance, and along by so many segments."""
     along_x, along_y, speed = tangent(c, i, t)
     x = place(c, i, t)
@@ -130,14 +130,14 @@ def seen(y: tuple[float, float], c: Floats, i: int, t: float) -> tuple[float, fl
 
 
 @compiled
-def _project(y: Floats, segment: Integers, s: Floats, c: Floats, loops: Loops) -> None:
+def _project(y: Array, segment: Ints, s: Array, c: Array, loops: Loops) -> None:
     """Overwrite the initial guesses `segment` and `s` (k,) by the projections of y (2, k)."""
     for k in range(s.size):
         segment[k], s[k] = foot((y[0, k], y[1, k]), segment[k], s[k], c, loops)
 
 
 @compiled
-def _values(c: Floats, segment: Integers, s: Floats, derivative: int) -> Floats:
+def _values(c: Array, segment: Ints, s: Array, derivative: int) -> Array:
     """Values (2, k) of the cubics c (m, 4, 2) of segments (k,), or their derivatives."""
     out = np.empty((2, segment.size))
     for k in range(segment.size):
@@ -153,7 +153,7 @@ def _values(c: Floats, segment: Integers, s: Floats, derivative: int) -> Floats:
 
 
 @compiled
-def _see(y: Floats, c: Floats, segment: Integers, s: Floats, normal: Floats, gap: Floats, along: Floats) -> None:
+def _see(y: Array, c: Array, segment: Ints, s: Array, normal: Array, gap: Array, along: Array) -> None:
     """Write what `Cubics.seen_from` returns."""
     for k in range(s.size):
         normal[0, k], normal[1, k], gap[k], along[k] = seen((y[0, k], y[1, k]), c, segment[k], s[k])

@@ -16,11 +16,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled, compiled_in_order
 from skmpm.outline.cubics import Cubics
-from skmpm.outline.topology import Floats, Integers, Outlines
+from skmpm.outline.topology import Outlines
 from skmpm.tangents import backward_shares
 
 CORNER_COSINE = np.cos(np.deg2rad(50.0))  # of the turn: a regular octagon (45 degrees) is smooth, a hexagon is not
@@ -30,13 +30,13 @@ NOTCH_EXTENSION = 0.5  # [segments] extension of a side beyond a notch
 class Loops(NamedTuple):
     """What compiled loops need to know of the segments (m,) of a curve, in which each begins at a boundary point."""
 
-    previous: Integers
-    following: Integers
-    corner: NDArray[np.bool_]
-    convex: NDArray[np.bool_]
-    sharp: NDArray[np.bool_]
-    low: Floats  # smallest and largest parameters
-    high: Floats
+    previous: Ints
+    following: Ints
+    corner: Bools
+    convex: Bools
+    sharp: Bools
+    low: Array  # smallest and largest parameters
+    high: Array
 
 
 @dataclass(frozen=True)
@@ -44,35 +44,35 @@ class Curve:
     """Tangents of the cubics as combinations of boundary points; topology and knots are those of the reference."""
 
     outlines: Outlines
-    corner: NDArray[np.bool_]  # (m,) whether the boundary point is a corner of the reference outline
-    convex: NDArray[np.bool_]  # (m,) whether it is a corner that is convex in the current configuration
-    sharp: NDArray[np.bool_]  # (m,) convex corners and boundary points that deformation has made as sharp
-    side: Integers  # (m,) the side that each segment belongs to
-    first: Floats  # (3, m) tangent at the start of segment i -> next[i]: weights of previous[i], i, next[i]
-    last: Floats  # (3, m) tangent at its end: weights of i, next[i], next[next[i]]
+    corner: Bools  # (m,) whether the boundary point is a corner of the reference outline
+    convex: Bools  # (m,) whether it is a corner that is convex in the current configuration
+    sharp: Bools  # (m,) convex corners and boundary points that deformation has made as sharp
+    side: Ints  # (m,) the side that each segment belongs to
+    first: Array  # (3, m) tangent at the start of segment i -> next[i]: weights of previous[i], i, next[i]
+    last: Array  # (3, m) tangent at its end: weights of i, next[i], next[next[i]]
 
     @property
     def sides(self) -> int:
         """Upper bound of the numbers of sides, exclusive."""
         return int(self.side.max(initial=-1)) + 1
 
-    def stencil(self, segment: Integers) -> Integers:
+    def stencil(self, segment: Ints) -> Ints:
         """The four boundary points (4, k) that define the curve on segments (k,)."""
         boundary, j = self.outlines, self.outlines.next[segment]
         return np.stack([boundary.previous[segment], segment, j, boundary.next[j]])
 
-    def shifted(self, point: Integers, shift: Floats) -> tuple[Integers, Floats]:
+    def shifted(self, point: Ints, shift: Array) -> tuple[Ints, Array]:
         """Segments (k,) and parameters (k,) of the places beside boundary points by shifts in (-1, 1) [segments]."""
         back = shift < 0.0
         return np.where(back, self.outlines.previous[point], point), np.where(back, 1.0 + shift, shift)
 
-    def weights(self, segment: Integers, s: Floats, derivative: int = 0) -> Floats:
+    def weights(self, segment: Ints, s: Array, derivative: int = 0) -> Array:
         """Weights (4, k) of the stencil in the curve at parameters s (k,) in [0, 1], or in its derivatives by s."""
         out = np.empty((4, segment.size))
         _weights(self.first, self.last, segment, np.asarray(s, dtype=np.float64), derivative, out)
         return out
 
-    def through(self, x: Floats) -> Cubics:
+    def through(self, x: Array) -> Cubics:
         """The curve through boundary points x (2, m) [m]."""
         c = np.empty((x.shape[1], 4, 2))
         _coefficients(x, self.outlines.previous, self.outlines.next, self.first, self.last, c)
@@ -87,13 +87,13 @@ class Curve:
             self.outlines.previous, following, self.corner, self.convex, self.sharp, low, 1.0 - low[following]
         )
 
-    def at_corner(self, segment: Integers, s: Floats) -> NDArray[np.bool_]:
+    def at_corner(self, segment: Ints, s: Array) -> Bools:
         """Whether points of the curve are corners or lie on the extension beyond a notch, (k,)."""
         start, end = self.corner[segment], self.corner[self.outlines.next[segment]]
         return np.asarray((start & (s <= 0.0)) | (end & (s >= 1.0)))
 
 
-def curve(outlines: Outlines, x: Floats, now: Floats | None = None) -> Curve:
+def curve(outlines: Outlines, x: Array, now: Array | None = None) -> Curve:
     """The curve with corners and knots of the reference positions x (2, m) [m].
 
     The positions `now` (2, m) [m], by default x, decide which corners are convex, because a corner may fold inwards.
@@ -106,9 +106,7 @@ def curve(outlines: Outlines, x: Floats, now: Floats | None = None) -> Curve:
 
 
 @compiled_in_order
-def _tangents(
-    x: Floats, previous: Integers, following: Integers, first: Floats, last: Floats, corner: NDArray[np.bool_]
-) -> None:
+def _tangents(x: Array, previous: Ints, following: Ints, first: Array, last: Array, corner: Bools) -> None:
     """Write the weights of the tangents at both ends of the segments, and which boundary points are corners.
 
     They are means of the directions of the two segments at the point, times the length of the segment; at corners
@@ -130,12 +128,12 @@ def _tangents(
 
 @compiled_in_order
 def _corners(
-    x: Floats,
-    previous: Integers,
-    following: Integers,
-    corner: NDArray[np.bool_],
-    convex: NDArray[np.bool_],
-    sharp: NDArray[np.bool_],
+    x: Array,
+    previous: Ints,
+    following: Ints,
+    corner: Bools,
+    convex: Bools,
+    sharp: Bools,
 ) -> None:
     """Write which corners are convex, and which boundary points are as sharp."""
     for i in range(corner.size):
@@ -146,20 +144,20 @@ def _corners(
 
 
 @compiled_in_order
-def _length(x: Floats, i: int, j: int) -> float:
+def _length(x: Array, i: int, j: int) -> float:
     """Distance of boundary points i and j, positive."""
     return float(max(np.sqrt((x[0, j] - x[0, i]) ** 2 + (x[1, j] - x[1, i]) ** 2), 1e-300))
 
 
 @compiled_in_order
-def _cosine(x: Floats, h: int, i: int, j: int) -> float:
+def _cosine(x: Array, h: int, i: int, j: int) -> float:
     """Cosine of the turn at boundary point i between h and j."""
     along = (x[0, i] - x[0, h]) * (x[0, j] - x[0, i]) + (x[1, i] - x[1, h]) * (x[1, j] - x[1, i])
     return float(along / (_length(x, h, i) * _length(x, i, j)))
 
 
 @compiled
-def _coefficients(x: Floats, previous: Integers, following: Integers, first: Floats, last: Floats, c: Floats) -> None:
+def _coefficients(x: Array, previous: Ints, following: Ints, first: Array, last: Array, c: Array) -> None:
     """Write the coefficients (m, 4, 2) of the cubics through boundary points x (2, m)."""
     for i in range(c.shape[0]):
         h, j = previous[i], following[i]
@@ -172,7 +170,7 @@ def _coefficients(x: Floats, previous: Integers, following: Integers, first: Flo
             c[i, 2, a], c[i, 3, a] = 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
 
 
-def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
+def _sides(outlines: Outlines, corner: Bools) -> Ints:
     """Side of each segment (m,), numbered from corner to corner; a loop without corners is one side."""
     begins = outlines.previous >= np.arange(outlines.size)  # first point of each loop
     run = np.cumsum(corner | begins) - 1
@@ -182,7 +180,7 @@ def _sides(outlines: Outlines, corner: NDArray[np.bool_]) -> Integers:
 
 
 @compiled
-def _weights(first: Floats, last: Floats, segment: Integers, s: Floats, derivative: int, out: Floats) -> None:
+def _weights(first: Array, last: Array, segment: Ints, s: Array, derivative: int, out: Array) -> None:
     """Write the weights (4, k) of the stencils from the tangents at the ends of the segments."""
     for k in range(segment.size):
         i = segment[k]

@@ -14,10 +14,11 @@ from functools import cached_property
 
 import numpy as np
 
+from skmpm.arrays import Array, Ints
 from skmpm.outline.cubics import Cubics
 from skmpm.outline.near import penetration
 from skmpm.outline.overlaps import box_pairs, boxes, overlap
-from skmpm.outline.topology import Floats, Integers, Outlines, ranges
+from skmpm.outline.topology import Outlines, ranges
 
 ROUND_OFF = 1e-14  # of the area of a polygon's overlap, over that of the box around all
 
@@ -27,9 +28,9 @@ class Images:
     """Outlines of n bodies, moved into one box, and of those images that come close to them."""
 
     outlines: Outlines  # m boundary points; bodies 0, ..., n - 1, then a number for each image
-    boundary: Integers  # (m,) the boundary point of a body that each one is an image of
-    body: Integers  # (n + images,) the body that each one is an image of
-    lattice: Integers  # (2, n + images) k of the lattice vector H k by which each one is displaced
+    boundary: Ints  # (m,) the boundary point of a body that each one is an image of
+    body: Ints  # (n + images,) the body that each one is an image of
+    lattice: Ints  # (2, n + images) k of the lattice vector H k by which each one is displaced
     bodies: int  # n
 
     @property
@@ -38,21 +39,21 @@ class Images:
         return self.body.size == self.bodies and not self.lattice.any()
 
     @cached_property
-    def owner(self) -> Integers:
+    def owner(self) -> Ints:
         """The body that each boundary point belongs to, (m,)."""
         return self.body[self.outlines.body]
 
-    def at(self, x: Floats, box: Floats | None) -> Floats:
+    def at(self, x: Array, box: Array | None) -> Array:
         """Positions (2, m) [m], from those x of the boundary points of the bodies and H (2, 2) [m]."""
         if box is None or self.none:
             return x
         return np.asarray(x[:, self.boundary] + (box @ self.lattice)[:, self.outlines.body])
 
-    def between(self, first: Integers, second: Integers) -> Integers:
+    def between(self, first: Ints, second: Ints) -> Ints:
         """The lattice vectors k (2, c) from bodies `second` to the images of them that `first` meet, both (c,)."""
         return np.asarray(self.lattice[:, second] - self.lattice[:, first])
 
-    def overlap(self, x: Floats) -> tuple[Integers, Floats]:
+    def overlap(self, x: Array) -> tuple[Ints, Array]:
         """Pairs of bodies (2, p) whose bounding boxes overlap, with the area that they share (p,) [m2].
 
         `x` (2, m) [m] as `at` returns it. A pair that meets across several edges of the box is named as often.
@@ -61,7 +62,7 @@ class Images:
         kept = (pairs < self.bodies).any(axis=0)
         return np.sort(self.body[pairs[:, kept]], axis=0), area[kept]
 
-    def depth(self, shape: Cubics) -> tuple[Integers, Floats]:
+    def depth(self, shape: Cubics) -> tuple[Ints, Array]:
         """Pairs of bodies (2, p) whose bounding boxes overlap, and how deep their curves do (p,) [m].
 
         Curves of polygons that only touch overlap by what smoothing has added, which does not count.
@@ -80,7 +81,7 @@ def without_images(outlines: Outlines, bodies: int) -> Images:
     return Images(outlines, np.arange(outlines.size), each, np.zeros((2, bodies), dtype=np.int64), bodies)
 
 
-def images(outlines: Outlines, x: Floats, bodies: int, box: Floats | None, reach: float) -> Images:
+def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: float) -> Images:
     """The bodies in one box, and their images whose bounding boxes come closer than `reach` [m] to one of a body.
 
     Parameters
@@ -118,7 +119,7 @@ def images(outlines: Outlines, x: Floats, bodies: int, box: Floats | None, reach
     )
 
 
-def reduced(box: Floats) -> Integers:
+def reduced(box: Array) -> Ints:
     """The unimodular matrix (2, 2) that turns edges into the shortest ones of the same lattice, by columns."""
     change = np.eye(2, dtype=np.int64)
     while True:
@@ -132,7 +133,7 @@ def reduced(box: Floats) -> Integers:
         change[:, 1] -= times * change[:, 0]
 
 
-def _half_plane(edges: Floats, size: float) -> Integers:
+def _half_plane(edges: Array, size: float) -> Ints:
     """One of k and -k of each lattice vector that may lie between boxes of bodies in one periodic box, (2, s).
 
     `size` [m] is the largest side of these boxes.
@@ -144,9 +145,7 @@ def _half_plane(edges: Floats, size: float) -> Integers:
     return k[:, (k[1] > 0) | (k[0] > 0)]
 
 
-def _near(
-    low: Floats, high: Floats, real: Integers, edges: Floats, steps: Integers, reach: float
-) -> tuple[Integers, Integers]:
+def _near(low: Array, high: Array, real: Ints, edges: Array, steps: Ints, reach: float) -> tuple[Ints, Ints]:
     """The bodies (c,) and lattice vectors (2, c) of the images whose boxes come closer than `reach` to a body's."""
     body, lattice = np.tile(real, steps.shape[1]), np.repeat(steps, real.size, axis=1)
     grown = [low[:, real] - 0.5 * reach, high[:, real] + 0.5 * reach]

@@ -1,18 +1,23 @@
-"""Area, perimeter, moments, normals and dimensions of outlines, exact for polygons with holes."""
+"""Area, perimeter, moments, normals and dimensions of outlines, exact for polygons with holes.
+
+Exact moments of the intersections of grid cells and outlines.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.compiled import compiled, compiled_in_order
 from skmpm.outline.curve import CORNER_COSINE
-from skmpm.outline.topology import Floats, Integers, Outlines
+from skmpm.outline.topology import Outlines, ranges
 
 TURNED_AWAY = 0.5  # sine of the largest angle between a segment and the plane of a contact it belongs to
 
+GAUSS_POINTS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)  # two, on [0, 1]: exact for polynomials of degree 3
 
-def area(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+
+def area(outlines: Outlines, x: Array, bodies: int) -> Array:
     """Return the area of each body (bodies,) [m2]; 0 for a body without outline."""
     areas = np.zeros(bodies)
     _areas(x, outlines.next, outlines.body, np.searchsorted(outlines.body, np.arange(bodies)), areas)
@@ -20,7 +25,7 @@ def area(outlines: Outlines, x: Floats, bodies: int) -> Floats:
 
 
 @compiled
-def _areas(x: Floats, following: Integers, body: Integers, first: Integers, areas: Floats) -> None:
+def _areas(x: Array, following: Ints, body: Ints, first: Ints, areas: Array) -> None:
     """Add the areas (bodies,) by Green's theorem about a point of each body, which avoids cancellation."""
     for i in range(body.size):
         j, k = following[i], first[body[i]]
@@ -28,23 +33,23 @@ def _areas(x: Floats, following: Integers, body: Integers, first: Integers, area
         areas[body[i]] += 0.5 * cross
 
 
-def centroid(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+def centroid(outlines: Outlines, x: Array, bodies: int) -> Array:
     """Return the centroid of each body (2, bodies) [m]; nan for a body without area."""
     return _moments(outlines, x, bodies)[1]
 
 
-def second_moments(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+def second_moments(outlines: Outlines, x: Array, bodies: int) -> Array:
     """Return the integral of (x - c)(x - c)^T, c the centroid, (2, 2, bodies) [m4]; nan without area."""
     return _moments(outlines, x, bodies)[2]
 
 
-def perimeter(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+def perimeter(outlines: Outlines, x: Array, bodies: int) -> Array:
     """Return the length of the outline of each body, holes included, (bodies,) [m]; 0 without outline."""
     length = np.linalg.norm(x[:, outlines.next] - x, axis=0)
     return np.asarray(np.bincount(outlines.body, length, bodies), dtype=np.float64)
 
 
-def normals(outlines: Outlines, x: Floats) -> Floats:
+def normals(outlines: Outlines, x: Array) -> Array:
     """Return the unit outward normals (2, m) at the boundary points, those of the chords between their neighbours.
 
     A normal is zero if the two neighbours coincide.
@@ -55,7 +60,7 @@ def normals(outlines: Outlines, x: Floats) -> Floats:
 
 
 @compiled_in_order
-def _normals(x: Floats, previous: Integers, following: Integers, out: Floats) -> None:
+def _normals(x: Array, previous: Ints, following: Ints, out: Array) -> None:
     """Write the normals at boundary points x (2, m)."""
     for i in range(out.shape[1]):
         h, j = previous[i], following[i]
@@ -65,14 +70,14 @@ def _normals(x: Floats, previous: Integers, following: Integers, out: Floats) ->
         out[0, i], out[1, i] = along_y / length, -along_x / length
 
 
-def bend(outlines: Outlines, x: Floats) -> Floats:
+def bend(outlines: Outlines, x: Array) -> Array:
     """Return the convex curvature (m,) [1/m] of the boundary: left turn over the shorter segment, else zero."""
     length = np.hypot(*(x[:, outlines.next] - x))
     shorter = np.minimum(length, length[outlines.previous])
     return np.asarray(np.maximum(turning_angles(outlines, x), 0.0) / np.maximum(shorter, 1e-300))
 
 
-def half_segments(outlines: Outlines, x: Floats, c: NDArray[np.int64], normal: Floats) -> Floats:
+def half_segments(outlines: Outlines, x: Array, c: Ints, normal: Array) -> Array:
     """Return half the lengths of the segments after and before boundary points c (k,) in contact, (2, k) [m].
 
     A segment that turns away from the contact plane with this `normal` (2, k) by more than 30 degrees, at a corner,
@@ -88,7 +93,7 @@ def half_segments(outlines: Outlines, x: Floats, c: NDArray[np.int64], normal: F
     return np.stack(halves)
 
 
-def turning_angles(outlines: Outlines, x: Floats) -> Floats:
+def turning_angles(outlines: Outlines, x: Array) -> Array:
     """Return the left turns of the boundary at its points (m,), in [-pi, pi] [rad]."""
     turns = np.empty(outlines.size)
     _turning_angles(x, outlines.previous, outlines.next, turns)
@@ -96,7 +101,7 @@ def turning_angles(outlines: Outlines, x: Floats) -> Floats:
 
 
 @compiled_in_order
-def _turning_angles(x: Floats, previous: Integers, following: Integers, turns: Floats) -> None:
+def _turning_angles(x: Array, previous: Ints, following: Ints, turns: Array) -> None:
     """Write the left turns at boundary points x (2, m)."""
     for i in range(turns.size):
         h, j = previous[i], following[i]
@@ -104,7 +109,7 @@ def _turning_angles(x: Floats, previous: Integers, following: Integers, turns: F
         turns[i] = np.arctan2(back_x * y_ahead - back_y * x_ahead, back_x * x_ahead + back_y * y_ahead)
 
 
-def chord_sagitta(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+def chord_sagitta(outlines: Outlines, x: Array, bodies: int) -> Array:
     """Return the largest sagitta of the chords of each body (bodies,) [m]; corners and straight sides have none.
 
     A chord of length e of an arc that turns by phi has the sagitta e/2 tan(phi/4).
@@ -117,7 +122,7 @@ def chord_sagitta(outlines: Outlines, x: Floats, bodies: int) -> Floats:
     return sagitta
 
 
-def dimensions(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats, Floats]:
+def dimensions(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array, Array]:
     """Measure each body along the principal axes of its second moments.
 
     Returns
@@ -136,7 +141,7 @@ def dimensions(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floa
     return _extent(outlines, x, axis), _extent(outlines, x, across), angle
 
 
-def _extent(outlines: Outlines, x: Floats, axis: Floats) -> Floats:
+def _extent(outlines: Outlines, x: Array, axis: Array) -> Array:
     """Extent (bodies,) [m] of each body along its unit axis (2, bodies)."""
     extent = np.full(axis.shape[1], np.nan)
     if outlines.size:
@@ -146,11 +151,11 @@ def _extent(outlines: Outlines, x: Floats, axis: Floats) -> Floats:
     return extent
 
 
-def _moments(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats, Floats]:
+def _moments(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array, Array]:
     """Area, centroid, central second moments by Green's theorem; a local origin avoids cancellation."""
     body = outlines.body
 
-    def total(values: Floats) -> Floats:
+    def total(values: Array) -> Array:
         return np.asarray(np.bincount(body, values, bodies), dtype=np.float64)
 
     count = np.maximum(np.bincount(body, minlength=bodies), 1)
@@ -166,3 +171,67 @@ def _moments(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats
     for i, j in np.ndindex(2, 2):
         M[i, j] = total((s[i] * s[j] + a[i] * a[j] + b[i] * b[j]) * cross) / 24 - A * c[i] * c[j]
     return A, origin + c, M
+
+
+def cell_moments(outlines: Outlines, x: Array, cell: float, index: Ints, owner: Ints) -> Array:
+    """Moments of 1, xi, eta, xi eta, xi^2, eta^2 over the parts of cells in their bodies, (6, cells) [cell areas].
+
+    By Green's theorem a moment is the integral over dy, along the outline, of the primitive in x of its integrand.
+    The primitive vanishes to the left of the cell and is constant to its right, so each piece of the boundary
+    contributes to its own cell and to all cells to its left.
+
+    Parameters
+    ----------
+    outlines, x : outlines and positions of their boundary points (2, m) [m]
+    cell : side of the cells [m]
+    index : (2, cells) integer coordinates of the cells
+    owner : (cells,) body of each cell
+    """
+    start, end, piece_cell, body = _pieces(outlines, x / cell)
+    local = start - piece_cell + GAUSS_POINTS[:, None, None] * (end - start)
+    weight = 0.5 * (end[1] - start[1])
+    inside = np.einsum("p,gkp->kp", weight, _primitives(local[:, 0], local[:, 1]))
+    beyond = np.einsum("p,gkp->kp", weight, _primitives(np.ones_like(local[:, 0]), local[:, 1]))
+
+    low = np.minimum(piece_cell.min(axis=1), index.min(axis=1))
+    columns, rows = np.maximum(piece_cell.max(axis=1), index.max(axis=1)) - low + 2
+    of_piece, of_cell = (
+        (b * rows + ij[1] - low[1]) * columns + ij[0] - low[0] for b, ij in ((body, piece_cell), (owner, index))
+    )
+    order, sorted_cells = np.argsort(of_piece, kind="stable"), np.argsort(of_cell)
+    # In each row of each body the contributions of all pieces to the cells to their left add up to zero, because
+    # outlines are closed; so one cumulative sum serves all rows.
+    passed = np.concatenate([np.zeros((6, 1)), np.cumsum(beyond[:, order], axis=1)], axis=1)
+    moments = -passed[:, np.searchsorted(of_piece[order], of_cell, side="right")]
+    known = of_cell[sorted_cells]
+    at = np.minimum(np.searchsorted(known, of_piece), known.size - 1)
+    own = known[at] == of_piece
+    for k in range(6):
+        moments[k] += np.bincount(sorted_cells[at[own]], inside[k, own], known.size)
+    return moments
+
+
+def _primitives(xi: Array, eta: Array) -> Array:
+    """Primitives in xi of the six monomials, (Gauss points, 6, pieces)."""
+    return np.stack([xi, xi**2 / 2, eta * xi, eta * xi**2 / 2, xi**3 / 3, eta**2 * xi], axis=1)
+
+
+def _pieces(outlines: Outlines, X: Array) -> tuple[Array, Array, Ints, Ints]:
+    """The boundary cut at all grid lines: starts, ends and cells (2, p) of the pieces, and their bodies (p,)."""
+    a, b = X, X[:, outlines.next]
+    segments = np.arange(outlines.size)
+    parts = [(segments, np.zeros(outlines.size)), (segments, np.ones(outlines.size))]
+    for axis in (0, 1):
+        low, high = np.minimum(a[axis], b[axis]), np.maximum(a[axis], b[axis])
+        first = np.floor(low).astype(np.int64) + 1
+        count = np.maximum(np.ceil(high).astype(np.int64) - first, 0)
+        segment = np.repeat(segments, count)
+        line = ranges(first, count)
+        parts.append((segment, (line - a[axis, segment]) / (b[axis, segment] - a[axis, segment])))
+    segment, t = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.lexsort((t, segment))
+    segment, t = segment[order], t[order]
+    here = np.flatnonzero((segment[1:] == segment[:-1]) & (t[1:] > t[:-1]))
+    of, span = segment[here], b[:, segment[here]] - a[:, segment[here]]
+    start, end = a[:, of] + t[here] * span, a[:, of] + t[here + 1] * span
+    return start, end, np.floor(0.5 * (start + end)).astype(np.int64), outlines.body[of]

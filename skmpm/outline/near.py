@@ -1,22 +1,28 @@
-"""Spatial search: boundary points near segments of other bodies, points inside bodies, depths of overlaps."""
+"""Spatial search: boundary points near segments of other bodies, points inside bodies, depths of overlaps.
+
+Parts of one outline that face each other over a gap.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.outline.cubics import Cubics, place, seen, tangent
 from skmpm.outline.measures import normals
 from skmpm.outline.overlaps import box_pairs, boxes
-from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
+from skmpm.outline.topology import Outlines, chunks, ranges
 from skmpm.parallel import over_bodies
 
 CHUNK = 1_000_000  # pairs processed at a time, which take about 100 MB
 JUST_INSIDE = 1e-6  # [segments] from a boundary point against its normal
+# Largest cosine between outward normals that face each other, -1 ideally: an angle of 96 degrees, so that the two
+# sides of a re-entrant right angle do not.
+MAX_FACING_COSINE = -0.1
 
 
-def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floats, Floats]:
+def closest(x: Array, segment_start: Array, segment_end: Array) -> tuple[Array, Array]:
     """Return the closest point of one segment to each point.
 
     Parameters
@@ -31,12 +37,12 @@ def closest(x: Floats, segment_start: Floats, segment_end: Floats) -> tuple[Floa
     t, d = segment_end - segment_start, x - segment_start
     square = (t**2).sum(axis=0)
     s = np.clip((t * d).sum(axis=0) / np.where(square > 0, square, 1.0), 0.0, 1.0)
-    distance: Floats = np.linalg.norm(d - s * t, axis=0)
+    distance: Array = np.linalg.norm(d - s * t, axis=0)
     return s, distance
 
 
 @compiled
-def distance_to_segment(x: Floats, c: int, j: int, i: int) -> tuple[float, float]:
+def distance_to_segment(x: Array, c: int, j: int, i: int) -> tuple[float, float]:
     """The same for boundary point c of x (2, m) and the segment from boundary point j to i."""
     along_x, along_y = x[0, i] - x[0, j], x[1, i] - x[1, j]
     dx, dy = x[0, c] - x[0, j], x[1, c] - x[1, j]
@@ -47,12 +53,12 @@ def distance_to_segment(x: Floats, c: int, j: int, i: int) -> tuple[float, float
 
 def candidates(
     outlines: Outlines,
-    x: Floats,
+    x: Array,
     reach: float,
-    pairs: Integers | None = None,
-    bend: Floats | None = None,
-    least: Floats | None = None,
-) -> tuple[Integers, Integers]:
+    pairs: Ints | None = None,
+    bend: Array | None = None,
+    least: Array | None = None,
+) -> tuple[Ints, Ints]:
     """Find the boundary points closer than `reach` to a segment of another body.
 
     Parameters
@@ -85,7 +91,7 @@ def candidates(
     return found[0], found[1]
 
 
-def both_ways(pairs: Integers) -> Integers:
+def both_ways(pairs: Ints) -> Ints:
     """Ordered pairs (2, 2 p), sorted, from unordered ones (2, p)."""
     both = np.concatenate([pairs, pairs[::-1]], axis=1)
     return both[:, np.lexsort(both[::-1])]
@@ -93,16 +99,16 @@ def both_ways(pairs: Integers) -> Integers:
 
 @compiled
 def _pairs(
-    x: Floats,
-    following: Integers,
-    ends: Integers,
-    low: Floats,
-    high: Floats,
+    x: Array,
+    following: Ints,
+    ends: Ints,
+    low: Array,
+    high: Array,
     reach: float,
-    pairs: Integers,
-    bend: Floats,
-    least: Floats,
-) -> Integers:
+    pairs: Ints,
+    bend: Array,
+    least: Array,
+) -> Ints:
     """The points and segments (2, k) of `candidates`; boxes of bodies are `low` to `high` (2, bodies)."""
     found, size = np.empty((2, 4 * x.shape[1] + 16), dtype=np.int64), 0
     near, first = np.empty(x.shape[1], dtype=np.int64), np.empty(pairs.shape[1] + 1, dtype=np.int64)
@@ -141,7 +147,7 @@ def _pairs(
     return found[:, :size]
 
 
-def inside(outlines: Outlines, x: Floats, body: Integers | int, y: Floats) -> NDArray[np.bool_]:
+def inside(outlines: Outlines, x: Array, body: Ints | int, y: Array) -> Bools:
     """Return whether points lie inside a body, that is, whether its outlines wind around them (Sunday's algorithm).
 
     Parameters
@@ -157,7 +163,7 @@ def inside(outlines: Outlines, x: Floats, body: Integers | int, y: Floats) -> ND
     tested = np.broadcast_to(np.asarray(body, dtype=np.int64), y.shape[1:])
     first = np.searchsorted(outlines.body, tested)
     count = np.searchsorted(outlines.body, tested, side="right") - first
-    winding: Floats = np.zeros(tested.size)
+    winding: Array = np.zeros(tested.size)
     for part in chunks(count, CHUNK):
         k = np.repeat(np.arange(tested.size)[part], count[part])
         j = ranges(first[part], count[part])
@@ -165,11 +171,11 @@ def inside(outlines: Outlines, x: Floats, body: Integers | int, y: Floats) -> ND
         up, down = (a[1] <= 0) & (b[1] > 0), (a[1] > 0) & (b[1] <= 0)
         left = a[0] * b[1] - a[1] * b[0]
         winding += np.bincount(k, (up & (left > 0)) * 1.0 - (down & (left < 0)), tested.size)
-    result: NDArray[np.bool_] = winding != 0
+    result: Bools = winding != 0
     return result
 
 
-def penetration(shape: Cubics, pairs: Integers) -> Floats:
+def penetration(shape: Cubics, pairs: Ints) -> Array:
     """Return how deep (p,) [m] boundary points of either body of a pair (2, p), and middles of segments, lie inside.
 
     A place lies inside the other body if the outlines of that wind around a place just inside its own body. Its
@@ -189,15 +195,15 @@ def penetration(shape: Cubics, pairs: Integers) -> Floats:
 def _penetration(
     first: int,
     last: int,
-    pairs: Integers,
-    low: Floats,
-    high: Floats,
-    x: Floats,
-    outward: Floats,
-    c: Floats,
-    following: Integers,
-    ends: Integers,
-    depth: Floats,
+    pairs: Ints,
+    low: Array,
+    high: Array,
+    x: Array,
+    outward: Array,
+    c: Array,
+    following: Ints,
+    ends: Ints,
+    depth: Array,
 ) -> None:
     """Write the depths of pairs first:last; bodies have boxes `low` to `high`, boundary points normals `outward`."""
     for p in range(first, last):
@@ -219,9 +225,9 @@ def _depth(
     y: tuple[float, float],
     normal: tuple[float, float],
     step: float,
-    x: Floats,
-    c: Floats,
-    following: Integers,
+    x: Array,
+    c: Array,
+    following: Ints,
     first: int,
     last: int,
 ) -> float:
@@ -246,3 +252,25 @@ def _depth(
     if winding == 0 or segment < 0:
         return 0.0
     return float(-seen(y, c, segment, at)[2])
+
+
+def facing(outlines: Outlines, x: Array, bodies: Ints, reach: float, depth: float) -> tuple[Ints, Ints]:
+    """Find boundary points in front of segments of their own body that face them.
+
+    Parameters
+    ----------
+    x : (2, m) [m]
+    bodies : indices of the bodies that are searched
+    reach : distance [m] below which they are found
+    depth : distance [m] by which a point may lie behind a segment, having penetrated it
+
+    Returns
+    -------
+    c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
+    """
+    c, j = candidates(outlines, x, reach, np.stack([bodies, bodies]))
+    along = x[:, outlines.next[j]] - x[:, j]
+    outward = np.stack([along[1], -along[0]]) / np.maximum(np.hypot(*along), 1e-300)
+    opposite = np.einsum("ik,ik->k", normals(outlines, x)[:, c], outward) < MAX_FACING_COSINE
+    in_front = np.einsum("ik,ik->k", x[:, c] - x[:, j], outward) > -depth
+    return c[opposite & in_front], j[opposite & in_front]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from skmpm.arrays import Array, Ints
 from skmpm.compiled import compiled, compiled_in_order
-from skmpm.outline.topology import Floats, Integers, Outlines
+from skmpm.outline.topology import Outlines
 from skmpm.parallel import over_bodies
 
 
-def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Floats]:
+def overlap(outlines: Outlines, x: Array, bodies: int) -> tuple[Ints, Array]:
     """Return the area shared by each pair of bodies whose bounding boxes overlap.
 
     The indicator function of a polygon is the signed sum of those of the trapezoids under its edges. The shared area
@@ -31,7 +32,7 @@ def overlap(outlines: Outlines, x: Floats, bodies: int) -> tuple[Integers, Float
     return pairs, np.maximum(area, 0.0)
 
 
-def boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
+def boxes(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array]:
     """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline."""
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
     _bound(x, outlines.body, low, high)
@@ -39,7 +40,7 @@ def boxes(outlines: Outlines, x: Floats, bodies: int) -> tuple[Floats, Floats]:
 
 
 @compiled_in_order
-def _bound(x: Floats, body: Integers, low: Floats, high: Floats) -> None:
+def _bound(x: Array, body: Ints, low: Array, high: Array) -> None:
     """Widen boxes until they hold the points x (2, m) of their bodies (m,)."""
     for i in range(body.size):
         for axis in range(2):
@@ -47,7 +48,7 @@ def _bound(x: Floats, body: Integers, low: Floats, high: Floats) -> None:
             high[axis, body[i]] = max(high[axis, body[i]], x[axis, i])
 
 
-def box_pairs(low: Floats, high: Floats) -> Integers:
+def box_pairs(low: Array, high: Array) -> Ints:
     """Pairs (2, p) of boxes that share area, sorted."""
     real = np.flatnonzero(low[0] < high[0])
     i, j = _sharing(real[np.argsort(low[0, real], kind="stable")], low, high)
@@ -56,7 +57,7 @@ def box_pairs(low: Floats, high: Floats) -> Integers:
 
 
 @compiled
-def _sharing(order: Integers, low: Floats, high: Floats) -> Integers:
+def _sharing(order: Ints, low: Array, high: Array) -> Ints:
     """Pairs (2, p) of the boxes in `order`, ascending to the right, that share area, the first < the second."""
     found, size = np.empty((2, 4 * order.size + 4), dtype=np.int64), 0
     for k in range(order.size):
@@ -76,13 +77,13 @@ def _sharing(order: Integers, low: Floats, high: Floats) -> Integers:
 def _shared_areas(
     first: int,
     last: int,
-    pairs: Integers,
-    low: Floats,
-    high: Floats,
-    x: Floats,
-    following: Integers,
-    ends: Integers,
-    area: Floats,
+    pairs: Ints,
+    low: Array,
+    high: Array,
+    x: Array,
+    following: Ints,
+    ends: Ints,
+    area: Array,
 ) -> None:
     """Add the shared areas of pairs first:last of bodies with boxes `low` to `high` to `area` (p,), zero before."""
     most = 0
@@ -104,14 +105,14 @@ def _shared_areas(
 
 @compiled
 def _edges_in(
-    x: Floats,
-    following: Integers,
+    x: Array,
+    following: Ints,
     first: int,
     last: int,
     axis: int,
     origin: tuple[float, float],
     width: float,
-    edges: Floats,
+    edges: Array,
 ) -> int:
     """Write the edges (k, 4) of boundary points first:last that meet 0 < u < width, and return their number.
 
@@ -129,7 +130,7 @@ def _edges_in(
 
 
 @compiled_in_order
-def _below_both(e: Floats, f: Floats) -> float:
+def _below_both(e: Array, f: Array) -> float:
     """Signed integral of min(v_e, v_f) = (v_e + v_f)/2 - |v_e - v_f|/2 over the common abscissae of two edges.
 
     The sign of an edge is that of its direction, positive with the material below it; only products of signs count,

@@ -7,20 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skmpm.arrays import Array, Ints
 from skmpm.outline.curve import curve
-from skmpm.outline.topology import Floats, Integers, Outlines, outlines
+from skmpm.outline.topology import Outlines, outlines
 
 
 @dataclass(frozen=True, eq=False)
 class Polylines:
     """Points of the curves through the boundary points, `parts` on each segment, loop after loop."""
 
-    x: Floats  # (2, m parts) [m]; the points parts i are the boundary points i
+    x: Array  # (2, m parts) [m]; the points parts i are the boundary points i
     outlines: Outlines  # closed loops of these points; `point` is the boundary point that begins the segment
-    loops: Integers  # (loops + 1,) first point of each loop
+    loops: Ints  # (loops + 1,) first point of each loop
     parts: int
 
-    def values(self, at_boundary_points: Floats) -> Floats:
+    def values(self, at_boundary_points: Array) -> Array:
         """Values (m parts,) between those at the boundary points (m,), linear in the parameter of each segment."""
         i = np.arange(at_boundary_points.size)
         after = at_boundary_points[self.outlines.next[self.parts * i + self.parts - 1] // self.parts]
@@ -28,7 +29,7 @@ class Polylines:
         return np.asarray((1.0 - s) * at_boundary_points[:, None] + s * after[:, None]).ravel()
 
 
-def polylines(boundary: Outlines, reference: Floats, x: Floats, parts: int) -> Polylines:
+def polylines(boundary: Outlines, reference: Array, x: Array, parts: int) -> Polylines:
     """The curves through boundary points at x (2, m) [m], with the corners of their `reference` positions (2, m)."""
     m = boundary.size
     segment, s = np.repeat(np.arange(m), parts), np.tile(np.arange(parts) / parts, m)
@@ -42,7 +43,7 @@ def polylines(boundary: Outlines, reference: Floats, x: Floats, parts: int) -> P
     return Polylines(points, fine, parts * begins, parts)
 
 
-def joined(loops: Sequence[Floats], body: Integers, parts: int) -> Polylines:
+def joined(loops: Sequence[Array], body: Ints, parts: int) -> Polylines:
     """Polylines of given loops of points (2, k parts) [m] of bodies (loops,), in ascending order."""
     size = np.array([loop.shape[1] for loop in loops], dtype=np.int64)
     start = np.append(0, np.cumsum(size))

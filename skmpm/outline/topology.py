@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from skmpm.arrays import Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +19,10 @@ class Outlines:
     Segment c begins at boundary point c and ends at boundary point `next[c]`; the material is on its left.
     """
 
-    point: Integers  # (m,) the material point of each boundary point
-    body: Integers  # (m,) ascending
-    next: Integers  # (m,) the boundary point that follows
-    previous: Integers  # (m,) the boundary point that precedes
+    point: Ints  # (m,) the material point of each boundary point
+    body: Ints  # (m,) ascending
+    next: Ints  # (m,) the boundary point that follows
+    previous: Ints  # (m,) the boundary point that precedes
 
     @property
     def size(self) -> int:
@@ -31,7 +30,7 @@ class Outlines:
         return int(self.point.size)
 
 
-def outlines(loops: Sequence[Sequence[NDArray[np.int64]]], offsets: ArrayLike) -> Outlines:
+def outlines(loops: Sequence[Sequence[Ints]], offsets: ArrayLike) -> Outlines:
     """Join the outlines of all bodies.
 
     Parameters
@@ -52,13 +51,13 @@ def outlines(loops: Sequence[Sequence[NDArray[np.int64]]], offsets: ArrayLike) -
     return Outlines(np.concatenate(point), np.repeat(owner, size), following, previous)
 
 
-def ranges(start: Integers, count: Integers) -> Integers:
+def ranges(start: Ints, count: Ints) -> Ints:
     """Concatenate the ranges start[k], ..., start[k] + count[k] - 1."""
     ends = np.cumsum(count)
     return np.arange(count.sum()) + np.repeat(start - ends + count, count)
 
 
-def chunks(count: Integers, size: int) -> list[slice]:
+def chunks(count: Ints, size: int) -> list[slice]:
     """Divide items with `count` entries each into consecutive slices of about `size` entries."""
     cuts = np.flatnonzero(np.diff(np.cumsum(count) // size)) + 1
     edges = [0, *cuts.tolist(), count.size]

@@ -16,12 +16,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.outline.crossings import turns
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.measures import turning_angles
-from skmpm.outline.topology import Floats, Integers, Outlines, chunks, ranges
+from skmpm.outline.topology import Outlines, chunks, ranges
 
 # Sides at a larger angle form a wedge and no wall; the thickness of an ellipse of 4:1 is 0.89 of its short axis.
 FACING_COSINE = np.cos(np.deg2rad(15.0))
@@ -37,7 +37,7 @@ LENGTH_TOLERANCE = 1e-9  # relative to the length of an edge
 MAX_SMOOTH_TURN = np.deg2rad(30.0)  # turns beyond it are corners, which take part in all pairs of their body
 
 
-def thickness(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+def thickness(outlines: Outlines, x: Array, bodies: int) -> Array:
     """Return the width of the thinnest part of each body (bodies,) [m]; nan for a body without outline.
 
     It is the side of a square, the diameter of a disc, the wall of an annulus and the neck of a dumbbell; convex
@@ -52,7 +52,7 @@ def thickness(outlines: Outlines, x: Floats, bodies: int) -> Floats:
     return np.where(count == 0, np.nan, found)
 
 
-def inclined_thickness(outlines: Outlines, x: Floats, chosen: NDArray[np.bool_]) -> Floats:
+def inclined_thickness(outlines: Outlines, x: Array, chosen: Bools) -> Array:
     """Width of the thinnest part of chosen bodies (bodies,) whose sides are inclined to the axes, (bodies,) [m].
 
     By more than 15 degrees; inf without such a part, and for bodies that are not chosen.
@@ -63,7 +63,7 @@ def inclined_thickness(outlines: Outlines, x: Floats, chosen: NDArray[np.bool_])
     return _narrowest(outlines, x, _edges(outlines, x), count, inclination=INCLINED)[0]
 
 
-def slit_width(outlines: Outlines, x: Floats, bodies: int) -> Floats:
+def slit_width(outlines: Outlines, x: Array, bodies: int) -> Array:
     """Return the width of the narrowest slit, mouth or hole of each body (bodies,) [m]; inf without one or outline.
 
     Parts of the boundary that face each other over what is not material turn back by pi in between: bodies that turn
@@ -87,8 +87,8 @@ def slit_width(outlines: Outlines, x: Floats, bodies: int) -> Floats:
 
 
 def _narrowest(
-    outlines: Outlines, x: Floats, edges: _Edges, count: Integers, inclination: float = 0.0
-) -> tuple[Floats, Floats]:
+    outlines: Outlines, x: Array, edges: _Edges, count: Ints, inclination: float = 0.0
+) -> tuple[Array, Array]:
     """Least double normals of bodies with `count` boundary points or none, and least mouths of wedges, (bodies,).
 
     Of double normals those count whose components are at least `inclination`.
@@ -111,16 +111,16 @@ def _narrowest(
 class _Edges:
     """The edges: unit vectors along and inward across them (2, m), lengths, and where on which loop they start."""
 
-    along: Floats
-    across: Floats
-    length: Floats  # (m,) [m]
-    start: Floats  # (m,) along its loop [m]
-    loop: Integers  # (m,)
-    around: Floats  # (m,) length of its loop [m]
-    turn: Floats  # (m,) to the left at their starts [rad]
+    along: Array
+    across: Array
+    length: Array  # (m,) [m]
+    start: Array  # (m,) along its loop [m]
+    loop: Ints  # (m,)
+    around: Array  # (m,) length of its loop [m]
+    turn: Array  # (m,) to the left at their starts [rad]
 
 
-def _edges(outlines: Outlines, x: Floats) -> _Edges:
+def _edges(outlines: Outlines, x: Array) -> _Edges:
     t = x[:, outlines.next] - x
     length = np.maximum(np.hypot(*t), np.finfo(np.float64).tiny)
     along = t / length
@@ -132,13 +132,13 @@ def _edges(outlines: Outlines, x: Floats) -> _Edges:
     return _Edges(along, across, length, before - before[begins][loop], loop, around, turn)
 
 
-def _turned(outlines: Outlines, edges: _Edges) -> NDArray[np.bool_]:
+def _turned(outlines: Outlines, edges: _Edges) -> Bools:
     """Whether boundary points are tips, (m,): corners that stick out, of 30 degrees and less."""
     back = edges.along[:, outlines.previous]
     return np.asarray((_dot(back, edges.along) < TIP_COSINE) & (edges.turn > 0.0))
 
 
-def _starts(outlines: Outlines, edges: _Edges, count: Integers) -> Integers:
+def _starts(outlines: Outlines, edges: _Edges, count: Ints) -> Ints:
     """The boundary points that pairs begin at, of bodies with `count` boundary points or none."""
     first = np.searchsorted(outlines.body, np.arange(count.size))
     stride = np.maximum(1, -(-count // MAX_POINTS))[outlines.body]
@@ -147,20 +147,20 @@ def _starts(outlines: Outlines, edges: _Edges, count: Integers) -> Integers:
     return np.flatnonzero((count[outlines.body] > 0) & (chosen | (np.diff(turned, prepend=0.0) > 0.0)))
 
 
-def _pairs(outlines: Outlines, edges: _Edges, count: Integers) -> Iterator[tuple[Integers, Integers]]:
+def _pairs(outlines: Outlines, edges: _Edges, count: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Boundary points with every edge of their body, of bodies with `count` boundary points or none, in chunks."""
     points, first = _starts(outlines, edges, count), np.searchsorted(outlines.body, np.arange(count.size))
     body = outlines.body[points]
     yield from _in_chunks(points, first[body], count[body])
 
 
-def _in_chunks(points: Integers, first: Integers, count: Integers) -> Iterator[tuple[Integers, Integers]]:
+def _in_chunks(points: Ints, first: Ints, count: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Points, each with the numbers `first`, ..., `first + count - 1`, in chunks."""
     for part in chunks(count, CHUNK) if points.size else ():
         yield np.repeat(points[part], count[part]), ranges(first[part], count[part])
 
 
-def _steep_pairs(outlines: Outlines, edges: _Edges, count: Integers) -> Iterator[tuple[Integers, Integers]]:
+def _steep_pairs(outlines: Outlines, edges: _Edges, count: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Of the `_pairs` those in which the edge runs against those of the point as far as facing ones do.
 
     Edges that end in a corner may face any point. The others of a body are sorted by their direction, two turns of
@@ -186,9 +186,7 @@ def _steep_pairs(outlines: Outlines, edges: _Edges, count: Integers) -> Iterator
         yield p, corners[k]
 
 
-def _facing(
-    outlines: Outlines, x: Floats, edges: _Edges, p: Integers, e: Integers
-) -> tuple[Integers, Integers, Floats, Floats]:
+def _facing(outlines: Outlines, x: Array, edges: _Edges, p: Ints, e: Ints) -> tuple[Ints, Ints, Array, Array]:
     """Of these pairs the double normals: boundary point, edge, place on the edge and width [m]."""
     arm, after = x[:, p] - x[:, e], outlines.next[e]
     s, height, length = _dot(arm, edges.along[:, e]), _dot(arm, edges.across[:, e]), edges.length[e]
@@ -205,7 +203,7 @@ def _facing(
     return p[k], e[k], np.clip(s[k], 0.0, edges.length[e[k]]), width[k]
 
 
-def _leaves(outlines: Outlines, edges: _Edges, p: Integers, direction: Floats) -> NDArray[np.bool_]:
+def _leaves(outlines: Outlines, edges: _Edges, p: Ints, direction: Array) -> Bools:
     """Whether unit vectors (2, k) point inward within 15 degrees of normals of boundary points p or of their edges.
 
     Between its edges' normals lie those of a notch and of a smooth boundary; a corner that sticks out has none.
@@ -219,8 +217,8 @@ def _leaves(outlines: Outlines, edges: _Edges, p: Integers, direction: Floats) -
 
 
 def _at_tip(
-    outlines: Outlines, edges: _Edges, tips: Integers, p: Integers, e: Integers, s: Floats, width: Floats
-) -> tuple[Integers, Integers]:
+    outlines: Outlines, edges: _Edges, tips: Ints, p: Ints, e: Ints, s: Array, width: Array
+) -> tuple[Ints, Ints]:
     """The pairs that are the two sides of a tip, as far apart as its wedge is there, and which of the tips."""
     first = np.searchsorted(edges.loop[tips], edges.loop[p])
     count = np.searchsorted(edges.loop[tips], edges.loop[p], side="right") - first
@@ -235,12 +233,12 @@ def _at_tip(
     return pair[close], number[close]
 
 
-def _around(edges: _Edges, direction: Floats, at: Integers) -> Floats:
+def _around(edges: _Edges, direction: Array, at: Ints) -> Array:
     """The shorter way along a loop [m]."""
     return np.asarray(np.minimum(np.abs(direction), edges.around[at] - np.abs(direction)))
 
 
-def _inscribed(outlines: Outlines, x: Floats, edges: _Edges, count: Integers) -> Floats:
+def _inscribed(outlines: Outlines, x: Array, edges: _Edges, count: Ints) -> Array:
     """Diameter (bodies,) [m] of the largest circle that touches the middle of an edge and holds no boundary point."""
     middle, radius = x + 0.5 * edges.length * edges.along, np.full(outlines.size, np.inf)
     for p, e in _pairs(outlines, edges, count):
@@ -254,5 +252,5 @@ def _inscribed(outlines: Outlines, x: Floats, edges: _Edges, count: Integers) ->
     return out
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
+def _dot(a: Array, b: Array) -> Array:
     return np.asarray(a[0] * b[0] + a[1] * b[1])

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm import coulomb
+from skmpm.arrays import Array
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 START = 0.3  # initial over final size of the discs

@@ -6,13 +6,12 @@ from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skmpm.arrays import Array
 from skmpm.linear import one_thread
 from skmpm.packing import discs, shapes
 from skmpm.points import Points
-
-Array: TypeAlias = NDArray[np.float64]
 
 _GROWTH = 0.04  # largest and smallest growth per step; where the smallest is too large the discs are jammed
 _LEAST_GROWTH = 2e-4

@@ -12,17 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.compiled import compiled
 from skmpm.outline import chord_sagitta, outlines
 from skmpm.outline.topology import ranges
 from skmpm.packing.discs import MARGIN, OVERLAP, Box, Contacts, least_motion
 from skmpm.points import Points
 from skmpm.points.cloud import signed_area
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 ROWS = 3  # constraints of a pair: of the nearest vertex, and of the outermost ones that are nearly as close ...
 NEARLY = 0.1  # ... by this [mean radius]

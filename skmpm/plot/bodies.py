@@ -1,27 +1,84 @@
-"""Bodies in pictures: filled curves and fields within them."""
+"""Triangles between material points and boundaries, in which fields are interpolated linearly.
+
+Bodies in pictures: filled curves and fields within them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import Delaunay, QhullError
 
+from skmpm import outline
+from skmpm.arrays import Array, Ints
 from skmpm.outline import Polylines
-from skmpm.plot.fields import Field, colour_map
+from skmpm.plot.fields import Field, Style, colour_map
 from skmpm.plot.snapshot import Snapshot
-from skmpm.plot.style import Style
-from skmpm.plot.triangles import triangles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 COLOURS = ("#8ecae6", "#f2b880", "#a3c9a8", "#d8a7b1", "#b8b3d9", "#e6d690", "#9fc5c1", "#c9b8a8")
 RIGID, EDGE, EDGE_WIDTH = "0.72", "0.25", 0.5  # greys, and a width [pt]
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """Triangles that fill the bodies with outlines, up to their curves.
+
+    Corners are the n material points, of which some lie on the boundary, and the points of the curves between these.
+    """
+
+    x: Array  # (2, corners) [m]
+    corners: Ints  # (triangles, 3)
+    boundary: Polylines
+    point: Ints  # (m,) material point of each boundary point
+
+    def values(self, by_point: Array) -> Array:
+        """Values at the corners (corners,) from those at the material points (n,)."""
+        between = self.boundary.values(by_point[self.point]).reshape(-1, self.boundary.parts)[:, 1:]
+        return np.append(by_point, between)
+
+
+def triangles(points: Array, owner: Ints, boundary_points: Ints, boundary: Polylines, bodies: Ints) -> Triangles:
+    """Triangulate some bodies (Delaunay), and leave out what lies outside their curves, as in notches and holes.
+
+    Parameters
+    ----------
+    points, owner : (2, n) [m] material points, and (n,) their bodies
+    boundary_points : (m,) those of them that are on the boundary
+    boundary : the curves through these
+    bodies : to be filled; those without outline are left out
+    """
+    n, between = owner.size, np.arange(boundary.outlines.size) % boundary.parts > 0
+    x = np.concatenate([points, boundary.x[:, between]], axis=1)
+    owner = np.append(owner, boundary.outlines.body[between])
+    on_boundary = np.ones(owner.size, dtype=bool)
+    on_boundary[:n] = False
+    on_boundary[boundary_points] = True
+    order = np.argsort(owner, kind="stable")
+    ordered = owner[order]
+    found = [np.zeros((0, 3), dtype=np.int64)]
+    for b in np.intersect1d(bodies, boundary.outlines.body).tolist():
+        own = order[slice(*np.searchsorted(ordered, (b, b + 1)))]
+        found.append(own[_delaunay(x[:, own])])
+    corners = np.concatenate(found)
+    doubtful = np.flatnonzero(on_boundary[corners].all(axis=1))  # the others have a corner inside
+    centre = x[:, corners[doubtful]].mean(axis=2)
+    outside = ~outline.inside(boundary.outlines, boundary.x, owner[corners[doubtful, 0]], centre)
+    return Triangles(x, np.delete(corners, doubtful[outside], axis=0), boundary, boundary_points)
+
+
+def _delaunay(x: Array) -> Ints:
+    """Triangles (t, 3) of points (2, k); none where all lie on a line."""
+    try:
+        return np.asarray(Delaunay((x - x.mean(axis=1, keepdims=True)).T).simplices, dtype=np.int64)
+    except (QhullError, ValueError):
+        return np.zeros((0, 3), dtype=np.int64)
 
 
 def draw_bodies(axes: Axes, seen: Snapshot, field: Field, style: Style, offset: Array) -> None:
@@ -64,7 +121,7 @@ def _shade(
     x: Array,
     boundary: Polylines,
     paths: list[Any],
-    values: NDArray[np.float64],
+    values: Array,
     style: Style,
 ) -> None:
     """Colour the bodies with these paths by values at the points (n,), which lie at x (2, n)."""
@@ -81,7 +138,7 @@ def _shade(
     shading.set_clip_path(PathPatch(Path.make_compound_path(*paths), transform=axes.transData))
 
 
-def _scatter(axes: Axes, x: NDArray[np.float64], values: NDArray[Any], style: Style | None) -> None:
+def _scatter(axes: Axes, x: Array, values: NDArray[Any], style: Style | None) -> None:
     from matplotlib.colors import ListedColormap
 
     options: dict[str, Any] = {"cmap": ListedColormap(COLOURS), "vmin": -0.5, "vmax": len(COLOURS) - 0.5}

@@ -10,13 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.plot.bodies import draw_bodies
-from skmpm.plot.fields import Field, Limits, beyond, colour_map, field_of
-from skmpm.plot.forces import add_key, draw_forces
+from skmpm.plot.fields import (
+    Field,
+    Limits,
+    Style,
+    View,
+    beyond,
+    colour_map,
+    field_of,
+    in_multiples,
+    scale_of,
+    style_of,
+)
 from skmpm.plot.snapshot import OfState, Snapshot
-from skmpm.plot.style import Style, View, in_multiples, scale_of, style_of
-from skmpm.plot.surroundings import draw_box, draw_supports, draw_walls, offsets
+from skmpm.plot.surroundings import add_key, draw_box, draw_forces, draw_supports, draw_walls, offsets
+from skmpm.representation import prefixed
 from skmpm.scene import Scene, State, check_fits
-from skmpm.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

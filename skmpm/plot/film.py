@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.io import Frame
-from skmpm.plot.fields import Limits, field_of
+from skmpm.plot.fields import Limits, View, field_of, style_of
 from skmpm.plot.figure import add_legend, draw, matplotlib_module, new_axes
 from skmpm.plot.snapshot import OfFrame, OfState, Snapshot
-from skmpm.plot.style import View, style_of
+from skmpm.representation import prefixed
 from skmpm.scene import Scene, State, check_fits
-from skmpm.units import prefixed
 
 WRITERS = {".mp4": "ffmpeg", ".gif": "pillow", ".html": "html"}
 

@@ -6,17 +6,13 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.io import Frame
 from skmpm.observe import force_lines, network
 from skmpm.outline import Polylines
 from skmpm.scene import Scene, State, centres, into_box, mises, plastic_strain, stress_zz
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 PARTS = 6  # lines between two boundary points: at 300 dpi a disc of 30 of them is round
 

@@ -1,8 +1,7 @@
 """Material points: quadrature rules with positive weights and points on the boundary."""
 
 from skmpm.points.cloud import Points, check
-from skmpm.points.convex import capsule, ellipse, polygon
 from skmpm.points.mesh import from_mesh
-from skmpm.points.shapes import box, disc
+from skmpm.points.shapes import box, capsule, disc, ellipse, polygon
 
 __all__ = ["Points", "box", "capsule", "check", "disc", "ellipse", "from_mesh", "polygon"]

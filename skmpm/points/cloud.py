@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from skmpm.arrays import Array, Ints
+
 Names = NDArray[np.str_]
 
 ROWS = 200_000  # pairs of edges tested for crossing at a time
@@ -32,9 +32,9 @@ class Points:
     group : names of the groups of the points, (n,), for a body of several materials (see `Body`); None without groups
     """
 
-    x: Floats
-    volume: Floats
-    outline: tuple[Integers, ...] = ()
+    x: Array
+    volume: Array
+    outline: tuple[Ints, ...] = ()
     group: Names | None = None
 
     def __post_init__(self) -> None:
@@ -58,7 +58,7 @@ class Points:
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         return replace(self, x=np.asarray(centre, dtype=np.float64)[:, None] + turn @ arm)
 
-    def with_groups(self, group: Callable[[Floats], ArrayLike] | ArrayLike) -> Points:
+    def with_groups(self, group: Callable[[Array], ArrayLike] | ArrayLike) -> Points:
         """The same points in groups, of which each may have its own material.
 
         Parameters
@@ -109,7 +109,7 @@ def _check_group(points: Points) -> str | None:
     return None
 
 
-def _check_loop(x: Floats, loop: Integers) -> str | None:
+def _check_loop(x: Array, loop: Ints) -> str | None:
     if loop.ndim != 1 or loop.size < 3:
         return f"has shape {loop.shape}; a loop is a list of at least 3 indices of points"
     if loop.min() < 0 or loop.max() >= x.shape[1]:
@@ -122,7 +122,7 @@ def _check_loop(x: Floats, loop: Integers) -> str | None:
     return None
 
 
-def _check_crossings(x: Floats, outline: Sequence[Integers]) -> str | None:
+def _check_crossings(x: Array, outline: Sequence[Ints]) -> str | None:
     """Edges that cross: the ends of each are on opposite sides of the other."""
     if not outline:
         return None
@@ -140,16 +140,16 @@ def _check_crossings(x: Floats, outline: Sequence[Integers]) -> str | None:
     return None
 
 
-def _side(a: Floats, b: Floats, p: Floats) -> Floats:
+def _side(a: Array, b: Array, p: Array) -> Array:
     """+1, 0, -1 where p is to the left of, on (to round-off), to the right of the line from a to b."""
     left, right = (b[0] - a[0]) * (p[1] - a[1]), (b[1] - a[1]) * (p[0] - a[0])
     # Positions of size |x| are known to eps |x|, so the products of their differences to eps |x| |b - a|.
     length = np.abs(b - a).max(axis=0) * np.abs(p).max()
-    side: Floats = np.where(np.abs(left - right) <= 1e-14 * length, 0.0, np.sign(left - right))
+    side: Array = np.where(np.abs(left - right) <= 1e-14 * length, 0.0, np.sign(left - right))
     return side
 
 
-def _check_orientation(x: Floats, outline: Sequence[Integers]) -> str | None:
+def _check_orientation(x: Array, outline: Sequence[Ints]) -> str | None:
     """Loops inside an even number of others are outer loops and must be counter-clockwise, the others clockwise."""
     for k, loop in enumerate(outline):
         depth = sum(_encloses(x[:, other], x[:, loop[0]]) for other in (*outline[:k], *outline[k + 1 :]))
@@ -160,14 +160,14 @@ def _check_orientation(x: Floats, outline: Sequence[Integers]) -> str | None:
     return None
 
 
-def signed_area(x: Floats) -> float:
+def signed_area(x: Array) -> float:
     """Area inside the closed loop x (2, m), positive if counter-clockwise [m2]."""
     y = x - x[:, :1]
     z = np.roll(y, -1, axis=1)
     return float(np.sum(y[0] * z[1] - y[1] * z[0]) / 2)
 
 
-def _encloses(x: Floats, p: Floats) -> bool:
+def _encloses(x: Array, p: Array) -> bool:
     """Whether the loop x (2, m) encloses p (2,): parity of the edges crossed by the ray to the right."""
     (a, b), (c, d) = x - p[:, None], np.roll(x, -1, axis=1) - p[:, None]
     crosses = (b > 0) != (d > 0)

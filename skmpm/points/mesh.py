@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from skmpm.points.cloud import Floats, Integers, Points, signed_area
+from skmpm.arrays import Array, Bools, Ints
+from skmpm.points.cloud import Points, signed_area
 from skmpm.points.mesh_groups import cell_groups
 from skmpm.tangents import backward_shares
 
@@ -31,7 +32,7 @@ HIGHEST = 19  # degree of the last rule that scikit-fem has for triangles; its w
 SMOOTH_COSINE = np.cos(np.deg2rad(30.5))
 LARGEST_BULGE = 0.75  # of a midpoint's area that a concave boundary takes from it; in flat cells it has little
 
-Rule = tuple[Integers, Integers, Floats]  # sites (m, cells) of cells, the centre last, their groups, weights
+Rule = tuple[Ints, Ints, Array]  # sites (m, cells) of cells, the centre last, their groups, weights
 
 
 def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
@@ -131,7 +132,7 @@ def _first_order(mesh: meshio.Mesh | skfem.Mesh) -> meshio.Mesh:
     return first
 
 
-def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
+def _read(mesh: meshio.Mesh) -> tuple[Array, list[Ints]]:
     """Nodes in use (2, n) and, per type, the nodes of each cell (corners, cells), counter-clockwise."""
     if others := sorted({block.type for block in mesh.cells} - {*CORNERS, *NOT_AREAS}):
         raise ValueError(f"the mesh has cells of type {others}; give cells of type 'triangle' and 'quad'")
@@ -152,13 +153,13 @@ def _read(mesh: meshio.Mesh) -> tuple[Floats, list[Integers]]:
     return nodes, cells
 
 
-def _split(flat: NDArray[Any], blocks: list[Integers]) -> list[NDArray[Any]]:
+def _split(flat: NDArray[Any], blocks: list[Ints]) -> list[NDArray[Any]]:
     """Split values in the order of the blocks into arrays of the blocks' shapes."""
     parts = np.split(flat, np.cumsum([b.size for b in blocks])[:-1])
     return [part.reshape(b.shape) for part, b in zip(parts, blocks, strict=True)]
 
 
-def _planar(nodes: Floats) -> Floats:
+def _planar(nodes: Array) -> Array:
     """Coordinates (2, n) of nodes that lie in a plane of constant z, each at its own position."""
     tiny = 1e-9 * np.ptp(nodes[:2], axis=1).max()
     if not np.isfinite(nodes).all() or np.abs(nodes[2:] - nodes[2:, :1]).max(initial=0.0) > tiny:
@@ -169,14 +170,14 @@ def _planar(nodes: Floats) -> Floats:
     return nodes[:2]
 
 
-def _corner_jacobians(corners: Floats) -> Floats:
+def _corner_jacobians(corners: Array) -> Array:
     """Jacobian of the (bi)linear map of a cell at its corners, from their positions (2, corners, cells)."""
     a, b = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    jacobian: Floats = a[0] * b[1] - a[1] * b[0]
+    jacobian: Array = a[0] * b[1] - a[1] * b[0]
     return jacobian
 
 
-def _edges(blocks: list[Integers]) -> tuple[Integers, Integers, Integers, NDArray[np.bool_]]:
+def _edges(blocks: list[Ints]) -> tuple[Ints, Ints, Ints, Bools]:
     """Ends of all sides (2, s), edges (2, e), the edge of each side, and whether that is on the boundary."""
     ends = np.concatenate([[b.ravel(), np.roll(b, -1, axis=0).ravel()] for b in blocks], axis=1)
     edges, edge, count = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True, return_counts=True)
@@ -186,7 +187,7 @@ def _edges(blocks: list[Integers]) -> tuple[Integers, Integers, Integers, NDArra
     return ends, edges, edge, count[edge] == 1
 
 
-def _boundary_weights(corners: Floats) -> Floats:
+def _boundary_weights(corners: Array) -> Array:
     """Weights (2 corners + 1, cells) of the rule at corners, edge midpoints and centre."""
     at_corner, at_edge, at_centre = BOUNDARY_RULES[corners.shape[1]]
     J = _corner_jacobians(corners)
@@ -198,7 +199,7 @@ def _boundary_weights(corners: Floats) -> Floats:
     return np.concatenate(rows)
 
 
-def _weights(rules: list[Rule], shape: tuple[int, int], boundary: Integers) -> tuple[Floats, Integers]:
+def _weights(rules: list[Rule], shape: tuple[int, int], boundary: Ints) -> tuple[Array, Ints]:
     """Weights (sites, groups) of rules at sites, and the group of each boundary site, (sites,).
 
     That is the group with the largest weight there; the others' weights go to the centres of their cells, for no
@@ -217,7 +218,7 @@ def _weights(rules: list[Rule], shape: tuple[int, int], boundary: Integers) -> t
     return weight, own
 
 
-def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
+def _inner_rule(corners: Array, order: int) -> tuple[Array, Array]:
     """Positions (2, m) and volumes (m,) of scikit-fem's rule in cells with corners (2, corners, cells)."""
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefQuad, RefTri
@@ -228,11 +229,11 @@ def _inner_rule(corners: Floats, order: int) -> tuple[Floats, Floats]:
         return _inner_rule(corners, order + 1)
     one = 1 - xi
     N = np.array((one - eta, xi, eta) if triangles else (one * (1 - eta), xi * (1 - eta), xi * eta, one * eta))
-    x: Floats = np.einsum("ikc,kq->icq", corners, N).reshape(2, -1)
+    x: Array = np.einsum("ikc,kq->icq", corners, N).reshape(2, -1)
     return x, (np.einsum("kc,kq->cq", _corner_jacobians(corners), N) * W).ravel()
 
 
-def _bulges(x: Floats) -> tuple[Floats, Floats]:
+def _bulges(x: Array) -> tuple[Array, Array]:
     """From midpoints of edges to a smooth curve through the corners x (2, m) of a loop, (2, m); areas added, (m,).
 
     Tangents are those of the outline's curve; Hermite's cubic is off the chord by (T_1 - T_2) l / 8 in the middle.
@@ -250,7 +251,7 @@ def _bulges(x: Floats) -> tuple[Floats, Floats]:
     return bulge, 0.5 * (bulge[0] * edge[1] - bulge[1] * edge[0])
 
 
-def _loops(ends: Integers, middle: Integers, nodes: Floats) -> list[Integers]:
+def _loops(ends: Ints, middle: Ints, nodes: Array) -> list[Ints]:
     """Join boundary sides (2, m) to loops of corners and edge midpoints in order, the material on the left."""
     starts, count = np.unique(ends[0], return_counts=True)
     if count.max() > 1:

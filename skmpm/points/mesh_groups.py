@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.points.cloud import Integers
+from skmpm.arrays import Ints
 
 if TYPE_CHECKING:
     import meshio
@@ -22,7 +22,7 @@ REST = "other"
 ELEMENTARY = re.compile(r"(Line|Surface)\d+")  # sets that gmsh writes to Abaqus files, one for each curve and surface
 
 
-def cell_groups(mesh: meshio.Mesh, kinds: Sequence[str]) -> tuple[list[str], list[Integers]]:
+def cell_groups(mesh: meshio.Mesh, kinds: Sequence[str]) -> tuple[list[str], list[Ints]]:
     """Names of the groups, and the group of each cell by type of cell (cells,); no names without groups."""
     blocks = [(k, block) for kind in kinds for k, block in enumerate(mesh.cells) if block.type == kind]
     names = [np.full(len(block.data), "", dtype=object) for _, block in blocks]

@@ -6,15 +6,13 @@ from dataclasses import replace
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.step.driven import check_driven
 from skmpm.step.initial_state import initial
 from skmpm.step.step_length import pace_of
-
-Array = NDArray[np.float64]
 
 # Of docs/studies/performance.md, on one thread [s]: a step, a point of it, one where things can touch, an unknown and
 # squared half bandwidth of a banded matrix, an unknown of multigrid; quasi-static steps over those with inertia.

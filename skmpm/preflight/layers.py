@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from skmpm.arrays import Array, Bools
 from skmpm.points import Points
 from skmpm.scene import Scene
 
@@ -35,7 +35,7 @@ def thin_groups(scene: Scene) -> tuple[list[str], list[float]]:
     return names, cells
 
 
-def shares_cells(x: NDArray[np.float64], own: NDArray[np.bool_]) -> bool:
+def shares_cells(x: Array, own: Bools) -> bool:
     """Whether a cell holds points x (2, n) [cells] of a group and others."""
     cells = np.floor(x + ON_LINE).astype(np.int64)
     _, of = np.unique(cells, axis=1, return_inverse=True)
@@ -43,7 +43,7 @@ def shares_cells(x: NDArray[np.float64], own: NDArray[np.bool_]) -> bool:
     return bool((inside & outside).any())
 
 
-def _boundary_length(points: Points, own: NDArray[np.bool_]) -> float:
+def _boundary_length(points: Points, own: Bools) -> float:
     """Half the lengths of the segments at boundary points of a group (n,) [m]."""
     half = np.zeros(points.size)
     for loop in points.outline:

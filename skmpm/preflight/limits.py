@@ -8,8 +8,9 @@ from math import ceil, floor, log10, nan
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skmpm.arrays import Bools, Ints
 from skmpm.contact.closest_points import LIGHT
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE
 from skmpm.step.equations import LONG
@@ -62,14 +63,14 @@ class Limit:
     least: bool = False  # whether the range begins here instead of ending
     rounded: Callable[[float], int] = DOWN
 
-    def beyond(self, values: ArrayLike) -> NDArray[np.bool_]:
+    def beyond(self, values: ArrayLike) -> Bools:
         """Whether values leave the range by more than round-off."""
         if self.least:
             return np.asarray(np.less(values, self.value * (1.0 - LIMIT_TOLERANCE)))
         return np.asarray(np.greater(values, self.value * (1.0 + LIMIT_TOLERANCE)))
 
     def passed(
-        self, objects: Sequence[Any] | NDArray[np.int64], values: ArrayLike, scale: float = 1.0, **facts: object
+        self, objects: Sequence[Any] | Ints, values: ArrayLike, scale: float = 1.0, **facts: object
     ) -> list[PreflightWarning]:
         """The warning of the worst of some objects, names or numbers of bodies, if its value leaves the range.
 
@@ -87,7 +88,7 @@ class Limit:
             own["advised"] = two_digits(scale * ratio, self.rounded)
         return [self._warning(objects[k], int(beyond.sum()), value, own)]
 
-    def of(self, objects: Sequence[Any] | NDArray[np.int64], **facts: object) -> list[PreflightWarning]:
+    def of(self, objects: Sequence[Any] | Ints, **facts: object) -> list[PreflightWarning]:
         """The warning of all of some objects, names or numbers of bodies, that names the first; facts are its."""
         return [self._warning(objects[0], len(objects), None, facts)] if len(objects) else []
 

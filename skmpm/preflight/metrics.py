@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm import linear
-from skmpm.assembly import ghost_facets
+from skmpm.arrays import Array, Ints
 from skmpm.contact import acts_at_grid_nodes, check_outlines
 from skmpm.contact.self_contact import can_touch
 from skmpm.grid import BodyGrids, build_grids
+from skmpm.grid.assembly import ghost_facets
 from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import chord_sagitta, inclined_thickness, slit_width
 from skmpm.preflight.sampling import stress_errors
@@ -23,9 +23,6 @@ from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.step.initial_state import check_cohesion, initial_motion
 from skmpm.step.loading import loading_of
 from skmpm.step.regrid import derived_data, inward_normals, torn_bodies
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

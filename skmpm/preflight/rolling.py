@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.scene import Scene
@@ -14,8 +14,6 @@ from skmpm.step.loading import gravity_of
 WIDE = 1.3  # [cells] half-width from which on the boundary points in contact average their chords out; test_rolling
 STEEP = np.radians(6.0)  # slope from which on discs roll to 12 % at any width
 STRAIGHT = 1e-6  # [rad] turn of an outline that is round-off
-
-Array = NDArray[np.float64]
 
 
 def contacts_on_slopes(scene: Scene, scheme: Scheme) -> tuple[list[int], list[float], list[float]]:
@@ -51,7 +49,7 @@ def contacts_on_slopes(scene: Scene, scheme: Scheme) -> tuple[list[int], list[fl
     return bodies, widths, cells
 
 
-def _gentle_slopes(scene: Scene, gravity: Array) -> NDArray[np.int64]:
+def _gentle_slopes(scene: Scene, gravity: Array) -> Ints:
     """Walls, as -1, -2, ..., and held bodies that have a side inclined against gravity by less than `STEEP`, (k,)."""
     walls = -1 - np.flatnonzero(_gentle(scene.normals, gravity))
     held = [np.flatnonzero(~scene.movable), *(scene.owner[place.points] for place in scene.supported)]
@@ -59,7 +57,7 @@ def _gentle_slopes(scene: Scene, gravity: Array) -> NDArray[np.int64]:
     return np.concatenate([walls, np.array(bodies, dtype=np.int64)])
 
 
-def _gentle(normals: Array, gravity: Array) -> NDArray[np.bool_]:
+def _gentle(normals: Array, gravity: Array) -> Bools:
     """Whether planes of such outward normals (2, k) are inclined against gravity, but less than `STEEP`, (k,)."""
     along = np.abs(gravity[0] * normals[1] - gravity[1] * normals[0])
     across = -gravity @ normals

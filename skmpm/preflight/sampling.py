@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skmpm.forms import reference_gradient
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.moment_fitting import fitted_places, fitted_weights
+from skmpm.grid.forms import reference_gradient
+from skmpm.grid.moment_fitting import fitted_places, fitted_weights
 from skmpm.outline import cell_moments
 from skmpm.scene import Scene
 from skmpm.step.regrid import inward_normals
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 COMPLIANCE = 3.0 / 8.0  # of a node: one over 4 (2/3), the diagonal entry of the Laplacian of Q1 elements
 
@@ -48,7 +45,7 @@ def stress_errors(scene: Scene, *, fitted: bool = True) -> Array:
     return np.asarray((lost + COMPLIANCE * imbalance) / filled)
 
 
-def _grid(scene: Scene, chosen: NDArray[np.bool_]) -> tuple[BodyGrids, Array]:
+def _grid(scene: Scene, chosen: Bools) -> tuple[BodyGrids, Array]:
     """Body grids of the chosen points, and the volumes of these [m2].
 
     A point inside a body that lies on a grid line to round-off belongs to the upper cell, in any unit of length.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from skmpm.arrays import Array, Bools
 from skmpm.contact.self_contact import can_touch
 from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import slit_width
@@ -29,8 +29,6 @@ from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.step.loading import SEVERAL, Loading, loading_of, smallest_radii
-
-Array = NDArray[np.float64]
 
 LARGEST = 0.25  # error; coarser resolutions were not measured
 RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
@@ -185,7 +183,7 @@ def _coarsest(scene: Scene, error: float) -> float:
     return float(min(_radii(scene).min() / limit, thinnest, slit.min() / SLIT.value))
 
 
-def _slender(scene: Scene) -> NDArray[np.bool_]:
+def _slender(scene: Scene) -> Bools:
     """Which deformable bodies have a part thinner than their radius, so that it bends: strips, lips, rings."""
     return np.asarray(scene.thickness[scene.deformable] < _radii(scene))
 

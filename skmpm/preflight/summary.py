@@ -16,12 +16,11 @@ from skmpm.preflight.checks import warnings_of
 from skmpm.preflight.cost import chosen_steps, first_step, seconds_of_step
 from skmpm.preflight.limits import PreflightWarning
 from skmpm.preflight.metrics import SceneMetrics, examine
-from skmpm.representation import table
+from skmpm.representation import quantity, table
 from skmpm.scene import Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.step_length import MAX_APPROACH, STROKE, pace_of
-from skmpm.units import quantity
 
 PAGE = "docs/how_to/warnings.md"
 

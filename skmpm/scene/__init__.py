@@ -1,21 +1,29 @@
 """The scene (`Scene`), its state (`State`), and the checks of both."""
 
 from skmpm.scene.check import MAX_OVERLAP, TOUCHING, check_walls_at_start, overlaps
-from skmpm.scene.contacts import Contacts, between_bodies, pair_numbers
-from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
-from skmpm.scene.gravity import gravity_at
-from skmpm.scene.materials import initial_internal, material_at, plastic_strain
+from skmpm.scene.model import initial_internal, material_at, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, SceneError, Spring, Support, Wall, field_values, motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, deformed, into_box, recut
-from skmpm.scene.prescribed_velocities import PrescribedVelocities, prescribed_motions, prescribed_velocities
+from skmpm.scene.point_sets import Ends, stiffness_of
+from skmpm.scene.prescribed import (
+    PrescribedVelocities,
+    centres,
+    fitted_motions,
+    gravity_at,
+    mean_velocity,
+    normal_speeds,
+    prescribed_motions,
+    prescribed_velocities,
+    rigid_motion,
+    velocity_at,
+    with_normal_speeds,
+)
 from skmpm.scene.report import Energy, Report, StepControl
-from skmpm.scene.rigid_motion import centres, fitted_motions, mean_velocity, rigid_motion, velocity_at
 from skmpm.scene.scene import Scene
-from skmpm.scene.springs import Ends, stiffness_of
 from skmpm.scene.stages import at_rest, continued
-from skmpm.scene.state import Derived, State, StepFailed
+from skmpm.scene.state import Contacts, Derived, State, StepFailed, between_bodies, pair_numbers
 from skmpm.scene.walls_in_view import view_of, wall_lines
 
 __all__ = [

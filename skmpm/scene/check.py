@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skmpm.arrays import Array, Ints
 from skmpm.material import ElastoPlastic, Isotropic, Rigid, lacking
 from skmpm.outline import curve
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
-from skmpm.scene.check_functions import check_functions
-from skmpm.scene.check_groups import check_groups
-from skmpm.scene.check_loading import check_loads, check_springs, check_supports
-from skmpm.scene.gravity import gravity_at
+from skmpm.scene.check_parts import check_functions, check_groups, check_loads, check_springs, check_supports
 from skmpm.scene.model import Model
 from skmpm.scene.objects import (
     Body,
@@ -30,10 +28,7 @@ from skmpm.scene.objects import (
     vector,
 )
 from skmpm.scene.periodic import Periodic
-from skmpm.scene.rigid_motion import rigid_motion
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from skmpm.scene.prescribed import gravity_at, rigid_motion
 
 MAX_AREA_RATIO = 1.5  # of the points' volume and the area in their outline, which may exclude half a spacing
 TOUCHING = 1e-3  # [cells] overlap at the start up to which things touch

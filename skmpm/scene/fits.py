@@ -5,14 +5,12 @@ from __future__ import annotations
 import reprlib
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from skmpm.arrays import Array
 from skmpm.scene.objects import SceneError
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
-
-Array = NDArray[np.float64]
 
 ROUND_OFF = 1e-9  # relative; libraries sum in other orders on other numbers of threads
 STAYS_RIGID = "bodies stay what they are: hold a deformable one by a Support, or begin a new run from its points"

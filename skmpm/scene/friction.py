@@ -12,13 +12,10 @@ from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skmpm.scene.input import Input
+from skmpm.arrays import Array, Ints
+from skmpm.scene.layout import Input
 from skmpm.scene.objects import SceneError, not_negative
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 DEFAULT = "default"  # key of a table for pairs without an entry
 COEFFICIENT = "a Coulomb coefficient"

@@ -1,19 +1,41 @@
-"""The points and walls of a scene as arrays, made once."""
+"""What a user gives of a scene.
+
+The points and walls of a scene as arrays, made once.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import Material, Rigid, initial_state, wave_speed
 from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
-from skmpm.scene.input import Input
-from skmpm.scene.objects import Body, motion, scalar
+from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, motion, scalar
+from skmpm.scene.periodic import Periodic
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+
+@dataclass(frozen=True, repr=False)
+class Input:
+    """The fields of `Scene`, where they are described."""
+
+    bodies: Sequence[Body]
+    cell: float = field(kw_only=True)
+    walls: Sequence[Wall] = field(default=(), kw_only=True)
+    supports: Sequence[Support] = field(default=(), kw_only=True)
+    loads: Sequence[Load | Pressure] = field(default=(), kw_only=True)
+    springs: Sequence[Spring] = field(default=(), kw_only=True)
+    friction: float | Mapping[Any, float] = field(default=0.0, kw_only=True)
+    cohesion: float = field(default=0.0, kw_only=True)
+    cohesion_range: float = field(default=0.0, kw_only=True)
+    overlap: float = field(default=0.0, kw_only=True)
+    gravity: ArrayLike | Callable[[Array, float], ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
+    periodic: Periodic | None = field(default=None, kw_only=True)
 
 
 class Layout(Input):
@@ -30,7 +52,7 @@ class Layout(Input):
         return np.repeat(np.arange(len(self.bodies)), np.diff(self.offsets))
 
     @cached_property
-    def deformable_points(self) -> NDArray[np.bool_] | slice:
+    def deformable_points(self) -> Bools | slice:
         """Index of the points of deformable bodies; if these are all points, a slice, which copies nothing."""
         own = self.deformable[self.owner]
         return slice(None) if own.all() else own
@@ -46,7 +68,7 @@ class Layout(Input):
         return np.concatenate([body.points.volume for body in self.bodies])
 
     @cached_property
-    def deformable(self) -> NDArray[np.bool_]:
+    def deformable(self) -> Bools:
         """Which bodies have unknowns, (bodies,)."""
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
 
@@ -57,7 +79,7 @@ class Layout(Input):
         return np.flatnonzero(~self.deformable & ~held)
 
     @cached_property
-    def movable(self) -> NDArray[np.bool_]:
+    def movable(self) -> Bools:
         """Which bodies forces move, deformable ones and free rigid ones, (bodies,)."""
         movable = self.deformable.copy()
         movable[self.free_rigid] = True
@@ -91,7 +113,7 @@ class Layout(Input):
         return tuple((body.materials, _groups_of(body)) for body in self.bodies)
 
     @cached_property
-    def composite(self) -> NDArray[np.bool_]:
+    def composite(self) -> Bools:
         """Which bodies have several materials, (bodies,)."""
         return np.array([len(body.materials) > 1 for body in self.bodies], dtype=bool)
 
@@ -123,7 +145,7 @@ class Layout(Input):
         return max(wave_speed(material) for material in self.materials)
 
     @cached_property
-    def outlined(self) -> NDArray[np.bool_]:
+    def outlined(self) -> Bools:
         """Which bodies have an outline, (bodies,)."""
         return np.array([bool(body.points.outline) for body in self.bodies], dtype=bool)
 

@@ -7,17 +7,16 @@ from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skmpm.arrays import Array, Ints
 from skmpm.material import Material, MaterialWithMemory, Rigid
 from skmpm.points import Points
-
-Array = NDArray[np.float64]
 
 TURNING = "to turn points, a Spring with a rest at each"
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
 Components = Sequence[float | None]  # of a support's velocity; None is free
-Part = tuple[Material, NDArray[np.int64] | slice]  # a material and its points
+Part = tuple[Material, Ints | slice]  # a material and its points
 Where = Callable[[Array], ArrayLike]  # positions (2, n) [m] at t = 0 -> (n,) bool
 Rest = float | ArrayLike | Callable[[float], ArrayLike] | None  # of a spring
 

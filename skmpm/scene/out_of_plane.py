@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.material import Material, determinant, has_memory, initial_state, is_linear, poisson_ratio
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
-
-Array = NDArray[np.float64]
 
 ROUND_OFF = 1e-9  # of the largest stress: mean stresses that differ by less are those of the points' own gradients
 
@@ -35,7 +33,7 @@ def stress_zz(scene: Scene, state: State) -> Array:
     return out
 
 
-def _by_material(known: Callable[..., Array], material: Material, state: State, own: NDArray[np.int64]) -> Array:
+def _by_material(known: Callable[..., Array], material: Material, state: State, own: Ints) -> Array:
     """The stress that the `stress_zz` of a material knows, at some points."""
     stress = state.stress[:, :, own]
     if has_memory(material):

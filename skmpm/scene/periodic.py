@@ -13,13 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
+from skmpm.arrays import Array, Ints
 from skmpm.scene.objects import SceneError, numbers, positive
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Tensor = ArrayLike | Callable[[float], ArrayLike]
 
 COMPONENTS = np.array([[0, 1, 0], [0, 1, 1]])  # of L that a stress may determine: xx, yy, xy

@@ -1,19 +1,31 @@
-"""The material points that supports and loads act on."""
+"""The material points that supports, loads and springs act on, and what these prescribe."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.outline import Outlines
 from skmpm.scene.layout import Layout
-from skmpm.scene.objects import Load, Pressure, SceneError
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from skmpm.scene.objects import (
+    Load,
+    Pressure,
+    SceneError,
+    Spring,
+    Support,
+    motion,
+    not_negative,
+    numbers,
+    positive,
+    prescribed_components,
+    scalar,
+    vector,
+)
 
 
 @dataclass(frozen=True)
@@ -50,9 +62,7 @@ def pressed_segments(scene: Layout, i: int, pressure: Pressure) -> Ints:
     return np.flatnonzero(chosen[boundary.point] & chosen[boundary.point[boundary.next]])
 
 
-def matching(
-    scene: Layout, name: str, where: Callable[[Array], ArrayLike], bodies: NDArray[np.bool_] | None = None
-) -> Ints:
+def matching(scene: Layout, name: str, where: Callable[[Array], ArrayLike], bodies: Bools | None = None) -> Ints:
     """The points of some bodies (bodies,), by default the deformable ones, where a function is true.
 
     SceneError where it is true at others that forces move: they would move as if it were not.
@@ -87,3 +97,97 @@ def _lengths(boundary: Outlines, x: Array, points: Ints) -> Array:
 
     between = tributary(np.where(chosen, half, 0.0))
     return np.where(between > 0.0, between, tributary(half))
+
+
+def supported_points(scene: Layout, i: int, support: Support) -> PointSet:
+    """The points whose velocity support i prescribes, with equal shares."""
+    points = matching(scene, f"support {i}: where", support.where)
+    return PointSet(points, np.full(points.size, 1.0 / max(points.size, 1)))
+
+
+def support_velocities(scene: Layout, t: float, dt: float | None = None) -> Array:
+    """Velocities of supports in a step from t to t + dt [s], (supports, 2) [m/s], nan where free.
+
+    They are the prescribed ones in its middle, and mean ones of prescribed displacements. Without dt they are those
+    at t, where displacements are differentiated over the time in which waves cross a cell, which steps do not
+    resolve.
+
+    Raises
+    ------
+    SceneError
+        if one is invalid
+    """
+    interval, middle = (scene.cell / scene.fastest_wave, t) if dt is None else (dt, t + 0.5 * dt)
+    each = np.empty((len(scene.supports), 2))
+    for i, support in enumerate(scene.supports):
+        if support.displacement is None:
+            each[i] = prescribed_components(support, middle, f"support {i}: velocity")
+        else:
+            name = f"support {i}: displacement"
+            start, end = (prescribed_components(support, time, name) for time in (t, t + interval))
+            each[i] = (end - start) / interval
+    return each
+
+
+class Ends(NamedTuple):
+    """The points that a spring acts on."""
+
+    first: PointSet
+    second: PointSet | None  # of a bar between two sets
+    point: Array | None  # (2,) of a bar to a fixed point [m]
+
+    @property
+    def bed(self) -> bool:
+        """Whether it is a bed."""
+        return self.second is None and self.point is None
+
+    @property
+    def sets(self) -> tuple[PointSet, ...]:
+        """The sets of points, one or two."""
+        return (self.first,) if self.second is None else (self.first, self.second)
+
+    def span(self, x: Array) -> Array:
+        """The vector from the other end of a bar to its first, (2,) [m], with points at x (2, n)."""
+        first = x[:, self.first.points] @ self.first.share
+        if self.second is not None:
+            return np.asarray(first - x[:, self.second.points] @ self.second.share)
+        return np.asarray(first - self.point)  # type: ignore[operator]
+
+
+def ends_of(scene: Layout, i: int, spring: Spring) -> Ends:
+    """The points that spring i acts on."""
+    first = points_with_shares(scene, f"spring {i}: where", spring.where)
+    if spring.to is None:
+        return Ends(first, None, None)
+    if callable(spring.to):
+        return Ends(first, points_with_shares(scene, f"spring {i}: to", spring.to), None)
+    return Ends(first, None, vector(f"spring {i}: to", spring.to))
+
+
+def stiffness_of(i: int, spring: Spring) -> Array:
+    """The stiffness of spring i in both directions, (2,) [N/m2]; SceneError if it is no stiffness."""
+    name, what = f"spring {i}: stiffness", "a stiffness in N/m2 (per metre of thickness)"
+    value = numbers(name, spring.stiffness, f"give {what}")
+    if value.ndim == 0 or spring.to is not None:
+        return np.full(2, positive(name, spring.stiffness, what))
+    if value.shape != (2,):
+        raise SceneError(f"{name} = {spring.stiffness}; give {what}: a number, or two, one per direction")
+    each = np.array([not_negative(name, v, what) for v in value])
+    if not each.any():
+        raise SceneError(f"{name} = {spring.stiffness}; give at least one that is not zero")
+    return each
+
+
+def rest_of(i: int, spring: Spring, ends: Ends, X: Array, t: float) -> Array:
+    """What spring i has at time t without a force: displacement (2,) of a bed, length () of a bar [m].
+
+    X (2, n) are positions at t = 0.
+    """
+    if ends.bed:
+        return motion((0.0, 0.0) if spring.rest is None else spring.rest, t, f"spring {i}: rest")
+    if spring.rest is None:
+        return np.asarray(np.hypot(*ends.span(X)))
+    length = scalar(spring.rest, t, f"spring {i}: rest")
+    if length < 0.0:
+        raise SceneError(f"spring {i}: rest = {length:g} m at t = {t:.6g} s; a length is zero or more")
+    return np.asarray(length)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from time import perf_counter
 
-from skmpm.representation import line, table
-from skmpm.units import quantity
+from skmpm.representation import line, quantity, table
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
-from skmpm.scene.contacts import Contacts
-from skmpm.scene.driven_walls import normal_speeds, with_normal_speeds
 from skmpm.scene.fits import STAYS_RIGID, check_fits
 from skmpm.scene.objects import Body, SceneError, Wall
+from skmpm.scene.prescribed import centres, normal_speeds, with_normal_speeds
 from skmpm.scene.report import StepControl
-from skmpm.scene.rigid_motion import centres
 from skmpm.scene.scene import Scene
-from skmpm.scene.state import State
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from skmpm.scene.state import Contacts, State
 
 
 def continued(scene: Scene, state: State, new_scene: Scene) -> State:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skmpm.arrays import Array, Ints
 
 MARGIN = 0.02  # of a view around what is in it, over the larger side of the view
 FAR = 0.5  # sizes of all bodies together; walls farther away are not in the view
@@ -28,7 +27,7 @@ def view_of(x: Array, walls: Array, normals: Array) -> Array:
     return np.stack([points.min(axis=1) - MARGIN * size, points.max(axis=1) + MARGIN * size])
 
 
-def wall_lines(walls: Array, normals: Array, view: Array) -> tuple[Array, NDArray[np.int64]]:
+def wall_lines(walls: Array, normals: Array, view: Array) -> tuple[Array, Ints]:
     """Lines (k, 2, 2) [m] of walls in a view (2, 2), which end at other walls, and the walls (k,) that they show.
 
     The body side of a wall is on the left of its line.

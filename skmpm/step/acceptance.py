@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.contact.reach import MAX_MOTION, max_motion
 from skmpm.contact.self_contact import can_touch
@@ -15,9 +15,6 @@ from skmpm.scheme import Scheme
 from skmpm.step.errors import StepRejected, pair
 from skmpm.step.statics import TOO_FAR
 from skmpm.step.terms import Budget
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 MAX_WALL_PENETRATION = 0.05  # [cells]
 UNRESOLVED_FOLD = 2.0  # [cells] of outline between crossing segments: a shorter fold is hardly resolved by the grid

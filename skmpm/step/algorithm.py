@@ -8,8 +8,8 @@ from functools import partial
 from numbers import Real
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.contact import with_largest_forces
 from skmpm.contact.self_contact import touches
 from skmpm.linear import Delassus, Solver, one_thread
@@ -35,8 +35,6 @@ from skmpm.step.rigid_edges import indenting_edge_message
 from skmpm.step.scene_forces import equilibrium_depends_on_dt, terms_of
 from skmpm.step.start import configuration_at_start, first_velocity, scalar_unknowns
 from skmpm.step.statics import settle
-
-Array = NDArray[np.float64]
 
 LOAD_STEPS = "begin without gaps, apply loads in steps, as functions of time, or use inertia; not a smaller dt"
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.contact import Constraints, acts_at_grid_nodes
 from skmpm.scene import (
     PrescribedVelocities,
@@ -27,8 +27,6 @@ from skmpm.step.end import End
 from skmpm.step.equations import Increment
 from skmpm.step.iteration import Solution
 from skmpm.step.terms import Budget, Path
-
-Array = NDArray[np.float64]
 
 SAME_ENERGY = 1e-9  # relative difference of strain energies of one configuration, evaluated twice: round-off
 

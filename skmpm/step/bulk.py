@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.assembly import Assembly, Selection
+from skmpm.arrays import Array, Ints
+from skmpm.grid.assembly import Assembly, Selection
 from skmpm.material import (
     Anchored,
     InStep,
@@ -23,8 +24,6 @@ from skmpm.material import (
     viscosity_of,
 )
 from skmpm.step.terms import Budget, Configuration, Path, Term
-
-Array = NDArray[np.float64]
 
 Matrices = tuple[Selection, Array]  # k cells, and matrices (k, 64) by blocks [Pa]
 
@@ -52,7 +51,7 @@ class Bulk(Term):
     """
 
     assembly: Assembly
-    materials: Sequence[tuple[Material, NDArray[np.int64] | slice]]  # each with its points
+    materials: Sequence[tuple[Material, Ints | slice]]  # each with its points
     F_anchor: Array | None  # (2, 2, n), None where undeformed
     stress_anchor: Array | None  # (2, 2, n) [Pa], None where unstressed
     mean_dilatation: tuple[bool, ...] = ()  # for which materials dilatation is the mean over a cell; () for none
@@ -270,7 +269,7 @@ class Bulk(Term):
         return tuple(g for g in self.groups if g.mean_dilatation)
 
     @cached_property
-    def _mean_dilatation_points(self) -> tuple[Selection, Selection, NDArray[np.int64] | None]:
+    def _mean_dilatation_points(self) -> tuple[Selection, Selection, Ints | None]:
         """The points, by material, and the cells with mean dilatation.
 
         In a cell of several materials each has a mean of its own, over its part of the cell. With such cells the part

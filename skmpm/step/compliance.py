@@ -11,16 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from skmpm import coulomb
+from skmpm.arrays import Array, Ints
 from skmpm.linear import Delassus, Joined, Rotated, Solver
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.contact_stiffness import ContactStiffness
 from skmpm.step.scalar_unknowns import ScalarUnknowns
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from skmpm import coulomb
-from skmpm.constraint_elimination import Elimination
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import Constraints, Linearise
 from skmpm.grid import BodyGrids
+from skmpm.grid.supports import Elimination
 from skmpm.linear import Delassus, Solver
 from skmpm.scene.report import Timer
 from skmpm.step.contact_scale import ContactScale
@@ -24,10 +24,6 @@ from skmpm.step.contact_stiffness import sticking
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, pair
 from skmpm.step.scalar_unknowns import RESPONSE, driven
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 # [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
 # closes from a larger gap is one in the next.
@@ -127,7 +123,7 @@ class ContactProblem:
     increment: Increment
     known: KnownForces  # at the start of the step
     timer: Timer
-    supported: NDArray[np.bool_] = field(  # (2, n) velocity components of the points that supports prescribe
+    supported: Bools = field(  # (2, n) velocity components of the points that supports prescribe
         default_factory=lambda: np.zeros((2, 0), dtype=bool)
     )
     delassus: Delassus | None = None  # of an earlier step with the same matrix

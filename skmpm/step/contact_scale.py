@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skmpm import coulomb
+from skmpm.arrays import Array, Ints
 from skmpm.contact import Constraints
 from skmpm.contact.constraints import lookup
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,15 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from skmpm import coulomb
+from skmpm.arrays import Array
 from skmpm.linear import Solver
 from skmpm.step.compliance import Border, delassus_matrix
 from skmpm.step.contact_problem import ContactIterate, KnownForces, check_response
 from skmpm.step.contact_scale import ContactScale, contact_scale
 from skmpm.step.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.step.errors import NOTHING_DEFORMS, SMALLER, StepRejected, pair
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Largest share of the quadratic form of A along a Newton direction that the geometric stiffness of contact may
 # cancel: with the impulses of the previous step, and with those of an earlier iteration of this one.

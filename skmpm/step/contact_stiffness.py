@@ -31,12 +31,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import Constraints
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 MIN_IMPULSE = 1e-3  # over the largest normal impulse: below it, the geometric stiffness of a contact is neglected
 CONE_TOLERANCE = 1e-9  # relative distance from the boundary of the friction cone that counts as slip
@@ -137,6 +134,6 @@ def _pressed(constraints: Constraints, r: Array) -> Ints:
     return np.flatnonzero(size > MIN_IMPULSE * size.max(initial=0.0))
 
 
-def sticking(r: Array, friction: Array) -> NDArray[np.bool_]:
+def sticking(r: Array, friction: Array) -> Bools:
     """Whether impulses (2 k,) are inside their friction cones, (k,)."""
     return np.asarray(np.abs(r[1::2]) < (1.0 - CONE_TOLERANCE) * friction * r[::2])

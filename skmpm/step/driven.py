@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.observe.regions import region
 from skmpm.scene import (
@@ -20,8 +20,6 @@ from skmpm.scene import (
     with_normal_speeds,
 )
 from skmpm.scheme import Scheme
-
-Array = NDArray[np.float64]
 
 
 class Moving(NamedTuple):
@@ -57,7 +55,7 @@ def _of_loaded_bodies(scene: Scene, state: State) -> Array:
     return np.maximum(np.hypot(*(free * motion[:2])), rims)[loaded]
 
 
-def free_components(scene: Scene) -> NDArray[np.bool_]:
+def free_components(scene: Scene) -> Bools:
     """Which components of the motions of bodies no support holds, (2, bodies)."""
     found = np.ones((2, len(scene.bodies)), dtype=bool)
     for free, supporting in zip(found, scene.supporting, strict=True):
@@ -65,7 +63,7 @@ def free_components(scene: Scene) -> NDArray[np.bool_]:
     return found
 
 
-def loaded_bodies(scene: Scene) -> NDArray[np.int64]:
+def loaded_bodies(scene: Scene) -> Ints:
     """The bodies that have loads or springs and that supports do not hold; all where gravity is a function."""
     loaded = scene.movable & callable(scene.gravity)
     springs = [place for ends in scene.sprung for place in ends.sets]

@@ -6,15 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.contact import Constraints
 from skmpm.scene import PrescribedVelocities, Scene, State, normal_speeds, with_normal_speeds
 from skmpm.step.driven import driving_forces
 from skmpm.step.scalar_unknowns import Interval, Unknowns
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

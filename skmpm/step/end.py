@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from skmpm import coulomb
+from skmpm.arrays import Array, Bools
 from skmpm.scene import PrescribedVelocities
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
@@ -31,8 +31,6 @@ from skmpm.step.errors import StepRejected, pair
 from skmpm.step.iteration import Solution
 from skmpm.step.scalar_unknowns import SMALL
 from skmpm.step.terms import Configuration
-
-Array = NDArray[np.float64]
 
 
 def at_supports(increment: Increment, v: Array) -> tuple[Array, Array]:
@@ -80,7 +78,7 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
     return v + inverse * (H.T @ rho), impulses
 
 
-def _closed(increment: Increment, contact: ContactIterate) -> NDArray[np.bool_]:
+def _closed(increment: Increment, contact: ContactIterate) -> Bools:
     """Whether contacts are closed and all that they press on is moved by impulses at the end of the step, (k,)."""
     constraints, unknowns = contact.constraints, increment.scalars
     if constraints.size == 0:

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from skmpm.constraint_elimination import Elimination
+from skmpm.arrays import Array, Ints
 from skmpm.grid import BodyGrids
+from skmpm.grid.supports import Elimination
 from skmpm.linear import Solver
 from skmpm.material import wave_speed
 from skmpm.scheme import Scheme
@@ -19,9 +19,6 @@ from skmpm.step.bulk import Bulk
 from skmpm.step.gauge import Gauge
 from skmpm.step.scalar_unknowns import ScalarUnknowns
 from skmpm.step.terms import Configuration, Term
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LONG = 15.0  # [cells] that pressure waves travel in a long step; bodies under pressure respond to forces by stiffness
 

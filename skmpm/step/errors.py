@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.grid import BodyGrids
 from skmpm.linear import NotPositiveDefinite
 
@@ -23,7 +23,7 @@ class StepRejected(RuntimeError):  # noqa: N818
         self.retryable = retryable  # whether a smaller dt may help
 
 
-def worst_body(grid: BodyGrids, imbalance: NDArray[np.float64]) -> tuple[str, float]:
+def worst_body(grid: BodyGrids, imbalance: Array) -> tuple[str, float]:
     """The body with the largest share of an out-of-balance impulse (2 nodes,), as text, and that share."""
     square = np.nan_to_num(imbalance, nan=np.inf) ** 2
     each = grid.sums(square.reshape(-1, 2).T).sum(axis=0)
@@ -45,7 +45,7 @@ def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
     )
 
 
-def pair(bodies: NDArray[np.int64]) -> str:
+def pair(bodies: Ints) -> str:
     """Two bodies (2,), of which walls are -1, -2, ..., as text."""
     a, b = bodies.tolist()
     if a == b:

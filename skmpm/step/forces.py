@@ -7,7 +7,7 @@ of the stresses. Its derivative is left out of the Newton matrix, which would lo
 the rate of the pressure over that which makes the body buckle.
 
 Beds act on single points: their stiffness has the pattern of A. Bars couple the means of two sets of points, of one
-body or two: they enter the matrix by Woodbury's formula (`linear.joined`), with the energy 1/2 k (|d| - l)^2 of
+body or two: they enter the matrix by Woodbury's formula (`linear.corrected`), with the energy 1/2 k (|d| - l)^2 of
 their span d = B u + d_0.
 
 The ends of springs move uniformly in a step, so that their work is what the springs store, exactly, whatever their
@@ -21,15 +21,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from skmpm.assembly import Assembly, Selection
+from skmpm.arrays import Array, Ints
+from skmpm.grid.assembly import Assembly, Selection
 from skmpm.material import Viscous, is_linear, viscosity_of
 from skmpm.step.bulk import Bulk
 from skmpm.step.terms import Budget, Configuration, Path, Term
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skmpm.arrays import Array
 from skmpm.scene import Scene, prescribed_motions
-
-Array = NDArray[np.float64]
 
 Function = Callable[[float], ArrayLike]
 

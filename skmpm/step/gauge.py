@@ -24,18 +24,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools
 from skmpm.contact.reach import max_motion
 from skmpm.grid import BodyGrids
 from skmpm.scene import Scene, State, centres
 from skmpm.scheme import Scheme
 from skmpm.step.forces import DeadLoad
 from skmpm.step.terms import Term
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 UNSTABLE = 0.75  # dt^2 virial / J of a body from which on its spin is dropped; at 1, inertia resists no rotation
 # [rad] Largest rotation in a step of other bodies with the condition: it keeps the angular momentum about the centre
@@ -52,7 +48,7 @@ class Gauge:
     grid: BodyGrids
     rotation: Array  # (2 nodes,) s [m]; zero in other bodies
     mass: Array  # (2 nodes,) lumped [kg/m]
-    dropped: NDArray[np.bool_]  # (bodies,) whose spin is dropped
+    dropped: Bools  # (bodies,) whose spin is dropped
 
     @cached_property
     def _inertia(self) -> Array:
@@ -61,7 +57,7 @@ class Gauge:
         return np.where(inertia > 0.0, inertia, 1.0)
 
     @property
-    def bodies(self) -> NDArray[np.bool_]:
+    def bodies(self) -> Bools:
         """Which bodies have the condition, (bodies,)."""
         return np.asarray(self._sums(np.abs(self.rotation)) > 0.0)
 
@@ -74,7 +70,7 @@ class Gauge:
         """Sums (bodies,) of values (2 nodes,)."""
         return np.asarray(self.grid.sums((values[::2] + values[1::2])[None])[0])
 
-    def _spread(self, values: Array | NDArray[np.bool_]) -> Array:
+    def _spread(self, values: Array | Bools) -> Array:
         """Values of bodies (bodies,) at their nodes, (2 nodes,)."""
         return np.repeat(values[self.grid.node_body], 2)
 
@@ -86,7 +82,7 @@ class Gauge:
         """Angular velocities (bodies,) [rad/s] at the velocity (2 nodes,), zero for bodies without the condition."""
         return np.asarray(self._sums(self.momentum * w) / self._inertia)
 
-    def among(self, bodies: NDArray[np.bool_]) -> Gauge:
+    def among(self, bodies: Bools) -> Gauge:
         """The condition for those of the bodies in a mask (bodies,)."""
         return replace(self, rotation=self.rotation * self._spread(bodies))
 
@@ -99,7 +95,7 @@ class Gauge:
         return np.asarray(impulse - self.momentum * self._spread(self.moments(impulse) / self._inertia))
 
 
-def gauge_of(grid: BodyGrids, x: Array, mass: Array, bodies: NDArray[np.bool_], dropped: NDArray[np.bool_]) -> Gauge:
+def gauge_of(grid: BodyGrids, x: Array, mass: Array, bodies: Bools, dropped: Bools) -> Gauge:
     """The condition for the bodies of a mask (bodies,), with nodes at x (2, nodes) [m]."""
     arm = grid.arms(x, mass[::2]) * bodies[grid.node_body]
     return Gauge(grid, np.stack([-arm[1], arm[0]], axis=1).ravel(), mass, dropped)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.contact.self_contact import touches
+from skmpm.grid.transfer import to_nodes
 from skmpm.material import Rigid
 from skmpm.scene import (
     Contacts,
@@ -33,9 +34,6 @@ from skmpm.step.driven import check_driven
 from skmpm.step.periodic_box import velocity_of_box
 from skmpm.step.regrid import regridded_state
 from skmpm.step.scene_forces import springs_of
-from skmpm.transfer import to_nodes
-
-Array = NDArray[np.float64]
 
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.linear import Solver
 from skmpm.material import determinant
@@ -19,8 +19,6 @@ from skmpm.step.errors import StepRejected, indefinite, worst_body
 from skmpm.step.matrix import check_stiffness, coupled, solver_of
 from skmpm.step.rotation import MAX_DRIFT, retracted
 from skmpm.step.terms import Configuration
-
-Array = NDArray[np.float64]
 
 # The best ratio of successive out-of-balance norms that is expected with an old matrix: the first one of a step, with
 # contacts that change state, may be much better than those that follow. A packing of 300 discs at a solid fraction of

@@ -14,14 +14,12 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.contact.self_contact import can_touch
 from skmpm.scene import Scene, gravity_at
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.initial_state import initial_motion
-
-Array = NDArray[np.float64]
 
 SEVERAL = 6  # bodies that forces move, from which on errors at contacts average out, as in a packing
 ROUND_OFF = 1e-9  # over the largest gravity, of one that turns

@@ -6,15 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.linear import NotPositiveDefinite, Solver, joined, without_added_mass
 from skmpm.material import LinearElastic, poisson_ratio, youngs_modulus
 from skmpm.step.bulk import Bulk
 from skmpm.step.equations import Increment
 from skmpm.step.terms import Configuration
-
-Array = NDArray[np.float64]
 
 MIN_ROTATIONAL_STIFFNESS = 0.25  # quadratic form of A for the rotation of a body, over its moment of inertia
 FACTOR = 2.0  # mass that a body gets over what its rotation lacks: the softest mode is not quite a rotation

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools
 from skmpm.contact import Constraints, lasting_force
+from skmpm.grid.transfer import to_points
 from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
 from skmpm.scene import (
@@ -25,9 +26,6 @@ from skmpm.step.equations import Increment
 from skmpm.step.iteration import Solution
 from skmpm.step.periodic_box import recut_box
 from skmpm.step.terms import Configuration
-from skmpm.transfer import to_points
-
-Array = NDArray[np.float64]
 
 
 def end_state(scene: Scene, state: State, increment: Increment, solution: Solution, end: End) -> State:
@@ -77,7 +75,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
     )
 
 
-def _with_points(old: Array, own: NDArray[np.bool_] | slice, new: Array) -> Array:
+def _with_points(old: Array, own: Bools | slice, new: Array) -> Array:
     """Values (..., n) of all points, `new` at those of index `own`, which are all if that is a slice."""
     if isinstance(own, slice):
         return new
@@ -86,9 +84,7 @@ def _with_points(old: Array, own: NDArray[np.bool_] | slice, new: Array) -> Arra
     return values
 
 
-def _carried(
-    state: State, motions: PrescribedVelocities, prescribed: NDArray[np.bool_], dt: float
-) -> tuple[Array, Array]:
+def _carried(state: State, motions: PrescribedVelocities, prescribed: Bools, dt: float) -> tuple[Array, Array]:
     """Positions and velocities (2, k) of the points of rigid bodies at the end of the step."""
     body, now = state.body[prescribed], state.x[:, prescribed]
     centre = centres(state.x, state.mass, state.body)[:, body]

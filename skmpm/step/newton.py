@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.linear import Solver
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
@@ -32,8 +32,6 @@ from skmpm.step.iteration import (
 )
 from skmpm.step.rotation import drift, matrix_turns, missing_spin, turned_solver, with_balanced_momentum
 from skmpm.step.terms import Configuration
-
-Array = NDArray[np.float64]
 
 
 def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.contact import Constraints
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
 from skmpm.step.iteration import Solution
 from skmpm.step.rotation import RigidMotion
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SLIP = 0.3  # of the speed of its surface: a body that slips faster on a contact slides, else it rotates
 

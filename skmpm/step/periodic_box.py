@@ -23,15 +23,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from skmpm import outline
+from skmpm.arrays import Array, Bools
 from skmpm.contact import Constraints, recut_keys
 from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, centres, deformed, recut
 from skmpm.step.scalar_unknowns import Carrier, Interval
 from skmpm.step.terms import Budget, Path
-
-Array = NDArray[np.float64]
 
 
 def velocity_of_box(state: State, gradient: Array | None) -> Array:
@@ -138,7 +136,7 @@ class StressedBox(Carrier):
         return sp.csr_array(rows)
 
 
-def _held(scene: Scene) -> NDArray[np.bool_]:
+def _held(scene: Scene) -> Bools:
     """Bodies that supports or springs hold, (bodies,): moving with the box would change the forces of springs."""
     held = np.zeros(len(scene.bodies), dtype=bool)
     held[scene.owner[(scene.supporting >= 0).any(axis=0)]] = True

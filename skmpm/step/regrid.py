@@ -11,22 +11,19 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.assembly import prepare
-from skmpm.constraint_elimination import Elimination, eliminate
+from skmpm.arrays import Array, Ints
 from skmpm.contact import acts_at_grid_nodes, joined_parts
 from skmpm.grid import BodyGrids, build_grids
+from skmpm.grid.assembly import prepare
+from skmpm.grid.moment_fitting import fitted_places, fitted_weights
+from skmpm.grid.supports import Elimination, eliminate
 from skmpm.material import bounded_modulus, determinant, inverse, product
-from skmpm.moment_fitting import fitted_places, fitted_weights
 from skmpm.scene import Derived, Scene, SceneError, State
 from skmpm.scheme import Scheme, averages_dilatation
 from skmpm.step.bulk import Bulk
 from skmpm.step.errors import StepRejected
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, bool]:

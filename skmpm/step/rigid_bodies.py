@@ -9,15 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.contact import Constraints
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, fitted_motions
 from skmpm.step.scalar_unknowns import Interval, Unknowns
 from skmpm.step.scene_forces import forces_on_points
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,11 @@ the body. Corners, also of deformable bodies, are turns of an outline by more th
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm import outline
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.scene import Contacts, Scene
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 CHORD_FACTOR = 1.05  # of the rotation of the tangent over a chord to that over its arc, up to 60 degrees each
 # [cells] Radius of edges that indented 13 of 14 blocks by 40 % of their height without inertia (test_punch).

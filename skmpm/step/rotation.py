@@ -16,16 +16,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.grid import BodyGrids
 from skmpm.linear import Rotated, Solver
 from skmpm.step.equations import Increment
 from skmpm.step.terms import Configuration
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 MAX_DRIFT = 1e-4  # [cells] displacement of a body by the final momentum correction, too small to change gaps
 # [cells] Displacement by the missing spin in a step of the same length. Steps move bodies by at most 0.2 g dt^2 cells
@@ -43,7 +40,7 @@ class RigidMotion:
     arm: Array  # from the centre of mass (2, nodes) [m]
     total: Array  # masses (bodies,) [kg/m]
     radius: Array  # of gyration (bodies,) [m]
-    turns: NDArray[np.bool_]  # (bodies,) whether anything resists rotations
+    turns: Bools  # (bodies,) whether anything resists rotations
 
     @staticmethod
     def of(increment: Increment) -> RigidMotion:

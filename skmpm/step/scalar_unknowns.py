@@ -25,14 +25,12 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools
 from skmpm.contact import Constraints
 from skmpm.scene import PrescribedVelocities
 from skmpm.step.forces import DeadLoad
 from skmpm.step.terms import Budget, Configuration, Path, Term
-
-Array = NDArray[np.float64]
 
 # Without inertia, mass of an unknown in A over dt^2 times the largest shear modulus of the bodies.
 RESPONSE = 1e-3
@@ -181,6 +179,6 @@ class ScalarUnknowns:
         return sp.csr_array(sp.hstack([kind.rows(z[kind.own], constraints) for kind in self.kinds], format="csr"))
 
 
-def driven(J: sp.csr_array, constraints: Constraints) -> NDArray[np.bool_]:
+def driven(J: sp.csr_array, constraints: Constraints) -> Bools:
     """Whether scalar unknowns with the columns J of H move contacts along their normals, (k,)."""
     return np.asarray(abs(J[:: 2 if constraints.tangential else 1]).sum(axis=1) > SMALL)

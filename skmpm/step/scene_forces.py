@@ -8,13 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.material import viscosity_of
 from skmpm.scene import Scene, State, gravity_at, prescribed_motions, stiffness_of
 from skmpm.scheme import Scheme
 from skmpm.step.forces import Bars, Beds, DeadLoad, FollowerPressure, ViscousBulk
 from skmpm.step.terms import Configuration, Term
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
+from skmpm.grid.transfer import nodal_velocity
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
 from skmpm.scheme import Scheme
 from skmpm.step.driven_walls import DrivenWalls
@@ -18,9 +19,6 @@ from skmpm.step.regrid import bulk_of
 from skmpm.step.rigid_bodies import FreeBodies
 from skmpm.step.scalar_unknowns import RESPONSE, Interval, ScalarUnknowns, Unknowns
 from skmpm.step.terms import Configuration
-from skmpm.transfer import nodal_velocity
-
-Array = NDArray[np.float64]
 
 FARTHEST = 0.5  # [cells] motion of an unknown in one iteration without inertia
 

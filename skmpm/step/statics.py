@@ -16,8 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.linear import Solver
 from skmpm.scene import between_bodies
 from skmpm.scene.report import Timer
@@ -29,9 +29,6 @@ from skmpm.step.newton import advance
 from skmpm.step.no_equilibrium import no_equilibrium
 from skmpm.step.rotation import RigidMotion
 from skmpm.step.terms import Configuration
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Shares of the shear modulus of a body that its metric has: in the first solve of bodies at rest, the least and the
 # largest of all. Below the first, solves of bodies that buckle fail. Bodies that supports hold have none.
@@ -127,12 +124,12 @@ class _Metric:
     """The metric of the bodies; solves change its shares."""
 
     unit: Array  # (2 nodes,) metric of a share of one [kg/m]
-    node_body: NDArray[np.int64]
+    node_body: Ints
     held: Bools  # (bodies,) whether supports prevent all rigid motions of the body
     share: Array  # (bodies,)
     least: Array  # (bodies,) after solves that failed
     before: Array  # (bodies,) in the solve before
-    moving: NDArray[np.int64]  # (bodies,) solves in a row in which each has moved on
+    moving: Ints  # (bodies,) solves in a row in which each has moved on
 
     @staticmethod
     def of(increment: Increment, motion: RigidMotion, unheld: Array) -> _Metric:

@@ -22,9 +22,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from skmpm.arrays import Array
 from skmpm.contact.reach import max_motion
 from skmpm.contact.self_contact import can_touch
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions, normal_speeds
@@ -32,8 +32,6 @@ from skmpm.scheme import Scheme
 from skmpm.step.driven import driven, driven_by_force, driving_forces, loaded_bodies, moving
 from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.step.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
-
-Array = NDArray[np.float64]
 
 STROKE = 0.14  # [cells] displacement of what is driven in a step, up to which packings were verified
 WAVES = 0.1  # distance of pressure waves in a step, over the radius of the smallest body

@@ -14,13 +14,10 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from skmpm.assembly import Assembly
+from skmpm.arrays import Array, Ints
+from skmpm.grid.assembly import Assembly
 from skmpm.material import Response
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def _none() -> Array:

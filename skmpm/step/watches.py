@@ -7,8 +7,9 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skmpm.arrays import Array
 from skmpm.material import youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
@@ -161,7 +162,7 @@ class ShakingWatch:
     run, at which gravity is looked at.
     """
 
-    def __init__(self, scene: Scene, scheme: Scheme, before: float, times: NDArray[np.float64] | None) -> None:
+    def __init__(self, scene: Scene, scheme: Scheme, before: float, times: Array | None) -> None:
         self._before = before  # length of the step before [s]
         self._floors: list[Floor] = []
         if times is None or not scheme.inertia:
@@ -192,7 +193,7 @@ class ShakingWatch:
         return ""
 
 
-def _walls(scene: Scene, gravity: NDArray[np.float64]) -> Iterator[Floor]:
+def _walls(scene: Scene, gravity: Array) -> Iterator[Floor]:
     """Walls below bodies whose velocity is a function of time."""
     below = scene.normals.T @ gravity < -SLOPE * np.hypot(*gravity)
     for i, wall in enumerate(scene.walls):
@@ -204,12 +205,12 @@ def _wall_carries(i: int, state: State) -> bool:
     return bool(state.wall_force[i].any())
 
 
-def _rigid_bodies(scene: Scene, gravity: NDArray[np.float64]) -> Iterator[Floor]:
+def _rigid_bodies(scene: Scene, gravity: Array) -> Iterator[Floor]:
     """Rigid bodies whose motion is a function of time; what rests on one presses it along gravity."""
     for b, body in enumerate(scene.bodies):
         if callable(body.motion):
             yield Floor(f"body {b}", body.motion, partial(_body_carries, b, gravity))
 
 
-def _body_carries(b: int, gravity: NDArray[np.float64], state: State) -> bool:
+def _body_carries(b: int, gravity: Array, state: State) -> bool:
     return bool(state.body_force[:, b] @ gravity > 0.0)

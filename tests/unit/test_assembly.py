@@ -6,9 +6,8 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skmpm import forms
-from skmpm.assembly import ghost_facets, lumped_mass, prepare
-from skmpm.grid import build_grids
+from skmpm.grid import build_grids, forms
+from skmpm.grid.assembly import ghost_facets, lumped_mass, prepare
 from skmpm.material import Anchored, LinearElastic, NeoHookean
 
 CELL = 0.2

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skmpm import linear
-from skmpm.assembly import prepare
-from skmpm.constraint_elimination import eliminate
 from skmpm.grid import build_grids
+from skmpm.grid.assembly import prepare
+from skmpm.grid.supports import eliminate
 from skmpm.material import LinearElastic
 from skmpm.points import box, disc
 from skmpm.scene import Body, Load, Scene, Support

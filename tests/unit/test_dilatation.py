@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import skmpm
-from skmpm import MooneyRivlin, Ogden, forms
-from skmpm.assembly import prepare
-from skmpm.grid import build_grids
+from skmpm import MooneyRivlin, Ogden
+from skmpm.grid import build_grids, forms
+from skmpm.grid.assembly import prepare
 from skmpm.material import Anchored, LinearElastic, NeoHookean, determinant, dilatation, product, response
 from skmpm.scene import mises, stress_zz
 from skmpm.step.bulk import Bulk

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from skfem import CellBasis, ElementQuad1, ElementVector, MeshQuad
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from skmpm import forms
+from skmpm.grid import forms
 from skmpm.material import LinearElastic, NeoHookean
 
 SEED = st.integers(0, 2**32 - 1)

@@ -12,8 +12,7 @@ from skfem.mapping import MappingIsoparametric
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 from skfem.quadrature import get_quadrature
 
-from skmpm import forms
-from skmpm.grid import CORNERS, CartesianMapping, build_grids, numbered
+from skmpm.grid import CORNERS, CartesianMapping, build_grids, forms, numbered
 from skmpm.grid.building import TABLE_RATIO
 from skmpm.material import LinearElastic
 

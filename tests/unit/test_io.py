@@ -18,7 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vtk.util.numpy_support import vtk_to_numpy
 
-from skmpm.io import CheckpointError, checkpoint, load, read, record, save, vtkhdf
+from skmpm.io import CheckpointError, checkpoint, load, read, record, save
+from skmpm.io import blocks as vtkhdf
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import network, observe
 from skmpm.points import Points, disc

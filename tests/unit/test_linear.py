@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skmpm import linear
-from skmpm.assembly import prepare
 from skmpm.grid import build_grids
+from skmpm.grid.assembly import prepare
 from skmpm.linear import band
 from skmpm.material import NeoHookean
 

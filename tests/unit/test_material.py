@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from skmpm import MooneyRivlin, Ogden, Yeoh, check_material
 from skmpm.material import Anchored, LinearElastic, NeoHookean, determinant, dilatation, product
-from skmpm.material.chebyshev import half_angles
+from skmpm.material.invariants import half_angles
 from skmpm.material.response import curvature
 
 SEED = st.integers(0, 2**32 - 1)

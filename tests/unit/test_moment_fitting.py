@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from skmpm import Body, LinearElastic, Points, Scene, Scheme, contact, disc, initial
 from skmpm.grid import build_grids
+from skmpm.grid.moment_fitting import MAX_WEIGHT, MIN_WEIGHT, fitted_places, fitted_weights
 from skmpm.material import determinant
-from skmpm.moment_fitting import MAX_WEIGHT, MIN_WEIGHT, fitted_places, fitted_weights
 from skmpm.outline import cell_moments, outlines
 
 

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skmpm import assembly_loops, linear
+from skmpm import linear
 from skmpm.contact import shared_grid
+from skmpm.grid import assembly_loops
 from skmpm.material import ElastoPlastic, LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.run import simulate
@@ -120,10 +121,10 @@ def test_only_bodies_that_turn_back_are_searched_for_parts_that_face_each_other(
     )
     calls, states = run(squeezed_pair)
     assert states[-1].contacts.force[0].max() > 0.0
-    assert calls["skmpm.outline.facing.facing"] == 0
+    assert calls["skmpm.outline.near.facing"] == 0
     for slot, near in ((3, True), (6, False)):
         calls, _ = run(Scene([Body(fork(slot), SOFT)], cell=CELL))
-        assert calls["skmpm.outline.facing.facing"] > 0
+        assert calls["skmpm.outline.near.facing"] > 0
         assert (calls.named("boundary.point_to_curve") > 0) == near
         assert calls.below("skmpm.coulomb") == 0
 
@@ -206,7 +207,7 @@ def test_walls_of_rigid_points_have_no_unknowns_and_touch_no_other_wall():
 def test_a_linear_material_makes_one_tangent_and_searches_no_line(build):
     """In a whole run; at finite strain a tangent for each matrix, and line searches."""
     calls, states = run(build(LINEAR))
-    names = ("skmpm.step.bulk.Bulk.stiffness", "skmpm.assembly.Assembly.matrix")
+    names = ("skmpm.step.bulk.Bulk.stiffness", "skmpm.grid.assembly.Assembly.matrix")
     assert [calls[name] for name in names] == [1, 1]
     assert sum(state.report.factorisations for state in states) == 1
     assert calls["skmpm.step.iteration._search"] == 0
@@ -282,10 +283,10 @@ def test_without_memory_no_function_of_it_runs_and_no_variable_is_kept(build, ma
 
 REGRIDDING_CALLS = (
     "skmpm.grid.building.build_grids",
-    "skmpm.moment_fitting.fitted_weights",
-    "skmpm.outline.cells.cell_moments",
-    "skmpm.assembly.prepare",
-    "skmpm.assembly.ghost_facets",
+    "skmpm.grid.moment_fitting.fitted_weights",
+    "skmpm.outline.measures.cell_moments",
+    "skmpm.grid.assembly.prepare",
+    "skmpm.grid.assembly.ghost_facets",
     "skmpm.grid.body_grids.BodyGrids.interpolation",
     "skmpm.grid.body_grids.BodyGrids.derivatives",
 )
@@ -316,10 +317,10 @@ def test_without_fitting_no_cell_is_cut_by_an_outline():
         (without, at_nodes),
     ):
         calls, _ = run(scene, scheme)
-        assert calls["skmpm.moment_fitting.fitted_weights"] == calls.below("skmpm.outline.cells") == 0
+        assert calls["skmpm.grid.moment_fitting.fitted_weights"] == calls.below("skmpm.outline.measures") == 0
         assert calls["skmpm.grid.building.build_grids"] > 0
     calls, _ = run(alone(), at_nodes)
-    assert calls["skmpm.moment_fitting.fitted_weights"] == calls["skmpm.outline.cells.cell_moments"] == STEPS
+    assert calls["skmpm.grid.moment_fitting.fitted_weights"] == calls["skmpm.outline.measures.cell_moments"] == STEPS
 
 
 def test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make():
@@ -402,7 +403,7 @@ def test_without_loads_and_supports_no_point_set_is_found(option, names):
 
 def test_without_gravity_and_loads_no_force_is_brought_to_the_nodes():
     """Neither is evaluated in any step, nor gravity because there are loads."""
-    force = "skmpm.scene.gravity.gravity_at"
+    force = "skmpm.scene.prescribed.gravity_at"
     calls, states = run(alone())
     assert calls[force] == calls.named("Model.forces") == 0
     assert states[-1].report.energy.external == 0.0
@@ -460,7 +461,7 @@ def test_nodes_that_keep_their_velocities_get_no_momentum_from_points():
     Two gradients a step: those that points take, and those by which the next step sees that they still have them.
     """
     calls, _ = run(squeezed())
-    assert calls["skmpm.transfer.to_points"] == STEPS
+    assert calls["skmpm.grid.transfer.to_points"] == STEPS
     assert calls["skmpm.grid.body_grids.BodyGrids.gradient_at_points"] == 2 * STEPS - 1
-    assert calls["skmpm.transfer.to_nodes"] - 1 == 1  # `initial` reports the kinetic energy of the nodes
+    assert calls["skmpm.grid.transfer.to_nodes"] - 1 == 1  # `initial` reports the kinetic energy of the nodes
     assert calls["skmpm.grid.body_grids.BodyGrids.affine_momentum"] == 0

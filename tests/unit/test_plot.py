@@ -37,11 +37,10 @@ from skmpm import (
     record,
     simulate,
 )
-from skmpm.plot.bodies import body_paths
+from skmpm.plot.bodies import body_paths, triangles
 from skmpm.plot.snapshot import OfState
-from skmpm.plot.triangles import triangles
+from skmpm.representation import prefixed
 from skmpm.scene import view_of, wall_lines
-from skmpm.units import prefixed
 
 matplotlib.use("Agg")
 GEL = NeoHookean(1e6, 0.45, 1000.0)

@@ -30,7 +30,7 @@ from skmpm import (
     from_mesh,
     linear,
 )
-from skmpm.moment_fitting import MAX_WEIGHT
+from skmpm.grid.moment_fitting import MAX_WEIGHT
 from skmpm.preflight import limits, suggest
 from skmpm.preflight.checks import STEPS, warnings_of
 from skmpm.preflight.cost import seconds_of_step

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skmpm import Body, LinearElastic, NeoHookean, Scene, Support, Wall, box, disc, initial, observe, step
-from skmpm.units import prefixed, quantity
+from skmpm.representation import prefixed, quantity
 
 R = 1e-3
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from test_simulate import CELL, DT, SOFT, R, free, identical, round_body, squeeze
 
-from skmpm.assembly import Assembly
 from skmpm.compiled import compiled
+from skmpm.grid.assembly import Assembly
 from skmpm.io import load, save
 from skmpm.material import NeoHookean
 from skmpm.points import Points, disc

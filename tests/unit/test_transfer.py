@@ -4,10 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skmpm import forms
-from skmpm.assembly import prepare
-from skmpm.grid import build_grids
-from skmpm.transfer import nodal_velocity, to_nodes, to_points
+from skmpm.grid import build_grids, forms
+from skmpm.grid.assembly import prepare
+from skmpm.grid.transfer import nodal_velocity, to_nodes, to_points
 
 CELL = 0.3
 SEED = st.integers(0, 2**32 - 1)

@@ -9,13 +9,13 @@ import pytest
 from ledger import Row, numbers, rate
 
 from skmpm import linear
+from skmpm.grid.transfer import nodal_velocity
 from skmpm.material import Anchored, LinearElastic, NeoHookean
 from skmpm.points import box, disc
 from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Support
 from skmpm.scheme import Scheme
 from skmpm.step.initial_state import initial
-from skmpm.transfer import nodal_velocity
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}
 

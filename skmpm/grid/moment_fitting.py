@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Array
 from skmpm.grid import BodyGrids
-
-Array = NDArray[np.float64]
 
 # Bounds of the ratio of weight to volume; the upper one is that of the mean of a cell. Larger weights would let
 # points on an edge represent all of a sliver; tighter bounds lose area in slivers with boundary points only and

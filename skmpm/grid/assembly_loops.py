@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.arrays import Array, Ints
 from skmpm.compiled import compiled
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @compiled

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import (
     BilinearForm,
     CellBasis,
@@ -23,7 +22,7 @@ from skfem import (
 )
 from skfem.helpers import dot, grad
 
-Array = NDArray[np.float64]
+from skmpm.arrays import Array, Ints
 
 
 @BilinearForm
@@ -91,7 +90,7 @@ def jump(u: Any, v: Any, w: Any) -> Any:
     )
 
 
-def ghost_matrix(mesh: MeshQuad, facets: NDArray[np.int64], cell: float) -> Any:
+def ghost_matrix(mesh: MeshQuad, facets: Ints, cell: float) -> Any:
     """Ghost penalty matrix (2 nodes, 2 nodes): sum over `facets` of int h [dn u] . [dn v]."""
     sides = [InteriorFacetBasis(mesh, ElementVector(ElementQuad1()), facets=facets, side=i) for i in (0, 1)]
     return sum((-1.0) ** (i + j) * jump.assemble(sides[i], sides[j], h_facet=cell) for i in (0, 1) for j in (0, 1))

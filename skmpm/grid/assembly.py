@@ -13,13 +13,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm import assembly_loops as loops
-from skmpm.forms import reference_ghost
+from skmpm.arrays import Array, Ints
 from skmpm.grid import BodyGrids, numbered
+from skmpm.grid import assembly_loops as loops
+from skmpm.grid.forms import reference_ghost
 from skmpm.parallel import over_bodies
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Selection = Ints | slice  # of points or cells
 ALL = slice(None)
 

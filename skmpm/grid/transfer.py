@@ -7,12 +7,10 @@ on from their own velocities where the points have what `to_points` makes of the
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skmpm.assembly import Assembly
+from skmpm.arrays import Array
 from skmpm.grid import BodyGrids
-
-Array = NDArray[np.float64]
+from skmpm.grid.assembly import Assembly
 
 
 def to_nodes(assembly: Assembly, mass: Array, v: Array, C: Array) -> Array:

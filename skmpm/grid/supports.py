@@ -7,15 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpstrf
 from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.linear import Linear, Solver
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Pivots of G'G below this fraction of the largest belong to nearly redundant constraints. At 1e-2 a cantilever at 45
 # degrees to the grid is 1.3 % too stiff instead of 4 % with all constraints (docs/developers/architecture.md).
@@ -30,7 +27,7 @@ class Elimination:
     T: sp.csr_array  # (n, n) identity on the remaining unknowns, with empty columns for the eliminated ones
     prescription: sp.csr_array  # (n, k)
     fixed: Ints  # the eliminated unknowns
-    holds: NDArray[np.bool_]  # (bodies,) whether the constraints suppress all rigid motions of the body
+    holds: Bools  # (bodies,) whether the constraints suppress all rigid motions of the body
 
     def admissible(self, v: Array, prescribed: Array) -> Array:
         """The velocity (n,) that equals v in the remaining unknowns and obeys the prescribed velocities (k,)."""
@@ -64,7 +61,7 @@ class Elimination:
         return _with_nodes(A, own, reduced), every
 
 
-def _of_nodes(A: sp.bsr_array, own: NDArray[np.bool_]) -> sp.bsr_array:
+def _of_nodes(A: sp.bsr_array, own: Bools) -> sp.bsr_array:
     """The rows and columns of A of some nodes (nodes,), which no entry couples with others."""
     entries, number = np.repeat(own, np.diff(A.indptr)), np.cumsum(own) - 1
     indptr = np.append(0, np.cumsum(np.diff(A.indptr)[own]))
@@ -72,7 +69,7 @@ def _of_nodes(A: sp.bsr_array, own: NDArray[np.bool_]) -> sp.bsr_array:
     return sp.bsr_array((A.data[entries], number[A.indices[entries]], indptr), shape=(size, size))
 
 
-def _with_nodes(A: sp.bsr_array, own: NDArray[np.bool_], part: sp.bsr_array) -> sp.bsr_array:
+def _with_nodes(A: sp.bsr_array, own: Bools, part: sp.bsr_array) -> sp.bsr_array:
     """A with these rows and columns of some nodes (nodes,)."""
     count, nodes = np.diff(A.indptr), np.flatnonzero(own)
     others = np.repeat(~own, count)
@@ -181,7 +178,7 @@ def _pivoted(gram: sp.csr_array, right: sp.csr_array, unknowns: Ints) -> tuple[I
     return order[:rank], order[rank:], dependence, solve_triangular(upper, prescribed)
 
 
-def _holds(G: sp.csr_array, blocks: Ints, rigid_motions: Array) -> NDArray[np.bool_]:
+def _holds(G: sp.csr_array, blocks: Ints, rigid_motions: Array) -> Bools:
     """Whether the constraints suppress all rigid motions R of each body: smallest eigenvalue of (G R)'(G R)."""
     bodies = blocks.size - 1
     body = np.repeat(np.arange(bodies), np.diff(blocks))

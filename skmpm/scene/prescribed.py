@@ -1,4 +1,11 @@
-"""Prescribed velocities: those of walls, rigid bodies and supports, evaluated once in a step."""
+"""Gravity, a constant or a field.
+
+Rigid motion of bodies, prescribed or fitted: translation, and rotation about the centre of mass.
+
+Velocities of walls that forces drive: unknown along their normals, given across them.
+
+Prescribed velocities: those of walls, rigid bodies and supports, evaluated once in a step.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +13,81 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skmpm.scene.input import Input
+from skmpm.arrays import Array, Ints
+from skmpm.scene.layout import Input, Layout
 from skmpm.scene.model import Model
-from skmpm.scene.objects import SceneError
+from skmpm.scene.objects import Body, SceneError, field_values, motion, numbers
 from skmpm.scene.periodic import deformed
-from skmpm.scene.rigid_motion import rigid_motion
-from skmpm.scene.supports import support_velocities
+from skmpm.scene.point_sets import support_velocities
 
-Array = NDArray[np.float64]
+
+def gravity_at(scene: Input, X: Array, t: float) -> Array:
+    """Gravity at undeformed positions X (2, n) at time t, (2, n) [m/s2]; SceneError if a field of it is wrong."""
+    if not callable(scene.gravity):
+        return np.broadcast_to(np.asarray(scene.gravity, dtype=float)[:, None], X.shape)
+    return field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X.copy(), t), X)  # it may work in place
+
+
+def rigid_motion(body: Body, t: float, name: str) -> Array:
+    """Prescribed velocity of the centre of mass and angular velocity of a rigid body at time t, (3,) [m/s, rad/s].
+
+    Those at t = 0 of a free one.
+    """
+    if body.motion is None:
+        return np.append(motion(body.velocity, t, f"{name}: velocity"), body.spin)
+    called = callable(body.motion)
+    name = f"{name}: motion at t = {t:.6g} s" if called else f"{name}: motion"
+    remedy = "give three finite numbers (vx, vy, spin), or no motion for a body that forces move"
+    value = body.motion(t) if callable(body.motion) else body.motion
+    array = numbers(name, value, remedy)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    return array
+
+
+def velocity_at(arm: Array, motions: Array) -> Array:
+    """Velocities (2, k) [m/s] at arms (2, k) [m] from the centres of bodies that move as (3, k)."""
+    return np.asarray(motions[:2] + motions[2] * np.stack([-arm[1], arm[0]]))
+
+
+def mean_velocity(arm: Array, motions: Array, dt: float) -> Array:
+    """Displacements in a step over its length, (2, k) [m/s], of points that keep their distance from the centre."""
+    angle = dt * motions[2]
+    sine, less = np.sin(angle), -2.0 * np.sin(0.5 * angle) ** 2  # the latter is cos - 1
+    turned = np.stack([less * arm[0] - sine * arm[1], sine * arm[0] + less * arm[1]])
+    return np.asarray(motions[:2] + turned / dt)
+
+
+def centres(x: Array, mass: Array, owner: Ints) -> Array:
+    """Centres of mass of all bodies, (2, bodies) [m], from points x (2, n) [m]."""
+    total = np.bincount(owner, mass)
+    return np.stack([np.bincount(owner, mass * component) / total for component in x])
+
+
+def fitted_motions(x: Array, v: Array, mass: Array, owner: Ints) -> Array:
+    """Mean velocities and spins of all bodies, (3, bodies), from points at x with velocities v (2, n).
+
+    They have the momentum and angular momentum of the points. Of displacements they are displacements and angles.
+    """
+    arm, total = x - centres(x, mass, owner)[:, owner], np.bincount(owner, mass)
+    mean = [np.bincount(owner, mass * component) / total for component in v]
+    moment = np.bincount(owner, mass * (arm[0] * v[1] - arm[1] * v[0]))
+    return np.stack([*mean, moment / np.bincount(owner, mass * (arm**2).sum(axis=0))])
+
+
+def normal_speeds(scene: Layout, velocity: Array) -> Array:
+    """Velocities of the p driven walls along their normals from those of all walls (walls, 2), (p,) [m/s]."""
+    walls = scene.driven_walls
+    return np.asarray(np.einsum("pi,ip->p", velocity[walls], scene.normals[:, walls]))
+
+
+def with_normal_speeds(scene: Layout, velocity: Array, speeds: Array) -> Array:
+    """Velocities of all walls (walls, 2) with others of the driven ones along their normals (p,) [m/s]."""
+    out = velocity.copy()
+    change = speeds - normal_speeds(scene, velocity)
+    out[scene.driven_walls] += change[:, None] * scene.normals.T[scene.driven_walls]
+    return out
 
 
 @dataclass(frozen=True)

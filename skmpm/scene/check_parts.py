@@ -1,18 +1,118 @@
-"""Checks of the supports, loads and springs of a scene before it is simulated."""
+"""Checks of the parts of a scene: functions, materials, supports, loads and springs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from inspect import signature
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skmpm.arrays import Bools
+from skmpm.material import Rigid
+from skmpm.points import Points
+from skmpm.scene.layout import Input
 from skmpm.scene.model import Model
-from skmpm.scene.objects import Load, Pressure, SceneError, Spring, Support, prescribed_components
-from skmpm.scene.point_sets import PointSet
-from skmpm.scene.springs import stiffness_of
+from skmpm.scene.objects import (
+    TURNING,
+    Body,
+    Load,
+    Pressure,
+    SceneError,
+    Spring,
+    Support,
+    Wall,
+    prescribed_components,
+)
+from skmpm.scene.periodic import Periodic
+from skmpm.scene.point_sets import PointSet, stiffness_of
 
+Given = Iterator[tuple[str, object, str]]
+
+TIME, POSITIONS, FIELD = "t", "x", "X, t"
+REMEDY = {
+    TIME: "give a function of the time t [s]",
+    POSITIONS: "give a function of positions x (2, n) [m]",
+    FIELD: "give a function of positions X (2, n) [m] and the time t [s]",
+}
 SHORTEST = 1e-6  # [cells] bar at t = 0, which needs a direction
+
+
+def check_functions(scene: Input) -> None:
+    """Raise SceneError for the first function that cannot be called with its arguments; none is called."""
+    for name, function, arguments in _given(scene):
+        if not callable(function):
+            continue
+        try:
+            accepted = signature(function)
+        except ValueError:  # callables that are not written in Python have no signature
+            continue
+        try:
+            accepted.bind(*arguments.split(", "))
+        except TypeError:
+            remedy = REMEDY[arguments]
+            if name.startswith("support") and arguments == TIME:
+                remedy = f"{remedy}; {TURNING}"
+            message = f"{name} takes the arguments {accepted} and is called with ({arguments}); {remedy}"
+            raise SceneError(message) from None
+
+
+def _given(scene: Input) -> Given:
+    """Name, function or value, and arguments."""
+    yield "gravity", scene.gravity, FIELD
+    for kind, objects in (
+        ("body", scene.bodies),
+        ("wall", scene.walls),
+        ("support", scene.supports),
+        ("load", scene.loads),
+        ("spring", scene.springs),
+    ):
+        for i, each in enumerate(objects):
+            for what, argument in FUNCTIONS.get(type(each), {}).items():
+                yield f"{kind} {i}: {what}", getattr(each, what), argument
+    if isinstance(scene.periodic, Periodic):
+        yield "periodic: rate", scene.periodic.rate, TIME
+        yield "periodic: stress", scene.periodic.stress, TIME
+
+
+FUNCTIONS: dict[type, dict[str, str]] = {
+    Body: {"velocity": POSITIONS, "motion": TIME},
+    Wall: {"velocity": TIME, "force": TIME, "pressure": TIME},
+    Support: {"where": POSITIONS, "velocity": TIME, "displacement": TIME},
+    Load: {"where": POSITIONS, "force": TIME},
+    Pressure: {"where": POSITIONS, "value": TIME},
+    Spring: {"where": POSITIONS, "to": POSITIONS, "rest": TIME},
+}
+
+
+def check_groups(name: str, points: Points, materials: Mapping[str, object]) -> None:
+    """Raise SceneError unless each group of the points has a deformable material, and each material points."""
+    if points.group is None:
+        raise SceneError(
+            f"{name}: materials are given by group, {_listed(materials)}, and its points have no groups; use"
+            " points.with_groups(...) or from_mesh of a mesh with physical groups, or give one material"
+        )
+    known, count = np.unique(points.group, return_counts=True)
+    for group, size in zip(known.tolist(), count.tolist(), strict=True):
+        if group not in materials:
+            raise SceneError(
+                f"{name}: group {group!r} of its points, {size} of {points.size}, has no material; there are those of"
+                f" {_listed(materials)}"
+            )
+    for group, material in materials.items():
+        if group not in known:
+            raise SceneError(
+                f"{name}: there is a material of group {group!r}, and its points have the groups"
+                f" {_listed(known.tolist())}; correct the name or leave it out"
+            )
+        if isinstance(material, Rigid):
+            raise SceneError(
+                f"{name}, group {group!r}: its material is Rigid, which only whole bodies are; use a stiff material,"
+                " and to turn it beds with a moving rest, a Spring at each of its boundary points"
+            )
+
+
+def _listed(names: Mapping[str, object] | list[str]) -> str:
+    return ", ".join(repr(name) for name in names)
 
 
 def check_supports(scene: Model) -> None:
@@ -52,9 +152,7 @@ def _check_displacement(name: str, support: Support) -> None:
         raise SceneError(f"{name}: displacement at t = 0 is {start}; give the displacement since then, zero at t = 0")
 
 
-def _check_not_empty(
-    name: str, scene: Model, chosen: PointSet, bodies: NDArray[np.bool_], which: str, hint: str = ""
-) -> None:
+def _check_not_empty(name: str, scene: Model, chosen: PointSet, bodies: Bools, which: str, hint: str = "") -> None:
     if chosen.points.size == 0:
         x = scene.initial_positions[:, bodies[scene.owner]]
         raise SceneError(
