@@ -4,8 +4,8 @@ In every function `x` (2, m) [m] holds the current positions of the boundary poi
 """
 
 from skmpm.outline.crossings import apart, crossings, depth, folded, turns
-from skmpm.outline.cubics import Cubics, foot, place, seen, tangent
-from skmpm.outline.curve import Curve, Loops, curve
+from skmpm.outline.cubics import Loops, foot, place, seen, tangent
+from skmpm.outline.curve import Cubics, Curve, curve
 from skmpm.outline.images import Images, images, reduced, without_images
 from skmpm.outline.measures import (
     TURNED_AWAY,

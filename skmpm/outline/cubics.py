@@ -1,76 +1,27 @@
-"""The curve through the boundary points in one configuration: one cubic per segment."""
+"""Compiled loops over the cubics of a curve, one per segment: points, tangents, and closest-point projection."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
-
-if TYPE_CHECKING:
-    from skmpm.outline.curve import Curve, Loops
 
 MAX_NEWTON_STEPS, MAX_PARAMETER_STEP, PARAMETER_TOLERANCE = 8, 0.75, 1e-12  # of the projection, in units of s
 
 
-@dataclass(frozen=True)
-class Cubics:
-    """The cubics X(s) = c0 + c1 s + c2 s^2 + c3 s^3 of the segments, 0 <= s <= 1."""
+class Loops(NamedTuple):
+    """What compiled loops need to know of the segments (m,) of a curve, in which each begins at a boundary point."""
 
-    curve: Curve
-    x: Array  # (2, m) boundary points [m]
-    c: Array  # (m, 4, 2) [m]
-
-    def at(self, segment: Ints, s: Array, derivative: int = 0) -> Array:
-        """Points of the curve (2, k) [m] or their derivatives with respect to s."""
-        return _values(self.c, segment, s, derivative)
-
-    def normals(self, segment: Ints, s: Array) -> Array:
-        """Unit outward normals (2, k)."""
-        slope = self.at(segment, s, 1)
-        return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
-
-    def seen_from(self, y: Array, segment: Ints, s: Array) -> tuple[Array, Array, Array]:
-        """Unit outward normals (2, k) at points of the curve, and where y (2, k) lies relative to these points.
-
-        In front by a distance (k,) [m], negative behind, and along the tangent by (k,) [segments].
-        """
-        normal, gap, along = np.empty_like(y), np.empty_like(s), np.empty_like(s)
-        _see(y, self.c, segment, s, normal, gap, along)
-        return normal, gap, along
-
-    def area(self, bodies: int) -> Array:
-        """Area enclosed by the curves of each body, without its holes, (bodies,) [m2]; 0 without outline.
-
-        Half the integral of X x X' along the cubics, exactly: sum over i < j of (j - i) / (i + j) c_i x c_j / 2.
-        """
-        body = self.curve.outlines.body
-        count = np.maximum(np.bincount(body, minlength=bodies), 1)
-        origin = np.stack([np.bincount(body, component, bodies) / count for component in self.x])
-        c = self.c.copy()
-        c[:, 0] -= origin[:, body].T  # avoids cancellation far from the origin
-        i, j = np.triu_indices(4, 1)
-        cross = c[:, i, 0] * c[:, j, 1] - c[:, i, 1] * c[:, j, 0]
-        return np.asarray(np.bincount(body, cross @ ((j - i) / (i + j)) / 2.0, bodies), dtype=np.float64)
-
-    def perimeter(self, bodies: int) -> Array:
-        """Length of the curves of each body, holes included, (bodies,) [m]; 0 without outline.
-
-        By Gauss's quadrature with three points a segment.
-        """
-        places, weights = np.polynomial.legendre.leggauss(3)
-        segment = np.arange(self.curve.outlines.size)
-        speed = np.stack([np.hypot(*self.at(segment, np.full(segment.size, 0.5 + 0.5 * s), 1)) for s in places])
-        return np.asarray(np.bincount(self.curve.outlines.body, 0.5 * weights @ speed, bodies), dtype=np.float64)
-
-    def project(self, y: Array, segment: Ints, s: Array) -> tuple[Ints, Array]:
-        """Closest-point projection of y (2, k): segments (k,) and parameters (k,), from initial guesses."""
-        segment, s = segment.astype(np.int64), s.astype(np.float64)
-        _project(y, segment, s, self.c, self.curve.loops)
-        return segment, s
+    previous: Ints
+    following: Ints
+    corner: Bools
+    convex: Bools
+    sharp: Bools
+    low: Array  # smallest and largest parameters
+    high: Array
 
 
 @compiled
@@ -130,14 +81,14 @@ def seen(y: tuple[float, float], c: Array, i: int, t: float) -> tuple[float, flo
 
 
 @compiled
-def _project(y: Array, segment: Ints, s: Array, c: Array, loops: Loops) -> None:
+def project(y: Array, segment: Ints, s: Array, c: Array, loops: Loops) -> None:
     """Overwrite the initial guesses `segment` and `s` (k,) by the projections of y (2, k)."""
     for k in range(s.size):
         segment[k], s[k] = foot((y[0, k], y[1, k]), segment[k], s[k], c, loops)
 
 
 @compiled
-def _values(c: Array, segment: Ints, s: Array, derivative: int) -> Array:
+def values(c: Array, segment: Ints, s: Array, derivative: int) -> Array:
     """Values (2, k) of the cubics c (m, 4, 2) of segments (k,), or their derivatives."""
     out = np.empty((2, segment.size))
     for k in range(segment.size):
@@ -153,7 +104,7 @@ def _values(c: Array, segment: Ints, s: Array, derivative: int) -> Array:
 
 
 @compiled
-def _see(y: Array, c: Array, segment: Ints, s: Array, normal: Array, gap: Array, along: Array) -> None:
-    """Write what `Cubics.seen_from` returns."""
+def see(y: Array, c: Array, segment: Ints, s: Array, normal: Array, gap: Array, along: Array) -> None:
+    """Write normals (2, k) of points of the curve, and where y (2, k) lies relative to them (`Cubics.seen_from`)."""
     for k in range(s.size):
         normal[0, k], normal[1, k], gap[k], along[k] = seen((y[0, k], y[1, k]), c, segment[k], s[k])

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from skmpm.arrays import Array, Ints
-from skmpm.outline.cubics import Cubics
+from skmpm.outline.curve import Cubics
 from skmpm.outline.near import penetration
 from skmpm.outline.overlaps import box_pairs, boxes, overlap
 from skmpm.outline.topology import Outlines, ranges

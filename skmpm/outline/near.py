@@ -9,7 +9,8 @@ import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
-from skmpm.outline.cubics import Cubics, place, seen, tangent
+from skmpm.outline.cubics import place, seen, tangent
+from skmpm.outline.curve import Cubics
 from skmpm.outline.measures import normals
 from skmpm.outline.overlaps import box_pairs, boxes
 from skmpm.outline.topology import Outlines, chunks, ranges
