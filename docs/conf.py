@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+import modules
 from run_examples import arguments
 
 import skmpm
@@ -78,7 +79,8 @@ sphinx_gallery_conf = {
 
 
 def setup(app):
-    """Read docstrings as they are written here, and link classes that are public in `skmpm` by their public names."""
+    """Read docstrings as they are written here, link public classes by their public names, write the modules' table."""
+    app.connect("builder-inited", lambda app: modules.write())
     app.connect("autodoc-process-docstring", _described, priority=400)  # before napoleon
     app.connect("missing-reference", _public)
 

@@ -1,8 +1,7 @@
-"""Identities of contacts in a periodic box: of the pair of point and side, and of the lattice vector between them.
+"""How what has no grid moves in a step: walls, rigid bodies, and the lattice of a periodic box.
 
-Lattice vectors count modulo three, which distinguishes neighbouring images, however far bodies have moved.
-
-How what has no grid moves in a step: walls, rigid bodies, and the lattice of a periodic box.
+A contact across the box is known by its pair of point and side, and by the lattice vector between them. Lattice
+vectors count modulo three, which distinguishes neighbouring images, however far bodies have moved.
 """
 
 from __future__ import annotations

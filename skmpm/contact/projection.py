@@ -1,11 +1,4 @@
-"""Contact of two convex corners.
-
-The positions of one corner for which the two bodies overlap form a wedge, a corner of the Minkowski difference of the
-bodies. The normals of the sides of the wedge are the outermost normals that the normal cones of both corners share.
-Its tip is rounded by a disc, so that the gap has a normal for all positions of the corners: the mean normal where
-they meet head-on. Gap and normal are continuous where the disc meets the sides.
-
-Closest-point projection of boundary points on the outlines of other bodies, corners included.
+"""Closest-point projection of boundary points on the outlines of other bodies, corners included.
 
 Corners divide an outline into sides, which are smooth curves. A point may be in contact with several sides of one
 body: both sides of a notch bound it. At a convex corner it is enough that the point lies in front of one of the two
@@ -14,7 +7,12 @@ a corner between two of its own boundary points; so are boundary points that def
 
 A boundary vertex is in contact only if both of its edges lead away from the other surface along the normal, as at a
 vertex of the Minkowski difference of the two bodies; if an edge points into the surface, its other boundary points
-are in contact instead. Contact of two convex corners is treated in `corner_contact`.
+are in contact instead.
+
+The positions of one convex corner for which it overlaps another one form a wedge, a corner of the Minkowski
+difference of the bodies. The normals of the sides of the wedge are the outermost normals that the normal cones of
+both corners share. Its tip is rounded by a disc, so that the gap has a normal for all positions of the corners: the
+mean normal where they meet head-on. Gap and normal are continuous where the disc meets the sides.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The largest gap of a detected contact."""
+"""How far contact looks: the largest gap of a detected contact, and the largest motion in a step."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Tables: frozen dataclasses whose fields are arrays with one entry per item along the last axis.
+"""Rows of contacts as sparse matrices, and tables of contacts that are joined or chosen from.
 
-Rows of contacts as sparse matrices: combinations of contact points, and their components along directions.
+Rows combine contact points, and have components along directions. Tables are frozen dataclasses whose fields are
+arrays with one entry per item along the last axis.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""A block of a temporal VTKHDF file: polygonal data that grow by one step at a time.
+"""What is recorded of a state: blocks of a temporal VTKHDF file, which grow by one step at a time.
 
-Format: VTKHDF 2.3, MultiBlockDataSet of PolyData (docs.vtk.org, "VTKHDF file format"). Points and fields of every
-step are appended to extendible datasets; cells that do not change are written once and referred to by all steps.
-
-What is recorded of a state, by blocks of the file: points, bodies, contacts and walls.
+Blocks are points, bodies, contacts and walls. Format: VTKHDF 2.3, MultiBlockDataSet of PolyData (docs.vtk.org,
+"VTKHDF file format"). Points and fields of every step are appended to extendible datasets; cells that do not change
+are written once and referred to by all steps.
 """
 
 from __future__ import annotations

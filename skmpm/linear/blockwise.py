@@ -1,6 +1,6 @@
-"""Rows of the Delassus operator of bodies whose factor is that of `cholesky`.
+"""The Delassus operator H A^-1 H^T, body by body, or by solves with columns of all bodies.
 
-The Delassus operator H A^-1 H^T, body by body or by solves with columns of all bodies.
+Bodies whose factor is that of `cholesky` have compiled loops of their own.
 """
 
 from __future__ import annotations

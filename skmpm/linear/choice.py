@@ -1,7 +1,4 @@
-"""Sparse LU factorisation, the reference solver of the tests.
-
-Selection of the linear solver.
-"""
+"""Selection of the linear solver by size, and sparse LU, the reference solver of the tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solvers for matrices that differ from a factorised one."""
+"""Solvers for matrices that differ from a factorised one: by a low rank, by springs between bodies, by rotations."""
 
 from __future__ import annotations
 

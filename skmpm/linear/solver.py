@@ -1,6 +1,6 @@
-"""Restrict BLAS to one thread: for the small matrices of bodies two threads are ten times slower and more.
+"""The interface of linear solvers, with BLAS restricted to one thread.
 
-The interface of linear solvers.
+For the small matrices of bodies two threads are ten times slower and more.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Whether the internal variables of a material fit its functions: a part of `check_material`.
-
-Whether the functions of a material fit each other: what one runs on a material of one's own before a scene.
-"""
+"""Whether the functions of a material fit each other: what one runs on a material of one's own before a scene."""
 
 from __future__ import annotations
 

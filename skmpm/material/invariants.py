@@ -1,7 +1,4 @@
-"""Functions of the ratio of both stretches in the plane, smooth where they are equal.
-
-Derivatives by F of energies that depend on invariants of F in the plane.
-"""
+"""Derivatives by F of energies that depend on invariants of F in the plane, or on the ratio of stretches."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """What a material is to the library: a density, wave moduli and three functions of the deformation gradient.
 
-Rigid bodies.
+A rigid body has a density alone.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Arguments of functions that count in bins.
-
-`pair_correlation`: the radial distribution function of the centres of bodies.
-"""
+"""`pair_correlation`: the radial distribution function of the centres of bodies."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The boundary of one body: its sides from corner to corner, and where on them contacts act.
-
-The length of boundary in contact.
-"""
+"""The boundary of one body: its sides from corner to corner, where on them contacts act, and on what length."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Area, perimeter, moments, normals and dimensions of outlines, exact for polygons with holes.
-
-Exact moments of the intersections of grid cells and outlines.
-"""
+"""Area, perimeter, moments, normals and dimensions of outlines, exact for polygons with holes, also in cells."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Spatial search: boundary points near segments of other bodies, points inside bodies, depths of overlaps.
-
-Parts of one outline that face each other over a gap.
-"""
+"""Spatial search: points near segments, points inside bodies, depths of overlaps, parts that face each other."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Triangles between material points and boundaries, in which fields are interpolated linearly.
-
-Bodies in pictures: filled curves and fields within them.
-"""
+"""Bodies in pictures: filled curves, and fields within them, linear in triangles between points and boundaries."""
 
 from __future__ import annotations
 

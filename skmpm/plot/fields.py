@@ -1,6 +1,6 @@
-"""What the colours of a picture mean.
+"""What the colours of a picture mean, and what the pictures of a film have in common.
 
-What the pictures of a film have in common: colour scale, scale of forces, view.
+Films share colours, the scale of forces and the view.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The contact network in pictures.
-
-Walls and supports in pictures.
-"""
+"""What surrounds bodies in pictures: contact forces, walls and supports."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Discs and boxes: quadrature rules with exact moments and points on the boundary.
+"""Discs, boxes, ellipses, capsules and rounded polygons: points within, with exact moments, and on the boundary.
 
-Ellipses, rounded regular polygons and capsules: equidistant boundary points, a triangular lattice inside.
+Ellipses, capsules and polygons have equidistant boundary points and a triangular lattice inside.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""What a user gives of a scene.
-
-The points and walls of a scene as arrays, made once.
-"""
+"""What a user gives of a scene, and its points and walls as arrays, made once."""
 
 from __future__ import annotations
 

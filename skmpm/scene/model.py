@@ -1,7 +1,4 @@
-"""The materials of the points, and what bodies of several materials have in their place of a constant.
-
-What acts on the points of a scene, made once: friction, supports, loads, springs.
-"""
+"""What acts on the points of a scene, made once: materials, friction, supports, loads, springs."""
 
 from __future__ import annotations
 

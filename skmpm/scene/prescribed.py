@@ -1,10 +1,7 @@
-"""Gravity, a constant or a field.
+"""What is prescribed at a time: gravity, velocities of walls, rigid bodies and supports.
 
-Rigid motion of bodies, prescribed or fitted: translation, and rotation about the centre of mass.
-
-Velocities of walls that forces drive: unknown along their normals, given across them.
-
-Prescribed velocities: those of walls, rigid bodies and supports, evaluated once in a step.
+Rigid motions, prescribed or fitted to points, are a translation and a rotation about the centre of mass. Walls that
+forces drive have a velocity that is unknown along their normals and given across them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Bodies whose material can turn inside their shape without a change of energy.
+"""The scene: everything that does not change during a simulation.
 
-The scene: everything that does not change during a simulation.
+A body of a symmetric shape and material may turn inside its shape without a change of energy.
 """
 
 from __future__ import annotations

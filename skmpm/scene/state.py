@@ -1,7 +1,4 @@
-"""The contacts of a state.
-
-The state of a scene.
-"""
+"""The state of a scene, with its contacts."""
 
 from __future__ import annotations
 

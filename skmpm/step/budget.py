@@ -1,6 +1,4 @@
-"""Energy budget and report of a step.
-
-Work of supports, and at contacts of what is prescribed to move: walls, rigid bodies, images of a periodic box.
+"""The energy budget of a step: a sum over its terms, motion, contacts, and the work of what is prescribed to move.
 
 What forces drive moves with the unknowns: contacts transfer energy between these, and do no work.
 """

@@ -1,6 +1,6 @@
-"""Candidate contacts: those that enter the contact problem, since they may close and their gap can change.
+"""The contact problem of a step: constraints, impulses and Delassus operator at an iterate.
 
-The contact problem of a step: constraints, impulses and Delassus operator at an iterate.
+Contacts enter it that may close and whose gap can change: the candidates.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Velocities of supports and contacts at the end of a step with theta < 1.
+"""The end of a step: nodes, contacts and material, with impacts where theta < 1.
 
 Supports prescribe the mean velocity w. The velocity at the end, v0 + (w - v0) / theta, would keep a jump of the
 prescribed one for ever, with alternating signs for theta = 1/2. It is therefore the nearest one, by kinetic energy,
@@ -11,8 +11,6 @@ velocities at the end of the step, Moreau's law of impact without restitution: 0
 friction for the relative velocities u and all impulses r from the start of the step to its end (Moreau, CISM Courses
 and Lectures 302 (1988) 1-82). One set of impulses for positions and another for velocities is how Acary (Appl. Numer.
 Math. 72 (2013) 203-225) projects, too; the first moves bodies, and both are the contact forces.
-
-Nodes, contacts and material at the end of a step.
 """
 
 from __future__ import annotations

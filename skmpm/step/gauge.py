@@ -13,8 +13,6 @@ such errors.
 
 Where the pressure is so high, or the step so long, that inertia does not resist the rotation, and in quasi-static
 steps, the spin at the start of the step is dropped, s^T M w = 0, and the condition does no work.
-
-The bodies whose material can turn inside their shape at no cost, and whose rotation the step does not resolve.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Parts of Newton's method: initial guess, refactorisation, when it ends.
-
-Line search along a Newton direction.
-"""
+"""Parts of Newton's method: initial guess, refactorisation, line search, when it ends."""
 
 from __future__ import annotations
 
@@ -228,7 +225,7 @@ def move(
 ) -> tuple[Array, Configuration]:
     """The next w with its configuration, by a line search.
 
-    The search is along the Newton direction, with exact rotations of bodies (`retraction`). Linear materials take the
+    The search is along the Newton direction, with exact rotations of bodies (`rotation`). Linear materials take the
     step without it, since no configuration is inadmissible. `gradient` (n,) is the out-of-balance impulse with
     contact.
     """

@@ -1,11 +1,9 @@
-"""How the bodies of a periodic box move with it.
+"""How bodies move with a periodic box, and how a stress moves it.
 
 A body and its image at H k have velocities that differ by dH/dt k. So that it does not matter which of them is
 followed, inertia resists changes of the velocity relative to that of the box at the centre of the body, as in the
 equations of motion for homogeneous flow (SLLOD; Evans & Morriss, Statistical Mechanics of Nonequilibrium Liquids,
 2008, section 6.3), and the kinetic energy is that of the relative velocities.
-
-A periodic box under a given stress: one unknown for each component of its velocity gradient that the stress moves.
 
 An unknown is the rate of a component times the length of an edge, so the speed of an edge, whose mass resists changes
 of it. A change of the rate L_e moves the edges at the end of the step by multiples of E_e H, E_e the unit tensor of

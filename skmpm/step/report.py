@@ -1,4 +1,4 @@
-"""How far bodies are from equilibrium: the unbalanced force ratio."""
+"""The report of a step, and how far bodies are from equilibrium in it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Position, motion and inertia of free rigid bodies, from their material points.
+"""Free rigid bodies: three unknowns each, velocity of the centre of mass and spin times radius of gyration.
 
-Free rigid bodies: three unknowns each, velocity of the centre of mass and spin times radius of gyration.
+Position, motion and inertia are those of their material points.
 """
 
 from __future__ import annotations

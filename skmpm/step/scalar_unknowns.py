@@ -1,6 +1,4 @@
-"""What all kinds of unknowns need to know of a step.
-
-Unknowns of a step that are not on a grid: velocities of driven walls, of free rigid bodies, of a periodic box.
+"""Unknowns of a step that are not on a grid: velocities of driven walls, of free rigid bodies, of a periodic box.
 
 They follow the nodes in the vector w of all unknowns. Each has a mass m, a velocity z = theta v1 + (1 - theta) v0 and
 a force F that drives it, and moves contacts: their relative velocity changes by J z. With the contact impulses r,

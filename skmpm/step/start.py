@@ -1,7 +1,4 @@
-"""Where a step begins: the configuration of the bodies, and the velocities of their nodes.
-
-The unknowns of a step that are not on a grid.
-"""
+"""Where a step begins: configuration, velocities of nodes, and the unknowns that are not on a grid."""
 
 from __future__ import annotations
 

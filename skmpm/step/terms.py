@@ -1,7 +1,7 @@
-"""The forces on bodies, as a list of terms: what each stores, its force, its stiffness, its energies in a step.
+"""The forces on bodies as a list of terms: what each stores, its force, its stiffness, its energies in a step.
 
-Residual, matrix, potential of the line search and energy budget of a step are sums over the list, and a term that a
-scene lacks is not in it. A new one is a class as those of `loads` or `springs`, and a line in `step.scene_forces`.
+Residual, matrix, potential of the line search and energy budget of a step are sums over the list. A term that a
+scene lacks is not in it. A new one is a class as those of `step.forces`, and a line in `step.scene_forces`.
 """
 
 from __future__ import annotations
