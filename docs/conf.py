@@ -79,7 +79,7 @@ sphinx_gallery_conf = {
 
 
 def setup(app):
-    """Read docstrings as they are written here, link public classes by their public names, write the modules' table."""
+    """Read docstrings as they are written here, link classes by their public names, write the table of modules."""
     app.connect("builder-inited", lambda app: modules.write())
     app.connect("autodoc-process-docstring", _described, priority=400)  # before napoleon
     app.connect("missing-reference", _public)

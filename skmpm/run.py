@@ -13,6 +13,7 @@ from types import FrameType
 
 import numpy as np
 
+from skmpm.arrays import ROUND_OFF
 from skmpm.io import save, writable
 from skmpm.preflight import preflight
 from skmpm.progress import Progress
@@ -33,7 +34,6 @@ from skmpm.step.functions_of_time import TIMES
 from skmpm.step.initial_state import check_scheme, initial
 from skmpm.step.regrid import check_connected
 from skmpm.step.step_control import (
-    TIME_TOLERANCE,
     RetrySummary,
     advance_with_chosen_step,
     advance_with_retries,
@@ -117,7 +117,7 @@ def simulate(
         check_fits(scene, start, "start")
         if np.isinf(scheme.anchor):  # else the body grids may have been built again where the bodies were
             check_initial_positions(scene, start, "start")
-        if until < start.t * (1.0 - TIME_TOLERANCE):
+        if until < start.t * (1.0 - ROUND_OFF):
             raise ValueError(
                 f"simulate: until = {float(until):g} s lies before start, at t = {start.t:g} s; it is a time, not a"
                 " duration: add start.t"
@@ -179,7 +179,7 @@ def _run(
     watches: list[Watch] = [PressureWatch(scene, scheme), RegriddingWatch(), shaking, stroke]
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
-            while until - state.t > TIME_TOLERANCE * _usual_step(state):
+            while until - state.t > ROUND_OFF * _usual_step(state):
                 if pace is None:
                     state, failures = advance_with_retries(scene, state, until, scheme)
                 else:

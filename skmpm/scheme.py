@@ -7,6 +7,7 @@ from numbers import Real
 from typing import Any
 
 from skmpm import linear as _linear
+from skmpm.arrays import ROUND_OFF
 from skmpm.contact import ContactFormulation, acts_at_grid_nodes, point_to_curve, shared_grid
 from skmpm.linear import Linear
 from skmpm.material import Material, has_memory, poisson_ratio
@@ -15,7 +16,6 @@ from skmpm.material import Material, has_memory, poisson_ratio
 # stiff and the peak pressure in it 1.4 times too high at 0.4 (6.1 % and 1.2 at 0.3), 10 % and 1.9 at 0.45, 22 % and
 # 4.2 at 0.49; with it 5 to 6 % and 1.02 to 1.06 (`tests/verification/test_mean_dilatation.py`).
 NEARLY_INCOMPRESSIBLE = 0.4
-NU_TOLERANCE = 1e-9  # round-off of a Poisson's ratio computed from Lame constants
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,4 +154,4 @@ def averages_dilatation(scheme: Scheme, material: Material) -> bool:
     """Whether the dilatation of a material is averaged over cells: by the scheme, by memory or by Poisson's ratio."""
     if scheme.mean_dilatation is not None:
         return scheme.mean_dilatation
-    return has_memory(material) or poisson_ratio(material) > NEARLY_INCOMPRESSIBLE - NU_TOLERANCE
+    return has_memory(material) or poisson_ratio(material) > NEARLY_INCOMPRESSIBLE - ROUND_OFF

@@ -14,8 +14,7 @@ and loses the same amount at its contacts. The two cancel only if normals and st
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -69,16 +68,76 @@ def point_to_curve(
         If a body has no outline.
     """
     check_outlines(scene)
-    boundary = scene.outlines
-    interpolation = _boundary_interpolation(scene, state, grid, boundary)
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
-    within, start = contact_reach(scene), state.x[:, boundary.point]
     kept = 1.0 - PUSH_OUT * (min(1.0, dt * scene.fastest_wave / scene.cell) if inertia else 1.0)
+    detection = _Detection(scene, state, dt, theta, _boundary_interpolation(scene, state, grid, scene.outlines), kept)
+    motion = Motion.of(scene, state, motions, dt)
+    margin = 0.5 * contact_reach(scene) + 2.0 * motion.largest(dt * state.v[:, scene.outlines.point], detection.start)
+    close = detection.near(margin)
+    if close is not None and scene.movable.any():
+        close = detection.with_closest_points(close, motion, slide=not inertia)
+    if close is not None and scene.cohesive:
+        close = detection.with_tension(close, motion)
+    return _PointToCurve(detection, motions, motion, margin, close)
 
-    def search(margin: float) -> Neighbours | None:
-        """The candidates, complete for motions up to half the margin; None if nothing is near anything."""
-        surfaces = scene.images(start, state.box, within + margin)
-        at, own = surfaces.at(start, state.box), SelfContact.of(scene, state, surfaces.outlines)
+
+@dataclass(frozen=True)
+class _PointToCurve:
+    """The constraints of a step at any nodal velocities, from candidates that are found once."""
+
+    detection: _Detection
+    motions: PrescribedVelocities
+    motion: Motion  # by these
+    margin: float  # twice the motion up to which the candidates are complete [m]
+    close: Neighbours | None  # the candidates; None if nothing is near anything
+
+    def __call__(self, w: Array, motions: PrescribedVelocities | None = None) -> Constraints:
+        """The constraints at nodal velocities w (2 nodes,) [m/s], and what is prescribed if it is not as at first."""
+        step = self.detection
+        motion = Motion.of(step.scene, step.state, self.motions if motions is None else motions, step.dt)
+        velocity = (step.interpolation @ w.reshape(-1, 2)).T
+        moved = step.dt * velocity + motion.points
+        near = self._candidates(2.0 * motion.largest(moved, step.start))
+        if near is None:
+            return no_constraints(step.interpolation)
+        moved = motion.of_surfaces(near.surfaces, moved)
+        pairs = step.pairs(near, motion.walls, moved, step.theta)
+        if pairs.gap.size == 0:
+            return no_constraints(step.interpolation)
+        return step.constraints(pairs, near, motion, moved, velocity)
+
+    def _candidates(self, needed: float) -> Neighbours | None:
+        """The candidates with a margin of `needed` [m], found again if that is more than was foreseen."""
+        if needed <= self.margin:
+            return self.close
+        near = self.detection.near(needed)
+        if near is None or self.close is None:
+            return near
+        facing = None if self.close.facing is None else self.detection.ahead(near, self.motion)
+        return replace(near, shifts=self.close.shifts, tension=self.close.tension, facing=facing)
+
+
+@dataclass(frozen=True)
+class _Detection:
+    """The detection of contacts in a step."""
+
+    scene: Scene
+    state: State
+    dt: float  # [s]
+    theta: float
+    interpolation: sp.csr_array  # (m, nodes) from nodes to boundary points
+    kept: float  # share of an initial overlap that stays
+
+    @property
+    def start(self) -> Array:
+        """Positions of the boundary points at the start, (2, m) [m]."""
+        return self.state.x[:, self.scene.outlines.point]
+
+    def near(self, margin: float) -> Neighbours | None:
+        """The candidates, complete for motions up to half the margin [m]; None if nothing is near anything."""
+        scene, state, within = self.scene, self.state, contact_reach(self.scene)
+        surfaces = scene.images(self.start, state.box, within + margin)
+        at, own = surfaces.at(self.start, state.box), SelfContact.of(scene, state, surfaces.outlines)
         pairs = pairs_of_bodies(scene, surfaces, at, within + margin)
         if pairs.size + own.bodies.size + len(scene.walls) == 0:
             return None
@@ -86,75 +145,86 @@ def point_to_curve(
         curve, roles = outline.curve(surfaces.outlines, initial, at), _roles(scene, surfaces, initial)
         return neighbours(scene, surfaces, curve, roles, own, at, within, margin, pairs)
 
-    motion = Motion.of(scene, state, motions, dt)
-    margin = 0.5 * within + 2.0 * motion.largest(dt * state.v[:, boundary.point], start)
-    ahead = partial(_ahead, scene, state, motion, theta)
-    close = search(margin)
-    if close is not None and scene.movable.any():
-        close = _with_closest_points(scene, state, close, ahead(close), motion, theta, slide=not inertia)
-    if close is not None and scene.cohesive:
-        close = _with_tension(scene, close, motion)
+    def pairs(self, near: Neighbours, walls: Array, moved: Array, theta: float) -> ContactPairs:
+        """The contact pairs of surfaces whose boundary points have moved by `moved` (2, m) [m].
 
-    def linearise(w: Array, motions: PrescribedVelocities = motions) -> Constraints:
-        motion = Motion.of(scene, state, motions, dt)
-        velocity = (interpolation @ w.reshape(-1, 2)).T
-        moved = dt * velocity + motion.points
-        needed, near = 2.0 * motion.largest(moved, start), close
-        if needed > margin:
-            near = search(needed)
-            if near is not None and close is not None:
-                facing = None if close.facing is None else ahead(near)
-                near = replace(near, shifts=close.shifts, tension=close.tension, facing=facing)
-        if near is None:
-            return no_constraints(interpolation)
-        moved = motion.of_surfaces(near.surfaces, moved)
-        pairs = _contacts(scene, near, motion.walls, moved, theta)
-        if pairs.gap.size == 0:
-            return no_constraints(interpolation)
-        return _constraints(scene, pairs, near, motion, moved, interpolation, velocity, kept)
+        `walls` (2, walls, 2) are points of the walls at the start of the step, and their displacements [m].
+        """
+        scene, start, each = self.scene, near.start.x, enumerate(zip(*walls, strict=True))
+        on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in each)
+        between = [] if near.none and walls.size else [contacts_between_bodies(scene, near, start, moved, theta)]
+        return joined([*between, *on_walls])
 
-    return linearise
+    def with_tension(self, near: Neighbours, motion: Motion) -> Neighbours:
+        """The candidates with the contacts that bear tension in the step."""
+        start, walls = near.start.x, motion.walls[0]
+        found = self.pairs(near, np.stack([walls, 0.0 * walls]), 0.0 * start, 1.0)
+        strength = tensile_strength(self.scene, near.surfaces, start, found, near.roles.rank)
+        bears = np.flatnonzero(strength)
+        return replace(near, tension=Tension(found.key[bears], strength[bears]))
 
+    def ahead(self, near: Neighbours, motion: Motion) -> Cubics:
+        """The outlines at t + theta dt in a step of constant velocities."""
+        boundary, v = self.scene.outlines, self.state.v + motion.change_of_box_velocity(self.state)
+        moved = np.where(self.scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
+        return near.curve.through(near.start.x + self.theta * motion.of_surfaces(near.surfaces, moved))
 
-def _contacts(scene: Scene, near: Neighbours, walls: Array, moved: Array, theta: float) -> ContactPairs:
-    """The contact pairs of surfaces whose boundary points have moved by `moved` (2, m) [m].
+    def with_closest_points(self, near: Neighbours, motion: Motion, *, slide: bool) -> Neighbours:
+        """The candidates with contact points shifted to the closest points of the outlines `ahead`.
 
-    `walls` (2, walls, 2) are points of the walls at the start of the step, and their displacements [m].
-    """
-    start, each = near.start.x, enumerate(zip(*walls, strict=True))
-    on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in each)
-    between = [] if near.none and walls.size else [contacts_between_bodies(scene, near, start, moved, theta)]
-    return joined([*between, *on_walls])
+        Impulses have no moment about the axis of a body that rolls if their points pass below it then. What slides
+        may move far: which points face a side is decided there, too.
+        """
+        start, displacement = motion.walls
+        walls, ahead = start + self.theta * displacement, self.ahead(near, motion)
+        shifts = closest_points(self.scene, near, ahead, walls, self.state.contacts, slide=slide)
+        return replace(near, shifts=shifts, facing=ahead if slide else None)
 
+    def constraints(
+        self, found: ContactPairs, near: Neighbours, motion: Motion, moved: Array, velocity: Array
+    ) -> Constraints:
+        """Constraints of the contact pairs, linearised about a motion of the surfaces by `moved` (2, m) [m].
 
-def _with_tension(scene: Scene, near: Neighbours, motion: Motion) -> Neighbours:
-    """The candidates with the contacts that bear tension in the step."""
-    start, walls = near.start.x, motion.walls[0]
-    found = _contacts(scene, near, np.stack([walls, 0.0 * walls]), 0.0 * start, 1.0)
-    strength = tensile_strength(scene, near.surfaces, start, found, near.roles.rank)
-    bears = np.flatnonzero(strength)
-    return replace(near, tension=Tension(found.key[bears], strength[bears]))
-
-
-def _ahead(scene: Scene, state: State, motion: Motion, theta: float, near: Neighbours) -> Cubics:
-    """The outlines at t + theta dt in a step of constant velocities."""
-    boundary, v = scene.outlines, state.v + motion.change_of_box_velocity(state)
-    moved = np.where(scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
-    return near.curve.through(near.start.x + theta * motion.of_surfaces(near.surfaces, moved))
-
-
-def _with_closest_points(
-    scene: Scene, state: State, near: Neighbours, ahead: Cubics, motion: Motion, theta: float, *, slide: bool
-) -> Neighbours:
-    """The candidates with contact points shifted to the closest points of the outlines `ahead`.
-
-    Impulses have no moment about the axis of a body that rolls if their points pass below it then. What slides may
-    move far: which points face a side is decided there, too.
-    """
-    start, displacement = motion.walls
-    walls = start + theta * displacement
-    shifts = closest_points(scene, near, ahead, walls, state.contacts, slide=slide)
-    return replace(near, shifts=shifts, facing=ahead if slide else None)
+        `velocity` (2, points) [m/s] is what the nodes cause of it at the boundary points of bodies.
+        """
+        surfaces, dt, x, points = near.surfaces, motion.dt, near.start.x + moved, velocity.shape[1]
+        at = np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own])
+        first, second = (surfaces.lattice[:, np.maximum(body, 0)] for body in found.bodies)
+        before, image, home = (
+            motion.lattice_vectors(k, end) for k, end in ((second - first, 0), (second - first, 1), (first, 1))
+        )
+        found = _of_bodies(found, surfaces)
+        columns = np.concatenate([found.own, found.stencil])
+        relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), points)
+        moving = (before - image) / dt
+        on_wall = found.bodies[1] < 0
+        moving[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
+        now = np.einsum("ik,ki->k", found.normal, relative @ velocity.T)
+        allowed = np.maximum(np.minimum(self.kept * found.before, -found.kept), np.minimum(found.before, 0.0))
+        return Constraints(
+            bodies=found.bodies,
+            x=at - home,
+            normal=found.normal,
+            gap=found.gap,
+            friction=found.friction,
+            key=found.key,
+            point=self.scene.outlines.point[found.point],
+            base=self.interpolation,
+            difference=relative,
+            tangent_shares=combinations(found.stencil, found.tangent_shares, points),
+            curvature=found.curvature,
+            own_shares=combinations(found.own, np.where(found.travel > 0.0, found.own_shares, 0.0), points),
+            along=found.along,
+            travel=found.travel,
+            wide_from=near.shifts.wide_from_of(found.key),
+            rigid=motion.points.T / dt,
+            surfaces=moving,
+            offset_normal=(found.gap - allowed) / dt - now,
+            pushed_out=np.where(found.before < 0.0, np.maximum(np.minimum(found.gap, 0.0) - found.before, 0.0), 0.0),
+            tensile_strength=near.tension.strength_of(found.key),
+            opening=np.maximum(found.gap, 0.0) - np.maximum(found.before, 0.0),
+            image=image,
+        )
 
 
 def check_outlines(scene: Scene) -> None:
@@ -198,61 +268,6 @@ def _roles(scene: Scene, surfaces: outline.Images, x: Array) -> Roles:
     rigid = ~scene.deformable[surfaces.owner]
     bend = np.where(rigid, outline.bend(boundary, x), 0.0) if rigid.any() else np.zeros(rigid.size)
     return Roles(rank, spacing, bend)
-
-
-def _constraints(
-    scene: Scene,
-    found: ContactPairs,
-    near: Neighbours,
-    motion: Motion,
-    moved: Array,
-    interpolation: sp.csr_array,
-    velocity: Array,
-    kept: float,
-) -> Constraints:
-    """Constraints of the contact pairs, linearised about a motion of the surfaces by `moved` (2, m) [m].
-
-    `velocity` (2, points) [m/s] is what the nodes cause of it at the boundary points of bodies. Of an initial overlap
-    a share is `kept`.
-    """
-    surfaces, dt, x, points = near.surfaces, motion.dt, near.start.x + moved, velocity.shape[1]
-    at = np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own])
-    first, second = (surfaces.lattice[:, np.maximum(body, 0)] for body in found.bodies)
-    before, image, home = (
-        motion.lattice_vectors(k, end) for k, end in ((second - first, 0), (second - first, 1), (first, 1))
-    )
-    found = _of_bodies(found, surfaces)
-    columns = np.concatenate([found.own, found.stencil])
-    relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), points)
-    moving = (before - image) / dt
-    on_wall = found.bodies[1] < 0
-    moving[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
-    now = np.einsum("ik,ki->k", found.normal, relative @ velocity.T)
-    allowed = np.maximum(np.minimum(kept * found.before, -found.kept), np.minimum(found.before, 0.0))
-    return Constraints(
-        bodies=found.bodies,
-        x=at - home,
-        normal=found.normal,
-        gap=found.gap,
-        friction=found.friction,
-        key=found.key,
-        point=scene.outlines.point[found.point],
-        base=interpolation,
-        difference=relative,
-        tangent_shares=combinations(found.stencil, found.tangent_shares, points),
-        curvature=found.curvature,
-        own_shares=combinations(found.own, np.where(found.travel > 0.0, found.own_shares, 0.0), points),
-        along=found.along,
-        travel=found.travel,
-        wide_from=near.shifts.wide_from_of(found.key),
-        rigid=motion.points.T / dt,
-        surfaces=moving,
-        offset_normal=(found.gap - allowed) / dt - now,
-        pushed_out=np.where(found.before < 0.0, np.maximum(np.minimum(found.gap, 0.0) - found.before, 0.0), 0.0),
-        tensile_strength=near.tension.strength_of(found.key),
-        opening=np.maximum(found.gap, 0.0) - np.maximum(found.before, 0.0),
-        image=image,
-    )
 
 
 def _of_bodies(found: ContactPairs, surfaces: outline.Images) -> ContactPairs:

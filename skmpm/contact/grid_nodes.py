@@ -67,7 +67,7 @@ class SharedGrid:
             ]
         )
         constraints = _constraints(scene, nodes, *_pairs(nodes), grid)
-        return lambda w: constraints
+        return lambda w, motions=motions: constraints
 
 
 shared_grid = SharedGrid()

@@ -3,14 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.arrays import Array
+from skmpm.arrays import EXACT, Array
 
 OPEN, STICK, SLIP_PLUS, SLIP_MINUS = range(4)  # states of a contact; r_t = +-mu r_n where it slips
 SLIP_SIGN = np.array([0.0, 0.0, 1.0, -1.0])  # sign of r_t for each state
-
-# Ratio W_tt / W_nn below which a tangential row has no response. The round-off of u_t, 1e-16 W_nn r, is
-# 1e-16 sqrt(W_nn / W_tt) in the scale of its row: below this ratio it exceeds 1e-10, the smallest tolerance in use.
-MIN_TANGENTIAL_RESPONSE = 1e-12
 
 
 def project(r: ArrayLike, mu: ArrayLike) -> Array:
@@ -68,12 +64,13 @@ def row_scales(diagonal: ArrayLike, contacts: int) -> Array:
     """Return the scales of the rows, diag(W) with W_nn in tangential rows without response, (2k,) or (k,) [1/kg].
 
     Where a support prescribes the tangential motion of a contact point, W_tt is zero up to round-off and friction is
-    ``r_t = -mu r_n sign(u_t)``.
+    ``r_t = -mu r_n sign(u_t)``. The round-off of u_t, 1e-16 W_nn r, is 1e-16 sqrt(W_nn / W_tt) in the scale of its
+    row. Where W_tt is below `EXACT` W_nn, that exceeds 1e-10, the smallest tolerance in use.
     """
     diagonal = np.array(diagonal, dtype=float)
     if diagonal.size > contacts:
         normal, tangential = diagonal[0::2], diagonal[1::2]
-        diagonal[1::2] = np.where(tangential > MIN_TANGENTIAL_RESPONSE * normal, tangential, normal)
+        diagonal[1::2] = np.where(tangential > EXACT * normal, tangential, normal)
     return diagonal
 
 

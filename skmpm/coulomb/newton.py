@@ -23,7 +23,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from skmpm.arrays import Array
+from skmpm.arrays import EXACT, Array
 from skmpm.compiled import compiled
 from skmpm.coulomb.krylov import TOLERANCE, NotConvergedError, by_blocks, by_known_factor
 from skmpm.coulomb.law import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, split
@@ -34,7 +34,6 @@ States: TypeAlias = NDArray[np.int8]
 
 # Gain of full steps: impulses decide the contact states, velocities only where impulses lie on the edge of a cone.
 FULL_STEP_GAIN = 1e-6
-INSIDE = 1.0 - 1e-12  # fraction of the cone within which impulses of a start stick: rescaling them rounds
 # Full steps after which the number of contacts that change their states must have decreased: with 1, 2, 3, 5
 # problems of real runs, 165 in all, take 1,900, 1,760, 1,540, 1,690 Newton steps, without full steps 7,000.
 PATIENCE = 3
@@ -61,7 +60,7 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     """
     r, k, best, factor, polished = x.r, p.contacts, x, None, False
     a = r if r.any() else -x.u
-    state, fewest, left = contact_states((a + p.slide)[:k], p.mu * INSIDE), p.mu.size + 1, PATIENCE
+    state, fewest, left = contact_states((a + p.slide)[:k], p.mu * (1.0 - EXACT)), p.mu.size + 1, PATIENCE
     seen, count, changes, rough = {state.tobytes()}, 0, p.mu.size, False
     # Small dynamic problems, whose steps take no time, are polished even where the start is within the tolerance.
     wanted = tol if p.blocks is None or is_sparse(p.W) else POLISH * tol

@@ -9,9 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from skmpm.arrays import Array
+from skmpm.arrays import EXACT, Array
 from skmpm.compiled import compiled
-from skmpm.coulomb.law import MIN_TANGENTIAL_RESPONSE, clip_to_cone, natural, root, row_scales, scaled_friction, split
+from skmpm.coulomb.law import clip_to_cone, natural, root, row_scales, scaled_friction, split
 
 Matrix: TypeAlias = Any  # dense or CSR, with @
 Ints: TypeAlias = NDArray[np.integer]
@@ -152,7 +152,7 @@ def _slide(W: Matrix, response: Array, q: Array, contacts: int, k: int) -> Array
 
     `response` is the diagonal of W.
     """
-    suspects = np.flatnonzero(response[1:contacts:2] < MIN_TANGENTIAL_RESPONSE) if contacts > k else np.zeros(0)
+    suspects = np.flatnonzero(response[1:contacts:2] < EXACT) if contacts > k else np.zeros(0)
     if not suspects.size:
         return 0.0
     rows = 2 * suspects + 1

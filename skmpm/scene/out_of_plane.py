@@ -6,12 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import ROUND_OFF, Array, Ints
 from skmpm.material import Material, determinant, has_memory, initial_state, is_linear, poisson_ratio
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
-
-ROUND_OFF = 1e-9  # of the largest stress: mean stresses that differ by less are those of the points' own gradients
 
 
 def stress_zz(scene: Scene, state: State) -> Array:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skmpm.arrays import Bools
+from skmpm.arrays import ROUND_OFF, Bools
 from skmpm.material import Material, has_memory, viscosity_of
 from skmpm.representation import line, quantity, table
 from skmpm.scene.check import check
@@ -19,7 +19,6 @@ from skmpm.scene.model import Model
 from skmpm.scene.objects import Body, SceneError
 
 ROUND = 1e-3  # deviation of boundary points from a circle, over its radius
-SAME_ENERGY = 1e-9  # relative: round-off of energies
 
 
 def round_bodies(scene: Model) -> Bools:
@@ -79,7 +78,7 @@ def _isotropic(material: Material) -> bool:
     F, angle = np.array([[1.2, 0.3], [0.05, 0.9]]), np.linspace(0.0, np.pi, 7)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     energy = material.energy(np.einsum("ij,jkn->ikn", F, rotation))
-    return bool(np.ptp(energy) <= SAME_ENERGY * np.abs(energy).max())
+    return bool(np.ptp(energy) <= ROUND_OFF * np.abs(energy).max())
 
 
 @dataclass(frozen=True, repr=False)

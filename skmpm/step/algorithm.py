@@ -32,6 +32,7 @@ from skmpm.step.newton import advance
 from skmpm.step.regrid import check_connected, check_parts_apart, regridded_state
 from skmpm.step.report import report_of, unbalanced_ratio
 from skmpm.step.rigid_edges import indenting_edge_message
+from skmpm.step.scalar_unknowns import ScalarUnknowns
 from skmpm.step.scene_forces import equilibrium_depends_on_dt, terms_of
 from skmpm.step.start import configuration_at_start, first_velocity, scalar_unknowns
 from skmpm.step.statics import settle
@@ -62,22 +63,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     state, regridded = regridded_state(scene, start, scheme)
     motions = prescribed_velocities(scene, state.t, dt, state.box)
     unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
-    if unknowns is not None:
-        motions = unknowns.motions(unknowns.inertia.v0)
-    v0, at_start = first_velocity(scene, state, motions, scheme), configuration_at_start(scene, state, scheme)
-    terms = tuple(terms_of(scene, state, at_start, dt, scheme))
-    increment = Increment(
-        at_start,
-        v0 if unknowns is None else np.concatenate([v0, unknowns.inertia.v0]),
-        terms,
-        dt,
-        scheme,
-        state.grids.supports,
-        motions.supports,
-        gauge=gauge_condition(scene, state, v0, terms, dt, scheme),
-        depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
-        scalars=unknowns,
-    )
+    motions = unknowns.motions(motions, unknowns.inertia.v0)
+    increment = _equations(scene, state, dt, scheme, motions, unknowns)
     timer.lap("transfer")
     try:
         check_connected(scene, state)
@@ -106,6 +93,26 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     return replace(after, report=replace(report, seconds=dict(timer.seconds)))
 
 
+def _equations(
+    scene: Scene, state: State, dt: float, scheme: Scheme, motions: PrescribedVelocities, unknowns: ScalarUnknowns
+) -> Increment:
+    """The equations of the step without contact."""
+    v0, at_start = first_velocity(scene, state, motions, scheme), configuration_at_start(scene, state, scheme)
+    terms = tuple(terms_of(scene, state, at_start, dt, scheme))
+    return Increment(
+        at_start,
+        np.concatenate([v0, unknowns.inertia.v0]),
+        terms,
+        dt,
+        scheme,
+        state.grids.supports,
+        motions.supports,
+        gauge=gauge_condition(scene, state, v0, terms, dt, scheme),
+        depends_on_dt=scheme.inertia or equilibrium_depends_on_dt(scene),
+        scalars=unknowns,
+    )
+
+
 def _contact_problem(
     scene: Scene,
     increment: Increment,
@@ -125,7 +132,7 @@ def _contact_problem(
     timer.lap("detection")
     known = KnownForces(contacts.key, contacts.force)
     held = scene.supporting >= 0
-    return ContactProblem(linearise, increment, known, timer, supported=held, delassus=delassus)
+    return ContactProblem(linearise, increment, motions, known, timer, supported=held, delassus=delassus)
 
 
 def _equilibrium(

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skmpm.arrays import Array
+from skmpm.arrays import ROUND_OFF, Array
 from skmpm.contact import Constraints, acts_at_grid_nodes
 from skmpm.scene import (
     PrescribedVelocities,
@@ -25,8 +25,6 @@ from skmpm.step.end import End
 from skmpm.step.equations import Increment
 from skmpm.step.iteration import Solution
 from skmpm.step.terms import Budget, Path
-
-SAME_ENERGY = 1e-9  # relative difference of strain energies of one configuration, evaluated twice: round-off
 
 
 def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State) -> Budget:
@@ -56,7 +54,7 @@ def budget_of(scene: Scene, state: State, increment: Increment, solution: Soluti
 def _as_reported(budget: Budget, elastic: float) -> Budget:
     """The budget with the elastic energy of the last report where a state from a file evaluates it again."""
     first = budget.elastic[0]
-    if abs(first - elastic) > SAME_ENERGY * abs(elastic):
+    if abs(first - elastic) > ROUND_OFF * abs(elastic):
         return budget
     return replace(budget, elastic=np.array([elastic, budget.elastic[1]]))
 
@@ -88,7 +86,7 @@ def kinetic_energy(mass: Array, v: Array) -> float:
 def _counted(increment: Increment) -> Array:
     """The masses (n,) [kg/m] but those of the edges of a periodic box, which are not of bodies."""
     mass, scalars = increment.mass, increment.scalars
-    if scalars is None or scalars.carrier is None:
+    if scalars.carrier is None:
         return mass
     own = mass.copy()
     increment.of_scalars(own)[scalars.carrier.own] = 0.0

@@ -123,7 +123,7 @@ def delassus_matrix(
     W = theta * W
     if joining:
         W, bars = with_bars(W, joining, left, right, constraints.base, theta, constraints.D.shape[0])
-    if increment.scalars is not None:
+    if increment.scalars.kinds:
         W, box = with_scalars(contact, increment.scalars, W)
     return W, [border for border in (bars, box) if border is not None], delassus
 

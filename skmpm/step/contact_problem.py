@@ -13,11 +13,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from skmpm import coulomb
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import EXACT, ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import Constraints, Linearise
 from skmpm.grid import BodyGrids
 from skmpm.grid.supports import Elimination
 from skmpm.linear import Delassus, Solver
+from skmpm.scene import PrescribedVelocities
 from skmpm.scene.report import Timer
 from skmpm.step.contact_scale import ContactScale
 from skmpm.step.contact_stiffness import sticking
@@ -30,8 +31,6 @@ from skmpm.step.scalar_unknowns import RESPONSE, driven
 MAX_CANDIDATE_GAP = 0.08
 # [cells] Largest penetration of a supported point, a fifth of what `step.acceptance` accepts at walls.
 MAX_SUPPORTED_PENETRATION = 0.01
-ZERO_COMPONENT = 1e-9  # component of a unit normal that counts as zero
-MIN_RESPONSE = 1e-12  # over the median diagonal entry of W: round-off of a contact that cannot respond
 BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
 ROUND_OFF_FACTOR = 5.0  # over the round-off of impulses: what counts as zero
 
@@ -41,7 +40,7 @@ def candidates(
     grid: BodyGrids,
     supports: Elimination | None,
     supported: Bools,
-    rows: Callable[[Constraints], sp.csr_array] | None = None,
+    rows: Callable[[Constraints], sp.csr_array],
 ) -> Constraints:
     """The contacts, closed or not, whose gap is below `MAX_CANDIDATE_GAP` and can change, and those in tension.
 
@@ -60,8 +59,7 @@ def candidates(
     if supports is None or constraints.size == 0:
         return constraints
     movable = _movable(constraints, grid, supports, supported)
-    if rows is not None:
-        movable |= driven(rows(constraints), constraints)
+    movable |= driven(rows(constraints), constraints)
     penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
     if penetrating.size:
         bodies = constraints.bodies[:, penetrating[0]]
@@ -74,7 +72,7 @@ def _movable(constraints: Constraints, grid: BodyGrids, supports: Elimination, s
     normal = constraints.H[:: 2 if constraints.tangential else 1]
     free = abs(normal @ supports.T).sum(axis=1) > 1e-12
     rigid = (constraints.bodies[1] < 0) | (np.diff(grid.blocks)[np.maximum(constraints.bodies[1], 0)] == 0)
-    prescribed = (supported[:, constraints.point] | (np.abs(constraints.normal) < ZERO_COMPONENT)).all(axis=0)
+    prescribed = (supported[:, constraints.point] | (np.abs(constraints.normal) < ROUND_OFF)).all(axis=0)
     return np.asarray(free & ~(rigid & prescribed & (constraints.point >= 0)))
 
 
@@ -83,7 +81,7 @@ def check_response(constraints: Constraints, normal: Array, supports: Eliminatio
     if supports is None:
         return
     stiffest = int(np.argmin(normal))
-    if not normal[stiffest] > MIN_RESPONSE * float(np.median(normal)):
+    if not normal[stiffest] > EXACT * float(np.median(normal)):
         raise StepRejected(pair(constraints.bodies[:, stiffest]), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
 
 
@@ -121,6 +119,7 @@ class ContactProblem:
 
     linearise: Linearise
     increment: Increment
+    prescribed: PrescribedVelocities
     known: KnownForces  # at the start of the step
     timer: Timer
     supported: Bools = field(  # (2, n) velocity components of the points that supports prescribe
@@ -143,9 +142,8 @@ class ContactProblem:
         """The constraints about a velocity (n,) that enter the contact problem."""
         increment, unknowns = self.increment, self.increment.scalars
         nodes, z = increment.on_nodes(moving), increment.of_scalars(moving)
-        found = self.linearise(nodes) if unknowns is None else self.linearise(nodes, unknowns.motions(z))
-        rows = None if unknowns is None else partial(unknowns.rows, z)
-        return candidates(found, increment.grid, increment.supports, self.supported, rows)
+        found = self.linearise(nodes, unknowns.motions(self.prescribed, z))
+        return candidates(found, increment.grid, increment.supports, self.supported, partial(unknowns.rows, z))
 
     @cached_property
     def speed_round_off(self) -> float:
@@ -181,10 +179,7 @@ class ContactIterate:
     @cached_property
     def J(self) -> sp.csr_array:
         """The columns of H for the scalar unknowns, (rows of H, p)."""
-        unknowns = self.increment.scalars
-        if unknowns is None:
-            return sp.csr_array((self.constraints.D.shape[0], 0))
-        return unknowns.rows(self.increment.of_scalars(self.moving), self.constraints)
+        return self.increment.scalars.rows(self.increment.of_scalars(self.moving), self.constraints)
 
     @property
     def elastic_shares(self) -> Array | float:
@@ -193,7 +188,7 @@ class ContactIterate:
         Between walls of prescribed motion gaps are a millionth of it anyway.
         """
         unknowns = self.increment.scalars
-        if unknowns is None or unknowns.inertia.mass.any():
+        if not unknowns.kinds or unknowns.inertia.mass.any():
             return 1.0
         return np.where(driven(self.J, self.constraints), RESPONSE, 1.0)
 

@@ -32,11 +32,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import Constraints
 
 MIN_IMPULSE = 1e-3  # over the largest normal impulse: below it, the geometric stiffness of a contact is neglected
-CONE_TOLERANCE = 1e-9  # relative distance from the boundary of the friction cone that counts as slip
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ class ContactStiffness:
         """The impulses (2 k,) in the rotated contact frames, from those in the previous frames and rho."""
         i, m, out = self.contacts, self.friction_ratio, r.copy()
         normal = r[2 * i] + m / (1.0 + m**2) * rho[: i.size]
-        on_cone = np.abs(r[2 * i + 1] - m * r[2 * i]) <= CONE_TOLERANCE * np.abs(m) * r[2 * i]
+        on_cone = np.abs(r[2 * i + 1] - m * r[2 * i]) <= ROUND_OFF * np.abs(m) * r[2 * i]
         slips = on_cone & (np.minimum(normal, r[2 * i]) > 0.0)
         out[2 * i] = np.where(slips, normal, r[2 * i])
         out[2 * i + 1] = np.where(slips, m * normal, r[2 * i + 1])
@@ -136,4 +135,4 @@ def _pressed(constraints: Constraints, r: Array) -> Ints:
 
 def sticking(r: Array, friction: Array) -> Bools:
     """Whether impulses (2 k,) are inside their friction cones, (k,)."""
-    return np.asarray(np.abs(r[1::2]) < (1.0 - CONE_TOLERANCE) * friction * r[::2])
+    return np.asarray(np.abs(r[1::2]) < (1.0 - ROUND_OFF) * friction * r[::2])

@@ -21,13 +21,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from skmpm import coulomb
-from skmpm.arrays import Array, Bools
+from skmpm.arrays import EXACT, Array, Bools
 from skmpm.scene import PrescribedVelocities
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, pair
 from skmpm.step.iteration import Solution
-from skmpm.step.scalar_unknowns import SMALL
 from skmpm.step.terms import Configuration
 
 
@@ -93,11 +92,9 @@ def _closed(increment: Increment, contact: ContactIterate) -> Bools:
         held = np.concatenate([fixed, increment.supports.T[fixed].indices]) // 2
         at_support = np.isin(shares.indices, held).astype(np.int64)
         closed &= np.bincount(np.repeat(np.arange(closed.size), np.diff(shares.indptr)), at_support, closed.size) == 0
-    if unknowns is not None:
-        moved = abs(contact.J[::stride])
-        midpoint = unknowns.inertia.theta < 1.0
-        moves |= moved @ midpoint > 0.0
-        closed &= moved @ (~midpoint).astype(float) <= SMALL
+    moved, midpoint = abs(contact.J[::stride]), unknowns.inertia.theta < 1.0
+    moves |= moved @ midpoint > 0.0
+    closed &= moved @ (~midpoint).astype(float) <= EXACT
     return np.asarray(closed & moves)
 
 
@@ -118,7 +115,7 @@ def carried(increment: Increment, solution: Solution) -> tuple[Increment, Soluti
 
     Bodies begin, and end, with what it has added to their velocities (`scalar_unknowns`).
     """
-    if increment.scalars is None or increment.scalars.carrier is None:
+    if increment.scalars.carrier is None:
         return increment, solution
     v0, w = (increment.carried(v, solution.w) for v in (increment.v0, solution.w))
     return replace(increment, v0=v0), replace(solution, w=w)
@@ -136,8 +133,7 @@ def end_of_step(increment: Increment, solution: Solution, motions: PrescribedVel
         if contact is not None:
             velocity, impact = after_impact(increment, contact, velocity)
             impulses = impulses + impact
-    if increment.scalars is not None:
-        motions = increment.scalars.motions(increment.of_scalars(solution.w), increment.of_scalars(velocity))
+    motions = increment.scalars.motions(motions, increment.of_scalars(solution.w), increment.of_scalars(velocity))
     return End(configuration, velocity, reaction, impulses, motions, increment.bulk.updated(configuration))
 
 

@@ -37,7 +37,7 @@ class Increment:
     gauge: Gauge | None = None  # for bodies whose material can turn inside their shape
     metric: Array | None = None  # in place of the mass, (2 nodes,) [kg/m]: of a solve of a static step
     guess: Array | None = None  # where the iteration begins (n,) [m/s]; v0 if None
-    scalars: ScalarUnknowns | None = None  # unknowns that are not on a grid
+    scalars: ScalarUnknowns = field(default_factory=ScalarUnknowns)  # unknowns that are not on a grid
     depends_on_dt: bool = True  # whether the equations depend on dt; not in equilibria under constant conditions
 
     @property
@@ -49,7 +49,7 @@ class Increment:
     @property
     def terms(self) -> tuple[Term, ...]:
         """All forces without contact."""
-        return (self.bulk, *self.others, *(() if self.scalars is None else self.scalars.kinds))
+        return (self.bulk, *self.others, *self.scalars.kinds)
 
     @property
     def grid(self) -> BodyGrids:
@@ -64,8 +64,7 @@ class Increment:
     @cached_property
     def theta(self) -> Array:
         """Moreau-Jean parameters, (n,)."""
-        nodes = np.full(self.start.size, self.scheme.theta)
-        return nodes if self.scalars is None else self.with_scalars(nodes, self.scalars.inertia.theta)
+        return self.with_scalars(np.full(self.start.size, self.scheme.theta), self.scalars.inertia.theta)
 
     @cached_property
     def interval(self) -> Array:
@@ -74,7 +73,7 @@ class Increment:
 
     def on_nodes(self, w: Array) -> Array:
         """The part (2 nodes,) of a vector of all unknowns (n,)."""
-        return w if self.scalars is None else w[: self.start.size]
+        return w[: self.start.size]
 
     def of_scalars(self, w: Array) -> Array:
         """The part (p,) of a vector of all unknowns (n,)."""
@@ -82,7 +81,7 @@ class Increment:
 
     def with_scalars(self, on_nodes: Array, of_scalars: Array) -> Array:
         """A vector of all unknowns (n,) from those of nodes (2 nodes,) and of scalars (p,)."""
-        return on_nodes if self.scalars is None else np.concatenate([on_nodes, of_scalars])
+        return np.concatenate([on_nodes, of_scalars]) if of_scalars.size else on_nodes
 
     @property
     def start(self) -> Array:
@@ -106,7 +105,7 @@ class Increment:
     def mass(self) -> Array:
         """Diagonal inertia: lumped mass, of nodes in a static step its metric, (n,) [kg/m]."""
         nodes = self.bulk.assembly.mass if self.metric is None else self.metric
-        return nodes if self.scalars is None else self.with_scalars(nodes, self.scalars.inertia.mass)
+        return self.with_scalars(nodes, self.scalars.inertia.mass)
 
     @cached_property
     def linear(self) -> bool:
@@ -128,13 +127,12 @@ class Increment:
 
     def carried(self, v: Array, w: Array) -> Array:
         """A velocity v (n,) whose bodies move with a periodic box, too, that has the scalar unknowns of w (n,)."""
-        translation = None if self.scalars is None else self.scalars.translation(self.of_scalars(w))
+        translation = self.scalars.translation(self.of_scalars(w))
         return v if translation is None else v + self.of_bodies(translation)
 
     def of_bodies(self, translation: Array) -> Array:
         """The velocities (n,) of bodies that move at (2, bodies)."""
-        nodes = translation[:, self.grid.node_body].T.ravel()
-        return nodes if self.scalars is None else self.with_scalars(nodes, self.scalars.carried(translation))
+        return self.with_scalars(translation[:, self.grid.node_body].T.ravel(), self.scalars.carried(translation))
 
     def at(self, w: Array) -> Configuration:
         """The configuration in which forces are evaluated."""
@@ -149,13 +147,11 @@ class Increment:
 
     def force(self, term: Term, configuration: Configuration) -> Array:
         """The force of a term on all unknowns, (n,) [N/m]."""
-        force = term.force(configuration)
-        if self.scalars is None:
-            return force
-        total = np.zeros_like(self.v0)
-        part = self.on_nodes(total) if term.own is None else self.of_scalars(total)[term.own]
-        part[:] = force
-        return total
+        force, of_scalars = term.force(configuration), np.zeros_like(self.scalars.inertia.v0)
+        if term.own is None:
+            return self.with_scalars(force, of_scalars)
+        of_scalars[term.own] = force
+        return self.with_scalars(np.zeros_like(self.start), of_scalars)
 
     def gradient(self, w: Array, configuration: Configuration) -> tuple[Array, float]:
         """Out-of-balance impulse without contact (n,) [kg m/s per m], and the norm of its largest term."""
@@ -192,14 +188,10 @@ class Increment:
 
     def solved(self, solver: Solver, b: Array) -> Array:
         """A^-1 b for all unknowns (n,), from the solver for those of nodes."""
-        if self.scalars is None:
-            return solver(b)
         return self.with_scalars(solver(self.on_nodes(b)), self.of_scalars(b) / self.scalars.inertia.response)
 
     def limited(self, direction: Array) -> Array:
         """A change of w (n,) in which scalars do not move too far."""
-        if self.scalars is None:
-            return direction
         farthest = self.scalars.inertia.farthest
         return self.with_scalars(self.on_nodes(direction), np.clip(self.of_scalars(direction), -farthest, farthest))
 

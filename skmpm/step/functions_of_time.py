@@ -14,20 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.arrays import Array
+from skmpm.arrays import ROUND_OFF, Array
 from skmpm.scene import Scene, prescribed_motions
 
 Function = Callable[[float], ArrayLike]
 
-INTERVALS = 64  # of a step, between times at which functions are looked at
+SAMPLES = 64  # of a function: in the time of a step, and of gravity in space, three or more in a body
 # Largest error of the impulse of a load in a step, over that of the largest in a run: the mean deviation from
 # the value that the step takes. A ramp from zero then takes 50 steps; the velocity at its end is 1.5 % too large.
 MAX_ERROR = 0.01
-# Largest deviation of a velocity or a displacement from a straight line, over the largest in a run: the mean of a
-# parabola is off by a third of it. A period of a sine then takes 13 steps.
-MAX_BEND = 3.0 * MAX_ERROR
-ROUND_OFF = 1e-9  # of the largest component: values of another one that are none
-GRAVITY_POINTS = 64  # at which gravity that is a function of position and time is looked at, three or more of a body
 TIMES = 101  # of a run, at which functions of time tell how large they are
 
 
@@ -69,18 +64,19 @@ class FunctionsOfTime:
 
     def _follows(self, t: float, dt: float) -> bool:
         """Whether a step from t to t + dt follows them."""
-        part = np.linspace(0.0, 1.0, INTERVALS + 1)
+        part = np.linspace(0.0, 1.0, SAMPLES + 1)
         times = t + dt * part
         for f, size in self.loads:
             values, (taken,) = values_at(f, times), values_at(f, np.array([t + self.theta * dt]))
             away = np.abs(values - taken)
-            mean = (away.sum(axis=0) - 0.5 * (away[0] + away[-1])) / INTERVALS
+            mean = (away.sum(axis=0) - 0.5 * (away[0] + away[-1])) / SAMPLES
             if _relative(mean, values, size) > MAX_ERROR:
                 return False
         for f, size in self.velocities + self.displacements:
             values = values_at(f, times)
             line = values[0] + part[:, None] * (values[-1] - values[0])
-            if _relative(values - line, values, size) > MAX_BEND:
+            # The mean of a parabola is off by a third of its bend. A period of a sine then takes 13 steps.
+            if _relative(values - line, values, size) / 3.0 > MAX_ERROR:
                 return False
         return True
 
@@ -112,7 +108,7 @@ def _some_points(scene: Scene) -> Array:
     """Positions at t = 0 of points of all bodies that forces move, (2, k) [m]."""
     bodies = np.flatnonzero(scene.movable)
     first, last = scene.offsets[bodies], scene.offsets[bodies + 1] - 1
-    each = np.linspace(first, last, max(3, -(-GRAVITY_POINTS // bodies.size)))
+    each = np.linspace(first, last, max(3, -(-SAMPLES // bodies.size)))
     return scene.initial_positions[:, np.unique(each.astype(np.int64))]
 
 

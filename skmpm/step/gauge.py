@@ -23,7 +23,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skmpm.arrays import Array, Bools
+from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.contact.reach import max_motion
 from skmpm.grid import BodyGrids
 from skmpm.scene import Scene, State, centres
@@ -36,7 +36,6 @@ UNSTABLE = 0.75  # dt^2 virial / J of a body from which on its spin is dropped; 
 # at the start of the step, so that the energy of rotation grows by a quarter of the square of this angle, which is
 # below the tolerance of the energy check (`step.acceptance`).
 MAX_ANGLE = 1e-3
-NO_MOMENT = 1e-9  # moment of a force over the sum of its parts: round-off of a force that is uniform
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,7 @@ def gauge_condition(
 def _turned(gauge: Gauge, force: Array) -> Bools:
     """Bodies on which a force (2 nodes,) [N/m] has a moment about the centre of mass, (bodies,)."""
     of_sizes = replace(gauge, rotation=np.abs(gauge.rotation)).moments(np.abs(force))
-    return np.asarray(np.abs(gauge.moments(force)) > NO_MOMENT * of_sizes)
+    return np.asarray(np.abs(gauge.moments(force)) > ROUND_OFF * of_sizes)
 
 
 def _touching(scene: Scene, state: State) -> Bools:

@@ -195,12 +195,10 @@ def _largest(increment: Increment, contact: ContactIterate | None, out_of_balanc
     """The body with the largest out-of-balance impulse, or what has no grid and a larger one."""
     free = increment.on_free_dofs(out_of_balance)
     body, impulse = worst_body(increment.grid, increment.on_nodes(free))
-    if increment.scalars is None:
-        return body
     each = np.nan_to_num(np.abs(increment.of_scalars(free)), nan=np.inf)
-    k = int(np.argmax(each))
-    if each[k] < impulse:
+    if not each.size or each.max() < impulse:
         return body
+    k = int(np.argmax(each))
     pressed = contact is not None and increment.of_scalars(contact.impulse)[k] != 0.0
     return increment.scalars.names[k] + ("" if pressed else ", on which no contact presses")
 

@@ -15,14 +15,13 @@ from itertools import chain
 
 import numpy as np
 
-from skmpm.arrays import Array
+from skmpm.arrays import ROUND_OFF, Array
 from skmpm.contact.self_contact import can_touch
 from skmpm.scene import Scene, gravity_at
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.initial_state import initial_motion
 
 SEVERAL = 6  # bodies that forces move, from which on errors at contacts average out, as in a packing
-ROUND_OFF = 1e-9  # over the largest gravity, of one that turns
 SLOPE = 0.1  # component of a wall's normal against gravity from which on the wall is a floor
 
 

@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.arrays import Array, Bools
+from skmpm.arrays import EXACT, Array, Bools
 from skmpm.contact import Constraints
 from skmpm.scene import PrescribedVelocities
 from skmpm.step.forces import DeadLoad
@@ -32,7 +32,6 @@ from skmpm.step.terms import Budget, Configuration, Path, Term
 
 # Without inertia, mass of an unknown in A over dt^2 times the largest shear modulus of the bodies.
 RESPONSE = 1e-3
-SMALL = 1e-12  # motion along the normal of a contact per motion of what moves it, by round-off
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,8 @@ class Inertia:
     @staticmethod
     def joined(parts: Sequence[Inertia]) -> Inertia:
         """That of several kinds, one after the other."""
-        return Inertia(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Inertia)))
+        none = np.zeros(0)
+        return Inertia(*(np.concatenate([none, *(getattr(part, f.name) for part in parts)]) for f in fields(Inertia)))
 
 
 @dataclass(frozen=True)
@@ -141,10 +141,9 @@ class Carrier(Unknowns):
 
 @dataclass(frozen=True)
 class ScalarUnknowns:
-    """All such unknowns of a step."""
+    """All such unknowns of a step, p in number; there may be none."""
 
-    kinds: Sequence[Unknowns]
-    prescribed: PrescribedVelocities
+    kinds: Sequence[Unknowns] = ()
     carrier: Carrier | None = None  # one of them, the first
 
     @cached_property
@@ -163,20 +162,20 @@ class ScalarUnknowns:
 
     def carried(self, translation: Array) -> Array:
         """What velocities (2, bodies) of all bodies add to the unknowns, (p,)."""
-        return np.concatenate([kind.carried(translation) for kind in self.kinds])
+        return np.concatenate([np.zeros(0), *(kind.carried(translation) for kind in self.kinds)])
 
-    def motions(self, z: Array, end: Array | None = None) -> PrescribedVelocities:
+    def motions(self, prescribed: PrescribedVelocities, z: Array, end: Array | None = None) -> PrescribedVelocities:
         """All prescribed velocities, with those of the unknowns, and with those at the end of the step (p,)."""
-        motions = self.prescribed
         for kind in self.kinds:
-            motions = kind.motions(z[kind.own], (z if end is None else end)[kind.own], motions)
-        return motions
+            prescribed = kind.motions(z[kind.own], (z if end is None else end)[kind.own], prescribed)
+        return prescribed
 
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
-        return sp.csr_array(sp.hstack([kind.rows(z[kind.own], constraints) for kind in self.kinds], format="csr"))
+        none = sp.csr_array((constraints.D.shape[0], 0))
+        return sp.csr_array(sp.hstack([none, *(kind.rows(z[kind.own], constraints) for kind in self.kinds)]))
 
 
 def driven(J: sp.csr_array, constraints: Constraints) -> Bools:
     """Whether scalar unknowns with the columns J of H move contacts along their normals, (k,)."""
-    return np.asarray(abs(J[:: 2 if constraints.tangential else 1]).sum(axis=1) > SMALL)
+    return np.asarray(abs(J[:: 2 if constraints.tangential else 1]).sum(axis=1) > EXACT)

@@ -82,10 +82,10 @@ def _prescribed(scene: Scene, state: State, motions: PrescribedVelocities) -> It
 
 def scalar_unknowns(
     scene: Scene, state: State, dt: float, scheme: Scheme, motions: PrescribedVelocities
-) -> ScalarUnknowns | None:
-    """The unknowns of a step of dt [s] that are not on a grid; None if there are none."""
+) -> ScalarUnknowns:
+    """The unknowns of a step of dt [s] that are not on a grid."""
     if not scene.has_scalar_unknowns:
-        return None
+        return ScalarUnknowns()
     soft, farthest = None, np.inf
     if not scheme.inertia:
         shear = max(material.lame[1] for material in scene.materials)
@@ -99,7 +99,7 @@ def scalar_unknowns(
         kinds.append(DrivenWalls.of(scene, state, interval, _size(kinds)))
     if scene.free_rigid.size:
         kinds.append(FreeBodies.of(scene, state, moved, interval, _size(kinds)))
-    return ScalarUnknowns(kinds, motions, box if scheme.inertia else None)
+    return ScalarUnknowns(kinds, box if scheme.inertia else None)
 
 
 def _size(kinds: Sequence[Unknowns]) -> int:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skmpm.arrays import ROUND_OFF
 from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
@@ -20,7 +21,6 @@ from skmpm.step.step_length import BELOW, MAX_CHANGE, SLACK, TWICE, Pace, next_l
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`
 SUCCESSES_BEFORE_DOUBLING = 4  # steps
-TIME_TOLERANCE = 1e-9  # over a step: round-off of times, by which the last step may miss `until`
 # Of a step: rather than with less of one a run ends with two equal ones. Round-off of gaps over a short step is a
 # large velocity: 5e-12 s after 150 steps of 2 ms took the kinetic energy of a packing from 816 to 3644 J/m.
 SLIVER = 1e-3
@@ -110,7 +110,7 @@ def advance_with_retries(scene: Scene, state: State, until: float, scheme: Schem
             _log.info("%s; retrying with dt = %.3g s", failure, _length(state, until)[0])
             continue
         report = replace(after.report, retries=len(failures))
-        shortened = dt < (1.0 - TIME_TOLERANCE) * _step_of(state.step_control)
+        shortened = dt < (1.0 - ROUND_OFF) * _step_of(state.step_control)
         control, t = _after_success(state.step_control, shortened), float(until) if ends else after.t
         return replace(after, t=t, report=report, step_control=control), failures
 
@@ -157,7 +157,7 @@ def advance_with_chosen_step(
         # What accelerates is faster in the next step, by as much again.
         growth = by_motion / max(pace.by_motion(scene, scheme, state, state), 1e-300)
         chosen = min(chosen, BELOW * by_loss, by_motion * float(np.clip(growth, 1.0 / MAX_CHANGE, 1.0)))
-        t = float(until) if left - length <= TIME_TOLERANCE * length else after.t
+        t = float(until) if left - length <= ROUND_OFF * length else after.t
         return replace(after, t=t, report=report, step_control=replace(state.step_control, chosen=chosen)), failures
 
 
@@ -168,15 +168,15 @@ def _step_of(step_control: StepControl) -> float:
 def _length(state: State, until: float) -> tuple[float, bool]:
     """Length of the next step [s], and whether it ends at `until`."""
     dt, left = _step_of(state.step_control), until - state.t
-    if (1.0 + TIME_TOLERANCE) * dt < left < (1.0 + SLIVER) * dt:
+    if (1.0 + ROUND_OFF) * dt < left < (1.0 + SLIVER) * dt:
         return 0.5 * left, False
-    return (left if left < (1.0 - TIME_TOLERANCE) * dt else dt), left <= (1.0 + TIME_TOLERANCE) * dt
+    return (left if left < (1.0 - ROUND_OFF) * dt else dt), left <= (1.0 + ROUND_OFF) * dt
 
 
 def _halved(step_control: StepControl, failed: float) -> StepControl:
     """The step control after a failed step of length `failed` [s]: at most half of that."""
     halvings = step_control.halvings + 1
-    while halvings < MAX_HALVINGS and step_control.dt / 2**halvings > 0.5 * (1.0 + TIME_TOLERANCE) * failed:
+    while halvings < MAX_HALVINGS and step_control.dt / 2**halvings > 0.5 * (1.0 + ROUND_OFF) * failed:
         halvings += 1
     return replace(step_control, halvings=halvings, successes=0)
 
