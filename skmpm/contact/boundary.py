@@ -25,9 +25,8 @@ from skmpm.contact.closest_points import closest_points
 from skmpm.contact.cohesion import tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise, no_constraints
 from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
-from skmpm.contact.motion import Motion
+from skmpm.contact.motion import Motion, contact_reach
 from skmpm.contact.neighbours import Neighbours, Roles, Tension, neighbours, pairs_of_bodies
-from skmpm.contact.reach import contact_reach
 from skmpm.contact.rows import combinations, joined
 from skmpm.contact.self_contact import SelfContact
 from skmpm.grid import BodyGrids

@@ -19,7 +19,7 @@ import numpy as np
 from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import ContactFormulation, acts_at_grid_nodes
-from skmpm.contact.reach import contact_reach
+from skmpm.contact.motion import contact_reach
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, State
 

@@ -8,8 +8,7 @@ mu~ = mu sqrt(W_tt / W_nn). Tangential rows without response are scaled like the
 The package depends on matrices and friction coefficients only, not on grids or bodies.
 """
 
-from skmpm.coulomb.law import project, residual, residuals, row_scales
-from skmpm.coulomb.problem import MAX_DENSE_ROWS, Bilateral
+from skmpm.coulomb.problem import MAX_DENSE_ROWS, Bilateral, project, residual, residuals, row_scales
 from skmpm.coulomb.search import Info, solve
 
 __all__ = ["MAX_DENSE_ROWS", "Bilateral", "Info", "project", "residual", "residuals", "row_scales", "solve"]

@@ -26,8 +26,7 @@ from scipy.sparse.linalg import splu
 from skmpm.arrays import EXACT, Array
 from skmpm.compiled import compiled
 from skmpm.coulomb.krylov import TOLERANCE, NotConvergedError, by_blocks, by_known_factor
-from skmpm.coulomb.law import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, split
-from skmpm.coulomb.problem import Iterate, Problem, is_sparse
+from skmpm.coulomb.problem import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, Iterate, Problem, is_sparse, split
 
 States: TypeAlias = NDArray[np.int8]
 

@@ -8,6 +8,6 @@ places to which moment fitting moves their strains, are quadrature points of thi
 
 from skmpm.grid.body_grids import BodyGrids, CartesianMapping
 from skmpm.grid.building import build_grids, numbered
-from skmpm.grid.point_loops import CORNERS
+from skmpm.grid.loops import CORNERS
 
 __all__ = ["CORNERS", "BodyGrids", "CartesianMapping", "build_grids", "numbered"]

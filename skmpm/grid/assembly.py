@@ -14,8 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.arrays import Array, Ints
-from skmpm.grid import BodyGrids, numbered
-from skmpm.grid import assembly_loops as loops
+from skmpm.grid import BodyGrids, loops, numbered
 from skmpm.grid.forms import reference_ghost
 from skmpm.parallel import over_bodies
 

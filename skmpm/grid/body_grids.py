@@ -14,7 +14,7 @@ from skfem import CellBasis, ElementQuad1, ElementVector, MeshQuad
 from skfem.mapping import Mapping
 
 from skmpm.arrays import Array, Ints
-from skmpm.grid import point_loops
+from skmpm.grid import loops as point_loops
 
 
 class CartesianMapping(Mapping):

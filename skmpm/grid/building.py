@@ -6,7 +6,7 @@ import numpy as np
 
 from skmpm.arrays import Array, Ints
 from skmpm.grid.body_grids import BodyGrids
-from skmpm.grid.point_loops import CORNERS
+from skmpm.grid.loops import CORNERS
 
 TABLE_RATIO = 30  # possible keys per given key above which sorting is faster than a table of all possible keys
 

@@ -18,9 +18,8 @@ import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled, compiled_in_order
-from skmpm.outline.cubics import Loops, project, see, values
+from skmpm.outline.cubics import Loops, backward_shares, project, see, values
 from skmpm.outline.topology import Outlines
-from skmpm.tangents import backward_shares
 
 CORNER_COSINE = np.cos(np.deg2rad(50.0))  # of the turn: a regular octagon (45 degrees) is smooth, a hexagon is not
 NOTCH_EXTENSION = 0.5  # [segments] extension of a side beyond a notch

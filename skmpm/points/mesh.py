@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm.arrays import Array, Bools, Ints
+from skmpm.outline.cubics import backward_shares
 from skmpm.points.cloud import Points, signed_area
 from skmpm.points.mesh_groups import cell_groups
-from skmpm.tangents import backward_shares
 
 if TYPE_CHECKING:
     import meshio

@@ -7,7 +7,7 @@ import numpy as np
 from skmpm import outline
 from skmpm.arrays import Array, Ints
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.contact.reach import MAX_MOTION, max_motion
+from skmpm.contact.motion import MAX_MOTION, max_motion
 from skmpm.contact.self_contact import can_touch
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps

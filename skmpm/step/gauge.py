@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from skmpm.arrays import ROUND_OFF, Array, Bools
-from skmpm.contact.reach import max_motion
+from skmpm.contact.motion import max_motion
 from skmpm.grid import BodyGrids
 from skmpm.scene import Scene, State, centres
 from skmpm.scheme import Scheme

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from skmpm.arrays import Array
-from skmpm.contact.reach import max_motion
+from skmpm.contact.motion import max_motion
 from skmpm.contact.self_contact import can_touch
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions, normal_speeds
 from skmpm.scheme import Scheme

@@ -15,7 +15,7 @@ import pytest
 
 from skmpm import linear
 from skmpm.contact import shared_grid
-from skmpm.grid import assembly_loops
+from skmpm.grid import loops as assembly_loops
 from skmpm.material import ElastoPlastic, LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.run import simulate

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skmpm.tangents import backward_shares
+from skmpm.outline.cubics import backward_shares
 
 
 def shares(x, corner=()):
