@@ -6,6 +6,7 @@ What forces drive moves with the unknowns: contacts transfer energy between thes
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -28,24 +29,20 @@ from skmpm.step.terms import Budget, Path
 
 
 def budget_of(scene: Scene, state: State, increment: Increment, solution: Solution, end: End, after: State) -> Budget:
-    """The energy budget of a solved step, the sum of those of its terms.
-
-    With inertia the work is that of the forces in the balance of momentum, so that the budget of the time scheme
-    closes. A quasi-static step takes the mean of the forces at both its ends (trapezoidal rule, second order).
-    """
-    inertia, work = increment.scheme.inertia, -float(end.reaction @ increment.prescribed)
-    contact = solution.contact
+    """The energy budget of a solved step, the sum of those of its terms."""
+    scheme, contact = increment.scheme, solution.contact
+    stressed = end.configuration if scheme.theta == 1.0 else increment.at(solution.w)
+    theta = scheme.theta if scheme.inertia else None
+    path = Path(increment.at_start, stressed, end.configuration, theta, end.internal)
+    work = -float(end.reaction @ increment.prescribed)
     if contact is not None:
         work += work_at_contacts(scene, state, increment, contact, end)
-    if not inertia:
-        work = 0.5 * (work + work_at_start(scene, state, increment, end.motions))
-    total = Budget(external=work)
-    if inertia:
+    at_start = partial(work_at_start, scene, state, increment, end.motions)
+    total = Budget(external=path.mean(lambda at, part: work if part else at_start()))
+    if scheme.inertia:
         total += _of_motion(state, increment, end, after)
     if contact is not None:
         total += _of_contacts(increment, contact)
-    stressed = end.configuration if increment.scheme.theta == 1.0 else increment.at(solution.w)
-    path = Path(increment.at_start, stressed, end.configuration, inertia, end.internal)
     for term in increment.terms:
         total += term.budget(path)
     return _as_reported(total, state.report.energy.elastic)

@@ -49,7 +49,7 @@ class DeadLoad(Term):
 
     def budget(self, path: Path) -> Budget:
         """Its work."""
-        load = self.load if self.at_start is None else 0.5 * (self.at_start + self.load)
+        load = path.mean(lambda at, part: self.load if part or self.at_start is None else self.at_start)
         return Budget(external=float(load @ path.moved))
 
 
@@ -78,12 +78,9 @@ class FollowerPressure(Term):
 
     def budget(self, path: Path) -> Budget:
         """The work: p times the change of an area, quadratic in displacements: the force halfway gives it exactly."""
-        start, end = path.start.displacement, path.end.displacement
-        if path.inertia:
-            exerted = self._exerted(0.5 * (start + end), self.value)
-        else:
-            exerted = 0.5 * (self._exerted(start, self.at_start) + self._exerted(end, self.value))
-        return Budget(external=float(exerted @ path.moved))
+        halfway = 0.5 * (path.start.displacement + path.end.displacement)
+        value = path.mean(lambda at, part: self.value if part else self.at_start)
+        return Budget(external=float(self._exerted(halfway, value) @ path.moved))
 
     def _exerted(self, displacement: Array, value: Array) -> Array:
         """Nodal forces of pressures (s,) at a nodal displacement (2 nodes,), (2 nodes,) [N/m]."""
@@ -122,12 +119,8 @@ class Springs(Term):
 
     def budget(self, path: Path) -> Budget:
         """What they store, and the work of their ends."""
-        start, end = path.start.displacement, path.end.displacement
-        stored = np.array([self.stored(start, 0.0), self.stored(end, 1.0)])
-        if path.inertia:
-            work = self._work_of_ends(path.stressed.displacement, self.theta)
-        else:
-            work = 0.5 * (self._work_of_ends(start, 0.0) + self._work_of_ends(end, 1.0))
+        stored = np.array([self.stored(path.start.displacement, 0.0), self.stored(path.end.displacement, 1.0)])
+        work = path.mean(lambda at, part: self._work_of_ends(at.displacement, part))
         return Budget(springs=stored, external=work)
 
     def _stretch(self, displacement: Array, part: float) -> Array:

@@ -126,8 +126,7 @@ class Unknowns(Term):
 
     def budget(self, path: Path) -> Budget:
         """The work of the load."""
-        load = -self.force(path.stressed)
-        load = load if path.inertia else 0.5 * (load + self.load_at_start())
+        load = path.mean(lambda at, part: -self.force(at) if part else self.load_at_start())
         return Budget(external=float(load @ path.end.scalars[self.own]))
 
 

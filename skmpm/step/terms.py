@@ -7,10 +7,11 @@ scene lacks is not in it. A new one is a class as those of `step.forces`, and a 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -147,20 +148,33 @@ class Configuration:
         return None if self.bulk is None else self.bulk.energy_anew(self)
 
 
+Mean = TypeVar("Mean", float, Array)
+
+
 @dataclass(frozen=True)
 class Path:
-    """The configurations of the bodies in a step, and how its work is taken."""
+    """The configurations of the bodies in a step, and which forces do its work.
+
+    With inertia those of the balance of momentum do, so that the budget of the time scheme closes. Without, the mean
+    of the forces at both ends does (trapezoidal rule, second order).
+    """
 
     start: Configuration
     stressed: Configuration  # in which the forces of the step are taken
     end: Configuration
-    inertia: bool  # with the forces of the balance of momentum; without the mean of those at both ends
+    theta: float | None  # part of the step after which forces are taken; None without inertia
     internal: Array | None = None  # (k, n) internal variables at the end, None if no material has memory
 
     @property
     def moved(self) -> Array:
         """Displacements in the step, (2 nodes,) [m]."""
         return np.asarray(self.end.displacement - self.start.displacement)
+
+    def mean(self, force: Callable[[Configuration, float], Mean]) -> Mean:
+        """What does work of a force, or of its power, in a configuration and a part of the step after its start."""
+        if self.theta is not None:
+            return force(self.stressed, self.theta)
+        return (force(self.start, 0.0) + force(self.end, 1.0)) * 0.5
 
 
 class Term(ABC):
