@@ -40,7 +40,7 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
 
 
 def compiled_in_order(kernel: Callable[P, R]) -> Callable[P, R]:
-    """The same with sums in the order in which they are written, for small differences of terms near one."""
+    """Compile as `compiled` does, with sums in the order as written, for small differences of terms near one."""
     found: Callable[P, R] = _cached(njit(nogil=True, forceinline=True)(kernel))
     return found
 

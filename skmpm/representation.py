@@ -51,7 +51,7 @@ def line(name: str, facts: Mapping[str, object]) -> str:
 
 
 def table(name: str, facts: Mapping[str, object]) -> str:
-    """The same as a table in HTML."""
+    """A table in HTML: the name, and rows of key and value."""
     rows = "".join(f"<tr><td>{escape(key)}</td><td>{escape(str(value))}</td></tr>" for key, value in facts.items())
     return f"<table><caption>{escape(name)}</caption>{rows}</table>"
 

@@ -70,7 +70,7 @@ def point_to_curve(
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
     kept = 1.0 - PUSH_OUT * (min(1.0, dt * scene.fastest_wave / scene.cell) if inertia else 1.0)
     detection = _Detection(scene, state, dt, theta, _boundary_interpolation(scene, state, grid, scene.outlines), kept)
-    motion = Motion.of(scene, state, motions, dt)
+    motion = Motion.prescribed(scene, state, motions, dt)
     margin = 0.5 * contact_reach(scene) + 2.0 * motion.largest(dt * state.v[:, scene.outlines.point], detection.start)
     close = detection.near(margin)
     if close is not None and scene.movable.any():
@@ -93,7 +93,7 @@ class _PointToCurve:
     def __call__(self, w: Array, motions: PrescribedVelocities | None = None) -> Constraints:
         """The constraints at nodal velocities w (2 nodes,) [m/s], and what is prescribed if it is not as at first."""
         step = self.detection
-        motion = Motion.of(step.scene, step.state, self.motions if motions is None else motions, step.dt)
+        motion = Motion.prescribed(step.scene, step.state, self.motions if motions is None else motions, step.dt)
         velocity = (step.interpolation @ w.reshape(-1, 2)).T
         moved = step.dt * velocity + motion.points
         near = self._candidates(2.0 * motion.largest(moved, step.start))
@@ -136,7 +136,7 @@ class _Detection:
         """The candidates, complete for motions up to half the margin [m]; None if nothing is near anything."""
         scene, state, within = self.scene, self.state, contact_reach(self.scene)
         surfaces = scene.images(self.start, state.box, within + margin)
-        at, own = surfaces.at(self.start, state.box), SelfContact.of(scene, state, surfaces.outlines)
+        at, own = surfaces.at(self.start, state.box), SelfContact.of_scene(scene, state, surfaces.outlines)
         pairs = pairs_of_bodies(scene, surfaces, at, within + margin)
         if pairs.size + own.bodies.size + len(scene.walls) == 0:
             return None

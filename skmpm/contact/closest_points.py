@@ -178,7 +178,9 @@ def _minima_on_bodies(
     found: Ints,
     values: Array,
 ) -> int:
-    """The same of the chosen groups of candidates: those of both ends, and the segment of the foot of the first.
+    """Write the minima over bodies of the chosen groups of candidates, as `_minima_on_wall`; return their number.
+
+    Written are the candidates of both ends, and the segment of the foot of the first.
 
     The other surface turns as at the feet of both ends, so that mirror images have mirrored shifts.
     """

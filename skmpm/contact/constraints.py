@@ -215,7 +215,7 @@ def _some(values: Any, chosen: Ints) -> Any:
 
 
 def no_constraints(base: sp.csr_array) -> Constraints:
-    """Those of no contact of these contact points."""
+    """Constraints of no contact, over these contact points."""
     none, two, rows = np.zeros(0), np.zeros((2, 0)), sp.csr_array((0, base.shape[0]))
     no_index, no_pair = np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
     return Constraints(

@@ -83,7 +83,7 @@ def contacts_with_wall(
     kept = near.tension.holds(wall_keys(curve, i, np.arange(boundary.size)))
     c = c[: _wall_gaps(normal, start, point, moved, step, movable, kept, near.reach, before, gap, c)]
     key = wall_keys(curve, i, c)
-    shift, travel = near.shifts.of(key), near.shifts.travel_of(key)
+    shift, travel = near.shifts.at_keys(key), near.shifts.travel_of(key)
     now = curve.through(start + moved) if travel.any() else None
     if now is not None:
         feet.slide_on_wall(c, shift, travel, normal[0], normal[1], now.c, curve.loops)

@@ -39,7 +39,7 @@ def lattice_code(k: Ints) -> Ints:
 
 
 def recut_keys(key: Ints, pairs: int, change: Ints) -> Ints:
-    """The same contacts (c,) after the edges of the box H have become H T, `change` T (2, 2).
+    """Keys of contacts (c,) after the edges of the box H have become H T, `change` T (2, 2).
 
     `pairs` is the number of pairs of a boundary point and a side. Lattice vectors k become T^-1 k.
     """
@@ -62,7 +62,7 @@ class Motion:
     box: tuple[Array, Array] | None  # edges (2, 2) of the periodic box at the start and at the end [m]
 
     @staticmethod
-    def of(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> Motion:
+    def prescribed(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> Motion:
         """The motion by prescribed velocities, or by those found for what forces drive."""
         box = None if state.box is None or motions.box is None else (state.box, motions.box)
         walls = np.stack([state.walls, dt * motions.walls])

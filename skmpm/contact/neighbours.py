@@ -79,7 +79,7 @@ class Neighbours:
     @cached_property
     def shift(self) -> Array:
         """Shifts of the contact points of the groups, (groups,) [segments]."""
-        return self.shifts.of(self.key)
+        return self.shifts.at_keys(self.key)
 
     @cached_property
     def travel(self) -> Array:

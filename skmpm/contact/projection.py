@@ -142,13 +142,13 @@ def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, Array]:
         kept = _outermost(near.curve, found) & ~_superseded(near.curve, found, corner_pairs)
         kept |= near.tension.holds(found.key) & ~np.isin(found.key, corner_pairs.key)
         found = joined([among(found, kept), corner_pairs])
-        before = joined([among(before, kept), _Before.of(project(near, near.start, corner_pairs))])
+        before = joined([among(before, kept), _Before.at_start(project(near, near.start, corner_pairs))])
     guards = among(found, guarded(found.shift))
     if guards.gap.size:
         guards = replace(guards, shift=np.zeros(guards.gap.size), key=guard_keys(guards.key))
         guards = project(near, now, guards)
         found = joined([found, guards])
-        before = joined([before, _Before.of(project(near, near.start, guards))])
+        before = joined([before, _Before.at_start(project(near, near.start, guards))])
     return found, np.where(before.beside, np.maximum(before.gap, 0.0), before.gap)
 
 
@@ -160,8 +160,8 @@ class _Before:
     beside: Bools  # (k,)
 
     @classmethod
-    def of(cls, found: FootPoints) -> _Before:
-        """Those of projections at the start of the step."""
+    def at_start(cls, found: FootPoints) -> _Before:
+        """Where the projections were at the start of the step."""
         return cls(found.gap, found.beside)
 
 
@@ -194,7 +194,7 @@ def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]
 
 
 def project(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:
-    """The same contacts in the configuration `shape`, from their feet as initial guesses."""
+    """Contacts in the configuration `shape`, from their feet in another one as initial guesses."""
     k = found.gap.size
     segment, s, normal, gap = found.segment.copy(), found.s.copy(), np.empty((2, k)), np.empty(k)
     beside, key = np.empty(k, dtype=bool), found.key

@@ -46,7 +46,7 @@ class SelfContact:
     cell: float  # [m]
 
     @staticmethod
-    def of(scene: Scene, state: State, outlines: Outlines | None = None) -> SelfContact:
+    def of_scene(scene: Scene, state: State, outlines: Outlines | None = None) -> SelfContact:
         """The bodies of a scene that may touch themselves in a step from this state.
 
         `outlines` are those of the scene, or of its bodies with images of these.
@@ -64,7 +64,7 @@ class SelfContact:
         return c[apart], j[apart]
 
     def all_facing(self, x: Array, reach: float) -> tuple[Ints, Ints]:
-        """The same, however close to each other in the reference configuration."""
+        """Pairs of parts that face each other, however close in the reference configuration."""
         if self.bodies.size == 0:
             return self.bodies, self.bodies
         return outline.facing(self.outlines, x, self.bodies, reach, MAX_PENETRATION * self.cell)
@@ -89,12 +89,14 @@ class SelfContact:
 def may_touch_itself(scene: Scene, state: State) -> bool:
     """Whether any body has parts that may meet in a step from this state."""
     x = state.x[:, scene.outlines.point]
-    return bool(SelfContact.of(scene, state).facing(x, MAX_APPROACH * scene.cell + contact_reach(scene))[0].size)
+    return bool(
+        SelfContact.of_scene(scene, state).facing(x, MAX_APPROACH * scene.cell + contact_reach(scene))[0].size
+    )
 
 
 def joined_parts(scene: Scene, state: State) -> Ints:
     """Bodies with parts that approach each other, and were apart at t = 0, but share nodes of rebuilt body grids."""
-    now, x = SelfContact.of(scene, state), state.x[:, scene.outlines.point]
+    now, x = SelfContact.of_scene(scene, state), state.x[:, scene.outlines.point]
     start = replace(now, reference=scene.initial_positions[:, scene.outlines.point])
     c, j = now.all_facing(x, ALWAYS_JOINED * scene.cell)
     joined = start.separation(c, j) > NEVER_JOINED * scene.cell

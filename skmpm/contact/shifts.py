@@ -26,7 +26,7 @@ class Shifts:
     travel: Array  # (n,) along the outline per slope of the gap there [m]; 0 where places are fixed in a step
     wide_from: Array  # (n,) [N/m] normal force between the bodies that makes a contact too wide to slide
 
-    def of(self, key: Ints) -> Array:
+    def at_keys(self, key: Ints) -> Array:
         """Shifts (k,) of the contacts with keys (k,)."""
         return lookup(self.key, self.shift, key, 0.0)
 

@@ -34,7 +34,7 @@ class Delassus:
     known: Bools  # (m,) whether S contains the contact point
 
     @staticmethod
-    def of(solver: Solver, base: sp.csr_array, owner: Ints, *, whole: bool = False) -> Delassus:
+    def with_factor(solver: Solver, base: sp.csr_array, owner: Ints, *, whole: bool = False) -> Delassus:
         """The Delassus operator for a solver, with S of no contact point yet."""
         return Delassus(solver, base, owner, whole, np.zeros(0), np.zeros(base.shape[0], dtype=bool))
 

@@ -31,7 +31,7 @@ class Anchored:
 
     @property
     def unstressed(self) -> Anchored:
-        """The same without the stress at the anchor."""
+        """The material seen from an anchor without stress."""
         return replace(self, stress_anchor=None)
 
     def total(self, F: Array) -> Array:

@@ -41,7 +41,7 @@ def closest(x: Array, segment_start: Array, segment_end: Array) -> tuple[Array, 
 
 @compiled
 def distance_to_segment(x: Array, c: int, j: int, i: int) -> tuple[float, float]:
-    """The same for boundary point c of x (2, m) and the segment from boundary point j to i."""
+    """The place in [0, 1] of boundary point c of x (2, m) along the segment from j to i, and its distance to it."""
     along_x, along_y = x[0, i] - x[0, j], x[1, i] - x[1, j]
     dx, dy = x[0, c] - x[0, j], x[1, c] - x[1, j]
     square = along_x**2 + along_y**2

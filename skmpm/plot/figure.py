@@ -82,7 +82,7 @@ def plot(
         if the state belongs to another scene
     """
     check_fits(scene, state, "plot")
-    seen = OfState.of(scene, state)
+    seen = OfState.from_state(scene, state)
     field = field_of(seen, colour, label)
     style = style_of([seen], [field], forces=forces, limits=limits, view=view, units=units)
     axes = new_axes() if axes is None else axes

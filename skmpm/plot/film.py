@@ -83,12 +83,12 @@ def _pictures(states: Iterable[State] | Iterable[Frame], scene: Scene | None) ->
     pictures = list[Snapshot]()
     for state in states:
         if isinstance(state, Frame):
-            pictures.append(OfFrame.of(state))
+            pictures.append(OfFrame.from_frame(state))
         elif scene is None:
             raise ValueError("animate: states need their scene; give scene=")
         else:
             check_fits(scene, state, "animate")
-            pictures.append(OfState.of(scene, state))
+            pictures.append(OfState.from_state(scene, state))
     if not pictures:
         raise ValueError("animate: there are no states")
     return pictures

@@ -68,7 +68,7 @@ class OfState(Snapshot):
     shift: Array  # (2, bodies) of the bodies into the periodic box [m]
 
     @classmethod
-    def of(cls, scene: Scene, state: State) -> OfState:
+    def from_state(cls, scene: Scene, state: State) -> OfState:
         """The snapshot of a state that belongs to the scene."""
         place = [held.points for held in scene.supported]
         held = np.unique(np.concatenate(place)) if place else np.zeros(0, dtype=np.int64)
@@ -109,7 +109,7 @@ class OfFrame(Snapshot):
     frame: Frame
 
     @classmethod
-    def of(cls, frame: Frame) -> OfFrame:
+    def from_frame(cls, frame: Frame) -> OfFrame:
         """The snapshot of a frame."""
         bodies = frame.points["body"], frame.deformable, frame.boundary_points, frame.held_points
         return cls(frame.t, frame.x, *bodies, frame.walls["point"].T, frame.walls["normal"].T, frame.box, frame)

@@ -53,13 +53,13 @@ class Points:
         return int(self.volume.size)
 
     def placed(self, centre: ArrayLike, angle: float = 0.0) -> Points:
-        """The same points with their centre of area at `centre` (2,) [m], rotated about it by `angle` [rad]."""
+        """The points with their centre of area at `centre` (2,) [m], rotated about it by `angle` [rad]."""
         arm = self.x - np.average(self.x, axis=1, weights=self.volume)[:, None]
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         return replace(self, x=np.asarray(centre, dtype=np.float64)[:, None] + turn @ arm)
 
     def with_groups(self, group: Callable[[Array], ArrayLike] | ArrayLike) -> Points:
-        """The same points in groups, of which each may have its own material.
+        """The points in groups, of which each may have its own material.
 
         Parameters
         ----------

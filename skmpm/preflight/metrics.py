@@ -79,7 +79,7 @@ def examine(scene: Scene, dt: float, scheme: Scheme, until: float | None = None)
     width, solver = int(columns.max(initial=1)) - 1, _solver(scheme, columns)
     touches, step = can_touch(scene), dt / scene.cell
     times = np.zeros(1) if until is None else until * np.append(0.0, (np.arange(TIMES) + 0.5) / TIMES)
-    known = until is not None or FunctionsOfTime.of(scene, scheme.theta, times).none
+    known = until is not None or FunctionsOfTime.in_run(scene, scheme.theta, times).none
     fastest = (named for t in times.tolist() for named in driven(scene, t))
     lid_name, lid = max(fastest, key=lambda named: named[1], default=("", 0.0))
     if not lid:

@@ -153,7 +153,7 @@ def suggest(
 def _times(scene: Scene, until: float | None) -> Array:
     """Times of a run at which functions of time are evaluated [s]."""
     if until is None:
-        if not FunctionsOfTime.of(scene, 1.0, np.zeros(1)).none:
+        if not FunctionsOfTime.in_run(scene, 1.0, np.zeros(1)).none:
             raise ValueError("suggest: the scene has functions of time; give until, the end of the run in seconds")
         return np.zeros(1)
     check_time("suggest: until", until, SHORTEST, "the end of the run")

@@ -115,7 +115,7 @@ class PrescribedVelocities:
 
     @property
     def gradient_at_end(self) -> Array | None:
-        """The same mean velocity of the edges over the edges at the end, (2, 2) [1/s]."""
+        """The mean velocity of the edges of the box over the edges at the end, (2, 2) [1/s]."""
         return self._gradient(self.box)
 
     def _gradient(self, edges: Array | None) -> Array | None:

@@ -37,7 +37,7 @@ class Group(NamedTuple):
     points: Selection
     mean_dilatation: bool  # whether their dilatation is the mean over the cell
 
-    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+    def part(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values (..., n) of these points."""
         return values[..., self.points]
 
@@ -65,7 +65,7 @@ class Bulk(Term):
 
     @property
     def balanced(self) -> bool:
-        """Its forces are internal."""
+        """Whether forces are internal."""
         return True
 
     @property
@@ -108,13 +108,13 @@ class Bulk(Term):
         """Means of the cells at deformation gradients (2, 2, n), (n,), nan where pointwise; None if everywhere."""
         if not any(self.mean_dilatation):
             return None
-        volumes = [dilatation.volumes(g.law, g.of(F)) for g in self._mean_dilatation_groups]
+        volumes = [dilatation.volumes(g.law, g.part(F)) for g in self._mean_dilatation_groups]
         return self._cell_means(np.concatenate(volumes, axis=-1))
 
     def responses(self, configuration: Configuration) -> tuple[Response | None, ...]:
         """Energy and its derivatives at the points of each material, None for materials without a compiled pass."""
         means = self.dilatations_by_group(configuration)
-        return tuple(response(g.law, g.of(configuration.F), m) for g, m in zip(self.groups, means, strict=True))
+        return tuple(response(g.law, g.part(configuration.F), m) for g, m in zip(self.groups, means, strict=True))
 
     def energy(self, configuration: Configuration) -> float:
         """Strain energy and ghost penalty [J/m]; inf where a point is inverted (J <= 0)."""
@@ -128,7 +128,7 @@ class Bulk(Term):
             if found is not None:
                 parts.append(found.energy)
             else:
-                parts.append(g.law.energy(g.of(F)) if mean is None else dilatation.energy(g.law, g.of(F), mean))
+                parts.append(g.law.energy(g.part(F)) if mean is None else dilatation.energy(g.law, g.part(F), mean))
         density = self._of_all_points(parts)
         if not np.isfinite(density).all():
             return float("inf")
@@ -188,7 +188,7 @@ class Bulk(Term):
         """Materials with memory, their points, the total F they are evaluated in, undeformed over anchor volume."""
         for g, mean in zip(self.groups, self.dilatations_by_group(at), strict=True):
             if isinstance(g.law.material, InStep):
-                F = g.of(at.F)
+                F = g.part(at.F)
                 total = g.law.total(F) if mean is None else dilatation.seen(g.law, F, mean)
                 yield g.law.material, g.points, total, g.law.rest(F.shape[-1])
 
@@ -205,7 +205,7 @@ class Bulk(Term):
         if len(self.groups) == 1:
             return dilatation.with_tension(self.groups[0].law, configuration.F, P, mean_stress)
         for g in self._mean_dilatation_groups:
-            own = dilatation.with_tension(g.law, g.of(configuration.F), g.of(P), g.of(mean_stress))
+            own = dilatation.with_tension(g.law, g.part(configuration.F), g.part(P), g.part(mean_stress))
             P[..., g.points] = own
         return P
 
@@ -224,16 +224,16 @@ class Bulk(Term):
         """Tangents of the points (2, 2, 2, 2, n) [Pa], and the cell matrices that mean dilatation adds."""
         F = configuration.F
         if configuration.dilatation is None:
-            return self._of_all_points([g.law.tangent(g.of(F)) for g in self.groups]), None
+            return self._of_all_points([g.law.tangent(g.part(F)) for g in self.groups]), None
         _, mean_stress = self._derivatives(configuration)
         parts, added = [], []
         for g, mean in zip(self.groups, self.dilatations_by_group(configuration), strict=True):
             if mean is None or mean_stress is None:
-                parts.append(g.law.tangent(g.of(F)))
+                parts.append(g.law.tangent(g.part(F)))
                 continue
-            C, *others = dilatation.tangents(g.law, g.of(F), mean, g.of(mean_stress))
+            C, *others = dilatation.tangents(g.law, g.part(F), mean, g.part(mean_stress))
             parts.append(C.reshape(2, 2, 2, 2, -1))
-            added.append((dilatation.volume_slope(g.law, g.of(F)).reshape(4, -1), *others, g.law.rest(mean.size)))
+            added.append((dilatation.volume_slope(g.law, g.part(F)).reshape(4, -1), *others, g.law.rest(mean.size)))
         volume_gradient, mixed, bulk, rest = (np.concatenate(a, axis=-1) for a in zip(*added, strict=True))
         points, cells, part = self._mean_dilatation_points
         matrices = self.assembly.mean_dilatation_stiffness(volume_gradient, mixed, bulk, rest, points, cells, part)
@@ -242,7 +242,7 @@ class Bulk(Term):
     def cauchy(self, configuration: Configuration) -> Array:
         """Cauchy stress of the points, (2, 2, n) [Pa]."""
         P = self.stress(configuration)
-        return self._of_all_points([g.law.cauchy(g.of(configuration.F), g.of(P)) for g in self.groups])
+        return self._of_all_points([g.law.cauchy(g.part(configuration.F), g.part(P)) for g in self.groups])
 
     def _derivatives(self, configuration: Configuration) -> tuple[Array, Array | None]:
         """Derivatives of the energy by F at fixed mean dilatation (2, 2, n), and by the volumes of cells (n,) [Pa].
@@ -254,9 +254,9 @@ class Bulk(Term):
             if found is not None:
                 P, by_dilatation = found.by_F, found.by_theta
             elif mean is not None:
-                P, by_dilatation = dilatation.slopes(g.law, g.of(F), mean)
+                P, by_dilatation = dilatation.slopes(g.law, g.part(F), mean)
             else:
-                P = g.law.stress(g.of(F))
+                P = g.law.stress(g.part(F))
             parts.append(P)
             if mean is None:
                 continue
@@ -293,7 +293,7 @@ class Bulk(Term):
     def dilatations_by_group(self, configuration: Configuration) -> list[Array | None]:
         """Mean dilatations at the points of each group; None for groups with pointwise dilatation."""
         return [
-            g.of(configuration.dilatation) if g.mean_dilatation and configuration.dilatation is not None else None
+            g.part(configuration.dilatation) if g.mean_dilatation and configuration.dilatation is not None else None
             for g in self.groups
         ]
 

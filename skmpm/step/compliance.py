@@ -30,7 +30,7 @@ class Border:
     positive: int  # number of positive eigenvalues of D
 
     def of_contacts(self, k: int) -> Border:
-        """The same without the rows of the geometric stiffness."""
+        """The border of the first k rows, without those of the geometric stiffness."""
         return Border(self.left[:k], self.right[:k], self.own, self.positive)
 
     def around(
@@ -110,7 +110,7 @@ def delassus_matrix(
     if delassus is None:
         reused = increment.bulk.linear and increment.scheme.anchor > 0.0
         reused &= solver.name != "amg"  # needs a solve per contact point: only for those in contact
-        delassus = Delassus.of(solver, constraints.base, owners, whole=reused)
+        delassus = Delassus.with_factor(solver, constraints.base, owners, whole=reused)
     left = right = constraints.D
     if geometric is not None:
         left, right = (

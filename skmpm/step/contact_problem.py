@@ -128,7 +128,7 @@ class ContactProblem:
     delassus: Delassus | None = None  # of an earlier step with the same matrix
 
     def within(self, increment: Increment, kept: Solver | None) -> ContactProblem:
-        """The same with other equations of the step, and without the operator of a factor that is not kept."""
+        """The problem with other equations of the step, and without the operator of a factor that is not kept."""
         return replace(self, increment=increment, delassus=self.delassus if kept else None)
 
     def after(self, contact: ContactIterate | None) -> ContactProblem:
@@ -246,7 +246,7 @@ class ContactIterate:
         return replace(found, iterations=self.iterations, stiffness_failures=self.stiffness_failures)
 
     def without_delassus(self) -> ContactIterate:
-        """The same without the Delassus operator, which belongs to a solver that is about to be released."""
+        """The iterate without the Delassus operator, which belongs to a solver that is about to be released."""
         return replace(self, delassus=None)
 
 

@@ -60,7 +60,7 @@ class ContactStiffness:
         return self.Z.shape[0]
 
     def softer(self, share: float) -> ContactStiffness:
-        """The same with a share of the geometric stiffness."""
+        """A share of the geometric stiffness."""
         return replace(self, compliance=sp.csr_array(self.compliance / share))
 
     def rotated_impulses(self, r: Array, rho: Array) -> Array:

@@ -158,7 +158,7 @@ class DrivenWalls(Unknowns):
     t: float  # at which forces are taken [s]
 
     @staticmethod
-    def of(scene: Scene, state: State, interval: Interval, first: int) -> DrivenWalls:
+    def in_step(scene: Scene, state: State, interval: Interval, first: int) -> DrivenWalls:
         """The walls of a state in a step."""
         v0 = normal_speeds(scene, state.wall_velocity)
         inertia = interval.inertia(scene.wall_masses, v0)

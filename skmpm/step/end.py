@@ -100,7 +100,7 @@ def _closed(increment: Increment, contact: ContactIterate) -> Bools:
 
 @dataclass(frozen=True)
 class End:
-    """Their configuration, velocity, impulses and internal variables."""
+    """What a step ends with: configuration, velocity, impulses and internal variables."""
 
     configuration: Configuration
     velocity: Array  # (n,) [m/s]

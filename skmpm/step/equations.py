@@ -165,7 +165,7 @@ class Increment:
         return [-term.force(configuration) for term in self.others if not term.balanced]
 
     def external_force(self, configuration: Configuration) -> Array:
-        """Their sum, (2 nodes,) [N/m]."""
+        """The sum of `external_forces`, (2 nodes,) [N/m]."""
         return sum(self.external_forces(configuration), np.zeros_like(self.start))
 
     @property
@@ -182,7 +182,7 @@ class Increment:
         return self.with_scalars(self.free_nodes(self.on_nodes(gradient)), self.of_scalars(gradient))
 
     def free_nodes(self, gradient: Array) -> Array:
-        """The same for impulses at the nodes, (2 nodes,)."""
+        """Impulses at nodes without the parts that supports and the gauge bear, (2 nodes,)."""
         free = self.without_gauge_torque(gradient)
         return free if self.supports is None else np.asarray(self.supports.T.T @ free)
 

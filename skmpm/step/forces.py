@@ -48,7 +48,7 @@ class DeadLoad(Term):
         return -self.load
 
     def budget(self, path: Path) -> Budget:
-        """Its work."""
+        """The work of the load."""
         load = path.mean(lambda at, part: self.load if part or self.at_start is None else self.at_start)
         return Budget(external=float(load @ path.moved))
 
@@ -102,7 +102,7 @@ class Springs(Term):
 
     @property
     def turns(self) -> bool:
-        """Their directions stay."""
+        """Whether stiffness turns with bodies: directions of springs stay."""
         return False
 
     @abstractmethod
@@ -173,7 +173,7 @@ class Bars(Springs):
 
     @property
     def linear(self) -> bool:
-        """They turn, and stretch by their stress."""
+        """Whether stiffness stays: bars turn, and resist turning by their stress."""
         return False
 
     def length(self, displacement: Array) -> Array:
@@ -211,15 +211,15 @@ class ViscousBulk(Term):
     theta: float
 
     @classmethod
-    def of(cls, start: Configuration, dt: float, theta: float) -> ViscousBulk:
-        """That of a step of dt [s] from `start`, with forces a part theta after it."""
+    def in_step(cls, start: Configuration, dt: float, theta: float) -> ViscousBulk:
+        """The viscosity in a step of dt [s] from `start`, with forces a part theta after it."""
         parts, bulk = [], start.bulk
         assert isinstance(bulk, Bulk)
         for group in bulk.groups:
             material = group.law.material
             if viscosity_of(material) > 0.0:
                 resistance = 2.0 * viscosity_of(material) / (theta * dt)
-                parts.append((Viscous(resistance, group.of(start.F), is_linear(material)), group.points))
+                parts.append((Viscous(resistance, group.part(start.F), is_linear(material)), group.points))
         return cls(bulk.assembly, tuple(parts), theta)
 
     @property
@@ -229,7 +229,7 @@ class ViscousBulk(Term):
 
     @property
     def balanced(self) -> bool:
-        """Its forces are internal."""
+        """Whether forces are internal."""
         return True
 
     @property

@@ -28,7 +28,7 @@ TIMES = 101  # of a run, at which functions of time tell how large they are
 
 @dataclass(frozen=True)
 class FunctionsOfTime:
-    """Those of a scene, each with the largest value of every component in a run."""
+    """The functions of time of a scene, each with the largest value of every component in a run."""
 
     loads: tuple[tuple[Function, Array], ...]
     velocities: tuple[tuple[Function, Array], ...]
@@ -37,8 +37,8 @@ class FunctionsOfTime:
     of_bodies: bool  # whether some of the loads act on bodies, not on walls or a periodic box
 
     @classmethod
-    def of(cls, scene: Scene, theta: float, times: Array) -> FunctionsOfTime:
-        """Those of a scene, and how large they are at some times of a run [s]."""
+    def in_run(cls, scene: Scene, theta: float, times: Array) -> FunctionsOfTime:
+        """The functions of time of a scene, and how large they are at some times of a run [s]."""
 
         def with_size(functions: Iterable[Any]) -> tuple[tuple[Function, Array], ...]:
             return tuple((f, np.abs(values_at(f, times)).max(axis=0)) for f in functions if callable(f))

@@ -87,7 +87,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
 
 
 def _initial_energy(scene: Scene, state: State, nodal: Array) -> Energy:
-    """That of bodies with nodal velocities (2 nodes,) [m/s], relative to a periodic box, and of springs and walls."""
+    """Energy of bodies with nodal velocities (2 nodes,) [m/s], relative to a periodic box, and of springs, walls."""
     kinetic = kinetic_energy(state.grids.assembly.mass, nodal - velocity_of_box(state, state.box_rate))
     springs = sum(each.stored(state.displacement, 0.0) for each in springs_of(scene, state, (0.0, 0.0), 1.0))
     own, v = np.isin(state.body, scene.free_rigid), state.v

@@ -86,7 +86,7 @@ class Persistence:
     progress: int = 0  # the iteration in which it was reached
 
     @classmethod
-    def of(cls, increment: Increment, *, in_contact: bool) -> Persistence:
+    def for_equations(cls, increment: Increment, *, in_contact: bool) -> Persistence:
         """With contacts patience is limited where shorter steps help, or a larger metric."""
         most = increment.scheme.max_newton
         return cls(most, PATIENCE if in_contact and increment.mass.any() else most)

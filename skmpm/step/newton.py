@@ -41,7 +41,7 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Solver |
     and if the contact solver or the line search fails.
     """
     iterate = _first(increment, problem, kept)
-    persistence = Persistence.of(increment, in_contact=problem is not None)
+    persistence = Persistence.for_equations(increment, in_contact=problem is not None)
     while True:
         balance = _balance(iterate)
         if balance.converged and (solution := _solution(iterate, balance)):

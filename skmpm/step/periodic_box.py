@@ -61,7 +61,7 @@ class StressedBox(Carrier):
     centres: Array  # (2, bodies) of bodies that move with it, zero of others, as those with supports or springs [m]
 
     @staticmethod
-    def of(scene: Scene, periodic: Periodic, state: State, interval: Interval) -> StressedBox:
+    def in_step(scene: Scene, periodic: Periodic, state: State, interval: Interval) -> StressedBox:
         """The box of a state in a step."""
         assert state.box is not None and state.box_rate is not None
         (i, j), dt = periodic.components, interval.dt
@@ -106,7 +106,7 @@ class StressedBox(Carrier):
         return np.asarray(abs(float(np.linalg.det(self._edges(z)))) * self.stress * self._scale(z))
 
     def load_at_start(self) -> Array:
-        """None are known, (q,)."""
+        """Zero: forces when the step begins are not known, (q,)."""
         return np.zeros_like(self.stress)
 
     def budget(self, path: Path) -> Budget:

@@ -78,7 +78,9 @@ class FreeBodies(Unknowns):
     first_loads: DeadLoads | None  # those when a step without inertia begins
 
     @staticmethod
-    def of(scene: Scene, state: State, motions: PrescribedVelocities, interval: Interval, first: int) -> FreeBodies:
+    def in_step(
+        scene: Scene, state: State, motions: PrescribedVelocities, interval: Interval, first: int
+    ) -> FreeBodies:
         """The bodies of a state in a step; they keep their velocities relative to the periodic box in `motions`.
 
         Without inertia they begin at rest.

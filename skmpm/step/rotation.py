@@ -43,8 +43,8 @@ class RigidMotion:
     turns: Bools  # (bodies,) whether anything resists rotations
 
     @staticmethod
-    def of(increment: Increment) -> RigidMotion:
-        """That of the bodies of a step; those on the gauge turn freely."""
+    def at_start(increment: Increment) -> RigidMotion:
+        """The rigid motions of the bodies of a step; those on the gauge turn freely."""
         grid, mass = increment.grid, increment.bulk.assembly.mass[::2]
         arm = grid.arms(grid.position + increment.start.reshape(-1, 2).T, mass)
         radius = np.maximum(grid.radii_of_gyration(arm, mass), 1e-300)
@@ -168,7 +168,7 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
 
 @compiled
 def _retract(blocks: Ints, x: Array, mass: Array, interval: float, w: Array, step: Array, out: Array) -> None:
-    """The same for nodes that are at x (2 nodes,) [m] at the start of the interval."""
+    """Write to `out` the velocities after a step, of nodes at x (2 nodes,) [m] at the start of the interval."""
     for b in range(blocks.size - 1):
         total, x_mean, y_mean, u_mean, v_mean = 1e-300, 0.0, 0.0, 0.0, 0.0
         for i in range(blocks[b], blocks[b + 1], 2):

@@ -69,7 +69,7 @@ class Inertia:
 
     @staticmethod
     def joined(parts: Sequence[Inertia]) -> Inertia:
-        """That of several kinds, one after the other."""
+        """The inertia of several kinds, one after the other."""
         none = np.zeros(0)
         return Inertia(*(np.concatenate([none, *(getattr(part, f.name) for part in parts)]) for f in fields(Inertia)))
 
@@ -140,7 +140,7 @@ class Carrier(Unknowns):
 
 @dataclass(frozen=True)
 class ScalarUnknowns:
-    """All such unknowns of a step, p in number; there may be none."""
+    """The scalar unknowns of a step, p in number; there may be none."""
 
     kinds: Sequence[Unknowns] = ()
     carrier: Carrier | None = None  # one of them, the first

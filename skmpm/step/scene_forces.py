@@ -22,7 +22,7 @@ def terms_of(scene: Scene, state: State, start: Configuration, dt: float, scheme
     """The terms of a step of dt [s] from a state in a configuration, but for the bulk."""
     times = state.t, state.t + scheme.theta * dt
     if _viscous(scene):
-        yield ViscousBulk.of(start, dt, scheme.theta)
+        yield ViscousBulk.in_step(start, dt, scheme.theta)
     if has_gravity(scene) or scene.dead_loads:
         yield DeadLoad(external_force(scene, state, times[1]), _first_force(scene, state, scheme), state.displacement)
     if scene.pressures:

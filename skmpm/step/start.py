@@ -21,7 +21,7 @@ FARTHEST = 0.5  # [cells] motion of an unknown in one iteration without inertia
 
 
 def configuration_at_start(scene: Scene, state: State, scheme: Scheme) -> Configuration:
-    """That at the end of the step that led to the state, if it is still that, else one of a new bulk."""
+    """The configuration of a state: that in which the step ended that led to it, or a new one after changes."""
     known = state.grids.configuration
     same = state.grids.of_materials == (scheme.mean_dilatation, scene.materials_by_group)
     if isinstance(known, Configuration) and known.displacement is state.displacement and same:
@@ -93,12 +93,12 @@ def scalar_unknowns(
     interval, box = Interval(state.t + scheme.theta * dt, dt, scheme.theta, soft, farthest), None
     kinds, moved = list[Unknowns](), motions
     if scene.periodic is not None and scene.periodic.components.size:
-        box = StressedBox.of(scene, scene.periodic, state, interval)
+        box = StressedBox.in_step(scene, scene.periodic, state, interval)
         kinds, moved = [box], box.motions(box.inertia.v0, box.inertia.v0, motions)
     if scene.driven_walls.size:
-        kinds.append(DrivenWalls.of(scene, state, interval, _size(kinds)))
+        kinds.append(DrivenWalls.in_step(scene, state, interval, _size(kinds)))
     if scene.free_rigid.size:
-        kinds.append(FreeBodies.of(scene, state, moved, interval, _size(kinds)))
+        kinds.append(FreeBodies.in_step(scene, state, moved, interval, _size(kinds)))
     return ScalarUnknowns(kinds, box if scheme.inertia else None)
 
 

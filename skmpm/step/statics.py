@@ -61,10 +61,10 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
     StepRejected
         if a body moves on and on, if `MAX_SOLVES` do not suffice, or if a solve fails with the largest shares
     """
-    motion, solved = RigidMotion.of(increment), list[Solution]()
+    motion, solved = RigidMotion.at_start(increment), list[Solution]()
     centre, w = increment.v0, increment.initial_guess()
     problem = problem_at(w, None)
-    metric = _Metric.of(increment, motion, _unheld(increment, motion, problem, w))
+    metric = _Metric.first(increment, motion, _unheld(increment, motion, problem, w))
     kept = None if metric.share.any() else kept
     change = _Change.none(increment.grid.bodies)
     for _ in range(MAX_SOLVES):
@@ -78,7 +78,7 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
                 raise
             continue
         solved.append(found)
-        change = _Change.of(trial, motion, found, change)
+        change = _Change.by_solve(trial, motion, found, change)
         moved = change.moved - stroke / increment.grid.cell
         if metric.too_far(moved):
             continue
@@ -132,8 +132,8 @@ class _Metric:
     moving: Ints  # (bodies,) solves in a row in which each has moved on
 
     @staticmethod
-    def of(increment: Increment, motion: RigidMotion, unheld: Array) -> _Metric:
-        """That with which resultants (bodies,) [kg m/s per m] that nothing bears move bodies by `MOTION`."""
+    def first(increment: Increment, motion: RigidMotion, unheld: Array) -> _Metric:
+        """The metric with which resultants (bodies,) [kg m/s per m] that nothing bears move bodies by `MOTION`."""
         grid, modulus = increment.grid, increment.shear_modulus
         held = np.zeros(grid.bodies, dtype=bool) if increment.supports is None else increment.supports.holds
         unit = np.repeat((modulus / motion.total)[grid.node_body] * motion.mass, 2)
@@ -201,8 +201,8 @@ class _Change:
         return _Change(none, np.full((3, bodies), np.inf), none, none, np.inf, np.inf)
 
     @staticmethod
-    def of(increment: Increment, motion: RigidMotion, solution: Solution, before: _Change) -> _Change:
-        """That of a solution, after the change `before`."""
+    def by_solve(increment: Increment, motion: RigidMotion, solution: Solution, before: _Change) -> _Change:
+        """The change by a solve, after the change `before`."""
         w, step = (increment.on_nodes(each) for each in (solution.w, solution.w - increment.v0))
         configuration, rigid = _configuration(increment, solution), motion.velocity(step)
         mass = increment.on_nodes(increment.mass)
@@ -234,7 +234,7 @@ class _Change:
 
 
 def _configuration(increment: Increment, solution: Solution) -> Configuration:
-    """That of a solution, without another evaluation of the points."""
+    """The configuration of a solution, without another evaluation of the points."""
     there, known = increment.at(solution.w), solution.configuration
     return there if known is None else known.translated(there.displacement, there.scalars)
 

@@ -210,7 +210,7 @@ def pace_of(
         if only loads that are functions of time set the pace of quasi-static steps
     """
     times = np.linspace(began, until, TIMES if until > began else 1)
-    functions = FunctionsOfTime.of(scene, scheme.theta, times)
+    functions = FunctionsOfTime.in_run(scene, scheme.theta, times)
     if functions.of_bodies and not scheme.inertia:
         raise SceneError(
             "simulate: quasi-static steps under loads, springs or gravity that are functions of time need dt"

@@ -131,7 +131,7 @@ class Configuration:
         return None if self.bulk is None else self.bulk.mean_dilatations(self.F)
 
     def translated(self, displacement: Array, scalars: Array | None = None) -> Configuration:
-        """The same with a displacement (2 nodes,) [m] that differs from its own by translations of bodies."""
+        """The configuration after translations of bodies, which lead to a displacement (2 nodes,) [m]."""
         moved = copy(self)  # with what has been evaluated
         object.__setattr__(moved, "displacement", displacement)
         object.__setattr__(moved, "scalars", np.zeros(0) if scalars is None else scalars)

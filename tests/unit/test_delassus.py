@@ -54,12 +54,12 @@ def test_rows_of_three_bodies_are_refused(bodies):
         (np.ones(3), ([0, 0, 0], [0, base.shape[0], 2 * base.shape[0] - 4])), shape=(1, 2 * owner.size)
     )
     with pytest.raises(ValueError, match="more than two bodies"):
-        delassus.Delassus.of(solver, base, owner).between(rows, rows)
+        delassus.Delassus.with_factor(solver, base, owner).between(rows, rows)
 
 
 def test_rows_respond_as_the_whole_matrix_says(bodies):
     solver, oracle, base, owner = bodies
-    found = delassus.Delassus.of(solver, base, owner)
+    found = delassus.Delassus.with_factor(solver, base, owner)
     R = sp.kron(base, np.eye(2), format="csr")
     for seed in range(4):
         left, right = combinations(seed, owner), combinations(seed + 10, owner, count=3)
@@ -71,7 +71,7 @@ def test_rows_respond_as_the_whole_matrix_says(bodies):
 
 def test_only_bodies_with_new_places_are_asked_again(bodies):
     solver, _, base, owner = bodies
-    found = delassus.Delassus.of(solver, base, owner)
+    found = delassus.Delassus.with_factor(solver, base, owner)
     m = base.shape[0]
     chosen = [np.flatnonzero(owner[:-1] == b)[:3] for b in range(3)]
     first = sp.csr_array(np.eye(2 * m)[2 * np.concatenate(chosen[:2])])

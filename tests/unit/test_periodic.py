@@ -162,7 +162,7 @@ def test_a_fast_fall_costs_what_a_rest_costs():
     discs = [disc(x, R, velocity=(100.0, 0.0)) for x in (R, 3.1 * R)]
     scene, dt = skmpm.Scene(discs, cell=H, periodic=Periodic(5 * R, 5 * R)), 2.5e-5
     state, boundary = skmpm.initial(scene), scene.outlines.point
-    motion = Motion.of(scene, state, prescribed_velocities(scene, 0.0, dt, state.box), dt)
+    motion = Motion.prescribed(scene, state, prescribed_velocities(scene, 0.0, dt, state.box), dt)
     assert motion.largest(dt * state.v[:, boundary], state.x[:, boundary]) < 1e-12 * R
 
 
@@ -314,7 +314,7 @@ def test_scenes_without_a_box_do_not_know_it():
     scene = skmpm.Scene([disc(R, R), disc(3 * R, R)], cell=H, walls=[skmpm.Wall((0, 0), (0, 1))])
     with Calls() as calls:
         list(skmpm.simulate(scene, dt=1e-5, until=3e-5))
-    names = ("images._near", "images.reduced", "StressedBox.of", "periodic.deformed", "periodic.recut")
+    names = ("images._near", "images.reduced", "StressedBox.in_step", "periodic.deformed", "periodic.recut")
     assert [calls.named(name) for name in names] == [0] * len(names)
 
 

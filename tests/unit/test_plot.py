@@ -75,7 +75,7 @@ def annulus():
 
 
 def triangulated(scene, state):
-    return triangles(state.x, scene.owner, scene.outlines.point, OfState.of(scene, state).boundary(),
+    return triangles(state.x, scene.owner, scene.outlines.point, OfState.from_state(scene, state).boundary(),
                      np.arange(len(scene.bodies)))  # fmt: skip
 
 
@@ -115,7 +115,7 @@ def test_bodies_are_bounded_by_the_curves_on_which_contact_acts(squeezed):
 def test_a_hole_is_not_filled():
     scene = Scene([Body(annulus(), GEL)], cell=R / 4)
     state = initial(scene)
-    (path,), (body,) = body_paths(OfState.of(scene, state).boundary())
+    (path,), (body,) = body_paths(OfState.from_state(scene, state).boundary())
     assert body == 0 and area(path) == pytest.approx(3 * np.pi * R**2, rel=2e-3)
     mesh = triangulated(scene, state)
     assert size_of(mesh) == pytest.approx(3 * np.pi * R**2, rel=2e-3)

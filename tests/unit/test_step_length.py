@@ -425,7 +425,7 @@ def test_gravity_is_looked_at_in_every_body_that_forces_move():
         seen.update(np.round(X[0] / (3 * SIDE)).astype(int).tolist())
         return 0.0 * X
 
-    FunctionsOfTime.of(Scene(bodies, cell=SIDE / 2, gravity=gravity), 1.0, TIMES)
+    FunctionsOfTime.in_run(Scene(bodies, cell=SIDE / 2, gravity=gravity), 1.0, TIMES)
     assert seen == set(range(72)) - {70}
 
 
@@ -516,10 +516,10 @@ def test_of_many_bodies_that_fall_only_those_that_may_meet_limit_steps(gap, cell
 def test_a_small_component_beside_a_large_one_is_followed():
     """A horizontal force of half a per cent of the weight, which was lost within a step."""
     load = Load(everywhere, lambda t: (0.005 * np.sin(2.0 * np.pi * t / 0.01), -1.0))
-    functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, TIMES)
+    functions = FunctionsOfTime.in_run(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, TIMES)
     assert functions.followed(0.0, 0.2, 1e-6) < 0.01 / 20
     load = Load(everywhere, lambda t: (1e-16 * np.sin(1e5 * t), -1.0))  # round-off, as of a direction that is turned
-    functions = FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, TIMES)
+    functions = FunctionsOfTime.in_run(Scene([BLOCK], cell=SIDE / 4, loads=[load]), 1.0, TIMES)
     assert functions.followed(0.0, 0.2, 1e-6) == 0.2
 
 
@@ -580,12 +580,12 @@ def test_a_wall_that_vibrates_within_a_step_is_followed():
 def test_functions_of_time_are_followed_until_waves_are_resolved():
     """A jump shortens the steps that meet it, down to the shortest one; others keep their length."""
     scene = Scene([BLOCK], cell=SIDE / 4, loads=[Load(everywhere, lambda t: (float(t > 0.1), 0.0))])
-    functions = FunctionsOfTime.of(scene, 1.0, TIMES)
+    functions = FunctionsOfTime.in_run(scene, 1.0, TIMES)
     assert functions.followed(0.0, 0.09, 1e-6) == 0.09
     assert 0.04 < functions.followed(0.0, 0.19, 1e-6) < 0.1
     assert functions.followed(0.0999999, 0.1, 1e-6) == 0.1  # but for a millionth the load is on
     assert functions.followed(0.09, 0.011, 1e-3) < 0.01
-    assert FunctionsOfTime.of(Scene([BLOCK], cell=SIDE / 4), 1.0, TIMES).none
+    assert FunctionsOfTime.in_run(Scene([BLOCK], cell=SIDE / 4), 1.0, TIMES).none
 
 
 # --- newton iterations and failures
