@@ -1,7 +1,6 @@
 """Observables of a state: solid fraction, shapes and stress of packings, their contact network, contact tractions."""
 
 from skmpm.observe.bodies import PerBody
-from skmpm.observe.contact_network import mass_centres
 from skmpm.observe.observables import Observables, observe
 from skmpm.observe.pair_correlation import pair_correlation
 from skmpm.observe.pairs import Network, force_lines, network
@@ -17,7 +16,6 @@ __all__ = [
     "box_area",
     "contact_pressure",
     "force_lines",
-    "mass_centres",
     "network",
     "observe",
     "pair_correlation",

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm import outline
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.material import determinant
 from skmpm.observe.contact_network import (
     half_branches,
-    mass_centres,
     moments,
     neighbours,
     rattlers,
@@ -21,9 +20,8 @@ from skmpm.observe.contact_network import (
 from skmpm.observe.sides import contact_length, contact_lengths
 from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
-from skmpm.scene import Scene, State
+from skmpm.scene import Scene, State, centres
 
-ROUND = 1e-9  # relative difference of the principal moments below which a body has no long axis
 MARGIN = 2.0  # mean diameters between the walls and the interior
 
 
@@ -95,7 +93,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
     x = state.x[:, boundary.point]
     initial = np.array([body.points.volume.sum() for body in scene.bodies])
     volume = np.add.reduceat(state.volume, start)
-    mass, centre = np.add.reduceat(state.mass, start), mass_centres(scene, state)
+    mass, centre = np.add.reduceat(state.mass, start), centres(state.x, state.mass, state.body)
     diameter = 2.0 * np.sqrt(initial / np.pi)
     smooth = outline.curve(boundary, scene.initial_positions[:, boundary.point]).through(x)
     area = np.where(scene.outlined, smooth.area(n), np.nan)
@@ -149,7 +147,7 @@ def _without_rattlers(scene: Scene, pairs: Ints) -> Array:
 def _isotropic(boundary: Outlines, x: Array, bodies: int) -> Bools:
     """Whether bodies have no long axis, (bodies,)."""
     M = outline.second_moments(boundary, x, bodies)
-    result: Bools = np.hypot(M[0, 0] - M[1, 1], 2.0 * M[0, 1]) <= ROUND * np.trace(M)
+    result: Bools = np.hypot(M[0, 0] - M[1, 1], 2.0 * M[0, 1]) <= ROUND_OFF * np.trace(M)
     return result
 
 

@@ -6,17 +6,16 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from skmpm.arrays import Array, Bools, Ints
-from skmpm.scene import Contacts, Scene, State
+from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
+from skmpm.scene import Contacts
 
 CLOSED = 0.02  # largest gap that counts as contact [cells]
-FORCED = 1e-9  # share of the largest force below which a force counts as zero
 
 
 def forced(contacts: Contacts) -> Bools:
     """Whether contacts carry a force, (k,)."""
     size = np.hypot(*contacts.force)
-    result: Bools = size > FORCED * size.max(initial=0.0)
+    result: Bools = size > ROUND_OFF * size.max(initial=0.0)
     return result
 
 
@@ -96,13 +95,6 @@ def rattlers(pairs: Ints, friction: Array, movable: Bools) -> Bools:
         if np.array_equal(found, loose):
             return loose
         loose = found
-
-
-def mass_centres(scene: Scene, state: State) -> Array:
-    """Centres of mass of the bodies, (2, bodies) [m]."""
-    start = scene.offsets[:-1]
-    centre = np.add.reduceat(state.mass * state.x, start, axis=1) / np.add.reduceat(state.mass, start)
-    return np.asarray(centre)
 
 
 @dataclass(frozen=True, eq=False)

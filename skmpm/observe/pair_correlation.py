@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skmpm.arrays import Array
-from skmpm.observe.contact_network import mass_centres
 from skmpm.observe.regions import contains, periodic_region, region
-from skmpm.scene import Scene, SceneError, State, check_fits
+from skmpm.scene import Scene, SceneError, State, centres, check_fits
 
 DIAMETERS = 4.0  # mean diameters up to which the function is computed by default
 
@@ -55,7 +54,7 @@ def pair_correlation(
     if largest is None:
         area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]
         largest = DIAMETERS * float(2.0 * np.sqrt(area / np.pi).mean())
-    centre, normal = mass_centres(scene, state)[:, own], scene.normals
+    centre, normal = centres(state.x, state.mass, state.body)[:, own], scene.normals
     if state.box is not None:
         inner, every = periodic_region(state.box), _images(centre, state.box, largest)
         chosen = np.ones(centre.shape[1], dtype=bool)

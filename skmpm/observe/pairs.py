@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.arrays import Array, Ints
-from skmpm.observe.contact_network import among, between, mass_centres, pairs_of, touching
+from skmpm.observe.contact_network import among, between, pairs_of, touching
 from skmpm.observe.pair_correlation import check_bins
 from skmpm.observe.sides import contact_lengths
 from skmpm.representation import with_shapes
-from skmpm.scene import Scene, State, check_fits
+from skmpm.scene import Scene, State, centres, check_fits
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,4 +181,4 @@ def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:
     A periodic box has no outside, so all bodies in it have their centres there.
     """
     own = (body >= 0) & (scene.movable[np.maximum(body, 0)] | (scene.periodic is not None))
-    return np.where(own, mass_centres(scene, state)[:, np.maximum(body, 0)], centre)
+    return np.where(own, centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)], centre)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.observe.sides import Placed, Side
 
 NARROW = 2.7  # loaded length up to which the narrow estimate counts alone [cells]
 SAMPLES = 12  # per cell, for integrals along the side
 MAX_CELLS = 10_000  # along a side, which bounds the memory for a small `length`
-UNSEEN = 1e-9  # length of the side under a hat function that counts as none [cells]
 
 
 def recover(side: Side, placed: Placed, loads: Array, lattice: Array, length: float, h: float) -> tuple[Array, Array]:
@@ -128,7 +127,7 @@ def _hat_functions(
     entries = np.concatenate([integral * (1.0 - hat), integral * hat])
     places = np.tile(node, 2), np.concatenate([point, (point + 1) % n])
     A = sp.csr_array((entries, places), shape=(node.max() + 1, n))
-    kept = (sample >= own.size) & (A.sum(axis=1)[node] > UNSEEN * cell)
+    kept = (sample >= own.size) & (A.sum(axis=1)[node] > ROUND_OFF * cell)
     value, node, contact = value[kept], node[kept], sample[kept] - own.size
     shares = value / np.bincount(contact, value)[contact]  # a node that no sample saw has none
     return A, sp.csr_array((shares, (node, contact)), shape=(A.shape[0], t.size))

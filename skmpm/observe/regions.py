@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import EXACT, Array, Bools, Ints
 from skmpm.outline import Outlines
 from skmpm.scene import State
-
-PARALLEL = 1e-12  # sine of the angle below which two walls are parallel
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +50,7 @@ def _lengths(normal: Array, point: Array) -> Array:
     tangent = np.stack([-normal[1], normal[0]])
     slope = normal.T @ tangent  # [j, i]: rate at which line i enters half-plane j
     height = np.einsum("aj,aji->ji", normal, point[:, None, :] - point[:, :, None])
-    cuts = np.abs(slope) > PARALLEL
+    cuts = np.abs(slope) > EXACT
     t = -height / np.where(cuts, slope, 1.0)
     low = np.where(cuts & (slope > 0.0), t, -np.inf).max(axis=0, initial=-np.inf)
     high = np.where(cuts & (slope < 0.0), t, np.inf).min(axis=0, initial=np.inf)

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skmpm import outline
-from skmpm.arrays import Array, Ints
-from skmpm.observe.contact_network import FORCED
+from skmpm.arrays import ROUND_OFF, Array, Ints
 from skmpm.observe.recovery import recover
 from skmpm.observe.sides import Placed, Side, place, sides
 from skmpm.representation import with_shapes
@@ -151,7 +150,7 @@ def _in_the_grid(scene: Scene, state: State, body: int, x: Array, placed: Placed
 def _normals(inward: Array, geometric: Array) -> Array:
     """Outward normals (2, m): against the weighted contact normals `inward` (2, m), or geometric ones without any."""
     size = np.hypot(*inward)
-    loaded = size > FORCED * size.max(initial=0.0)
+    loaded = size > ROUND_OFF * size.max(initial=0.0)
     return np.where(loaded, -inward / np.where(loaded, size, 1.0), geometric)
 
 

@@ -45,4 +45,4 @@ def _lengths(scene: Scene, scheme: Scheme, times: Array, until: float) -> Array:
     """The longest steps from some times of a run [s], with the motion of bodies at its beginning."""
     check_driven("preflight", scene, scheme)
     state, pace = initial(scene, scheme=scheme), pace_of(scene, scheme, 0.0, until)
-    return np.array([pace.limit(scene, scheme, replace(state, t=float(t)), np.inf) for t in times])
+    return np.array([pace.limit(scene, replace(state, t=float(t)), np.inf) for t in times])

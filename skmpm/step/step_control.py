@@ -129,7 +129,7 @@ def advance_with_chosen_step(
     """
     failures, left = list[StepFailed](), until - state.t
     chosen = state.step_control.chosen
-    limit = pace.limit(scene, scheme, state, left)
+    limit = pace.limit(scene, state, left)
     length = wanted = min(limit, chosen or limit)
     if length < left < 2.0 * length:  # the last two are equal: forces on what accelerates depend on their ratio
         length = 0.5 * left
@@ -137,7 +137,7 @@ def advance_with_chosen_step(
     while True:
         try:
             after = step(scene, state, length, scheme=scheme)
-            by_loss, by_motion = (f(scene, scheme, state, after) for f in (pace.by_loss, pace.by_motion))
+            by_loss, by_motion = (f(scene, state, after) for f in (pace.by_loss, pace.by_motion))
             accepted = min(TWICE * by_loss, (1.0 + SLACK) * by_motion)
             if length > accepted:  # an impact begins, or what contacts held moves
                 limit = min(by_loss, BELOW * by_motion)
@@ -155,7 +155,7 @@ def advance_with_chosen_step(
         by_end = length == left < chosen or length == halved < wanted
         chosen = (chosen or wanted) if by_end else next_length(length, report.newton / report.solves)
         # What accelerates is faster in the next step, by as much again.
-        growth = by_motion / max(pace.by_motion(scene, scheme, state, state), 1e-300)
+        growth = by_motion / max(pace.by_motion(scene, state, state), 1e-300)
         chosen = min(chosen, BELOW * by_loss, by_motion * float(np.clip(growth, 1.0 / MAX_CHANGE, 1.0)))
         t = float(until) if left - length <= ROUND_OFF * length else after.t
         return replace(after, t=t, report=report, step_control=replace(state.step_control, chosen=chosen)), failures

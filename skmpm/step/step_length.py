@@ -55,7 +55,8 @@ class Pace:
     """What limits the steps of a run."""
 
     resolving: float  # the longest step that resolves waves [s]; losses limit no shorter ones
-    forced: bool  # whether other forces than gravity move anything: the first step resolves waves
+    inertia: bool  # whether velocities of bodies limit steps
+    forced: bool  # whether other forces than gravity move anything with inertia: the first step resolves waves
     longest: float  # that is allowed [s]
     losses: bool  # whether the energy that steps lose limits them
     negligible: float  # energy [J/m] below which losses do not matter
@@ -64,22 +65,21 @@ class Pace:
     driven: bool  # whether anything is
     functions: FunctionsOfTime
 
-    def limit(self, scene: Scene, scheme: Scheme, state: State, left: float) -> float:
+    def limit(self, scene: Scene, state: State, left: float) -> float:
         """The longest step from a state, at most `left` [s], by the present velocities."""
         t, longest, first = state.t, min(left, self.longest), state.step_control.chosen == 0.0
-        if scheme.inertia:
-            falls = first or self.driven or self.functions.loads  # else what rests goes on resting
-            fall = float(np.hypot(*gravity_of(scene, t))) if falls else 0.0
-            longest = min(longest, self.by_motion(scene, scheme, state, state, fall))
-            longest = min(longest, self.resolving) if first and self.forced else longest
+        falls = first or self.driven or self.functions.loads  # else what rests goes on resting
+        fall = float(np.hypot(*gravity_of(scene, t))) if falls else 0.0
+        longest = min(longest, self.by_motion(scene, state, state, fall))
+        longest = min(longest, self.resolving) if first and self.forced else longest
         return _within_stroke(scene, t, self.functions.followed(t, longest, self.resolving), state.box)
 
-    def by_motion(self, scene: Scene, scheme: Scheme, before: State, after: State, fall: float = 0.0) -> float:
+    def by_motion(self, scene: Scene, before: State, after: State, fall: float = 0.0) -> float:
         """The longest step [s] that moves nothing too far from a state, with the velocities of a later one.
 
         Bodies may accelerate by `fall` [m/s2] past others.
         """
-        if not scheme.inertia:
+        if not self.inertia:
             return np.inf
         now = moving(scene, after)
         turning = float(np.hypot(*np.ptp(now.v, axis=1)))
@@ -91,11 +91,11 @@ class Pace:
                 limits.append(_time(self.room + gaps, speeds, fall).min(initial=np.inf))
         return min(map(float, limits))
 
-    def by_loss(self, scene: Scene, scheme: Scheme, before: State, after: State) -> float:
+    def by_loss(self, scene: Scene, before: State, after: State) -> float:
         """The step [s] that loses as much energy as it may, from a step of another length."""
         length = after.report.dt
         largest = after.report.energy.largest
-        if not (self.losses and scheme.inertia) or largest <= self.negligible:
+        if not self.losses or largest <= self.negligible:
             return np.inf
         lost = _lost(scene, before, after)
         allowed = max(LOSS * largest, 0.5 * scene.mass * _driven_at(scene, after.t, after.box) ** 2)
@@ -219,7 +219,7 @@ def pace_of(
     driven_at = max(_driven_at(scene, float(t)) for t in looked_at)
     gravity = strongest_gravity(scene, looked_at)
     many = several(scene) and (driven_at > 0.0 or bool(gravity.any()))
-    losses = not many if waves is None else waves
+    losses = scheme.inertia and (not many if waves is None else waves)
     # Where something is driven, the flight of bodies that are loose between others need not be accurate.
     room = max_motion(scene) if driven_at > 0.0 else MAX_APPROACH * scene.cell
     falls = not (losses or driven_at > 0.0 or scene.periodic is not None)
@@ -228,7 +228,8 @@ def pace_of(
     resolving = WAVES * float(smallest_radii(scene).min()) / scene.fastest_wave
     return Pace(
         resolving,
-        bool(loaded_bodies(scene).size or scene.driven_walls.size or scene.stressed),
+        scheme.inertia,
+        scheme.inertia and bool(loaded_bodies(scene).size or scene.driven_walls.size or scene.stressed),
         min(np.inf if max_dt is None else max_dt, resolving if waves else np.inf),
         losses,
         scene.mass * float(0.5 * settling(scene, weight) ** 2 + np.hypot(*weight) * REST * scene.cell),
