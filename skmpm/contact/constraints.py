@@ -224,7 +224,7 @@ def no_constraints(base: sp.csr_array) -> Constraints:
     )
 
 
-Linearise = Callable[..., Constraints]  # of nodal velocities, and of all prescribed velocities
+Linearise = Callable[..., Constraints]  # of nodal velocities and, if forces drive anything, all prescribed ones
 ContactFormulation = Callable[[Scene, State, BodyGrids, float, float, PrescribedVelocities, bool], Linearise]
 
 

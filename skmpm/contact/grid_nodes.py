@@ -67,7 +67,7 @@ class SharedGrid:
             ]
         )
         constraints = _constraints(scene, nodes, *_pairs(nodes), grid)
-        return lambda w, motions=motions: constraints
+        return lambda w: constraints
 
 
 shared_grid = SharedGrid()

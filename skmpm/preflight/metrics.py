@@ -1,158 +1,228 @@
-"""The numbers of the preflight check."""
+"""The numbers of a scene before it is run: sizes, motion in a step, what has to be solved, time and memory."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import ceil
 
 import numpy as np
 
 from skmpm import linear
 from skmpm.arrays import Array, Ints
-from skmpm.contact import acts_at_grid_nodes, check_outlines
 from skmpm.contact.self_contact import can_touch
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.assembly import ghost_facets
-from skmpm.material import poisson_ratio, youngs_modulus
-from skmpm.outline import chord_sagitta, inclined_thickness, slit_width
-from skmpm.preflight.sampling import stress_errors
-from skmpm.scene import Derived, Scene, check_walls_at_start
+from skmpm.material import Material
+from skmpm.outline import chord_sagitta, slit_width
+from skmpm.scene import Scene
 from skmpm.scheme import Scheme
-from skmpm.step.algorithm import SHORTEST, check_time
-from skmpm.step.driven import check_driven, driven, driven_by_force
-from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
-from skmpm.step.initial_state import check_cohesion, initial_motion
-from skmpm.step.loading import loading_of
-from skmpm.step.regrid import derived_data, inward_normals, torn_bodies
+from skmpm.step.driven import driven, driven_by_force
+from skmpm.step.equations import LONG
+from skmpm.step.functions_of_time import TIMES
+from skmpm.step.initial_state import initial, initial_motion
+from skmpm.step.loading import Loading, loading_of, several
+from skmpm.step.regrid import derived_data, inward_normals
+from skmpm.step.step_length import MAX_APPROACH, STROKE, pace_of
+
+# Of docs/studies/performance.md, on one thread [s]: a step, a point of it, one where things can touch, an unknown and
+# squared half bandwidth of a banded matrix, an unknown of multigrid; quasi-static steps over those with inertia.
+STEP, POINT, CONTACT, BAND, MULTIGRID, QUASISTATIC = 4e-3, 0.9e-6, 1.7e-6, 1e-10, 7e-6, 2.5
+# Time of packings in long steps, whose contacts rearrange, over that: twice as many steps of four Newton iterations.
+REARRANGING = 10.0
+PARTS = 32  # of a run, in whose middles lengths of steps are looked at
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SceneMetrics:
-    """The numbers of the preflight check; arrays are per deformable body, motions at t = 0 or after falling."""
+    """The numbers of a scene, each found when it is first asked for; its body grids are built, nothing is solved.
 
-    points: Ints  # (bodies,) including rigid ones
-    own: Ints  # (deformable,) indices among the bodies
-    points_per_cell: Array  # (deformable,) points over area in cells
-    softening: Array  # (deformable,) estimated error of a uniform stress; nan without outline
-    torn: dict[int, int]  # bodies whose cells fall apart: number of pieces
-    resolution: Array  # (deformable,) R/h, R the radius of a disc of that area
-    across: Array  # (deformable,) cells across the thinnest part; nan without outline
-    inclined: Array  # (deformable,) the same of parts inclined to the grid, of bodies wider than those; else inf
-    chords: Array  # (deformable,) by which chords of a smooth outline cut off from a width at most [cells]
-    slit: Array  # (deformable,) cells across the narrowest slit or hole; inf without one
-    cells: int
-    unknowns: int
-    cell: float  # h [m]
-    wave: float  # fastest pressure wave c [m/s]
-    courant: float  # dt c/h
-    waves: bool  # whether steps must resolve waves
-    lid: float  # displacement of the fastest wall, rigid body or support in a step [cells]
-    lid_name: str  # its name
-    approach: float  # bound on the relative displacement in a step [cells]; 0 without inertia
-    fall: float  # free height, 0 without gravity or inertia [m]
-    rotation: Array  # (deformable,) largest rotation of points in a step [rad]
-    touches: bool  # whether contact is possible
-    friction: float  # largest coefficient
-    cohesion: float  # the largest [Pa]
-    young: Array  # (materials,) small-strain moduli of the deformable bodies [Pa]
-    poisson: Array  # (materials,) Poisson's ratios
-    inertia: bool
-    half_bandwidth: int
-    solver: str
-    memory: float  # [bytes] in addition to the program
-    steps: float = np.inf  # of the run, if its end is known
-
-
-def examine(scene: Scene, dt: float, scheme: Scheme, until: float | None = None) -> SceneMetrics:
-    """The numbers of a scene; its body grids are built, nothing is assembled or solved.
-
-    Of functions of time the largest values up to `until` [s] count. Without it, which waves matter is not known.
+    Motions are those at t = 0 or after falling; of functions of time the largest values up to `until` [s] count.
     """
-    check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
-    check_cohesion("preflight", scene, scheme)
-    check_walls_at_start(scene)
-    check_driven("preflight", scene, scheme)
-    if can_touch(scene) and not acts_at_grid_nodes(scheme.contact):
-        check_outlines(scene)
-    own, count, body = np.flatnonzero(scene.deformable), np.diff(scene.offsets), scene.owner
-    area = np.bincount(body, scene.initial_volumes, count.size)[own] / scene.cell**2
-    wave, (grid, columns) = scene.fastest_wave, _grid(scene, scheme)
-    width, solver = int(columns.max(initial=1)) - 1, _solver(scheme, columns)
-    touches, step = can_touch(scene), dt / scene.cell
-    times = np.zeros(1) if until is None else until * np.append(0.0, (np.arange(TIMES) + 0.5) / TIMES)
-    known = until is not None or FunctionsOfTime.in_run(scene, scheme.theta, times).none
-    fastest = (named for t in times.tolist() for named in driven(scene, t))
-    lid_name, lid = max(fastest, key=lambda named: named[1], default=("", 0.0))
-    if not lid:
-        lid_name = ", ".join(name for name, _ in driven_by_force(scene))
-    loading, (_, C) = loading_of(scene, times), initial_motion(scene)
-    rotation = np.zeros(count.size)
-    np.maximum.at(rotation, body, 0.5 * dt * np.abs(C[1, 0] - C[0, 1]))
-    boundary, x = scene.outlines, scene.initial_positions[:, scene.outlines.point]
-    thin = np.zeros(count.size, dtype=bool)
-    thin[own] = scene.thickness[own] < np.sqrt(area / np.pi) * scene.cell
-    return SceneMetrics(
-        points=count,
-        own=own,
-        points_per_cell=count[own] / area,
-        softening=stress_errors(scene, fitted=scheme.moment_fitting)[own],
-        torn={b: int(grid.pieces[b]) for b in torn_bodies(scene, grid).tolist()},
-        resolution=np.sqrt(area / np.pi),
-        across=scene.thickness[own] / scene.cell,
-        inclined=inclined_thickness(boundary, x, thin)[own] / scene.cell,
-        chords=2.0 * chord_sagitta(boundary, x, count.size)[own] / scene.cell,
-        slit=slit_width(boundary, x, count.size)[own] / scene.cell,
-        cells=grid.cells,
-        unknowns=2 * grid.nodes,
-        cell=scene.cell,
-        wave=wave,
-        courant=wave * step if scheme.inertia else 0.0,
-        waves=scheme.inertia and loading.waves and known,
-        lid=lid * step,
-        lid_name=lid_name,
-        approach=loading.approach * step if touches and scheme.inertia else 0.0,
-        fall=loading.fall if scheme.inertia else 0.0,
-        rotation=rotation[own],
-        touches=touches,
-        friction=scene.frictions.largest if touches else 0.0,
-        cohesion=float(max([scene.cohesion, *(wall.cohesion for wall in scene.walls)])) if touches else 0.0,
-        young=np.array([youngs_modulus(material) for material in scene.materials]),
-        poisson=np.array([poisson_ratio(material) for material in scene.materials]),
-        inertia=scheme.inertia,
-        half_bandwidth=width,
-        solver=solver,
-        memory=memory_of(int(count.sum()), 2 * grid.nodes, boundary.size if touches else 0, width, solver),
-    )
+
+    scene: Scene
+    dt: float  # of the first step [s]
+    scheme: Scheme
+    until: float | None  # [s]
+    steps: int | None  # of the run, if its end is known
+    chosen: bool  # whether `simulate` chooses the length of steps
+
+    @cached_property
+    def own(self) -> Ints:
+        """Indices of the deformable bodies, (deformable,)."""
+        return np.flatnonzero(self.scene.deformable)
+
+    @property
+    def points(self) -> Ints:
+        """Number of points of each body, (bodies,)."""
+        return np.diff(self.scene.offsets)
+
+    @property
+    def cell(self) -> float:
+        """Side of the cells [m]."""
+        return self.scene.cell
+
+    @cached_property
+    def resolution(self) -> Array:
+        """R/h, R the radius of a disc of the body's area, (deformable,)."""
+        return disc_radii(self.scene)[self.own] / self.cell
+
+    @property
+    def points_per_cell(self) -> Array:
+        """Points over the area in cells, (deformable,)."""
+        return np.asarray(self.points[self.own] / (np.pi * self.resolution**2))
+
+    @property
+    def across(self) -> Array:
+        """Cells across the thinnest part, (deformable,); nan without outline."""
+        return np.asarray(self.scene.thickness[self.own] / self.cell)
+
+    @cached_property
+    def slit(self) -> Array:
+        """Cells across the narrowest slit or hole, (deformable,); inf without one."""
+        return np.asarray(slit_width(self.scene.outlines, self.boundary, self.points.size)[self.own] / self.cell)
+
+    @cached_property
+    def chords(self) -> Array:
+        """Cells that chords of a smooth outline cut off from a width at most, (deformable,)."""
+        sagitta = chord_sagitta(self.scene.outlines, self.boundary, self.points.size)
+        return np.asarray(2.0 * sagitta[self.own] / self.cell)
+
+    @property
+    def boundary(self) -> Array:
+        """Positions of the boundary points, (2, m) [m]."""
+        return self.scene.initial_positions[:, self.scene.outlines.point]
+
+    def extremes(self, quantity: Callable[[Material], float]) -> Array:
+        """Smallest and largest value of a quantity of the materials of each deformable body, (2, deformable)."""
+        value = {material: quantity(material) for material in self.scene.materials}
+        each = [[value[material] for material in self.scene.bodies[b].materials] for b in self.own.tolist()]
+        return np.array([[min(values), max(values)] for values in each]).T
+
+    @cached_property
+    def loading(self) -> Loading:
+        """What drives the scene, at t = 0 or in the run."""
+        return loading_of(self.scene, self.times)
+
+    @property
+    def times(self) -> Array:
+        """Times at which functions of time are looked at, (k,) [s]."""
+        return np.zeros(1) if self.until is None else np.linspace(0.0, self.until, TIMES)
+
+    @property
+    def courant(self) -> float:
+        """Distance dt c/h of pressure waves in a step [cells], 0 without inertia."""
+        return self.scene.fastest_wave * self.dt / self.cell if self.scheme.inertia else 0.0
+
+    @cached_property
+    def driven(self) -> tuple[str, float]:
+        """The fastest wall, rigid body or support, and how far it moves in a step [cells]; else what forces drive."""
+        every = (named for t in self.times.tolist() for named in driven(self.scene, t))
+        name, speed = max(every, key=lambda named: named[1], default=("", 0.0))
+        if not speed:
+            return ", ".join(name for name, _ in driven_by_force(self.scene)), 0.0
+        stroke = speed * self.dt / self.cell
+        return name, min(stroke, STROKE) if self.chosen else stroke
+
+    @property
+    def approach(self) -> float:
+        """Bound on the relative displacement of bodies in a step [cells]; 0 without inertia or contact."""
+        approach = self.loading.approach * self.dt / self.cell if self.touches and self.scheme.inertia else 0.0
+        return min(approach, MAX_APPROACH) if self.chosen else approach
+
+    @property
+    def fall(self) -> float:
+        """Free height of fall [m]; 0 without inertia, and where steps are chosen, which get shorter by then."""
+        return self.loading.fall if self.scheme.inertia and not self.chosen else 0.0
+
+    @cached_property
+    def at_rest(self) -> bool:
+        """Whether no body that forces move has a velocity at t = 0."""
+        return not initial_motion(self.scene)[0][:, self.scene.movable[self.scene.owner]].any()
+
+    @property
+    def touches(self) -> bool:
+        """Whether contact is possible."""
+        return can_touch(self.scene)
+
+    @property
+    def cohesion(self) -> float:
+        """Largest cohesion of contacts that are possible [Pa]."""
+        each = [self.scene.cohesion, *(wall.cohesion for wall in self.scene.walls)]
+        return float(max(each)) if self.touches else 0.0
+
+    @cached_property
+    def grid(self) -> BodyGrids:
+        """The first body grids."""
+        return self._grid_and_columns[0]
+
+    @property
+    def unknowns(self) -> int:
+        """Number of nodal unknowns."""
+        return 2 * self.grid.nodes
+
+    @property
+    def half_bandwidth(self) -> int:
+        """Half bandwidth of the matrix that is factorised."""
+        return int(self._grid_and_columns[1].max(initial=1)) - 1
+
+    @property
+    def solver(self) -> str:
+        """Name of the solver that `linear.default` selects, or of the scheme's own."""
+        default = self.scheme.linear is linear.default
+        solver = linear.chosen(self._grid_and_columns[1]) if default else self.scheme.linear
+        return str(getattr(solver, "__name__", type(solver).__name__))
+
+    @cached_property
+    def _grid_and_columns(self) -> tuple[BodyGrids, Ints]:
+        """The body grids, and the lengths (nodes,) of the columns of the factor of their matrix, with supports."""
+        scene, x, volume = self.scene, self.scene.initial_positions, self.scene.initial_volumes
+        if scene.supports:
+            return _supported_grid(scene, self.scheme)
+        soft = scene.deformable[scene.owner]
+        inward = inward_normals(scene, x)[:, soft]
+        grid = build_grids(x[:, soft], scene.owner[soft], scene.cell, len(scene.bodies), inward)
+        facets, _ = ghost_facets(grid, volume[soft])
+        node = np.arange(grid.nodes)
+        last = node.copy()
+        for nodes in (grid.nodes_of_cell, facets):
+            np.maximum.at(last, nodes.min(axis=0), nodes.max(axis=0))
+        return grid, 2 * (np.maximum.accumulate(last) - node + 1)
+
+    @property
+    def memory(self) -> float:
+        """Peak memory of a run in addition to the program [bytes]."""
+        boundary = self.scene.outlines.size if self.touches else 0
+        return memory_of(int(self.points.sum()), self.unknowns, boundary, self.half_bandwidth, self.solver)
+
+    @property
+    def seconds_of_step(self) -> float:
+        """Time of a step on one thread, to an order of magnitude [s]."""
+        size = (int(self.points.sum()), self.unknowns, self.half_bandwidth, self.solver)
+        each = seconds_of_step(*size, touches=self.touches, inertia=self.scheme.inertia)
+        long = self.courant > LONG or not self.scheme.inertia
+        return REARRANGING * each if long and self.touches and several(self.scene) else each
+
+    @property
+    def seconds(self) -> float | None:
+        """Time of the run on one thread, to an order of magnitude [s]; None if its end is not known."""
+        return None if self.steps is None else self.steps * self.seconds_of_step
 
 
-def _grid(scene: Scene, scheme: Scheme) -> tuple[BodyGrids, Ints]:
-    """The first body grids, and the lengths (nodes,) of the columns of the factor of their matrix, with supports."""
-    soft, x, volume = scene.deformable[scene.owner], scene.initial_positions, scene.initial_volumes
-    if scene.supports:
-        return _supported_grid(derived_data(scene, scheme, x, volume))
-    grid = build_grids(
-        x[:, soft], scene.owner[soft], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, soft]
-    )
-    facets, _ = ghost_facets(grid, volume[soft])
-    node = np.arange(grid.nodes)
-    last = node.copy()
-    for nodes in (grid.nodes_of_cell, facets):
-        np.maximum.at(last, nodes.min(axis=0), nodes.max(axis=0))
-    return grid, 2 * (np.maximum.accumulate(last) - node + 1)
+def disc_radii(scene: Scene) -> Array:
+    """Radii of discs of the areas of the bodies, (bodies,) [m]."""
+    return np.asarray(np.sqrt(np.bincount(scene.owner, scene.initial_volumes, len(scene.bodies)) / np.pi))
 
 
-def _supported_grid(data: Derived) -> tuple[BodyGrids, Ints]:
-    """The same with supports, whose elimination couples further nodes and reorders them."""
+def _supported_grid(scene: Scene, scheme: Scheme) -> tuple[BodyGrids, Ints]:
+    """Grids and lengths of columns with supports, whose elimination couples further nodes and reorders them."""
+    data = derived_data(scene, scheme, scene.initial_positions, scene.initial_volumes)
     grid, pattern = data.assembly.grid, data.assembly.ghost_data
     A = data.assembly.matrix(np.random.default_rng(0).random(pattern.shape), 1.0)  # whose entries do not cancel
     if data.supports is not None:
         A, _ = data.supports.reduced(A, grid.blocks)
     return grid, linear.column_lengths(A, grid.blocks)
-
-
-def _solver(scheme: Scheme, columns: Ints) -> str:
-    """Name of the solver: that which `linear.default` selects, otherwise the scheme's own."""
-    solver = linear.chosen(columns) if scheme.linear is linear.default else scheme.linear
-    return str(getattr(solver, "__name__", type(solver).__name__))
 
 
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:
@@ -165,3 +235,27 @@ def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: s
     """
     matrix = 8.0 * (width + 1) * unknowns if solver == "banded" else 2e3 * unknowns
     return 8e6 + 1.2e3 * points + 5e3 * boundaries + matrix
+
+
+def seconds_of_step(
+    points: int, unknowns: int, width: int, solver: str, *, touches: bool = True, inertia: bool = True
+) -> float:
+    """The time of a step in which no contacts rearrange [s]."""
+    matrix = BAND * width**2 if solver == "banded" else MULTIGRID
+    seconds = STEP + points * (POINT + (CONTACT if touches else 0.0)) + unknowns * matrix
+    return seconds if inertia else QUASISTATIC * seconds
+
+
+def chosen_steps(scene: Scene, scheme: Scheme, until: float | None) -> tuple[float, int | None]:
+    """The first step that `simulate` chooses [s], 1 s if nothing limits it, and the number of steps until an end.
+
+    Bodies move as at the beginning, and neither Newton's method nor losses shorten a step.
+    """
+    parts = (np.arange(PARTS) + 0.5) / PARTS
+    times = np.append(0.0, () if until is None else until * parts)
+    state, pace = initial(scene, scheme=scheme), pace_of(scene, scheme, 0.0, until or 0.0)
+    longest = np.array([pace.limit(scene, replace(state, t=float(t)), np.inf) for t in times])
+    first = float(longest[0]) if np.isfinite(longest[0]) else 1.0
+    if until is None:
+        return first, None
+    return first, ceil(float((until / PARTS / np.minimum(longest[1:], until)).sum()) - 1e-9)

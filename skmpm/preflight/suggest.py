@@ -12,28 +12,20 @@ from skmpm.contact.self_contact import can_touch
 from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import slit_width
 from skmpm.points import Points
-from skmpm.preflight.layers import shares_cells
-from skmpm.preflight.limits import (
-    APPROACH,
-    CONFINED,
-    COURANT,
-    LID,
-    RESOLUTION,
-    SLIT,
-    SMALLEST,
-    THIN,
-    rounded_up,
-)
+from skmpm.preflight.limits import LIMITS
+from skmpm.preflight.metrics import disc_radii
+from skmpm.preflight.quantities import ceiled, shares_cells
 from skmpm.scene import Body, Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.step.loading import SEVERAL, Loading, loading_of, smallest_radii
+from skmpm.step.step_length import MAX_APPROACH, STROKE
 
 LARGEST = 0.25  # error; coarser resolutions were not measured
 RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
 # Cells across a thin part, and the error of its deflection then at 45 degrees to the grid and nu = 0.499, of finite
-# elements 2.8 %, which falls by 3 from 4 to 8; at nu = 0.3 it is two thirds, along the grid a third of that (`THIN`).
+# elements 2.8 %, which falls by 3 from 4 to 8; at nu = 0.3 it is two thirds, along the grid a third of that.
 THIN_CELLS, THIN_ERROR, THIN_POWER = 8.0, 0.032, 1.57
 ROUND_OFF = 1e-9  # of a cell
 WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
@@ -129,7 +121,7 @@ def suggest(
     """
     check_scene("suggest", scene)
     loading = loading_of(scene, _times(scene, until), inertia=scheme.inertia)
-    radius, measured = _radii(scene), ~_slender(scene)
+    radius, measured = disc_radii(scene)[scene.deformable], ~_slender(scene)
     if loading.kind == "bending":
         radius, measured = smallest_radii(scene), np.ones_like(measured)
     size = float(radius.min())
@@ -138,11 +130,12 @@ def suggest(
     found = [best for law in laws if (best := _cheapest(law, error, paced)) is not None]
     if not found:
         least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
-        raise ValueError(f"suggest: error = {error!r}; use one between {rounded_up(1.01 * least)} and {LARGEST}")
+        raise ValueError(f"suggest: error = {error!r}; use one between {ceiled(1.01 * least)} and {LARGEST}")
     _, n, spacing, stride = min(found)
     cell = float(min(radius[measured].min(initial=np.inf) / n, _coarsest(scene, error)))
     cell = _with_interfaces(scene, cell, error)
-    spacing = min(spacing, 0.5) if max(map(poisson_ratio, scene.materials)) > CONFINED.value else spacing
+    if max(map(poisson_ratio, scene.materials)) > LIMITS["nu with few points"].value:
+        spacing = min(spacing, 0.5)
     longest = [stride * size / loading.speed] if paced else []
     dt = min([*longest, *_longest(scene, loading, cell, scheme), *([] if until is None else [until])], default=None)
     paces = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
@@ -167,25 +160,20 @@ def _measured_as(scene: Scene, kind: str) -> str:
     return kind
 
 
-def _radii(scene: Scene) -> Array:
-    """Radii of discs of the areas of deformable bodies [m], as `preflight` takes them."""
-    area = np.bincount(scene.owner, scene.initial_volumes, len(scene.bodies))
-    return np.asarray(np.sqrt(area / np.pi)[scene.deformable])
-
-
 def _coarsest(scene: Scene, error: float) -> float:
     """The largest cell without warnings of `preflight`, and in which thin parts bend with at most this error [m]."""
     boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
     slit = slit_width(boundary, scene.initial_positions[:, boundary.point], count)[own]
-    limit = (RESOLUTION if can_touch(scene) else SMALLEST).value
-    enough = max(THIN.value, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER))
-    thinnest = np.nanmin(scene.thickness[own] / np.where(_slender(scene), enough, THIN.value), initial=np.inf)
-    return float(min(_radii(scene).min() / limit, thinnest, slit.min() / SLIT.value))
+    limit = LIMITS["R/h" if can_touch(scene) else "R/h alone"].value
+    thin = LIMITS["thin part"].value
+    enough = max(thin, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER))
+    thinnest = np.nanmin(scene.thickness[own] / np.where(_slender(scene), enough, thin), initial=np.inf)
+    return float(min(disc_radii(scene)[own].min() / limit, thinnest, slit.min() / LIMITS["slit"].value))
 
 
 def _slender(scene: Scene) -> Bools:
     """Which deformable bodies have a part thinner than their radius, so that it bends: strips, lips, rings."""
-    return np.asarray(scene.thickness[scene.deformable] < _radii(scene))
+    return np.asarray(scene.thickness[scene.deformable] < disc_radii(scene)[scene.deformable])
 
 
 def _with_interfaces(scene: Scene, cell: float, error: float) -> float:
@@ -227,9 +215,9 @@ def _smeared(points: Points, E: Array) -> float:
 
 def _longest(scene: Scene, loading: Loading, cell: float, scheme: Scheme) -> list[float]:
     """The longest steps without warnings of `preflight` [s]."""
-    limits = [(COURANT.value, scene.fastest_wave)] if scheme.inertia and loading.waves else []
+    limits = [(LIMITS["dt c/h"].value, scene.fastest_wave)] if scheme.inertia and loading.waves else []
     if can_touch(scene):
-        limits += [(LID.value, loading.driven), (APPROACH.value, loading.approach if scheme.inertia else 0.0)]
+        limits += [(STROKE, loading.driven), (MAX_APPROACH, loading.approach if scheme.inertia else 0.0)]
     return [value * cell / speed for value, speed in limits if speed > 0.0]
 
 

@@ -1,42 +1,48 @@
-"""The preflight check: a summary of a run before it starts, and warnings outside the verified range."""
+"""The preflight check: the numbers of a run before it starts as text, and warnings outside the verified range."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from math import ceil
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact import acts_at_grid_nodes, check_outlines
 from skmpm.contact.self_contact import can_touch
-from skmpm.material import is_linear
-from skmpm.preflight.checks import warnings_of
-from skmpm.preflight.cost import chosen_steps, first_step, seconds_of_step
-from skmpm.preflight.limits import PreflightWarning
-from skmpm.preflight.metrics import SceneMetrics, examine
+from skmpm.material import is_linear, poisson_ratio, youngs_modulus
+from skmpm.preflight.limits import PreflightWarning, warnings_of
+from skmpm.preflight.metrics import SceneMetrics, chosen_steps
 from skmpm.representation import quantity, table
-from skmpm.scene import Scene, check_scene
+from skmpm.scene import Scene, check_scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
-from skmpm.step.step_length import MAX_APPROACH, STROKE, pace_of
+from skmpm.step.driven import check_driven
+from skmpm.step.initial_state import check_cohesion
+from skmpm.step.step_length import pace_of
 
 PAGE = "docs/how_to/warnings.md"
 
 
-@dataclass(frozen=True, repr=False)
-class Preflight:
-    """The preflight check of a scene, printed as text; in a notebook a table.
+@dataclass(frozen=True, eq=False, repr=False)
+class Preflight(SceneMetrics):
+    """The preflight check of a scene, printed as text; in a notebook a table. Its numbers are attributes.
 
     Attributes
     ----------
-    lines : the summary, text by subject
+    scene : that was given
+    dt : the time step, or the first that `simulate` chooses [s]
+    scheme : that was given
+    until : end of the run [s], if it was given
+    steps : number of steps until then
+    chosen : whether `simulate` chooses the length of steps
     warnings : of what lies outside of the verified range, at most one of a kind, `PreflightWarning`
     """
 
-    lines: dict[str, str]
-    warnings: tuple[PreflightWarning, ...]
+    warnings: tuple[PreflightWarning, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "warnings", tuple(warnings_of(self)))
 
     def __str__(self) -> str:
         """The lines, then a line that begins with ``!`` for each warning."""
@@ -50,6 +56,73 @@ class Preflight:
         said = {f"! {warning.kind}": str(warning) for warning in self.warnings}
         return table("Preflight", self.lines | (said or {"": "no warnings"}))
 
+    @property
+    def lines(self) -> dict[str, str]:
+        """The numbers as text, by subject."""
+        scene, scheme, diameter = self.scene, self.scheme, 2.0 * self.resolution * self.cell
+        sizes = dict.fromkeys(quantity(float(each), "m") for each in (diameter.min(), diameter.max()))
+        law = "linear, one solve" if all(map(is_linear, scene.materials)) else "nonlinear, Newton"
+        moduli, ratios = self.extremes(youngs_modulus), self.extremes(poisson_ratio)
+        name, stroke = self.driven
+        lines = {
+            "bodies": f"{_bodies(scene)}; {_around(scene)}",
+            "sizes": f"{' to '.join(sizes)} across; cells of {quantity(self.cell, 'm')}",
+            "points": f"{self.points.sum()}, {_span(self.points, 'd')} a body,"
+            f" {self.points_per_cell.min():.3g} or more per filled cell",
+            "grid": f"{self.grid.cells} cells, {self.unknowns} unknowns",
+            "R/h": f"{self.resolution.min():.3g} smallest, {self.resolution.mean():.3g} mean; {self._widths()}",
+            "dt c/h": self._waves(),
+            "driven": f"{name}, {stroke:.3g} h a step" if stroke else name or "nothing",
+            "motion": self._motion(),
+            "bulk": f"E = {_span(moduli, '.4g')} Pa, nu = {_span(ratios, '.5g')}; {law};"
+            f" {f'theta = {scheme.theta:g}' if scheme.inertia else 'quasi-static'}",
+            "contact": self._contact(),
+            "solver": f"{self.solver}, half bandwidth {self.half_bandwidth}",
+            "memory": f"about {_bytes(self.memory)} besides the program",
+            "cost": self._cost(),
+        }
+        return lines | ({"step": self._step()} if self.chosen else {})
+
+    def _widths(self) -> str:
+        across, slit = self.across[self.across > 0.0], self.slit.min()
+        narrowest = f", {slit:.3g} the narrowest slit" if slit < float("inf") else ""
+        return f"{across.min():.3g} cells across the thinnest part{narrowest}" if across.size else "no outlines"
+
+    def _waves(self) -> str:
+        c = f"c = {self.scene.fastest_wave:.4g} m/s"
+        return f"{self.courant:.3g}, {c}" if self.scheme.inertia else "none without inertia"
+
+    def _motion(self) -> str:
+        if not self.touches:
+            return "nothing else can touch it"
+        if not self.scheme.inertia:
+            return "from equilibrium to equilibrium, nothing falls without inertia"
+        after = f", after falling by {self.fall:.3g} m" if self.fall else ""
+        return f"{self.approach:.3g} h a step past each other{after}"
+
+    def _contact(self) -> str:
+        if not self.touches:
+            return "of bodies with themselves only"
+        contact, name = self.scheme.contact, "shared grid"
+        if not acts_at_grid_nodes(contact):
+            name = getattr(contact, "__name__", type(contact).__name__).replace("_", " ")
+        cohesion = f", cohesion up to {self.cohesion:g} Pa" if self.cohesion else ""
+        return f"{name}, {self.scene.frictions}{cohesion}"
+
+    def _cost(self) -> str:
+        each = f"{self.seconds_of_step:.1g} s"
+        if self.seconds is None:
+            return f"about {each} a step"
+        unit, name = next((u, name) for u, name in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if self.seconds >= u)
+        return f"about {self.steps} steps of {each} or more: {self.seconds / (unit or 1.0):.1g} {name}"
+
+    def _step(self) -> str:
+        """The first step, and whether chosen ones pass over impacts."""
+        losses = pace_of(self.scene, self.scheme, 0.0, self.until or 0.0).losses
+        passes = self.scheme.inertia and self.touches and not losses
+        passed_over = "; impacts of so many bodies are not resolved, unless waves=True" if passes else ""
+        return f"chosen, {self.dt:.3g} s at first{passed_over}"
+
 
 def preflight(
     scene: Scene,
@@ -58,7 +131,7 @@ def preflight(
     scheme: Scheme = Scheme(),  # noqa: B008
     until: float | None = None,
 ) -> Preflight:
-    """Summary of a run before it starts: sizes, resolution, motion per step, solver, memory; and warnings.
+    """Check of a run before it starts: sizes, resolution, motion per step, solver, time, memory; and warnings.
 
     Without dt [s], motions per step are those of the first step that `simulate` chooses by what acts at t = 0.
     With `until` [s], the number of steps and the time that a run takes are estimated, to an order of magnitude.
@@ -77,75 +150,25 @@ def preflight(
         touch have no outline
     """
     check_scene("preflight", scene)
-    step = first_step(scene, scheme) if dt is None else dt
+    if dt is not None:
+        check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     if until is not None:
         check_time("preflight: until", until, SHORTEST, "the time to stop at")
-    metrics = examine(scene, step, scheme, until)
-    if dt is None:  # chosen steps resolve waves where they matter, and are shorter once bodies have fallen
-        lid, approach = min(metrics.lid, STROKE), min(metrics.approach, MAX_APPROACH)
-        metrics = replace(metrics, waves=False, lid=lid, approach=approach, fall=0.0)
-    chosen = {"step": _chosen(scene, step, scheme, until)} if dt is None else {}
-    if until is not None:
-        steps = chosen_steps(scene, scheme, until) if dt is None else ceil(until / dt - 1e-9)
-        metrics = replace(metrics, steps=steps)
-    cost = {"cost": _cost(metrics)}
-    return Preflight(_lines(scene, metrics, scheme) | cost | chosen, warnings_of(scene, metrics, scheme))
-
-
-def _chosen(scene: Scene, step: float, scheme: Scheme, until: float | None) -> str:
-    """The step, and whether chosen ones pass over impacts."""
-    text, pace = f"chosen, {step:.3g} s at first", pace_of(scene, scheme, 0.0, until or 0.0)
-    passes = scheme.inertia and can_touch(scene) and not pace.losses
-    return f"{text}; impacts of so many bodies are not resolved, unless waves=True" if passes else text
-
-
-def _lines(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> dict[str, str]:
-    """The lines of the summary, by subject."""
-    each, fewest = _span(metrics.points, "d"), metrics.points_per_cell.min()
-    law = "linear, one solve" if all(map(is_linear, scene.materials)) else "nonlinear, Newton"
-    balance = f"theta = {scheme.theta:g}" if scheme.inertia else "quasi-static"
-    return {
-        "bodies": f"{_bodies(scene)}; {_around(scene)}",
-        "sizes": f"{_sizes(metrics)} across; cells of {quantity(metrics.cell, 'm')}",
-        "points": f"{metrics.points.sum()}, {each} a body, {fewest:.3g} or more per filled cell",
-        "grid": f"{metrics.cells} cells, {metrics.unknowns} unknowns",
-        "R/h": f"{metrics.resolution.min():.3g} smallest, {metrics.resolution.mean():.3g} mean; {_across(metrics)}",
-        "dt c/h": f"{metrics.courant:.3g}, c = {metrics.wave:.4g} m/s" if metrics.inertia else "none without inertia",
-        "driven": f"{metrics.lid_name}, {metrics.lid:.3g} h a step" if metrics.lid else metrics.lid_name or "nothing",
-        "motion": _motion(metrics),
-        "bulk": f"{_materials(metrics)}; {law}; {balance}",
-        "contact": _contact(scene, metrics, scheme),
-        "solver": f"{metrics.solver}, half bandwidth {metrics.half_bandwidth}",
-        "memory": f"about {_bytes(metrics.memory)} besides the program",
-    }
-
-
-def _materials(metrics: SceneMetrics) -> str:
-    """Small-strain moduli, whose units are a common mistake."""
-    return f"E = {_span(metrics.young, '.4g')} Pa, nu = {_span(metrics.poisson, '.5g')}"
+    check_cohesion("preflight", scene, scheme)
+    check_walls_at_start(scene)
+    check_driven("preflight", scene, scheme)
+    if can_touch(scene) and not acts_at_grid_nodes(scheme.contact):
+        check_outlines(scene)
+    if dt is None:
+        first, steps = chosen_steps(scene, scheme, until)
+        return Preflight(scene, first, scheme, until, steps, chosen=True)
+    steps = None if until is None else ceil(until / dt - 1e-9)
+    return Preflight(scene, dt, scheme, until, steps, chosen=False)
 
 
 def _span(values: NDArray[Any], digits: str) -> str:
     low, high = values.min(), values.max()
     return f"{low:{digits}}" if low == high else f"{low:{digits}} to {high:{digits}}"
-
-
-def _sizes(metrics: SceneMetrics) -> str:
-    """Diameters of discs of the areas of deformable bodies, with units."""
-    diameter = 2.0 * metrics.resolution * metrics.cell
-    low, high = (quantity(float(each), "m") for each in (diameter.min(), diameter.max()))
-    return low if low == high else f"{low} to {high}"
-
-
-def _cost(metrics: SceneMetrics) -> str:
-    """How long a step takes, and all of a run whose end is known."""
-    size = (int(metrics.points.sum()), metrics.unknowns, metrics.half_bandwidth, metrics.solver)
-    each = seconds_of_step(*size, touches=metrics.touches, inertia=metrics.inertia)
-    if not np.isfinite(metrics.steps):
-        return f"about {each:.1g} s a step"
-    seconds = metrics.steps * each
-    unit, name = next((u, name) for u, name in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if seconds >= u)
-    return f"about {metrics.steps} steps of {each:.1g} s or more: {seconds / (unit or 1.0):.1g} {name}"
 
 
 def _bodies(scene: Scene) -> str:
@@ -158,29 +181,6 @@ def _around(scene: Scene) -> str:
     box, springs = scene.periodic, f", springs {len(scene.springs)}" if scene.springs else ""
     walls = f"walls {len(scene.walls)}" if box is None else f"periodic box {box.width:.4g} x {box.height:.4g} m"
     return f"{walls}, supports {len(scene.supports)}, loads {len(scene.loads)}{springs}"
-
-
-def _motion(metrics: SceneMetrics) -> str:
-    if not metrics.touches:
-        return "nothing else can touch it"
-    if not metrics.inertia:
-        return "from equilibrium to equilibrium, nothing falls without inertia"
-    after = f", after falling by {metrics.fall:.3g} m" if metrics.fall else ""
-    return f"{metrics.approach:.3g} h a step past each other{after}"
-
-
-def _across(metrics: SceneMetrics) -> str:
-    known = metrics.across[~np.isnan(metrics.across)]
-    slit = f", {metrics.slit.min():.3g} the narrowest slit" if np.isfinite(metrics.slit).any() else ""
-    return f"{known.min():.3g} cells across the thinnest part{slit}" if known.size else "no outlines"
-
-
-def _contact(scene: Scene, metrics: SceneMetrics, scheme: Scheme) -> str:
-    if not metrics.touches:
-        return "of bodies with themselves only"
-    cohesion = f", cohesion up to {metrics.cohesion:g} Pa" if metrics.cohesion else ""
-    law = getattr(scheme.contact, "__name__", type(scheme.contact).__name__).replace("_", " ")
-    return f"{'shared grid' if acts_at_grid_nodes(scheme.contact) else law}, {scene.frictions}{cohesion}"
 
 
 def _bytes(number: float) -> str:

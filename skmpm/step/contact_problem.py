@@ -142,7 +142,8 @@ class ContactProblem:
         """The constraints about a velocity (n,) that enter the contact problem."""
         increment, unknowns = self.increment, self.increment.scalars
         nodes, z = increment.on_nodes(moving), increment.of_scalars(moving)
-        found = self.linearise(nodes, unknowns.motions(self.prescribed, z))
+        moved = (unknowns.motions(self.prescribed, z),) if unknowns.kinds else ()
+        found = self.linearise(nodes, *moved)
         return candidates(found, increment.grid, increment.supports, self.supported, partial(unknowns.rows, z))
 
     @cached_property

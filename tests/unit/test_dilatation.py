@@ -156,7 +156,7 @@ def test_regridding_in_the_same_cells_changes_nothing():
             U,
             given=(
                 F,
-                bulk._cell_means(np.concatenate([dilatation.volumes(g.law, g.of(F)) for g in bulk.groups], -1)),
+                bulk._cell_means(np.concatenate([dilatation.volumes(g.law, g.part(F)) for g in bulk.groups], -1)),
             ),
         )
         for bulk, F in ((first, end), (anew, relative))

@@ -13,6 +13,7 @@ from skmpm.sweep import Member
     "kind",
     [
         skmpm.Suggestion,
+        skmpm.Preflight,
         skmpm.Packing,
         skmpm.Points,
         skmpm.coulomb.Info,

@@ -11,14 +11,11 @@ import pytest
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
 from skmpm.preflight import preflight
-from skmpm.preflight.checks import warnings_of
-from skmpm.preflight.limits import APPROACH
-from skmpm.preflight.limits import LID as WAY
-from skmpm.preflight.metrics import examine
 from skmpm.preflight.suggest import LAWS, Suggestion, suggest
 from skmpm.scene import Body, Load, Pressure, Scene, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.step.loading import free_height, gravity_of, loading_of
+from skmpm.step.step_length import MAX_APPROACH, STROKE
 
 SOFT, R = NeoHookean(1e5, 0.3, 1000.0), 0.1
 WAVE = float(np.sqrt((SOFT.lame[0] + 2.0 * SOFT.lame[1]) / SOFT.density))
@@ -60,7 +57,7 @@ def test_the_law_promises_what_was_asked_and_less_error_is_finer(scene):
         cell, spacing, dt = asked(scene, error)
         (law,) = (law for law in laws if np.isclose(law.spacing, spacing / cell))
         speed = 0.5 if kind(scene) == "packing" else WAVE
-        if kind(scene) == "packing" and dt * speed / cell == pytest.approx(WAY.value):  # what was verified is less
+        if kind(scene) == "packing" and dt * speed / cell == pytest.approx(STROKE):  # what was verified is less
             assert law(R / cell, dt * speed / R) < error
         else:
             assert law(R / cell, dt * speed / R) == pytest.approx(error, rel=1e-6)
@@ -248,9 +245,10 @@ def test_what_is_suggested_for_a_ring_is_not_warned_of_for_its_chords(spacing):
     found = suggest(Scene([Body(ring(0.003), SOFT)], cell=0.01), error=0.2)
     assert found.cell == pytest.approx(0.3 * R / 4.0, rel=1e-3)
     scene = Scene([Body(ring(spacing), SOFT)], cell=found.cell)
-    across, chords = (f[0] for f in (examine(scene, 1e-9, Scheme()).across, examine(scene, 1e-9, Scheme()).chords))
+    check = preflight(scene, 1e-9)
+    across, chords = check.across[0], check.chords[0]
     assert across < 4.0 <= across + chords < 4.0 + 0.5 * spacing**2 / (R * found.cell)
-    assert "thinnest part of" not in str(preflight(scene, 1e-9))
+    assert "thinnest part of" not in str(check)
     assert "thinnest part of" in str(
         preflight(replace(scene, cell=1.01 * found.cell * (across + chords) / 4.0), 1e-9)
     )
@@ -296,8 +294,7 @@ def test_the_check_has_nothing_against_what_is_suggested(name, error):
     found = suggest(scene, error=error)
     again = resampled(scene, found)
     for scheme in (Scheme(), Scheme(inertia=False)):
-        found_warnings = warnings_of(again, examine(again, found.dt, scheme), scheme)
-        lines = [w.text for w in found_warnings if BY_SIZE.search(w.text)]
+        lines = [w.text for w in preflight(again, found.dt, scheme=scheme).warnings if BY_SIZE.search(w.text)]
         assert lines == []
     assert suggest(again, error=error).dt == pytest.approx(found.dt, rel=0.05)
 
@@ -324,14 +321,14 @@ def test_dt_of_a_slow_lid_and_of_a_pour_is_not_limited_by_waves():
     """The step of a lid goes as one over its speed, whatever waves do; that of a pour by the height of fall."""
     slow, slower = (suggest(discs(8, walls=lid(v)), error=0.05) for v in (1e-4, 1e-8))
     assert slower.dt == pytest.approx(1e4 * slow.dt)
-    assert 0.1 < slow.dt * 1e-4 / slow.cell <= WAY.value
+    assert 0.1 < slow.dt * 1e-4 / slow.cell <= STROKE
     assert slow.dt * WAVE / slow.cell > 1e4
     low, high = (
         suggest(replace(discs(8, walls=[Wall((0, -y), (0, 1))]), gravity=(0.0, -9.81)), error=0.05)
         for y in (1.0, 4.0)
     )
     assert high.kind == "pour" and low.dt == pytest.approx(2.0 * high.dt, rel=1e-3)
-    assert low.dt * np.sqrt(2 * 9.81 * 1.0) / low.cell <= APPROACH.value * (1 + 1e-9)
+    assert low.dt * np.sqrt(2 * 9.81 * 1.0) / low.cell <= MAX_APPROACH * (1 + 1e-9)
 
 
 def test_a_body_on_its_floor_vibrates_and_one_above_it_falls():

@@ -153,9 +153,9 @@ def test_a_failure_at_an_edge_names_it_and_the_remedy():
 def test_sharp_edges_that_meet_a_soft_body_are_warned_of():
     """Before the run, without inertia; not round ones, nor those beside the body or on their way from it."""
     still = Scheme(inertia=False)
-    says = r"! body 1: an edge at \(0\.[12], 0\.1\) m .* meets body 0 .*; use inertia, or a radius of 0\.005 m"
+    says = r"body 1: an edge at \(0\.[12], 0\.1\) m .* meets body 0 .*; use inertia, or a radius of 0\.005 m"
     assert len(_warned(punch(), still)) == 1
-    assert re.match(says, _warned(punch(), still)[0])
+    assert re.match(says, _warned(punch(), still)[0].text)
     assert _warned(punch(radius=0.25), still)
     assert not _warned(punch(radius=0.5), still)
     assert not _warned(punch(), Scheme())
@@ -168,7 +168,7 @@ def test_sharp_edges_that_meet_a_soft_body_are_warned_of():
 
 
 def _warned(scene, scheme):
-    return [line for line in str(preflight(scene, 1e-3, scheme=scheme)).splitlines() if "an edge at" in line]
+    return [each for each in preflight(scene, 1e-3, scheme=scheme).warnings if each.kind == "sharp edge"]
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import pytest
 from ledger import Row, numbers
 
 from skmpm import Body, LinearElastic, Load, Points, Scene, Scheme, Support, initial, preflight, step
-from skmpm.preflight import limits as verified
+from skmpm.preflight.limits import LIMITS
 
 WIDTHS = (0.5, 1.0, 1.5, 2.0, 3.0)  # [cells]
 ARM = 8.0  # height and length [cells]
@@ -94,13 +94,13 @@ def openings(width, positions=POSITIONS):
 def test_what_the_check_says_of_slits_is_what_is_measured():
     """The worst of 64 positions (4 x 16 of a cell), to half a percent of the opening, and no other exceeds it."""
     said = [
-        float(n) / 100 for n in re.search(r"open by up to ([\d., ]+) %", verified.SLIT.where).group(1).split(", ")
+        float(n) / 100 for n in re.search(r"open by up to ([\d., ]+) %", LIMITS["slit"].text).group(1).split(", ")
     ]
     worst = [-openings(width, (WORST[width],))[0] for width in WIDTHS]
     found = [-openings(width).min() for width in WIDTHS]
     assert worst == pytest.approx(said, abs=0.005)
     assert (np.array(found) <= np.array(said) + 0.005).all()
-    assert said[WIDTHS.index(verified.SLIT.value)] < 0.15 < said[WIDTHS.index(verified.SLIT.value) - 1]
+    assert said[WIDTHS.index(LIMITS["slit"].value)] < 0.15 < said[WIDTHS.index(LIMITS["slit"].value) - 1]
 
 
 def test_the_reference_is_fine_enough():
@@ -111,9 +111,9 @@ def test_the_reference_is_fine_enough():
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_check_warns_of_slits_below_two_cells(width):
-    text = str(preflight(slit_block(width, POSITIONS[1]), 1.0, scheme=Scheme(inertia=False)))
-    assert ("across its narrowest slit" in text) == (width < 2)
-    assert f"{width:g} the narrowest slit" in text
+    check = preflight(slit_block(width, POSITIONS[1]), 1.0, scheme=Scheme(inertia=False))
+    assert ("slit" in [warning.kind for warning in check.warnings]) == (width < 2)
+    assert f"{width:g} the narrowest slit" in str(check)
 
 
 def rows():

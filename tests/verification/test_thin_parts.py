@@ -12,7 +12,7 @@ import pytest
 from ledger import Row, numbers, rate
 
 from skmpm import Body, LinearElastic, Load, Points, Scene, Scheme, Support, box, initial, preflight, step
-from skmpm.preflight import limits as verified
+from skmpm.preflight.limits import LIMITS
 
 CELLS = (1, 2, 4, 8)
 LENGTH = 10.0  # over the thickness, which is 1 m
@@ -50,9 +50,8 @@ def deflections(cells, positions=POSITIONS):
 
 def test_what_the_check_says_of_strips_is_what_is_measured():
     """The worst of 400 positions, to 3 % of itself, no other exceeds it; at eight cells those are right to 1 %."""
-    said = [
-        float(n) / 100 for n in re.search(r"bend by up to ([\d., ]+) %", verified.THIN.where).group(1).split(", ")
-    ]
+    numbers = re.search(r"bend by up to ([\d., ]+) %", LIMITS["thin part"].text).group(1)
+    said = [float(n) / 100 for n in numbers.split(", ")]
     worst = [-deflections(cells, (WORST[cells],))[0] for cells in CELLS]
     found = [-deflections(cells).min() for cells in CELLS]
     assert worst == pytest.approx(said, rel=0.03)
@@ -83,10 +82,8 @@ def inclined(cells, degrees, position, nu):
 
 def test_what_the_check_says_of_inclined_strips_is_what_is_measured():
     """Of three positions the worst, to 3 % of itself; a lip of five cells at 35 degrees bends 7 % too little."""
-    cells, said = (
-        [float(n) for n in numbers.split(", ")]
-        for numbers in re.search(r"strips of ([\d, ]+) cells bend ([\d., ]+) %", verified.INCLINED.where).groups()
-    )
+    said = re.search(r"strips of ([\d, ]+) cells bend ([\d., ]+) %", LIMITS["inclined thin part"].text)
+    cells, said = ([float(n) for n in numbers.split(", ")] for numbers in said.groups())
     places = ((0.1, 0.2), (0.6, 0.45), (0.3, 0.8))
     worst = [-100.0 * min(inclined(n, 45.0, place, 0.49) for place in places) for n in map(int, cells)]
     assert worst == pytest.approx(said, rel=0.03)
@@ -95,9 +92,9 @@ def test_what_the_check_says_of_inclined_strips_is_what_is_measured():
 
 @pytest.mark.parametrize("cells", CELLS)
 def test_the_check_warns_of_strips_below_four_cells(cells):
-    text = str(preflight(strip(cells, POSITIONS[1]), 1.0, scheme=Scheme(inertia=False)))
-    assert ("across its thinnest part" in text) == (cells < 4)
-    assert f"{cells} cells across the thinnest part" in text
+    check = preflight(strip(cells, POSITIONS[1]), 1.0, scheme=Scheme(inertia=False))
+    assert ("thin part" in [warning.kind for warning in check.warnings]) == (cells < 4)
+    assert f"{cells} cells across the thinnest part" in str(check)
 
 
 def rows():

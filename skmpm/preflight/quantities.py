@@ -1,0 +1,319 @@
+"""Quantities of a scene that `preflight` bounds, where one takes more than a line of the table of limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import ceil, floor, log10
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import KDTree
+
+from skmpm import outline
+from skmpm.arrays import Array, Bools, Ints
+from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact.cohesion import CLOSED_GAP
+from skmpm.material import Material, is_linear, poisson_ratio, youngs_modulus
+from skmpm.outline.curve import CORNER_COSINE
+from skmpm.points import Points
+from skmpm.preflight.metrics import SceneMetrics, disc_radii
+from skmpm.preflight.sampling import stress_errors
+from skmpm.scene import Pressure, Scene, prescribed_motions
+from skmpm.step.driven import driven, driven_by_force
+from skmpm.step.functions_of_time import FunctionsOfTime
+from skmpm.step.initial_state import initial_motion
+from skmpm.step.loading import gravity_of
+from skmpm.step.regrid import torn_bodies
+from skmpm.step.rigid_edges import MIN_EDGE_RADIUS, facing_edges
+
+CONFINED_POINTS = 3.5  # per cell; half a cell apart they are four, less a tenth at the boundary
+STEPS = 1000  # over which the rotation of a spinning body is extrapolated
+ON_LINE = 1e-9  # [cells] of round-off of a point on a grid line
+WIDE = 1.3  # [cells] half-width from which on the boundary points in contact average their chords out; test_rolling
+STEEP = np.radians(6.0)  # slope from which on discs roll to 12 % at any width
+STRAIGHT = 1e-6  # [rad] turn of an outline that is round-off
+
+
+class Reading(NamedTuple):
+    """Values of a quantity with their places: bodies by their numbers, anything else by its name."""
+
+    places: Sequence[str] | Ints
+    values: ArrayLike = 1.0  # (places,), or one for all
+    scale: float = 1.0  # of what the text advises: a length or time that is as far from the limit as the value
+    facts: Mapping[str, object] = {}  # named in the text; arrays have one for each place
+
+
+def floored(value: float) -> str:
+    """Two digits, rounded down, so that a value that follows the advice causes no warning."""
+    return _two_digits(value, floor)
+
+
+def ceiled(value: float) -> str:
+    """Two digits, rounded up."""
+    return _two_digits(value, ceil)
+
+
+def _two_digits(value: float, rounded: Callable[[float], int]) -> str:
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return f"{rounded(value / unit) * unit:.2g}"
+
+
+def idle(m: SceneMetrics) -> Reading | None:
+    """The scene, if nothing moves and nothing acts."""
+    moves = any(speed > 0.0 for _, speed in driven(m.scene))
+    acted_on = moves or gravity_of(m.scene).any() or m.scene.overlap > 0.0
+    return None if acted_on or not _left_alone(m) else Reading(["scene"])
+
+
+def leaving_walls(m: SceneMetrics) -> Reading | None:
+    """Walls that move away from bodies that nothing lets follow, if nothing else moves."""
+    scene, gravity = m.scene, gravity_of(m.scene)
+    v, n = scene.wall_velocities(0.0).T, scene.normals
+    leaves = np.flatnonzero((v * n).sum(axis=0) < 0.0)
+    if {name for name, speed in driven(scene) if speed > 0.0} - {f"wall {i}" for i in leaves} or not _left_alone(m):
+        return None
+    away = leaves[(gravity @ n[:, leaves] > 0.0) | (not gravity.any())]
+    return Reading([f"wall {i}" for i in away], facts={"x": v[0, away], "y": v[1, away]})
+
+
+def _left_alone(m: SceneMetrics) -> bool:
+    """Whether bodies are at rest, and at most constant gravity and constant given motions act on them."""
+    scene = m.scene
+    forces = scene.loads or scene.springs or m.cohesion > 0.0 or any(driven_by_force(scene))
+    functions = any(map(callable, [scene.gravity, *prescribed_motions(scene)]))
+    return not (forces or functions) and m.at_rest
+
+
+def inclined_parts(m: SceneMetrics) -> Reading:
+    """Cells across the thinnest part that is inclined to the grid, of bodies wider than that."""
+    scene, thin = m.scene, m.scene.deformable & (m.scene.thickness < disc_radii(m.scene))
+    width = outline.inclined_thickness(scene.outlines, m.boundary, thin)[m.own]
+    return Reading(m.own, width / m.cell + m.chords, scale=m.cell)
+
+
+def waves(m: SceneMetrics) -> Reading | None:
+    """Cells that pressure waves travel in a given step, if it must resolve them.
+
+    Functions of time without the end of the run do not tell whether it must.
+    """
+    known = m.until is not None or FunctionsOfTime.in_run(m.scene, m.scheme.theta, m.times).none
+    needed = not m.chosen and m.scheme.inertia and m.loading.waves and known
+    return Reading(["step"], m.courant, scale=m.dt) if needed else None
+
+
+def pieces(m: SceneMetrics) -> Reading:
+    """Bodies whose cells fall apart, with the number of pieces."""
+    torn = torn_bodies(m.scene, m.grid)
+    return Reading(torn, facts={"pieces": m.grid.pieces[torn], "better": _better_points(m)})
+
+
+def stress_error(m: SceneMetrics) -> Reading:
+    """Share by which a uniform stress is too small in bodies that hold together."""
+    whole = ~np.isin(m.own, torn_bodies(m.scene, m.grid))
+    error = stress_errors(m.scene, fitted=m.scheme.moment_fitting)[m.own]
+    return Reading(m.own[whole], error[whole], facts={"better": _better_points(m)})
+
+
+def _better_points(m: SceneMetrics) -> str:
+    if not m.scheme.moment_fitting:
+        return "use moment_fitting=True"
+    edges, spacing = (f"{floored(factor * m.cell)} m" for factor in (1.2, 0.66))
+    return f"use mesh edges of {edges} (from_mesh, order 2), a spacing of {spacing} or a larger cell"
+
+
+def nu(m: SceneMetrics) -> Reading:
+    """Poisson's ratio of each body, the largest of its materials."""
+    return Reading(m.own, m.extremes(poisson_ratio)[1])
+
+
+def confined(m: SceneMetrics) -> Reading | None:
+    """Poisson's ratios of bodies with few points that contacts or a pressure may confine."""
+    if not (m.touches or any(isinstance(load, Pressure) for load in m.scene.loads)):
+        return None
+    few = m.points_per_cell < CONFINED_POINTS
+    facts = {"points": CONFINED_POINTS, "spacing": floored(0.5 * m.cell)}
+    return Reading(m.own[few], np.asarray(nu(m).values)[few], facts=facts)
+
+
+def made_of(m: SceneMetrics, condition: Callable[[Material], bool], value: float = 1.0, **facts: object) -> Reading:
+    """Deformable bodies that have a material of a kind."""
+    every = ((b, material) for b in m.own.tolist() for material in m.scene.bodies[b].materials)
+    named = {b: type(material).__name__ for b, material in every if condition(material)}
+    return Reading(np.array([*named], dtype=np.int64), value, facts=facts | {"material": np.array([*named.values()])})
+
+
+def rotation(m: SceneMetrics) -> Reading:
+    """Rotations of bodies at small strain that spin, in many steps or until their grids are built again [rad]."""
+    linear = made_of(m, is_linear, steps=STEPS)
+    _, C = initial_motion(m.scene)
+    turn = np.zeros(m.points.size)
+    np.maximum.at(turn, m.scene.owner, 0.5 * m.dt * np.abs(C[1, 0] - C[0, 1]))
+    return linear._replace(values=np.minimum(STEPS * turn[np.asarray(linear.places)], m.scheme.anchor))
+
+
+def possible_rotation(m: SceneMetrics) -> Reading | None:
+    """Rotations of bodies at small strain by others, up to that at which their grids are built again [rad]."""
+    rough = m.touches and m.scene.frictions.largest > 0.0
+    if not rough and m.points.size <= 2:
+        return None
+    return made_of(m, is_linear, m.scheme.anchor, cause="friction" if rough else "its neighbours")
+
+
+def of_pair(bodies: Ints, low: Array, high: Array) -> Reading:
+    """The largest ratio between different bodies, of the largest value in one and the smallest in the other (n,)."""
+    smallest, largest = np.argsort(low)[:2].tolist(), np.argsort(high)[-2:].tolist()
+    ratio, a, b = max(((high[b] / low[a], a, b) for a in smallest for b in largest if a != b), default=(1.0, 0, 0))
+    return Reading([f"bodies {bodies[a]} and {bodies[b]}"], ratio)
+
+
+def densities(m: SceneMetrics) -> Reading:
+    """The largest ratio between densities of different bodies that forces move."""
+    each = np.split(m.scene.densities, m.scene.offsets[1:-1])
+    movable = np.flatnonzero(m.scene.movable)
+    low, high = np.array([[each[b].min(), each[b].max()] for b in movable]).T
+    return of_pair(movable, low, high)
+
+
+def layers(m: SceneMetrics) -> Reading:
+    """Thicknesses [cells] of groups that share cells with others; interfaces on grid lines cost nothing."""
+    found = dict[str, float]()
+    for b in np.flatnonzero(m.scene.composite).tolist():
+        points = m.scene.bodies[b].points
+        group = np.asarray(points.group)
+        for name in np.unique(group).tolist():
+            if shares_cells(points.x / m.cell, group == name):
+                found[f"group {name!r} of body {b}"] = _thickness(points, group == name) / m.cell
+    return Reading([*found], [*found.values()], scale=m.cell)
+
+
+def shares_cells(x: Array, own: Bools) -> bool:
+    """Whether a cell holds points x (2, n) [cells] of a group and others."""
+    cells = np.floor(x + ON_LINE).astype(np.int64)
+    _, of = np.unique(cells, axis=1, return_inverse=True)
+    inside, outside = (np.bincount(of.ravel(), mask) > 0 for mask in (own, ~own))
+    return bool((inside & outside).any())
+
+
+def _thickness(points: Points, own: Bools) -> float:
+    """Largest sum of distances of a point of a group to another group on one side and to that or the boundary [m].
+
+    Interfaces lie halfway between points of the two groups.
+    """
+    at, boundary = points.x[:, own].T, points.x[:, np.concatenate([[], *points.outline]).astype(int)]
+    to_others = KDTree(points.x[:, ~own].T).query(at)[0] - 0.5 * np.sqrt(np.median(points.volume))
+    return float(np.max(to_others + np.minimum(to_others, KDTree(boundary.T).query(at)[0])))
+
+
+def peeling(m: SceneMetrics) -> Reading | None:
+    """Range of cohesion over the opening c h / E at points that bear c where stress at the boundary scatters."""
+    if m.cohesion == 0.0:
+        return None
+    reach = max(m.scene.cohesion_range / m.cell, CLOSED_GAP)  # [cells]
+    return Reading(m.own, reach * m.extremes(youngs_modulus)[0] / m.cohesion, scale=reach * m.cell)
+
+
+def covered_points(m: SceneMetrics) -> Reading | None:
+    """Boundary points on either side of a contact of a body without corners that the range of cohesion covers."""
+    if m.cohesion == 0.0:
+        return None
+    boundary, bodies = m.scene.outlines, m.points.size
+    smooth = np.bincount(boundary.body, outline.curve(boundary, m.boundary).corner, bodies)[m.own] == 0
+    count = np.bincount(boundary.body, minlength=bodies)[m.own]
+    spacing = outline.perimeter(boundary, m.boundary, bodies)[m.own] / count
+    half_width = np.sqrt(2.0 * m.resolution * m.cell * m.scene.cohesion_range)
+    return Reading(m.own[smooth], (half_width / spacing)[smooth])
+
+
+def wide_contacts(m: SceneMetrics) -> Reading | None:
+    """Half-widths [boundary segments] of contacts of round bodies that lie on gentle slopes, by their own weight.
+
+    Wide contacts act at boundary points, so that the body stands on the chords between them, unless they cover so
+    many that these average out. The half-width is that of Hertz's theory for a disc on a plane. Slopes are walls and
+    the straight sides of bodies that a motion or a support holds.
+    """
+    scene, gravity = m.scene, gravity_of(m.scene)
+    if not (m.scheme.inertia and gravity.any()) or acts_at_grid_nodes(m.scheme.contact):
+        return None
+    slopes, discs = _gentle_slopes(scene, gravity), np.flatnonzero(scene.round & scene.movable)
+    pairs = np.stack([np.repeat(discs, slopes.size), np.tile(slopes, discs.size)])
+    pairs = pairs[:, pairs[0] != pairs[1]]
+    pairs = pairs[:, scene.frictions.between(pairs) > 0.0]
+    compliance = np.zeros(len(scene.bodies))
+    of_slope = np.where(pairs[1] < 0, 0.0, scene.compliance[pairs[1]])
+    np.maximum.at(compliance, pairs[0], scene.compliance[pairs[0]] + of_slope)
+    b = np.flatnonzero(compliance)
+    R = disc_radii(scene)[b]
+    pressure = np.bincount(scene.owner, scene.masses)[b] * np.hypot(*gravity) / (np.pi * R)  # weight over pi R
+    half_width = 2.0 * R * np.sqrt(pressure * compliance[b])
+    narrow = half_width < WIDE * m.cell
+    b, R, half_width = b[narrow], R[narrow], half_width[narrow]
+    segment = 2.0 * np.pi * R / [max(map(len, scene.bodies[i].points.outline)) for i in b.tolist()]
+    cells = [floored(a / WIDE) for a in half_width.tolist()]
+    return Reading(b, half_width / segment, facts={"cell": np.array(cells)})
+
+
+def _gentle_slopes(scene: Scene, gravity: Array) -> Ints:
+    """Walls, as -1, -2, ..., and held bodies that have a side inclined against gravity by less than `STEEP`, (k,)."""
+    boundary, x = scene.outlines, scene.initial_positions[:, scene.outlines.point]
+    turn = np.abs(outline.turning_angles(boundary, x))
+    ends = (turn < STRAIGHT) | (np.cos(turn) < CORNER_COSINE)
+    along, held = x[:, boundary.next] - x, ~scene.movable
+    for place in scene.supported:
+        held[scene.owner[place.points]] = True
+    sides = ends & ends[boundary.next] & held[boundary.body] & _gentle(np.stack([along[1], -along[0]]), gravity)
+    walls = -1 - np.flatnonzero(_gentle(scene.normals, gravity))
+    return np.concatenate([walls, np.unique(boundary.body[sides])])
+
+
+def _gentle(normals: Array, gravity: Array) -> Bools:
+    """Whether planes of such outward normals (2, k) are inclined against gravity, but less than `STEEP`, (k,)."""
+    along = np.abs(gravity[0] * normals[1] - gravity[1] * normals[0])
+    across = -gravity @ normals
+    return np.asarray((along > 1e-9 * across) & (along < np.tan(STEEP) * across))
+
+
+def endless_fall(m: SceneMetrics) -> Reading | None:
+    """Gravity in a periodic box that holds nothing."""
+    scene, (x, y) = m.scene, gravity_of(m.scene)
+    held = scene.periodic is None or scene.supports or scene.springs or not scene.movable.all()
+    return None if held or x == y == 0.0 else Reading(["periodic"], facts={"x": x, "y": y})
+
+
+def tension(m: SceneMetrics) -> Reading | None:
+    """Tension that moves a periodic box in which nothing coheres [Pa]."""
+    periodic = m.scene.periodic
+    if periodic is None or m.cohesion > 0.0:
+        return None
+    pull = float(periodic.stress_at(0.0)[np.equal(*periodic.components)].max(initial=0.0))
+    return Reading(["periodic"], pull, facts={"pull": pull})
+
+
+def lasting_contact(m: SceneMetrics) -> Reading | None:
+    """The scheme, if it is not backward Euler where more than two things touch, or something presses them."""
+    scene = m.scene
+    pressed = callable(scene.gravity) or np.any(scene.gravity) or scene.loads or scene.springs
+    lasts = m.touches and (pressed or m.points.size + len(scene.walls) > 2)
+    return choice(m) if lasts and m.scheme.theta < 1.0 else None
+
+
+def choice(m: SceneMetrics) -> Reading:
+    """What was chosen in the scheme."""
+    return Reading(["scheme"], facts={"theta": m.scheme.theta, "anchor": m.scheme.anchor})
+
+
+def approach(m: SceneMetrics) -> Reading:
+    """Cells by which bodies may move past each other in a step."""
+    fallen = f" after falling by {m.fall:.3g} m" if m.fall else ""
+    return Reading(["bodies"], m.approach, facts={"fallen": fallen})
+
+
+def sharp_edges(m: SceneMetrics) -> Reading | None:
+    """Rigid bodies with sharp edges that meet deformable bodies without inertia."""
+    if m.scheme.inertia or not m.touches or acts_at_grid_nodes(m.scheme.contact):
+        return None
+    radius = MIN_EDGE_RADIUS * m.cell
+    rigid, point, soft = facing_edges(m.scene, initial_motion(m.scene)[0], radius)
+    rigid, first = np.unique(rigid, return_index=True)
+    x, y = m.scene.initial_positions[:, point[first]]
+    return Reading(rigid, facts={"x": x, "y": y, "soft": soft[first], "radius": radius})
