@@ -6,8 +6,9 @@ from PIL import Image
 from examples import force_chains
 
 
-def test_force_chains(tmp_path):
+def test_force_chains(monkeypatch, tmp_path):
     """The lid presses down, so normals point along y more often than along x; 40 of the 100 discs show it."""
+    monkeypatch.setattr(force_chains, "END", 0.84)  # instead of 0.88: two thirds of the way
     fabric = force_chains.main(tmp_path, discs=40)
     assert abs(np.trace(fabric) - 1.0) < 1e-12
     assert 0.45 < fabric[1, 1] < 0.65

@@ -7,11 +7,12 @@ from examples import sweep
 
 
 @pytest.mark.slow
-def test_sweep(tmp_path):
+def test_sweep(monkeypatch, tmp_path):
     """Pyramids stand above tan 15 deg: their force rises to the end; below, the lid touches nothing at last."""
+    monkeypatch.setattr(sweep, "SEEDS", range(1))  # of three pyramids
     found = sweep.main(tmp_path)
     assert not found.failed
-    assert len(found) == 12
+    assert len(found) == 4
     for member in found:
         force, stands = member.columns["force"], member.parameters["friction"] > np.tan(np.radians(15.0))
         assert (force[-1] == force.max() > 200.0) == stands, member.name

@@ -116,9 +116,10 @@ warm_up()
 warm = variants()
 sys.path.insert(0, sys.argv[1])
 import collision, compaction, powder, squeeze
+powder.TURN = 5e-4  # [s], of 2.5e-3
 for example in (collision, powder, squeeze):
     example.main(Path(sys.argv[2]))
-compaction.run(compaction.parser().parse_args(["--discs", "15", "--until", "0.75", "--out", sys.argv[2]]))
+compaction.run(compaction.parser().parse_args(["--discs", "10", "--until", "0.75", "--out", sys.argv[2]]))
 print(sorted(variants() - warm))
 """
 

@@ -57,13 +57,18 @@ def in_space(name, cells, per_cell, steps, *, offset=(0.0, 0.0), fitted=True, so
 
 
 @cache
+def sampled(name, steps, theta, *, cell=1 / 16, solver=linear.banded):
+    """What `march` finds at eight times."""
+    return march(PROBLEMS[name], cell, 3, steps, theta=theta, samples=8, newton_tol=1e-9, linear=solver)
+
+
+@cache
 def in_time(name, steps, theta, *, finest=1024, cell=1 / 16, solver=linear.banded):
     """Errors to the finest step on the same grid and to the exact motion, over eight times, (steps, 2, 2)."""
-    options = {"samples": 8, "newton_tol": 1e-9, "linear": solver}
-    best, exact, volume = march(PROBLEMS[name], cell, 3, finest, **options)
+    best, exact, volume = sampled(name, finest, 0.5, cell=cell, solver=solver)
     rows = []
     for n in steps:
-        found, _, _ = march(PROBLEMS[name], cell, 3, n, theta=theta, **options)
+        found, _, _ = sampled(name, n, theta, cell=cell, solver=solver)
         rows.append([[relative(a, b, volume) for a, b in zip(found, to, strict=True)] for to in (best, exact)])
     return np.array(rows)
 

@@ -131,7 +131,7 @@ def test_the_measures_know_polygons_that_overlap():
 
 
 @pytest.mark.parametrize("on", ["face", "wall"])
-@pytest.mark.parametrize("k", range(4))
+@pytest.mark.parametrize("k", range(2))
 def test_a_corner_pressed_into_a_face_or_a_wall_stays_outside(on, k):
     """By 15 % of half its side in 20 quasi-static steps, R/h = 5: the bars; forces balance to 1e-5 (Newton: 1e-6)."""
     found = pressed(k, on)
@@ -182,7 +182,7 @@ def flanks(found):
     return np.array([np.hypot(*force[:, s].sum(axis=1)) for s in (side, ~side)]) / weight
 
 
-@pytest.mark.parametrize("k", range(4))
+@pytest.mark.parametrize("k", range(2))
 def test_a_disc_in_a_notch_leans_on_both_flanks(k):
     """A right angle: frictionless N = W / (2 sin 45 deg) on either flank.
 
@@ -194,7 +194,7 @@ def test_a_disc_in_a_notch_leans_on_both_flanks(k):
         assert flanks(found) == pytest.approx(np.sqrt(0.5), rel=0.03)
 
 
-@pytest.mark.parametrize("k", range(3))
+@pytest.mark.parametrize("k", range(2))
 def test_a_peg_fills_a_slot(k):
     """2 % of play; at the bottom the peg's corners are in the slot's notches, both flanks of which they touch."""
     found = filled(k)

@@ -125,7 +125,7 @@ def placed(names):
     )
 
 
-@placed(["aligned", "inclined", *"abc"])
+@placed(["aligned", "inclined", "a"])
 def test_block_slides_without_lift(position, solver):
     """Friction 0.3 on 30 degrees: a = g (sin - mu cos) within 1 %, normal velocity below 1e-8 of the sliding speed.
 
@@ -137,7 +137,7 @@ def test_block_slides_without_lift(position, solver):
     assert motion.v[0, -1] > 0.5
 
 
-@placed(["aligned", "inclined", "a"])
+@placed(["aligned", "inclined"])
 def test_block_sticks(position, solver):
     """Friction 1.1 tan(slope): at rest, its speed below 1e-6 of what it would have fallen to along the wall."""
     motion = block(STICKS, position, solver)

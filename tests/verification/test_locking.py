@@ -10,6 +10,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from fem import by_neighbours
 from ledger import Row, numbers, rate, relative
 from skfem import (
     Basis,
@@ -50,6 +51,7 @@ from skmpm.points.cloud import signed_area
 from skmpm.scene import StepFailed
 
 NU = (0.3, 0.45, 0.499, 0.49999)
+TESTED = (0.3, 0.499, 0.49999)
 E = 1e6  # [Pa]
 FORCE = 1e-5 * E  # [N/m] on Cook's membrane, [Pa] on the disc: strains of 1e-5
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}
@@ -79,7 +81,8 @@ class Mixed:
     def at(self, x):
         """Displacements (2, n) [m] and stresses (2, 2, n) [Pa] at points x."""
         mesh = self.basis.mesh
-        cells = mesh.element_finder()(*x)
+        find = mesh.element_finder()
+        cells = by_neighbours(lambda part: find(*part), x)
         rule = (mesh.mapping().invF(x[:, :, None], tind=cells), np.ones((cells.size, 1)))
 
         def values(element, field):
@@ -235,7 +238,7 @@ def test_cooks_membrane_locks_without_the_cure_and_not_with_it(cell):
     upper clamped corner, r^0.64 at nu = 0.3, is r^0.54 at 0.5 (Williams' equation): the rate falls with nu for every
     uniform grid. Fitted Q1 elements with the same cure have the same error (the test below).
     """
-    u, stress = zip(*(measure("cook", nu, cell, mean_dilatation=True)[:2] for nu in NU), strict=True)
+    u, stress = zip(*(measure("cook", nu, cell, mean_dilatation=True)[:2] for nu in TESTED), strict=True)
     assert max(u) < 2.0 * u[0] and max(stress) < 2.0 * stress[0]
     assert u[-1] < {6.0: 0.065, 3.0: 0.028}[cell]
     assert (
@@ -255,7 +258,7 @@ def test_a_compressed_disc_locks_without_the_cure_and_not_with_it(cell):
 
     Its boundary cuts cells of every size, some of them with a single point.
     """
-    u, stress = zip(*(measure("disc", nu, cell, mean_dilatation=True)[:2] for nu in NU), strict=True)
+    u, stress = zip(*(measure("disc", nu, cell, mean_dilatation=True)[:2] for nu in TESTED), strict=True)
     assert max(u) < 1.3 * u[0] and max(stress) < 1.3 * stress[0]
     assert u[-1] < {1 / 4: 0.04, 1 / 8: 0.011}[cell]
     assert measure("disc", 0.49999, cell, mean_dilatation=False)[0] > 0.3

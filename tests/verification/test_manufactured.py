@@ -50,20 +50,28 @@ def test_the_sign_printed_elsewhere_does_not_balance():
     assert imbalance(vortex(sign=1.0), places()["vortex"], 0.02) > 1e-3
 
 
-@pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS)
-@pytest.mark.parametrize(("name", "cells"), [("bar", (8, 16, 32)), ("square", (8, 16))])
+@pytest.mark.parametrize(
+    ("name", "cells", "solver"),
+    [("bar", (8, 16, 32), "banded"), ("square", (8, 16), "banded"), ("square", (8, 16), "amg")],
+)
 def test_second_order_in_space_on_aligned_grids(name, cells, solver):
     """Two points per cell and direction: displacement and velocity at a rate of 1.8 at least."""
-    displacement, velocity = orders(1.0 / np.array(cells), in_space(name, cells, 2, 64, solver=solver))
+    displacement, velocity = orders(1.0 / np.array(cells), in_space(name, cells, 2, 64, solver=SOLVERS[solver]))
     assert displacement >= 1.8
     assert velocity >= 1.8
 
 
-@pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS)
-@pytest.mark.parametrize(("name", "offset", "cells"), [("square", CUT, (8, 16)), ("vortex", (0.0, 0.0), (16, 32))])
+@pytest.mark.parametrize(
+    ("name", "offset", "cells", "solver"),
+    [
+        ("square", CUT, (8, 16), "banded"),
+        ("square", CUT, (8, 16), "amg"),
+        ("vortex", (0.0, 0.0), (16, 32), "banded"),
+    ],
+)
 def test_order_in_space_with_cut_cells(name, offset, cells, solver):
     """The square 0.3 and 0.45 cells off the grid, and the ring: three points per cell, at a rate of 1.5 at least."""
-    found = in_space(name, cells, 3, 32, offset=offset, solver=solver)
+    found = in_space(name, cells, 3, 32, offset=offset, solver=SOLVERS[solver])
     displacement, velocity = orders(1.0 / np.array(cells), found)
     assert displacement >= 1.5
     assert velocity >= 1.5
@@ -102,11 +110,10 @@ def test_first_order_in_time_by_backward_euler():
     assert orders(1.0 / np.array(steps), found) == pytest.approx([1.0, 1.0], abs=0.1)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("theta", "steps"), [(0.5, (8, 16, 32)), (1.0, (64, 128, 256))])
+@pytest.mark.parametrize(("theta", "steps"), [(0.5, (8, 16, 32)), (1.0, (32, 64, 128))])
 def test_order_in_time_of_the_square(theta, steps):
     """As for the bar."""
-    found = in_time("square", steps, theta, finest=512)[:, 0]
+    found = in_time("square", steps, theta, finest=256)[:, 0]
     assert orders(1.0 / np.array(steps), found) == pytest.approx([1.0 / theta] * 2, abs=0.1)
 
 
