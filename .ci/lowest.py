@@ -19,7 +19,7 @@ TESTS = [
     *("unit/test_grid.py", "unit/test_forms.py", "unit/test_points.py"),  # scikit-fem, meshio
     *("unit/test_assembly.py", "unit/test_material.py", "unit/test_transfer.py"),  # numba, hypothesis
     *("unit/test_linear.py", "unit/test_krylov.py"),  # scipy, pyamg, threadpoolctl
-    *("unit/test_io.py", "unit/test_plot.py", "unit/test_network.py", "unit/test_sweep_dask.py"),  # h5py, vtk, ...
+    *("unit/test_io.py", "unit/test_plot.py", "unit/test_network.py", "unit/test_sweep.py"),  # h5py, vtk, ...
 ]
 
 

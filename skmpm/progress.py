@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from time import perf_counter
 from types import TracebackType
 
@@ -16,6 +17,38 @@ WIDTH = 110  # characters; the line before is overwritten
 SLOW = 0.01  # kinetic over elastic energy below which the motion counts as quasi-static
 
 
+class Line:
+    """A line that is written over the one before, on a terminal or in a notebook; no output elsewhere."""
+
+    def __init__(self, *, shown: bool) -> None:
+        self._shown = shown and (sys.stderr.isatty() or "ipykernel" in sys.modules)
+        self._begun, self._drawn = False, 0.0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is shown, and was not drawn in the last fifth of a second."""
+        return self._shown and perf_counter() - self._drawn >= 0.2
+
+    def draw(self, parts: Iterable[str]) -> None:
+        """Write the line."""
+        if self._shown:
+            self._begun, self._drawn = True, perf_counter()
+            sys.stderr.write("\r" + "  ".join(parts).ljust(WIDTH)[:WIDTH])
+            sys.stderr.flush()
+
+    def end(self) -> None:
+        """Leave it; what is written next stands below."""
+        if self._begun:
+            self._begun = False
+            sys.stderr.write("\n")
+
+
+def eta(seconds: float, share: float) -> str:
+    """The time that is left in minutes and seconds, where a share of the work has taken so many."""
+    left = seconds * (1.0 - share) / max(share, 1e-9)
+    return f"ETA {int(left // 60)}:{int(left % 60):02d}"
+
+
 class Progress:
     """Shows how far a running simulation is, if `shown` and where a line can be overwritten.
 
@@ -25,8 +58,8 @@ class Progress:
 
     def __init__(self, scene: Scene, start: State, until: float, *, shown: bool) -> None:
         self._scene, self._start, self._until = scene, start, until
-        self._shown = shown and (sys.stderr.isatty() or "ipykernel" in sys.modules)
-        self._steps, self._retries, self._began, self._drawn = 0, 0, perf_counter(), 0.0
+        self._line = Line(shown=shown)
+        self._steps, self._retries, self._began = 0, 0, perf_counter()
 
     def __enter__(self) -> Progress:
         return self
@@ -34,29 +67,24 @@ class Progress:
     def show(self, state: State) -> None:
         """Redraw the line, at most five times a second."""
         self._steps, self._retries = self._steps + 1, self._retries + state.report.retries
-        now = perf_counter()
-        if not self._shown or now - self._drawn < 0.2:
+        if not self._line.due:
             return
-        self._drawn = now
         done = (state.t - self._start.t) / (self._until - self._start.t)
-        left = (now - self._began) * (1.0 - done) / max(done, 1e-9)
         parts = [
             f"step {self._steps}",
             f"t = {quantity(state.t, 's')}",
             f"{100.0 * done:5.1f} %",
-            f"ETA {int(left // 60)}:{int(left % 60):02d}",
+            eta(perf_counter() - self._began, done),
             *_motion(self._scene, self._start, state),
         ]
         if self._retries:
             parts.append(f"retries {self._retries}")
-        sys.stderr.write("\r" + "  ".join(parts).ljust(WIDTH)[:WIDTH])
-        sys.stderr.flush()
+        self._line.draw(parts)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._shown and self._steps:
-            sys.stderr.write("\n")
+        self._line.end()
 
 
 def _motion(scene: Scene, start: State, state: State) -> list[str]:

@@ -1,6 +1,6 @@
 """Ensembles: `sweep` runs every member to its end, `Run` is what a member runs, `Sweep` their tables."""
 
-from skmpm.sweep.errors import SweepError
+from skmpm.sweep.directory import SweepError
 from skmpm.sweep.results import Member, Sweep
 from skmpm.sweep.run import Run
 from skmpm.sweep.sweep import sweep

@@ -1,4 +1,4 @@
-"""What a worker does: carry one member to its end in its directory, from its checkpoint if there is one."""
+"""One member, carried to its end in its directory, from its checkpoint if there is one."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Any
+from typing import Any, NamedTuple
 
-from skmpm.io import PARTIAL, load, save
+from skmpm.io import PARTIAL as PARTIAL_CHECKPOINT
+from skmpm.io import load, save
 from skmpm.linear import one_thread
 from skmpm.scene import State
-from skmpm.sweep import manifest
-from skmpm.sweep.errors import Interrupted, SweepError
-from skmpm.sweep.lock import locked
-from skmpm.sweep.parameters import RESERVED, TIME
+from skmpm.sweep import directory
+from skmpm.sweep.directory import RESERVED, TIME, SweepError, locked
 from skmpm.sweep.records import Records
 from skmpm.sweep.run import Row, Rows, Run, Value, checked, row_due
 
-Build = Callable[..., Run | Row | Rows]
+ATTEMPTS = 3  # of a member whose process is killed, as by a lack of memory
+PATIENCE = 180.0  # [s] for a lock that a worker given up for dead holds; a lease of NFS is 90 s
 FAILURE = "error.txt"
+
+Build = Callable[..., Run | Row | Rows]
 
 
 @dataclass(frozen=True)
@@ -30,79 +32,87 @@ class Task:
 
     folder: Path
     parameters: dict[str, Any]
-    sweep: str  # identifies the sweep, see `lock`
+    sweep: str  # identifies the call of `sweep`
     command: tuple[str, ...]
     build: dict[str, str]  # name and source of `build`
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """How a member ended: finished, failed or interrupted."""
+class Outcome(NamedTuple):
+    """How a member ended: "finished", "failed" or "interrupted"; and why it failed."""
 
-    task: Task
     status: str
     error: str = ""
 
 
 @dataclass(frozen=True)
 class Worker:
-    """What a member may ask of the process that runs it."""
+    """What a member is given by the worker that runs it: threads, and functions that it calls after every step."""
 
     threads: int = 1  # among which bodies are divided, unless the scheme says so
-    patience: float = 0.0  # [s] to wait for a lock of the same sweep
     stopping: Callable[[], bool] = lambda: False
     report: Callable[[float], None] = lambda share: None
 
 
-def run_member(build: Build, task: Task, worker: Worker) -> Outcome:
-    """Run a member to its end, and say how it ended; only `Interrupted` passes, where nothing has begun."""
+class Interrupted(BaseException):
+    """Ends a member between two steps; no error, so that none handles it as one."""
+
+
+def run_member(build: Build, task: Task, worker: Worker = Worker()) -> Outcome:
+    """Run a member to its end, unless it has finished; its manifest says how it ended, as what is returned.
+
+    SweepError if the directory is not there, is in use, or was made with other parameters or another version.
+    """
     folder = task.folder
-    try:
-        if not folder.is_dir():
-            raise SweepError(f"{folder} is not there; give a directory that all workers share, as out")
-        with locked(folder, task.sweep, worker.patience), one_thread():
-            return _locked(build, task, worker)
-    except Exception as error:
-        return Outcome(task, "failed", _message(error))
+    if not folder.is_dir():
+        raise SweepError(f"{folder} is not there; give a directory that all workers share, as out")
+    with locked(folder, PATIENCE), one_thread():
+        before = directory.read_manifest(folder)
+        if before:
+            directory.check_made_by(folder, before, task.parameters)
+        if before.get("status") == "finished":
+            return Outcome("finished")
+        sessions = before.get("sessions", [])
+        killed = sum(session.get("sweep") == task.sweep and "seconds" not in session for session in sessions)
+        if killed == ATTEMPTS:
+            outcome = Outcome("failed", f"its process ended {killed} times; was there enough memory?")
+            directory.write_manifest(folder, before | outcome._asdict())
+            return outcome
+        return _run_session(build, task, sessions, worker)
 
 
-def _locked(build: Build, task: Task, worker: Worker) -> Outcome:
-    """The same, with the lock held: the manifest tells how it ended."""
-    folder, before = task.folder, manifest.read(task.folder)
-    if before is not None:
-        manifest.check(folder, before, task.parameters)
-        if before["status"] == "finished":
-            return Outcome(task, "finished")
+def _run_session(build: Build, task: Task, earlier: list[dict[str, Any]], worker: Worker) -> Outcome:
+    """Run a member from where it is, with the lock held; the manifest tells how that ended."""
+    folder = task.folder
+    session = {**directory.session(), "command": task.command, "sweep": task.sweep}
     about: dict[str, Any] = {
         "parameters": task.parameters,
         "build": task.build,
-        "versions": manifest.versions(),
+        "versions": directory.versions(),
         "status": "running",
         "error": "",
-        "sessions": [*(before or {}).get("sessions", []), manifest.session(list(task.command))],
+        "sessions": [*earlier, session],
     }
-    manifest.write(folder, about)
-    unfinished = chain.from_iterable(folder.glob(f"{begin}*") for begin in (manifest.PARTIAL, PARTIAL))
-    for left in (folder / FAILURE, *unfinished):  # by a process killed while it wrote
+    directory.write_manifest(folder, about)
+    unfinished = (folder.glob(f"{begin}*") for begin in (directory.PARTIAL, PARTIAL_CHECKPOINT))
+    for left in (folder / FAILURE, *chain.from_iterable(unfinished)):  # by a process killed while it wrote
         left.unlink(missing_ok=True)
     began, spent = perf_counter(), process_time()
-    status, text = "finished", ""
+    outcome = Outcome("finished")
     try:
         _carry_out(build, task, worker)
     except Interrupted:
-        status = "interrupted"
+        outcome = Outcome("interrupted")
     except Exception as error:
-        status, text = "failed", _message(error)
+        outcome = Outcome("failed", described(error))
         (folder / FAILURE).write_text(traceback.format_exc())
-    about["sessions"][-1] |= {
-        "seconds": round(perf_counter() - began, 3),
-        "processor_seconds": round(process_time() - spent, 3),
-    }
-    manifest.write(folder, about | {"status": status, "error": text})
-    return Outcome(task, status, text)
+    session["seconds"] = round(perf_counter() - began, 3)
+    session["processor_seconds"] = round(process_time() - spent, 3)
+    directory.write_manifest(folder, about | outcome._asdict())
+    return outcome
 
 
-def _message(error: Exception) -> str:
+def described(error: BaseException) -> str:
+    """An error as a text: its type and what it says."""
     return f"{type(error).__name__}: {error}"
 
 
@@ -111,7 +121,7 @@ def _carry_out(build: Build, task: Task, worker: Worker) -> None:
     made = build(**task.parameters)
     reserved = RESERVED | task.parameters.keys()
     if isinstance(made, Run):
-        _simulate(made, task.folder, reserved, worker)
+        _simulate(made, task, reserved, worker)
         return
     if not isinstance(made, Mapping | list | tuple):
         raise TypeError(
@@ -120,22 +130,25 @@ def _carry_out(build: Build, task: Task, worker: Worker) -> None:
     rows = [made] if isinstance(made, Mapping) else made
     if not rows or not all(rows):
         raise ValueError("build returned no rows, or an empty one, which no table would show; raise what is wrong")
-    records = Records(task.folder, [], (0, b""))
+    records = Records(task.folder)
     for row in rows:
         records.add(checked(row, reserved))
     records.commit(None)
 
 
-def _simulate(run: Run, folder: Path, reserved: frozenset[str], worker: Worker) -> None:
+def _simulate(run: Run, task: Task, reserved: frozenset[str], worker: Worker) -> None:
     """Carry a run to its end, stage by stage; whatever ends it, the last state and its rows are written.
 
     The state at the end of a stage is read back before the next one is made of it, so that an interruption makes no
     difference.
     """
+    folder = task.folder
     records, state = Records.opened(folder)
     for stage in count(1):
         end = folder / f"end_{stage}.checkpoint"
         if not end.exists():
+            if run.scheme.threads is None:
+                run = replace(run, scheme=replace(run.scheme, threads=worker.threads))
             state = _advance(run, records, state, reserved, worker)
             if run.then is None:
                 return
@@ -156,12 +169,10 @@ def _advance(
 ) -> State | None:
     """One stage, from a state within it or, if that is None, from its start; the last state."""
     row, start = records.last_row(), run.start if state is None else state
-    scheme = run.scheme if run.scheme.threads is not None else replace(run.scheme, threads=worker.threads)
-    saved = perf_counter()
-    seen = state is None or (row is not None and row["t"] == state.t)  # else it is a row of the stage before
-    ended = state is not None and row is not None and seen and _stops(run, row)
-    states = () if ended else run.simulate(run.scene, until=run.until, dt=run.dt, scheme=scheme, start=start)
-    state = start
+    seen = state is None or (bool(row) and row["t"] == state.t)  # else it is a row of the stage before
+    ended = state is not None and bool(row) and seen and _stops(run, row)
+    states = () if ended else run.simulate(run.scene, until=run.until, dt=run.dt, scheme=run.scheme, start=start)
+    state, saved = start, perf_counter()
     try:
         for new in states:
             seen = row_due(run.every, new)
@@ -189,22 +200,18 @@ def _observe(run: Run, records: Records, state: State, reserved: frozenset[str])
     row = {TIME: state.t, **checked(run.observe(run.scene, state), reserved | {TIME})}
     for name, wanted in run.keep.items():
         path = records.folder / f"{name}.checkpoint"
-        if not path.exists() and wanted(_Columns(row, f"keep[{name!r}]")):
+        if not path.exists() and wanted(_Columns(row)):
             save(path, state)
     records.add(row)
     return _stops(run, row)
 
 
 def _stops(run: Run, row: Row) -> bool:
-    return run.stop is not None and bool(run.stop(_Columns(row, "stop")))
+    return run.stop is not None and bool(run.stop(_Columns(row)))
 
 
 class _Columns(dict[str, Value]):
     """A row as `stop` and `keep` see it: a missing column is named, with those that there are."""
 
-    def __init__(self, row: Row, asked_by: str) -> None:
-        super().__init__(row)
-        self._asked_by = asked_by
-
     def __missing__(self, name: str) -> Value:
-        raise KeyError(f"Run: {self._asked_by} asks for a column {name!r}; the columns are {', '.join(self)}")
+        raise KeyError(f"Run: stop or keep asks for a column {name!r}; the columns are {', '.join(self)}")

@@ -12,9 +12,7 @@ import numpy as np
 from skmpm.io import load
 from skmpm.representation import line
 from skmpm.scene import State
-from skmpm.sweep import manifest
-from skmpm.sweep.errors import SweepError
-from skmpm.sweep.parameters import plain, same
+from skmpm.sweep.directory import MANIFEST, SweepError, plain, read_manifest, same
 from skmpm.sweep.records import LAST, Column, read_table
 
 
@@ -43,9 +41,14 @@ class Member:
         return self.folder.name
 
     @property
+    def rows(self) -> int:
+        """Rows of its table."""
+        return next(iter(self.columns.values())).size if self.columns else 0
+
+    @property
     def manifest(self) -> dict[str, Any]:
         """Parameters, versions, command and times, as read from its file."""
-        return manifest.read(self.folder) or {}
+        return read_manifest(self.folder)
 
     def state(self, name: str = "last") -> State:
         """The last state, or one that `Run.keep` kept under a name; FileNotFoundError if there is none."""
@@ -74,7 +77,7 @@ class Sweep:
         """
         if not Path(out).is_dir():
             raise FileNotFoundError(f"Sweep.read: there is no directory {out}")
-        return cls(tuple(read_member(path.parent) for path in sorted(Path(out).glob(f"*/{manifest.FILE}"))))
+        return cls(tuple(read_member(path.parent) for path in sorted(Path(out).glob(f"*/{MANIFEST}"))))
 
     def __iter__(self) -> Iterator[Member]:
         return iter(self.members)
@@ -118,45 +121,34 @@ class Sweep:
         ``member`` (its name), ``finished`` (whether it is), the parameters, then the columns of the rows. What a
         member does not have is nan among numbers and an empty text among texts.
         """
-        sizes = [next(iter(member.columns.values())).size if member.columns else 0 for member in self.members]
-        first: list[dict[str, Any]] = [{"member": m.name, "finished": m.status == "finished"} for m in self.members]
-        constant = [about | m.parameters for about, m in zip(first, self.members, strict=True)]
-        every = [_repeated(about, n) | m.columns for about, n, m in zip(constant, sizes, self.members, strict=True)]
-        names = dict.fromkeys(key for about in constant for key in about)
-        names |= dict.fromkeys(key for member in self.members for key in member.columns)
-        return {name: _joined([columns.get(name) for columns in every], sizes) for name in names}
+        parts = [
+            {"member": m.name, "finished": m.status == "finished", **m.parameters, **m.columns} for m in self.members
+        ]
+        names = dict.fromkeys(name for m in self.members for name in ("member", "finished", *m.parameters))
+        names |= dict.fromkeys(name for m in self.members for name in m.columns)
+        rows = [member.rows for member in self.members]
+        return {name: _joined([part.get(name) for part in parts], rows) for name in names}
 
     def __repr__(self) -> str:
         facts: dict[str, object] = {"": f"{len(self.members)} members"}
         for status in ("failed", "interrupted", "running"):
             count = sum(member.status == status for member in self.members)
             facts |= {status: count} if count else {}
-        rows = sum(next(iter(m.columns.values())).size for m in self.members if m.columns)
-        return line("Sweep", facts | {"rows": rows})
+        return line("Sweep", facts | {"rows": sum(member.rows for member in self.members)})
 
 
 def read_member(folder: Path, status: str = "", error: str = "") -> Member:
     """A member from its directory; `status` and `error` replace those of its manifest."""
-    about = manifest.read(folder) or {"parameters": {}, "status": status, "error": error}
-    status, error = status or about["status"], error or about["error"]
+    about = read_manifest(folder) or {"parameters": {}, "status": status, "error": error}
     columns = read_table(folder, finished=about["status"] == "finished")
-    return Member(folder, about["parameters"], status, error, columns)
+    return Member(folder, about["parameters"], status or about["status"], error or about["error"], columns)
 
 
-def _repeated(values: Mapping[str, Any], rows: int) -> dict[str, Column]:
-    """Parameters as columns with the same value in every row; None has none."""
-    return {name: np.full(rows, _cell(value)) for name, value in values.items() if value is not None}
-
-
-def _cell(value: Any) -> Any:
-    return str(value) if isinstance(value, list | dict) else value
-
-
-def _joined(parts: Sequence[Column | None], sizes: Sequence[int]) -> Column:
-    """Columns below each other; None stands for values that are not there."""
-    texts = any(part is not None and part.dtype.kind == "U" for part in parts)
-    if texts:
-        return np.concatenate(
-            [np.full(n, "") if p is None else p.astype(str) for p, n in zip(parts, sizes, strict=True)]
-        )
-    return np.concatenate([np.full(n, np.nan) if p is None else p for p, n in zip(parts, sizes, strict=True)])
+def _joined(parts: Sequence[Any], rows: Sequence[int]) -> Column:
+    """Columns, or values that are the same in every row, below each other; None stands for what is not there."""
+    sized = [(str(p) if isinstance(p, list | dict) else p, n) for p, n in zip(parts, rows, strict=True)]
+    there = [np.full(n, part) for part, n in sized if part is not None]
+    texts = any(column.dtype.kind == "U" for column in there)
+    left = iter(there)
+    columns = [np.full(n, "" if texts else np.nan) if part is None else next(left) for part, n in sized]
+    return np.concatenate([column.astype(str) for column in columns] if texts else columns)

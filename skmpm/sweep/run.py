@@ -84,9 +84,8 @@ def checked(row: Row, reserved: frozenset[str]) -> dict[str, Value]:
     """The row with plain values; TypeError or ValueError if a table cannot hold it beside the `reserved` columns."""
     if not isinstance(row, Mapping):
         raise TypeError(f"a row of the table is a {type(row).__name__}; observe and build return values by name")
-    taken = sorted(reserved & row.keys())
-    if taken:
-        raise ValueError(f"the table has a column {taken[0]!r} already, of parameters or of the sweep; rename it")
+    for name in sorted(reserved & row.keys()):
+        raise ValueError(f"the table has a column {name!r} already, of parameters or of the sweep; rename it")
     return {str(name): _plain(str(name), value) for name, value in row.items()}
 
 

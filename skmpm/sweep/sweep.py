@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from multiprocessing import current_process
+from collections.abc import Iterable, Mapping
+from contextlib import closing, nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 from uuid import uuid4
 
+from skmpm.parallel import available
+from skmpm.progress import Line, eta
 from skmpm.run import exit_at_sigterm
-from skmpm.sweep import manifest
-from skmpm.sweep.errors import SweepError
+from skmpm.sweep import directory
+from skmpm.sweep.directory import SweepError
 from skmpm.sweep.execution import Build, Outcome, Task
-from skmpm.sweep.lock import check_free
-from skmpm.sweep.parameters import check_names, checked_name, directory, plain
-from skmpm.sweep.pickling import pickled
-from skmpm.sweep.processes import Event, in_processes
 from skmpm.sweep.results import Sweep, read_member
-
-WIDTH = 110  # characters; the line before is overwritten
 
 _log = logging.getLogger("skmpm")
 
@@ -48,16 +44,15 @@ def sweep(
     table is at last that of a run that was not, to the bit. What SIGTERM or Ctrl-C ends writes checkpoints first.
 
     A member that fails does not stop the others; `Sweep.failed` and the logger "skmpm" name it and its error. One
-    whose process is killed goes on from its checkpoint in another, three times at most.
+    whose process is killed goes on from its checkpoint in another; killed three times, it has failed.
 
     Parameters
     ----------
-    build : function of the parameters of a member. It is pickled, by cloudpickle if that is installed; without it,
-        the function is one of a module, and a script calls `sweep` below ``if __name__ == "__main__":``
+    build : function of the parameters of a member, of a module, a script or a notebook; it is sent by cloudpickle
     members : dicts of parameters: numbers, texts, None, lists and dicts of these; or a dict of such dicts, by the
         names of their directories
     out : directory of the results, created if needed; of a cluster, one that all its workers share
-    client : `distributed.Client`, on whose workers the members run (extra ``cluster``); None: on this machine
+    client : `distributed.Client`, on whose workers the members run; None: on processes of this machine
     processes : on this machine, how many members run at a time; None: as many as the process may use cores. BLAS uses
         one thread in each, and the bodies of a scene are divided among the cores that are left
     progress : show on a terminal or in a notebook how many members have finished, how far the others are, and the ETA
@@ -67,42 +62,40 @@ def sweep(
     SweepError
         before anything runs: if two members are the same, if a parameter is of another type or named ``member``,
         ``finished`` or ``t``, as columns of the table are, if `build` cannot be pickled, if a directory was made with
-        other parameters or another version of the library, or is in use
+        other parameters or another version of the library, or is in use; and without the extra ``cluster``
     """
-    if getattr(current_process(), "_inheriting", False):
-        raise SweepError("sweep is called by a script that a worker process imports; call it below"
-                         " `if __name__ == '__main__':`, or install cloudpickle")  # fmt: skip
+    try:
+        from skmpm.sweep import workers  # which imports dask
+    except ImportError as error:
+        raise SweepError(f"sweep runs on Dask: pip install 'skmpm[cluster]' ({error})") from None
     if processes is not None and processes < 1:
         raise ValueError(f"sweep: processes = {processes}; give a number of at least 1, or None for all cores")
-    tasks, function = _tasks(build, members, Path(out).resolve()), pickled(build)
+    function = workers.pickled(build)
+    tasks = _tasks(build, members, Path(out).resolve())
     left = _left(tasks)
     ended: dict[Path, Outcome] = {}
-    with exit_at_sigterm(wanted=True):
-        events = _events(function, left, client, processes) if left else iter(())
-        bar = _Bar(len(tasks), len(tasks) - len(left), shown=progress)
-        try:
-            for event in events:
-                bar.show(event)
-                if isinstance(event, Outcome):
-                    ended[event.task.folder] = event
-                    _report(event, len(tasks) - len(left) + len(ended), len(tasks))
-        finally:
-            getattr(events, "close", lambda: None)()
-            bar.end()
-    return Sweep(tuple(_result(task, ended.get(task.folder)) for task in tasks))
+    if left:
+        count = min(available() if processes is None else processes, len(left))
+        threads = max(1, available() // count) if client is None else 1
+        with (
+            exit_at_sigterm(wanted=True),
+            workers.local_client(count) if client is None else nullcontext(client) as used,
+            closing(workers.run_tasks(used, function, left, threads=threads, lasting=client is not None)) as news,
+        ):
+            ended = follow(news, left, len(tasks), Line(shown=progress))
+    return Sweep(tuple(read_member(task.folder, *ended.get(task.folder, ())) for task in tasks))
 
 
 def _tasks(
     build: Build, members: Iterable[Mapping[str, Any]] | Mapping[str, Mapping[str, Any]], out: Path
 ) -> list[Task]:
     """A task for each member, in their order; SweepError if two are the same."""
-    about = uuid4().hex, (sys.executable, *sys.argv), manifest.source_of(build)
+    about = uuid4().hex, (sys.executable, *sys.argv), directory.source_of(build)
     tasks: dict[str, Task] = {}
     named = members.items() if isinstance(members, Mapping) else ((None, member) for member in members)
     for given, member in named:
-        parameters = plain(member)
-        check_names(parameters)
-        name = directory(parameters) if given is None else checked_name(given)
+        parameters = directory.plain(member)
+        name = directory.name_of(parameters, given)
         if name.casefold() in tasks:  # which some file systems do not tell apart
             raise SweepError(f"two members have the directory {name}: their parameters are the same; give each once")
         tasks[name.casefold()] = Task(out / name, parameters, *about)
@@ -114,14 +107,14 @@ def _left(tasks: list[Task]) -> list[Task]:
     left, other = [], 0
     for task in tasks:
         task.folder.mkdir(parents=True, exist_ok=True)
-        about = manifest.read(task.folder)
-        if about is not None:
-            manifest.check(task.folder, about, task.parameters)
+        about = directory.read_manifest(task.folder)
+        if about:
+            directory.check_made_by(task.folder, about, task.parameters)
             sources = {about.get("build", {}).get("source"), task.build["source"]}
             other += len(sources) == 2 and all(sources)  # there is none of what was typed in
-        if about is None or about["status"] != "finished":
-            check_free(task.folder)
-            left.append(task)
+        if about.get("status") != "finished":
+            with directory.locked(task.folder):
+                left.append(task)
     if other:
         _log.warning(
             "sweep: build has changed since %d of the members were run; what is in their directories stays as it is."
@@ -131,56 +124,29 @@ def _left(tasks: list[Task]) -> list[Task]:
     return left
 
 
-def _events(build: bytes, tasks: list[Task], client: Any, processes: int | None) -> Iterator[Event]:
-    if client is None:
-        return in_processes(build, tasks, processes)
-    from skmpm.sweep.cluster import on_client  # dask is an extra
-
-    return on_client(client, build, tasks)
-
-
-def _report(outcome: Outcome, done: int, of: int) -> None:
-    """Log the end of a member."""
-    level = logging.WARNING if outcome.status == "failed" else logging.INFO
-    error = f": {outcome.error}" if outcome.error else ""
-    _log.log(level, "sweep: %s %s%s (%d of %d)", outcome.task.folder.name, outcome.status, error, done, of)
-
-
-def _result(task: Task, outcome: Outcome | None) -> Any:
-    return read_member(task.folder, *(("", "") if outcome is None else (outcome.status, outcome.error)))
-
-
-class _Bar:
-    """One line: how many members have ended, the running ones with the share that is done, and the ETA."""
-
-    def __init__(self, total: int, done: int, *, shown: bool) -> None:
-        self._total, self._done, self._failed, self._began = total, done, 0, perf_counter()
-        self._first = done
-        self._shares: dict[str, float] = {}
-        self._shown = shown and (sys.stderr.isatty() or "ipykernel" in sys.modules)
-
-    def show(self, event: Event) -> None:
-        """Take an event in, and redraw the line."""
-        if isinstance(event, Outcome):
-            self._done, self._failed = self._done + 1, self._failed + (event.status == "failed")
-            self._shares.pop(event.task.folder.name, None)
-        elif event is not None:
-            self._shares[event[0].folder.name] = event[1]
-        ends = isinstance(event, Outcome) and event.status == "failed"  # its error follows, on a line of its own
-        if self._shown:
-            sys.stderr.write("\r" + self.line().ljust(WIDTH)[:WIDTH] + "\n" * ends)
-            sys.stderr.flush()
-
-    def line(self) -> str:
-        """What is shown."""
-        done = self._done - self._first + sum(self._shares.values())
-        left = (perf_counter() - self._began) * (self._total - self._first - done) / max(done, 1e-9)
-        parts = [f"{self._done} of {self._total} members"]
-        parts += [f"{self._failed} failed"] if self._failed else []
-        parts += [f"ETA {int(left // 60)}:{int(left % 60):02d}"] if done > 0.0 else []
-        return "  ".join([*parts, *(f"{name} {100.0 * share:.0f} %" for name, share in self._shares.items())])
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self._shown:
-            sys.stderr.write("\n")
+def follow(
+    news: Iterable[tuple[dict[Path, Outcome], dict[Path, float]]], tasks: list[Task], total: int, line: Line
+) -> dict[Path, Outcome]:
+    """How the members ended; until then a line shows how far they are, and the log how each ends."""
+    began, earlier = perf_counter(), total - len(tasks)
+    ended: dict[Path, Outcome] = {}
+    try:
+        for new, shares in news:
+            for folder, outcome in new.items():
+                ended[folder] = outcome
+                level = logging.INFO
+                if outcome.status == "failed":
+                    level = logging.WARNING
+                    line.end()
+                error = f": {outcome.error}" if outcome.error else ""
+                done = earlier + len(ended)
+                _log.log(level, "sweep: %s %s%s (%d of %d)", folder.name, outcome.status, error, done, total)
+            if new or line.due:
+                failed = sum(outcome.status == "failed" for outcome in ended.values())
+                work = (len(ended) + sum(shares.values())) / len(tasks)
+                parts = [f"{earlier + len(ended)} of {total} members", *([f"{failed} failed"] if failed else [])]
+                parts += [eta(perf_counter() - began, work)] if work > 0.0 else []
+                line.draw([*parts, *(f"{folder.name} {100.0 * share:.0f} %" for folder, share in shares.items())])
+    finally:
+        line.end()
+    return ended

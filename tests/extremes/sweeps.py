@@ -25,7 +25,7 @@ from scenes import SCENES, Case, Parameters, crush, gap_of
 from settings import ALL, COLUMNS, KEPT, LIMIT, SWEEPS, WORST, Setting, columns, read, write
 
 import skmpm
-from skmpm.sweep.manifest import library
+from skmpm.sweep.directory import library
 
 PHYSICS = (
     "nu",

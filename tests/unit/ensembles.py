@@ -1,4 +1,4 @@
-"""Members of the sweeps of `test_sweep.py` and `test_sweep_dask.py`, which worker processes import from here."""
+"""Members of the sweeps of `test_sweep.py`, which workers import from here."""
 
 import time
 

@@ -50,10 +50,10 @@ def test_progress_is_silent_unless_wanted(capsys, terminal):
 
 def test_the_line_is_redrawn_at_most_five_times_a_second(capsys, terminal, monkeypatch):
     states, _ = run(capsys, progress=False)
-    clock = iter([0.0, 0.3, 0.31, 0.32, 0.51, 0.6])
-    monkeypatch.setattr("skmpm.progress.perf_counter", lambda: next(clock))
+    clock = [0.0]
+    monkeypatch.setattr("skmpm.progress.perf_counter", lambda: clock[0])
     with Progress(SCENE, initial(SCENE), 5e-3, shown=True) as bar:
-        for state in states:
+        for state, clock[0] in zip(states, (0.3, 0.31, 0.32, 0.51, 0.6), strict=True):
             bar.show(state)
     lines = capsys.readouterr().err.split("\r")[1:]
     assert [line.split()[1] for line in lines] == ["1", "4"]
@@ -76,7 +76,7 @@ def test_retries_are_counted(capsys, terminal):
     state = initial(SCENE)
     with Progress(SCENE, initial(SCENE), 1.0, shown=True) as bar:
         for retries in (0, 2, 1):
-            bar._drawn = 0.0
+            bar._line._drawn = 0.0
             bar.show(replace(state, report=replace(state.report, retries=retries)))
     lines = capsys.readouterr().err.split("\r")[1:]
     assert "retries" not in lines[0]

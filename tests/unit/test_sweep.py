@@ -1,14 +1,17 @@
-"""Sweeps in processes of this machine: whatever interrupts a member, its table is that of a run that was not."""
+"""Sweeps: whatever interrupts a member or kills a worker, its table is that of a run that was not interrupted."""
 
+import errno
 import json
+import logging
 import os
 import re
-import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,9 +23,18 @@ import pytest
 from ensembles import DT, STEPS
 
 import skmpm
-from skmpm.sweep import execution, lock, manifest, parameters, pickling, processes, records, run
-from skmpm.sweep.errors import Interrupted, InUse
-from skmpm.sweep.sweep import _Bar
+from skmpm.progress import Line
+from skmpm.sweep import directory, execution, records, run, workers
+from skmpm.sweep.directory import MANIFEST
+from skmpm.sweep.sweep import follow
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Two processes, which no test needs alone."""
+    with workers.local_client(2) as client:
+        yield client
+
 
 TASK = execution.Task(Path(), {"speed": 1.0}, "this sweep", ("python",), {"name": "squeezed", "source": ""})
 
@@ -60,9 +72,9 @@ def test_a_sweep_in_two_processes_is_what_loops_by_hand_give(tmp_path):
     assert list(table) == ["member", "finished", "speed", "t", "force", "steps", "newton"]
     assert table["force"].tolist() == [*found["speed=1.0"].columns["force"], *found["speed=2.0"].columns["force"]]
     assert set(table["member"][table["speed"] == 2.0]) == {"speed=2.0"}
-    written = [(m.folder / name).stat().st_mtime_ns for m in found for name in (records.TABLE, manifest.FILE)]
+    written = [(m.folder / name).stat().st_mtime_ns for m in found for name in (records.TABLE, MANIFEST)]
     again = skmpm.sweep(ensembles.squeezed, [*members, {"speed": 0.5}], out=out, processes=1)
-    assert [(m.folder / name).stat().st_mtime_ns for m in found for name in (records.TABLE, manifest.FILE)] == written
+    assert [(m.folder / name).stat().st_mtime_ns for m in found for name in (records.TABLE, MANIFEST)] == written
     assert len(again) == 3
     assert repr(again) == f"Sweep(3 members, rows {3 * STEPS})"
     assert [m.name for m in skmpm.Sweep.read(out)] == ["speed=0.5", "speed=1.0", "speed=2.0"]
@@ -77,15 +89,15 @@ def test_wherever_a_run_is_interrupted_it_ends_as_if_it_was_not(tmp_path, option
         return replace(ensembles.squeezed(speed), **options)
 
     whole, cut = task(tmp_path / "whole"), task(tmp_path / "cut")
-    assert execution.run_member(build, whole, execution.Worker()).status == "finished"
+    assert execution.run_member(build, whole).status == "finished"
     for k, steps in enumerate((1, 5, 3)):
         assert execution.run_member(build, cut, stops_after(steps)).status == "interrupted"
         before = text(cut.folder)
-        assert json.loads((cut.folder / manifest.FILE).read_text())["status"] == "interrupted"
-        assert len(json.loads((cut.folder / manifest.FILE).read_text())["sessions"]) == k + 1
+        assert json.loads((cut.folder / MANIFEST).read_text())["status"] == "interrupted"
+        assert len(json.loads((cut.folder / MANIFEST).read_text())["sessions"]) == k + 1
     assert text(whole.folder).startswith(before)
     assert before != text(whole.folder)
-    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    assert execution.run_member(build, cut).status == "finished"
     assert text(cut.folder) == text(whole.folder)
     assert len(text(whole.folder).splitlines()) > 5
     same(cut.folder, whole.folder)
@@ -107,14 +119,14 @@ def test_the_row_of_the_last_state_is_made_up_for(tmp_path, error, every):
 
         return replace(made, observe=observed)
 
-    execution.run_member(build, whole, execution.Worker())
+    execution.run_member(build, whole)
     if isinstance(error, SystemExit):
         with pytest.raises(SystemExit):
-            execution.run_member(partial(build, fails=True), cut, execution.Worker())
+            execution.run_member(partial(build, fails=True), cut)
     else:
-        assert execution.run_member(partial(build, fails=True), cut, execution.Worker()).status == "failed"
+        assert execution.run_member(partial(build, fails=True), cut).status == "failed"
     assert text(cut.folder) != text(whole.folder)
-    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    assert execution.run_member(build, cut).status == "finished"
     assert text(cut.folder) == text(whole.folder)
 
 
@@ -132,14 +144,14 @@ def test_a_kill_in_the_middle_of_writing(tmp_path, monkeypatch, when):
     def build(speed):
         return replace(ensembles.squeezed(speed), checkpoint=0.0)  # after every step
 
-    execution.run_member(build, whole, execution.Worker())
+    execution.run_member(build, whole)
     commit, save, count = records.Records.commit, records.save, iter(range(99))
 
     def die(*_):
         monkeypatch.setattr(records.Records, "commit", lambda *_: None)  # what is dead writes no more
         if when == "in the table":
             os.truncate(cut.folder / records.TABLE, (cut.folder / records.TABLE).stat().st_size - 3)
-        raise Interrupted
+        raise execution.Interrupted
 
     def dies(self, state):
         if next(count) == 4:
@@ -154,11 +166,11 @@ def test_a_kill_in_the_middle_of_writing(tmp_path, monkeypatch, when):
         commit(self, state)
 
     monkeypatch.setattr(records.Records, "commit", dies)
-    execution.run_member(build, cut, execution.Worker())
+    execution.run_member(build, cut)
     monkeypatch.undo()
     assert len(text(cut.folder).splitlines()) == {"before the table": 5}.get(when, 6)
     (cut.folder / ".skmpm-0.tmp").write_text("half a checkpoint")
-    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    assert execution.run_member(build, cut).status == "finished"
     assert text(cut.folder) == text(whole.folder)
     assert sorted(path.name for path in cut.folder.iterdir()) == sorted(path.name for path in whole.folder.iterdir())
     same(cut.folder, whole.folder)
@@ -174,10 +186,10 @@ def test_a_signal_between_writing_and_noting_it_writes_nothing_twice(tmp_path, m
     def saved(path, state):
         save(path, state)
         if next(signals, False):
-            raise Interrupted
+            raise execution.Interrupted
 
     monkeypatch.setattr(records, "save", saved)
-    assert execution.run_member(build, cut, execution.Worker()).status == "interrupted"
+    assert execution.run_member(build, cut).status == "interrupted"
     assert len(text(cut.folder).splitlines()) == 2
 
 
@@ -193,32 +205,26 @@ def test_stop_and_keep(tmp_path):
 
     cut = task(tmp_path / "cut")
     execution.run_member(build, cut, stops_after(3))
-    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    assert execution.run_member(build, cut).status == "finished"
     force = records.read_table(cut.folder, finished=True)["force"]
     assert force[-2] <= 200.0 < force[-1]
     assert force.size < STEPS
     kept = skmpm.load(cut.folder / "loaded.checkpoint")
     assert kept.wall_force[1, 1] == force[force > 110.0][0]
     assert not (cut.folder / "never.checkpoint").exists()
-    about = json.loads((cut.folder / manifest.FILE).read_text())
-    manifest.write(cut.folder, about | {"status": "running"})  # killed just before this was changed
-    assert execution.run_member(build, cut, execution.Worker()).status == "finished"
+    about = json.loads((cut.folder / MANIFEST).read_text())
+    directory.write_manifest(cut.folder, about | {"status": "running"})  # killed just before this was changed
+    assert execution.run_member(build, cut).status == "finished"
     assert records.read_table(cut.folder, finished=True)["force"].tolist() == force.tolist()
 
 
 @pytest.mark.parametrize(
-    ("asked", "by"),
-    [
-        ({"stop": lambda row: row["zzz"] > 0.0}, "stop"),
-        ({"keep": {"a": lambda row: row["zzz"] > 0.0}}, r"keep\['a'\]"),
-    ],
+    "asked", [{"stop": lambda row: row["zzz"] > 0.0}, {"keep": {"a": lambda row: row["zzz"] > 0.0}}]
 )
-def test_a_column_that_does_not_exist_is_named_with_those_that_do(tmp_path, asked, by):
-    ended = execution.run_member(
-        lambda speed: replace(ensembles.squeezed(speed), **asked), task(tmp_path), execution.Worker()
-    )
+def test_a_column_that_does_not_exist_is_named_with_those_that_do(tmp_path, asked):
+    ended = execution.run_member(lambda speed: replace(ensembles.squeezed(speed), **asked), task(tmp_path))
     assert ended.status == "failed"
-    assert re.search(rf"{by} asks for a column 'zzz'; the columns are t, force, steps, newton", ended.error)
+    assert "stop or keep asks for a column 'zzz'; the columns are t, force, steps, newton" in ended.error
 
 
 def staged(speed):
@@ -235,7 +241,7 @@ def staged(speed):
 def test_stages(tmp_path):
     """One after the other, as by hand; an interruption in either, or between them, makes no difference."""
     whole = task(tmp_path / "whole")
-    assert execution.run_member(staged, whole, execution.Worker()).status == "finished"
+    assert execution.run_member(staged, whole).status == "finished"
     first, second = ensembles.scene(1.0), ensembles.scene(-1.0)
     *_, state = skmpm.simulate(first, dt=DT, until=8 * DT)
     skmpm.save(tmp_path / "by hand", state)
@@ -248,7 +254,7 @@ def test_stages(tmp_path):
         cut = task(tmp_path / f"cut {steps}")
         for number in steps:
             assert execution.run_member(staged, cut, stops_after(number)).status == "interrupted"
-        assert execution.run_member(staged, cut, execution.Worker()).status == "finished"
+        assert execution.run_member(staged, cut).status == "finished"
         assert text(cut.folder) == text(whole.folder), steps
         same(cut.folder, whole.folder)
 
@@ -256,20 +262,20 @@ def test_stages(tmp_path):
 def test_a_kill_between_stages(tmp_path, monkeypatch):
     """After the last checkpoint of the first, before or after its end is kept."""
     whole = task(tmp_path / "whole")
-    execution.run_member(staged, whole, execution.Worker())
+    execution.run_member(staged, whole)
     for kept in (False, True):
         cut, save = task(tmp_path / f"cut {kept}"), execution.save
 
         def dies(path, state, kept=kept, save=save):
             if kept:
                 save(path, state)
-            raise Interrupted
+            raise execution.Interrupted
 
         monkeypatch.setattr(execution, "save", dies)
-        assert execution.run_member(staged, cut, execution.Worker()).status == "interrupted"
+        assert execution.run_member(staged, cut).status == "interrupted"
         monkeypatch.undo()
         assert (cut.folder / "end_1.checkpoint").exists() == kept
-        assert execution.run_member(staged, cut, execution.Worker()).status == "finished"
+        assert execution.run_member(staged, cut).status == "finished"
         assert text(cut.folder) == text(whole.folder)
         same(cut.folder, whole.folder)
 
@@ -280,87 +286,118 @@ def test_stages_that_are_refused(tmp_path):
     def build(speed):
         return replace(staged(speed), then=lambda state: ensembles.squeezed(speed))
 
-    found = execution.run_member(build, task(tmp_path / "bad"), execution.Worker())
+    found = execution.run_member(build, task(tmp_path / "bad"))
     assert "begins before t = 4e-05 s" in found.error
 
 
-def test_a_member_that_fails_is_named_and_does_not_stop_the_others(tmp_path, caplog):
+def test_a_member_that_fails_is_named_and_does_not_stop_the_others(client, tmp_path, caplog):
     """One cannot be built, one fails after six steps, whose rows are kept; it is tried again from there."""
     members = [{"speed": speed} for speed in (0.0, 3.0, 1.0)]
-    found = skmpm.sweep(ensembles.mixed, members, out=tmp_path, processes=1)
+    found = skmpm.sweep(ensembles.mixed, members, out=tmp_path, client=client)
     assert [member.status for member in found] == ["failed", "failed", "finished"]
     assert found.failed == {
         "speed=0.0": "SceneError: a lid that does not move",
         "speed=3.0": "ArithmeticError: no force",
     }
-    assert "sweep: speed=3.0 failed: ArithmeticError: no force (2 of 3)" in caplog.text
+    assert re.search(r"sweep: speed=3.0 failed: ArithmeticError: no force \([123] of 3\)", caplog.text)
     assert [member.name for member in found.finished] == ["speed=1.0"]
     assert found["speed=3.0"].columns["steps"].tolist() == [1, 2, 3, 4, 5, 6]
     assert "in failing" in (tmp_path / "speed=3.0" / execution.FAILURE).read_text()
     assert repr(found) == f"Sweep(3 members, failed 2, rows {STEPS + 6})"
     assert found.table()["finished"].sum() == STEPS
-    again = skmpm.sweep(ensembles.mixed, members[1:], out=tmp_path, processes=1)
+    again = skmpm.sweep(ensembles.mixed, members[1:], out=tmp_path, client=client)
     assert again["speed=3.0"].columns["steps"].tolist() == [1, 2, 3, 4, 5, 6]
     assert len(again["speed=3.0"].manifest["sessions"]) == 2
 
 
-def test_a_killed_process_is_replaced(tmp_path):
-    """SIGKILL in the middle: the member goes on in another process, from its checkpoint."""
-    started, killed = time.monotonic(), []
-    events = processes.in_processes(
-        pickling.pickled(ensembles.squeezed), [task(tmp_path / "cut", speed=1.0, slow=True)], 1
-    )
-    for event in events:  # noqa: B007
-        assert time.monotonic() < started + 300.0
-        holder = lock._holder(tmp_path / "cut") if (tmp_path / "cut" / records.LAST).exists() else {}
-        if holder and not killed:
-            killed.append(holder["process"])
-            os.kill(holder["process"], signal.SIGKILL)
-    assert event.status == "finished"
-    assert text(tmp_path / "cut") == ensembles.by_hand(1.0)
-    sessions = json.loads((tmp_path / "cut" / manifest.FILE).read_text())["sessions"]
-    assert [entry["process"] == killed[0] for entry in sessions] == [True, False]
+@pytest.fixture
+def meanwhile(monkeypatch):
+    """Calls a function once, with the process of a member in a directory, when that has a checkpoint."""
+
+    def start(folder, act):
+        run_tasks, done = workers.run_tasks, []
+
+        def watched(*arguments, **options):
+            for news in run_tasks(*arguments, **options):
+                if not done and (folder / records.LAST).exists():
+                    done.append(directory.read_manifest(folder)["sessions"][-1]["process"])
+                    act(done[0])
+                yield news
+
+        monkeypatch.setattr(workers, "run_tasks", watched)
+        return done
+
+    return start
 
 
-def test_a_killed_first_process_takes_its_workers_along(tmp_path):
-    """Workers write checkpoints, free their locks and end; the sweep goes on from there."""
-    process, out = script(tmp_path), tmp_path / "out"
-    folder, deadline = out / "slow=True,speed=1.0", time.monotonic() + 300.0
-    while not (folder / records.LAST).exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    process.kill()
-    process.communicate()
-    while json.loads((folder / manifest.FILE).read_text())["status"] == "running" and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert json.loads((folder / manifest.FILE).read_text())["status"] == "interrupted"
-    found = skmpm.sweep(ensembles.squeezed, [{"speed": 1.0, "slow": True}], out=out, processes=1)
-    assert text(found["slow=True,speed=1.0"].folder) == ensembles.by_hand(1.0)
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_worker_that_ends_in_the_middle(client, tmp_path, meanwhile, number):
+    """Killed, or told to end: its member goes on from its checkpoint, both tables are those of loops by hand."""
+    members = [{"speed": speed, "slow": True} for speed in (1.0, 2.0)]
+    done = meanwhile(tmp_path / "slow=True,speed=1.0", lambda process: os.kill(process, number))
+    found = skmpm.sweep(ensembles.squeezed, members, out=tmp_path, client=client)
+    assert [member.status for member in found] == ["finished"] * 2
+    for member in found:
+        assert text(member.folder) == ensembles.by_hand(member.parameters["speed"])
+    sessions = found["slow=True,speed=1.0"].manifest["sessions"]
+    first, *others = (session["process"] for session in sessions)  # Dask may close the worker that goes on, too
+    assert first == done[0] and others and first not in others
+    assert ("seconds" in sessions[0]) == (number == signal.SIGTERM), "only a killed one says nothing"
 
 
-def dies(**_):
-    os.kill(os.getpid(), signal.SIGKILL)
+def test_an_interrupted_client_leaves_checkpoints(client, tmp_path, meanwhile):
+    """As by Ctrl-C: workers end what they run and free its locks; the sweep goes on from there."""
+    members = [{"speed": speed, "slow": True} for speed in (1.0, 2.0)]
+
+    def stop(process):
+        raise KeyboardInterrupt
+
+    meanwhile(tmp_path / "slow=True,speed=1.0", stop)
+    with pytest.raises(KeyboardInterrupt):
+        skmpm.sweep(ensembles.squeezed, members, out=tmp_path, client=client)
+    assert directory.read_manifest(tmp_path / "slow=True,speed=1.0")["status"] == "interrupted"
+    for member in skmpm.sweep(ensembles.squeezed, members, out=tmp_path, client=client):
+        assert text(member.folder) == ensembles.by_hand(member.parameters["speed"])
 
 
+def dies(speed):
+    if speed == 0.0:
+        return {"n": 1}
+    return os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.slow
 def test_a_member_whose_process_always_dies_fails(tmp_path):
-    found = skmpm.sweep(dies, [{"speed": 1.0}], out=tmp_path, processes=1)
-    assert found.failed == {"speed=1.0": "its process ended 3 times, by SIGKILL; was there enough memory?"}
+    """After three attempts, and alone: one that waits for the same worker is not taken for it."""
+    found = skmpm.sweep(dies, [{"speed": 1.0}, {"speed": 0.0}, {"speed": 2.0}], out=tmp_path, processes=1)
+    error = "its process ended 3 times; was there enough memory?"
+    assert found.failed == {"speed=1.0": error, "speed=2.0": error}
+    assert found["speed=0.0"].status == "finished"
+    assert [len(found[name].manifest["sessions"]) for name in found.failed] == [3, 3]
 
 
 SCRIPT = """
-import sys
+import os, pathlib
 import ensembles, skmpm
-if {guard}:
-    members = [dict(speed=speed, slow={slow}) for speed in {speeds}]
-    print(skmpm.sweep(ensembles.squeezed, members, out="out", processes=2))
+def dies_once(speed, slow):
+    if not pathlib.Path("begun").exists():
+        pathlib.Path("begun").touch()
+        os.kill(os.getpid(), 9)
+    return ensembles.squeezed(speed)
+members = [dict(speed=speed, slow={slow}) for speed in {speeds}]
+print(skmpm.sweep({build}, members, out="out", processes=2))
 """
 
 
-def script(folder, guard="__name__ == '__main__'", *paths, slow=True, speeds=(1.0, 2.0, 0.5)):
-    (folder / "script.py").write_text(SCRIPT.format(guard=guard, slow=slow, speeds=speeds))
+def script(folder, *paths, build="ensembles.squeezed", slow=True, speeds=(1.0, 2.0, 0.5)):
+    """A script in a process group of its own, without the guard that processes which import it would need."""
+    (folder / "script.py").write_text(SCRIPT.format(slow=slow, speeds=speeds, build=build))
     places = [*paths, Path(__file__).parent, Path(skmpm.__file__).parents[1]]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, places))}
     options = {"cwd": folder, "env": environment, "stdout": -1, "stderr": -1, "text": True}
-    return subprocess.Popen([sys.executable, "script.py"], preexec_fn=heed_interrupts, **options)
+    return subprocess.Popen(
+        [sys.executable, "script.py"], preexec_fn=heed_interrupts, start_new_session=True, **options
+    )
 
 
 def heed_interrupts():
@@ -368,84 +405,146 @@ def heed_interrupts():
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_writes_checkpoints_and_the_sweep_goes_on_from_them(tmp_path, number):
-    """To the first process only: both members that run are interrupted, the third is not begun; nothing is lost."""
+def heard(errors):
+    """Lines of the standard error, but for warnings of the simulations themselves."""
+    return [line for line in errors.splitlines() if not line.startswith(("preflight: ", "compiling loops "))]
+
+
+def await_checkpoints(folders):
+    deadline = time.monotonic() + 300.0
+    while not all((folder / records.LAST).exists() for folder in folders) and time.monotonic() < deadline:
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("send", "number"),
+    [(os.kill, signal.SIGTERM), (os.killpg, signal.SIGTERM), (os.killpg, signal.SIGINT)],
+    ids=["SIGTERM", "SIGTERM to all", "Ctrl-C"],
+)
+def test_a_signal_writes_checkpoints_and_the_sweep_goes_on_from_them(client, tmp_path, send, number):
+    """To the first process, or to all: members that run are interrupted, the third is not begun; nothing is lost."""
     process, out = script(tmp_path), tmp_path / "out"
     running = [out / "slow=True,speed=1.0", out / "slow=True,speed=2.0"]
-    deadline = time.monotonic() + 300.0
-    while not all((folder / records.LAST).exists() for folder in running) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    process.send_signal(number)
+    await_checkpoints(running)
+    send(process.pid, number)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == {signal.SIGTERM: 128 + signal.SIGTERM, signal.SIGINT: -signal.SIGINT}[number], errors
+    assert heard(errors) == [] if number == signal.SIGTERM else errors.endswith("\nKeyboardInterrupt\n"), errors
+    assert "distributed" not in errors, "Dask says nothing of its own"
     for folder in running:
-        about = json.loads((folder / manifest.FILE).read_text())
-        assert about["status"] == "interrupted"
-        lock.check_free(folder)
+        assert directory.read_manifest(folder)["status"] == "interrupted"
         assert 0.0 < skmpm.load(folder / records.LAST).t < STEPS * DT
-    assert not (out / "slow=True,speed=0.5" / manifest.FILE).exists()
-    if number == signal.SIGINT:
+    assert not (out / "slow=True,speed=0.5" / MANIFEST).exists()
+    if send is os.killpg:
         return  # what is left is the same, and so is what goes on from it
     members = [{"speed": speed, "slow": True} for speed in (1.0, 2.0)]
-    found = skmpm.sweep(ensembles.squeezed, members, out=out, processes=2)
-    for member in found:
+    for member in skmpm.sweep(ensembles.squeezed, members, out=out, client=client):
         assert text(member.folder) == ensembles.by_hand(member.parameters["speed"])
         assert len(member.manifest["sessions"]) == 2
 
 
-def test_a_script_needs_a_guard_only_without_cloudpickle(tmp_path):
-    """Then it is told of it; else workers import no script, which may come from a terminal as well."""
-    small = {"slow": False, "speeds": (1.0,)}
-    found, errors = script(tmp_path, "True", **small).communicate(timeout=300)
-    assert found == f"Sweep(1 members, rows {STEPS})\n", errors
-    (tmp_path / "without").mkdir()
-    (tmp_path / "without" / "cloudpickle.py").write_text("raise ImportError")
-    shutil.rmtree(tmp_path / "out")
-    _, errors = script(tmp_path, "True", tmp_path / "without", **small).communicate(timeout=300)
-    assert "SweepError: sweep is called by a script that a worker process imports; call it below" in errors
-    assert "ended with exit code 1 before it began" in errors
-    guarded = script(tmp_path, "__name__ == '__main__'", tmp_path / "without", **small)
-    found, errors = guarded.communicate(timeout=300)
-    assert found == f"Sweep(1 members, rows {STEPS})\n", errors
+def test_a_killed_first_process_takes_its_workers_along(client, tmp_path):
+    """Workers end and free their locks; the sweep goes on from their last checkpoints."""
+    process, folder = script(tmp_path), tmp_path / "out" / "slow=True,speed=1.0"
+    await_checkpoints([folder])
+    process.kill()
+    process.communicate()
+    with directory.locked(folder, patience=60.0):
+        assert directory.read_manifest(folder)["status"] == "running"
+    found = skmpm.sweep(ensembles.squeezed, [{"speed": 1.0, "slow": True}], out=tmp_path / "out", client=client)
+    assert text(found["slow=True,speed=1.0"].folder) == ensembles.by_hand(1.0)
 
 
-def test_one_directory_one_run(tmp_path):
+def test_a_script_needs_no_guard_and_hears_nothing_of_dask(tmp_path):
+    """Its `build` is sent as it is; neither the first processes nor those that replace killed ones import it."""
+    found, errors = script(tmp_path, build="dies_once", slow=False, speeds=(1.0, 2.0)).communicate(timeout=300)
+    assert (found, heard(errors)) == (f"Sweep(2 members, rows {2 * STEPS})\n", [])
+    sessions = [directory.read_manifest(path)["sessions"] for path in (tmp_path / "out").iterdir()]
+    assert sorted(map(len, sessions)) == [1, 2]
+
+
+def test_without_the_extra_a_sweep_is_refused(tmp_path):
+    (tmp_path / "distributed.py").write_text("raise ImportError('there is none')")
+    _, errors = script(tmp_path, tmp_path).communicate(timeout=300)
+    assert errors.endswith("SweepError: sweep runs on Dask: pip install 'skmpm[cluster]' (there is none)\n")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_local_client_leaves_the_process_as_it_was():
+    """The module `__main__`, the environment, levels of logs and the default client; nothing warns of ports."""
+    import distributed
+
+    def seen():
+        logs = [logging.getLogger(name).level for name in workers.LOGGERS]
+        return sys.modules["__main__"], dict(os.environ), logs, distributed.client._get_global_client()
+
+    before = seen()
+    with socket.socket() as taken:
+        with suppress(OSError):  # by somebody else
+            taken.bind(("127.0.0.1", 8787))
+            taken.listen()
+        with workers.local_client(1) as client:
+            assert client.submit(os.getpid).result() != os.getpid()
+            assert sys.modules["__main__"] is not before[0]
+    assert seen() == before
+
+
+def test_a_process_that_takes_long_to_be_replaced_is_replaced():
+    """Where Dask gives up a worker before another can have begun: a busy machine takes longer than 15 s."""
+    import dask
+
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "100 ms"}), workers.local_client(1) as client:
+        first = client.submit(os.getpid).result()
+        os.kill(first, signal.SIGKILL)
+        assert client.submit(os.getpid, pure=False).result(timeout=120.0) != first
+        assert client.cluster.workers, "the next one would not be replaced"
+
+
+def test_one_directory_one_run(tmp_path, monkeypatch):
     """A lock that is held is refused with its holder, one of a process that ended is not; threads count too."""
     folder = tmp_path / "speed=1.0"
     folder.mkdir()
-    with lock.locked(folder, "another sweep"):
-        with pytest.raises(InUse, match=rf"speed=1.0 is in use by process {os.getpid()} on .* since 20"):
+    begun = {"status": "running", "sessions": [directory.session()], "parameters": {"speed": 1.0}}
+    directory.write_manifest(folder, begun | {"versions": directory.versions()})
+    by = rf"speed=1.0 is in use by process {os.getpid()} on .* since 20"
+    monkeypatch.setattr(execution, "PATIENCE", 0.5)
+    with directory.locked(folder):
+        with pytest.raises(skmpm.SweepError, match=by):
             skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
-        assert (
-            "is in use by process" in execution.run_member(ensembles.squeezed, task(folder), execution.Worker()).error
-        )
         began = time.monotonic()
-        with pytest.raises(InUse), lock.locked(folder, "another sweep", patience=0.5):
-            pass
-        assert time.monotonic() - began > 0.5, "its own sweep is waited for"
-    assert (folder / lock.FILE).exists()
-    lock.check_free(folder)
+        with pytest.raises(skmpm.SweepError, match=by):
+            execution.run_member(ensembles.squeezed, task(folder))
+        assert time.monotonic() - began > 0.5, "a worker given up for dead is waited for"
     holds = (
-        "from pathlib import Path\nfrom skmpm.sweep import lock\n"
-        f"with lock.locked(Path({str(folder)!r}), 'x'): print(1, flush=True); input()"
+        "from pathlib import Path\nfrom skmpm.sweep import directory\n"
+        f"with directory.locked(Path({str(folder)!r})): print(1, flush=True); input()"
     )
     with subprocess.Popen([sys.executable, "-c", holds], stdout=-1, stdin=-1) as process:
         process.stdout.readline()
-        with pytest.raises(InUse, match=f"by process {process.pid}"):
-            lock.check_free(folder)
+        with pytest.raises(skmpm.SweepError, match="is in use"), directory.locked(folder):
+            pass
         process.kill()
-    lock.check_free(folder)
+    with directory.locked(folder):
+        pass
+
+
+def test_a_file_system_without_locks_is_warned_of(tmp_path, monkeypatch, caplog):
+    def flock(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    with directory.locked(tmp_path):
+        assert "its file system has no locks ([Errno 37] No locks available)" in caplog.text
 
 
 def test_directories_of_other_parameters_or_versions_are_refused(tmp_path):
     """By name, with what is other; a finished member is of no matter to the versions of other libraries."""
     finished = task(tmp_path / "speed=1.0")
-    execution.run_member(ensembles.squeezed, finished, execution.Worker())
-    about = manifest.read(finished.folder)
+    execution.run_member(ensembles.squeezed, finished)
+    about = directory.read_manifest(finished.folder)
 
     def refused(changes, match):
-        manifest.write(finished.folder, about | changes)
+        directory.write_manifest(finished.folder, about | changes)
         with pytest.raises(skmpm.SweepError, match=match):
             skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
 
@@ -454,9 +553,9 @@ def test_directories_of_other_parameters_or_versions_are_refused(tmp_path):
     refused({"versions": about["versions"] | {"source": "a"}}, "was made with source a, this is source")
     numpy = about["versions"] | {"numpy": "1.0"}
     refused({"versions": numpy, "status": "running"}, "was made with numpy 1.0, this is numpy")
-    manifest.write(finished.folder, about | {"versions": numpy})
+    directory.write_manifest(finished.folder, about | {"versions": numpy})
     assert len(skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)) == 1
-    (finished.folder / manifest.FILE).write_text("{")
+    (finished.folder / MANIFEST).write_text("{")
     with pytest.raises(skmpm.SweepError, match="is no manifest of a sweep"):
         skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
 
@@ -466,33 +565,33 @@ def counted(a=None, k=0, x=None):
     return {"n": 1} if x is not None else {"n": 1, "x": 5.0}
 
 
-def test_a_parameter_that_is_nan_is_that_of_the_run_before(tmp_path):
+def test_a_parameter_that_is_nan_is_that_of_the_run_before(client, tmp_path):
     for _ in range(2):
-        found = skmpm.sweep(counted, [{"a": float("nan")}], out=tmp_path)
+        found = skmpm.sweep(counted, [{"a": float("nan")}], out=tmp_path, client=client)
         assert found["a=nan"].status == "finished"
     assert len(found.where(a=float("nan"))) == 1
 
 
-def test_a_column_with_the_name_of_a_parameter_of_another_member(tmp_path):
+def test_a_column_with_the_name_of_a_parameter_of_another_member(client, tmp_path):
     """The parameter was lost; members without a parameter are not those in which it is None."""
-    found = skmpm.sweep(counted, [{"k": 1, "x": 2.0}, {"k": 2}], out=tmp_path)
+    found = skmpm.sweep(counted, [{"k": 1, "x": 2.0}, {"k": 2}], out=tmp_path, client=client)
     np.testing.assert_array_equal(found.table()["x"], [2.0, 5.0])
     assert [len(found.where(x=value)) for value in (2.0, None)] == [1, 0]
 
 
-def test_hidden_directories_and_files_of_the_user_stay(tmp_path):
+def test_hidden_directories_and_files_of_the_user_stay(client, tmp_path):
     folder = tmp_path / "k=1"
     (folder / ".ipynb_checkpoints").mkdir(parents=True)
     (folder / ".note").write_text("mine")
-    (folder / f"{manifest.PARTIAL}1").write_text("{")
-    assert skmpm.sweep(counted, [{"k": 1}], out=tmp_path)["k=1"].status == "finished"
+    (folder / f"{directory.PARTIAL}1").write_text("{")
+    assert skmpm.sweep(counted, [{"k": 1}], out=tmp_path, client=client)["k=1"].status == "finished"
     assert sorted(path.name for path in folder.glob(".*")) == [".ipynb_checkpoints", ".note"]
 
 
 @pytest.mark.parametrize(("source", "warned"), [("0" * 64, True), ("", False)], ids=["other", "unknown"])
 def test_a_build_that_has_changed_is_warned_of(tmp_path, caplog, source, warned):
     finished = replace(task(tmp_path / "speed=1.0"), build={"name": "ensembles.squeezed", "source": source})
-    execution.run_member(ensembles.squeezed, finished, execution.Worker())
+    execution.run_member(ensembles.squeezed, finished)
     skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path)
     assert ("build has changed since 1 of the members were run" in caplog.text) == warned
 
@@ -506,16 +605,16 @@ def test_names_of_directories():
         (): "run",
     }
     for items, name in names.items():
-        assert parameters.directory(parameters.plain(dict(items))) == name
+        assert directory.name_of(directory.plain(dict(items))) == name
     odd = [
         {"a": 1}, {"a": 1.0}, {"a": "1"}, {"a": True}, {"a": "True"}, {"a": [1]}, {"a": "[1]"}, {"a": "b,c=1"},
         {"a": "b", "c": 1}, {"a": "é"}, {"a": "è"}, {"a": "x" * 300}, {"a": "x" * 301}, {"a": None}, {"a": "nan"},
         {"a": float("nan")}, {"a": {"b": 1}}, {"a": ""}, {"a": "../b"}, {"a=1,b": 1}, {"a": 1, "b": 1},
     ]  # fmt: skip
-    found = [parameters.directory(parameters.plain(each)) for each in odd]
+    found = [directory.name_of(directory.plain(each)) for each in odd]
     assert len({name.casefold() for name in found}) == len(odd)
     assert all(len(name) < 140 and "/" not in name for name in found)
-    assert parameters.plain({"b": np.float64(0.5), "a": [0, np.int64(1)], "c": (1, 2)}) == {
+    assert directory.plain({"b": np.float64(0.5), "a": [0, np.int64(1)], "c": (1, 2)}) == {
         "a": [0, 1],
         "b": 0.5,
         "c": [1, 2],
@@ -538,38 +637,18 @@ def test_members_that_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_what_cannot_be_pickled_is_named(monkeypatch):
-    """With cloudpickle functions of any kind pass, a lock does not; without it the lambda is named."""
+def test_what_cannot_be_sent_is_named():
+    """Functions of any kind pass, a lock does not."""
     lid, held = ensembles.scene(), {"lock": threading.Lock()}
-
-    def with_lambda(speed):
-        return skmpm.Run(lid, until=speed)
-
-    def with_lock(speed):
-        return held[speed]
-
-    assert pickling.pickled(with_lambda)
-    with pytest.raises(
-        skmpm.SweepError, match=r"held\['lock'\] is of type lock, which cannot be sent .*; build it inside"
-    ):
-        pickling.pickled(with_lock)
-    monkeypatch.setitem(sys.modules, "cloudpickle", None)
-    assert pickling.pickled(ensembles.squeezed)
-    with pytest.raises(
-        skmpm.SweepError, match=r"build is the function .*with_lambda at line .*define functions at the top"
-    ):
-        pickling.pickled(with_lambda)
-    there = r"build\(lid=\).walls\[1\].velocity is a lambda at line \d+ of .*ensembles.py.*pip install"
-    with pytest.raises(skmpm.SweepError, match=there):
-        pickling.pickled(partial(ensembles.squeezed, lid=lid))
-    with pytest.raises(skmpm.SweepError, match=r"build is a lambda at line .*define functions at the top level"):
-        pickling.pickled(lambda speed: speed)
+    assert workers.pickled(lambda speed: skmpm.Run(lid, until=speed))
+    with pytest.raises(skmpm.SweepError, match=r"build refers to what cannot be sent .*lock.*; make it inside build"):
+        workers.pickled(lambda speed: held[speed])
 
 
-def test_tables_that_build_makes_itself(tmp_path):
+def test_tables_that_build_makes_itself(client, tmp_path):
     """Rows of numbers, truth values and texts come back as they were; columns of several members are joined."""
     members = {"three": {"n": 3}, "two": {"n": 2, "name": "two\nlines"}}
-    found = skmpm.sweep(ensembles.rows, members, out=tmp_path, processes=1)
+    found = skmpm.sweep(ensembles.rows, members, out=tmp_path, client=client)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["three", "two"]
     assert [member.status for member in found] == ["finished"] * 2
     table = found.table()
@@ -582,6 +661,7 @@ def test_tables_that_build_makes_itself(tmp_path):
         "even": [True, False, True, True, False],
         "text": ["a, 0", "a, 1", "a, 2", "two lines, 0", "two lines, 1"],
     }
+    assert skmpm.Sweep(()).table() == {}
     with pytest.raises(skmpm.SweepError, match="no member has a parameter 'm'; they have n, name"):
         found.where(m=1)
     with pytest.raises(KeyError, match="'four' is none of the members three, two"):
@@ -603,7 +683,7 @@ def test_rows_that_no_table_holds(tmp_path, row, match):
     def build(speed):
         return replace(ensembles.squeezed(speed), observe=lambda scene, state: row)
 
-    assert match in execution.run_member(build, task(tmp_path / "bad"), execution.Worker()).error
+    assert match in execution.run_member(build, task(tmp_path / "bad")).error
 
 
 def test_rows_have_the_same_columns(tmp_path):
@@ -612,7 +692,7 @@ def test_rows_have_the_same_columns(tmp_path):
             ensembles.squeezed(speed), observe=lambda scene, state: {"a": 1} if state.t < 2.5 * DT else {"b": 2}
         )
 
-    found = execution.run_member(build, task(tmp_path / "bad"), execution.Worker())
+    found = execution.run_member(build, task(tmp_path / "bad"))
     assert found.error == "ValueError: a row has other columns than the first, or another order: a, b"
 
 
@@ -623,14 +703,14 @@ def test_runs_that_are_refused(tmp_path):
             skmpm.Run(scene, until=1.0, **options)
     with pytest.raises(TypeError, match="expected a Scene, got a str"):
         skmpm.Run("scene", until=1.0)
-    found = execution.run_member(lambda speed: 1.0, task(tmp_path / "bad"), execution.Worker())
+    found = execution.run_member(lambda speed: 1.0, task(tmp_path / "bad"))
     assert "build returned a float; expected a Run, or rows of the table" in found.error
     for nothing in ([], {}):
         own = task(tmp_path / type(nothing).__name__)
-        failed = execution.run_member(lambda speed, made=nothing: made, own, execution.Worker())
+        failed = execution.run_member(lambda speed, made=nothing: made, own)
         assert "build returned no rows, or an empty one" in failed.error
-    gone = execution.run_member(ensembles.squeezed, replace(TASK, folder=tmp_path / "gone"), execution.Worker())
-    assert "is not there; give a directory that all workers share" in gone.error
+    with pytest.raises(skmpm.SweepError, match="is not there; give a directory that all workers share"):
+        execution.run_member(ensembles.squeezed, replace(TASK, folder=tmp_path / "gone"))
     with pytest.raises(ValueError, match="processes = 0"):
         skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}], out=tmp_path, processes=0)
 
@@ -650,13 +730,39 @@ def test_rows_between_steps():
     assert np.flatnonzero(due).tolist() == list(range(2, 30, 3))
 
 
-def test_the_line_of_progress():
+def test_the_line_of_progress(capsys, monkeypatch, caplog):
     """Members that have ended, those that run with their share, and what is left of the time."""
-    bar = _Bar(4, 1, shown=False)
-    bar.show(execution.Outcome(replace(TASK, folder=Path("speed=1.0")), "failed"))
-    bar.show((replace(TASK, folder=Path("speed=2.0")), 0.5))
-    bar._began -= 30.0
-    assert bar.line().startswith("2 of 4 members  1 failed  ETA 0:30  speed=2.0 50 %")
+    clock, first, second = [0.0], Path("speed=1.0"), Path("speed=2.0")
+    monkeypatch.setattr("skmpm.progress.perf_counter", lambda: clock[0])
+    monkeypatch.setattr(sys.modules["skmpm.sweep.sweep"], "perf_counter", lambda: clock[0])
+    monkeypatch.setattr("skmpm.progress.sys", SimpleNamespace(stderr=sys.stderr, modules={"ipykernel": None}))
+
+    def news():
+        clock[0] = 30.0
+        yield {first: execution.Outcome("failed", "KeyError: 'a'")}, {second: 0.5}
+        yield {}, {second: 0.6}  # too soon
+        yield {second: execution.Outcome("finished")}, {}
+
+    tasks = [replace(TASK, folder=folder) for folder in (first, second)]
+    ended = follow(news(), tasks, 4, Line(shown=True))
+    assert [outcome.status for outcome in ended.values()] == ["failed", "finished"]
+    lines = [line.rstrip() for line in capsys.readouterr().err.split("\r")]
+    assert lines[1:] == ["3 of 4 members  1 failed  ETA 0:10  speed=2.0 50 %", "4 of 4 members  1 failed  ETA 0:00"]
+    assert "sweep: speed=1.0 failed: KeyError: 'a' (3 of 4)" in caplog.text
+
+
+def test_how_far_members_are(client, tmp_path):
+    """Shares of the end come while members run."""
+    tasks = [task(tmp_path / "cut", speed=1.0, slow=True)]
+
+    def build(**chosen):
+        made = ensembles.squeezed(**chosen)
+        return replace(made, until=np.float64(made.until))  # no number that messages of Dask hold
+
+    news = list(workers.run_tasks(client, workers.pickled(build), tasks, lasting=True))
+    shares = [share for _, shares in news for share in shares.values()]
+    assert 0.0 < shares[0] < shares[-1] <= 1.0
+    assert news[-1][0] == {tasks[0].folder: execution.Outcome("finished")}
 
 
 def test_one_blas_thread_whatever_is_set(tmp_path, monkeypatch):
@@ -696,7 +802,7 @@ def test_a_stage_that_goes_on_does_not_ask_the_rows_of_the_one_before_whether_it
         stopping = execution.Worker(stopping=lambda asked=asked, steps=steps: next(asked) + 1 == steps)
         first = execution.run_member(build, member, stopping)
         assert first.status == ("finished" if steps is None else "interrupted")
-        assert execution.run_member(build, member, execution.Worker()).status == "finished"
+        assert execution.run_member(build, member).status == "finished"
         rows.append((member.folder / "table.csv").read_text())
     assert rows[0] == rows[1]
     assert len(rows[0].splitlines()) == 6
@@ -716,13 +822,13 @@ def test_what_is_bound_to_a_build_belongs_to_it():
             return {"E": self.E, "seed": seed}
 
     for bound in (lambda E: partial(dict, E=E), enclosed, Built):
-        one, same, other = (manifest.source_of(bound(E))["source"] for E in (1e6, 1e6, 2e6))
+        one, same, other = (directory.source_of(bound(E))["source"] for E in (1e6, 1e6, 2e6))
         assert one == same != other
 
 
 def test_texts_of_rows_stay_texts():
     """Names that look like numbers as no number is written."""
-    columns = records.parsed("a,b,c,d,e,f\n007,1e-07,-3,+7,1e5,nan\n010,0.5,10,+8,12e-4,1\n")
+    columns = records.parsed(b"a,b,c,d,e,f\n007,1e-07,-3,+7,1e5,nan\n010,0.5,10,+8,12e-4,1\n")
     texts, numbers = [["007", "010"], ["+7", "+8"], ["1e5", "12e-4"]], [[1e-07, 0.5], [-3, 10]]
     assert [columns[name].tolist() for name in "ade"] == texts
     assert [columns[name].tolist() for name in "bc"] == numbers
@@ -731,7 +837,7 @@ def test_texts_of_rows_stay_texts():
 
 @pytest.mark.parametrize("text", ["1e5", " lead", "a  b\t", "12e-4", 'said "so", twice', "\u2028"])
 def test_texts_come_back_as_they_were_written(tmp_path, text):
-    rows = records.Records(tmp_path, [], (0, b""))
+    rows = records.Records(tmp_path)
     rows.add({"id": run.checked({"id": text}, frozenset())["id"]})
     rows.commit(None)
     assert records.read_table(tmp_path, finished=True)["id"].tolist() == [text]

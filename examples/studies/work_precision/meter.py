@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import signal
-import weakref
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from time import process_time
-from types import FrameType
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,31 +19,12 @@ class TooLong(Exception):  # noqa: N818  (says what happened, as `StepFailed` do
     """A run that used more processor time than it may."""
 
 
-@contextmanager
-def limited(seconds: float) -> Iterator[None]:
-    """Raise `TooLong` once so much processor time of this process has gone; 0: never.
-
-    What is raised in a callback of a weak reference is lost, so it is raised a little later there.
-    """
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        if frame is None or frame.f_code.co_filename != weakref.__file__:
-            raise TooLong(f"more than {seconds:g} s")
-
-    before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, seconds, 0.01)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
-
-
 @dataclass(eq=False)
 class Meter:
     """A linear solver that counts what it is asked for, and a clock for the steps."""
 
     solver: linear.Linear
+    limit: float = 0.0  # processor time after which the steps end; 0: none
     seconds: float = 0.0  # processor time of the steps, and of nothing else
     steps: int = 0
     retries: int = 0
@@ -60,9 +37,11 @@ class Meter:
     overlap: float = 0.0  # the largest
     _solves: list[int] = field(default_factory=list)  # iterations of every solve by multigrid
     _taken: dict[str, float] = field(default_factory=dict)  # the cost when it was asked for last
+    _began: float | None = None  # processor time of this process at the begin of the step that is under way
 
     def __call__(self, A: sp.bsr_array, blocks: np.ndarray, rigid_motions: np.ndarray) -> linear.Solver:
         """As the solver does."""
+        self.check()
         self.factorisations += 1
         self.unknowns = max(self.unknowns, A.shape[0])
         self.work += float(A.shape[0]) * linear.half_bandwidth(A) ** 2
@@ -85,15 +64,23 @@ class Meter:
         self.points = int(first.x.shape[1])
         run = skmpm.simulate(scene, dt=dt, until=until, scheme=scheme, start=first)
         while True:
-            began = process_time()
+            self._began = process_time()
             try:
                 state = next(run, None)
             finally:
-                self.seconds += process_time() - began
+                self.seconds += process_time() - self._began
+                self._began = None
             if state is None:
                 return
             self.count(state.report)
+            self.check()
             yield state
+
+    def check(self) -> None:
+        """`TooLong` if the steps have used more processor time than they may; asked at every factorisation."""
+        now = 0.0 if self._began is None else process_time() - self._began
+        if self.limit and self.seconds + now > self.limit:
+            raise TooLong(f"more than {self.limit:g} s")
 
     def count(self, report: skmpm.scene.Report) -> None:
         """Add what a step reports."""

@@ -28,7 +28,7 @@ from skmpm.sweep import Member as Ran
 
 from .. import pages
 from . import competitor, scenes
-from .meter import Meter, TooLong, limited
+from .meter import Meter, TooLong
 from .parameters import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, resolutions, sample
 
 SHARE = {"packing": 0.5}  # of the sample, where runs are long
@@ -120,10 +120,9 @@ def is_too_long(row: Any) -> bool:
 
 def measure(scene: str, setting: Setting, limit: float) -> list[dict[str, Any]]:
     """Rows, a position each: what was measured, as JSON, and what it cost; or one that says how the run ended."""
-    meter = Meter(linear_of(setting))
+    meter = Meter(linear_of(setting), limit)
     try:
-        with limited(limit):
-            found = scenes.measured(scene, setting, meter)
+        found = scenes.measured(scene, setting, meter)
     except TooLong as stopped:
         return [{"status": f"too long: {stopped}", "measured": "", **meter.cost()}]
     except (skmpm.StepFailed, skmpm.SceneError) as failure:
