@@ -18,7 +18,6 @@ import numpy as np
 
 from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
-from skmpm.contact.constraints import ContactFormulation, acts_at_grid_nodes
 from skmpm.contact.motion import contact_reach
 from skmpm.outline import Outlines
 from skmpm.scene import Scene, State
@@ -33,7 +32,6 @@ MAX_PENETRATION = 0.25
 # [cells] Parts closer than the first share nodes wherever they lie on the grid, parts farther apart than the second
 # do not: the support of a shape function is two cells wide.
 ALWAYS_JOINED, NEVER_JOINED = 1.0, 2.0
-MAX_APPROACH = 2.0  # [cells] of two parts in a step, in which points move by a cell at most
 
 
 @dataclass(frozen=True)
@@ -89,9 +87,7 @@ class SelfContact:
 def may_touch_itself(scene: Scene, state: State) -> bool:
     """Whether any body has parts that may meet in a step from this state."""
     x = state.x[:, scene.outlines.point]
-    return bool(
-        SelfContact.of_scene(scene, state).facing(x, MAX_APPROACH * scene.cell + contact_reach(scene))[0].size
-    )
+    return bool(SelfContact.of_scene(scene, state).facing(x, 2.0 * scene.cell + contact_reach(scene))[0].size)
 
 
 def joined_parts(scene: Scene, state: State) -> Ints:
@@ -102,15 +98,3 @@ def joined_parts(scene: Scene, state: State) -> Ints:
     joined = start.separation(c, j) > NEVER_JOINED * scene.cell
     joined &= now.separation(c, j) < ALWAYS_JOINED * scene.cell
     return np.unique(scene.outlines.body[c[joined]])
-
-
-def can_touch(scene: Scene) -> bool:
-    """Whether the scene has a wall, more than one body or a periodic box."""
-    return bool(scene.walls) or len(scene.bodies) > 1 or scene.periodic is not None
-
-
-def touches(scene: Scene, state: State, contact: ContactFormulation) -> bool:
-    """Whether anything can touch in a step with this contact formulation: a wall, bodies, or parts of one."""
-    if can_touch(scene) or not scene.folded(state.x).size:
-        return can_touch(scene)
-    return not acts_at_grid_nodes(contact) and may_touch_itself(scene, state)

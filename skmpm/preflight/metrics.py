@@ -11,7 +11,6 @@ import numpy as np
 
 from skmpm import linear
 from skmpm.arrays import Array, Ints
-from skmpm.contact.self_contact import can_touch
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.assembly import ghost_facets
 from skmpm.material import Material
@@ -144,7 +143,7 @@ class SceneMetrics:
     @property
     def touches(self) -> bool:
         """Whether contact is possible."""
-        return can_touch(self.scene)
+        return self.scene.can_touch
 
     @property
     def cohesion(self) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from skmpm.arrays import Array, Bools
-from skmpm.contact.self_contact import can_touch
 from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import slit_width
 from skmpm.points import Points
@@ -164,7 +163,7 @@ def _coarsest(scene: Scene, error: float) -> float:
     """The largest cell without warnings of `preflight`, and in which thin parts bend with at most this error [m]."""
     boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
     slit = slit_width(boundary, scene.initial_positions[:, boundary.point], count)[own]
-    limit = LIMITS["R/h" if can_touch(scene) else "R/h alone"].value
+    limit = LIMITS["R/h" if scene.can_touch else "R/h alone"].value
     thin = LIMITS["thin part"].value
     enough = max(thin, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER))
     thinnest = np.nanmin(scene.thickness[own] / np.where(_slender(scene), enough, thin), initial=np.inf)
@@ -216,7 +215,7 @@ def _smeared(points: Points, E: Array) -> float:
 def _longest(scene: Scene, loading: Loading, cell: float, scheme: Scheme) -> list[float]:
     """The longest steps without warnings of `preflight` [s]."""
     limits = [(LIMITS["dt c/h"].value, scene.fastest_wave)] if scheme.inertia and loading.waves else []
-    if can_touch(scene):
+    if scene.can_touch:
         limits += [(STROKE, loading.driven), (MAX_APPROACH, loading.approach if scheme.inertia else 0.0)]
     return [value * cell / speed for value, speed in limits if speed > 0.0]
 

@@ -9,7 +9,6 @@ from typing import Any
 from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes, check_outlines
-from skmpm.contact.self_contact import can_touch
 from skmpm.material import is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.limits import PreflightWarning, warnings_of
 from skmpm.preflight.metrics import SceneMetrics, chosen_steps
@@ -157,7 +156,7 @@ def preflight(
     check_cohesion("preflight", scene, scheme)
     check_walls_at_start(scene)
     check_driven("preflight", scene, scheme)
-    if can_touch(scene) and not acts_at_grid_nodes(scheme.contact):
+    if scene.can_touch and not acts_at_grid_nodes(scheme.contact):
         check_outlines(scene)
     if dt is None:
         first, steps = chosen_steps(scene, scheme, until)

@@ -16,6 +16,8 @@ from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, motion, scalar
 from skmpm.scene.periodic import Periodic
 
+MAX_THICKNESS_SHARE = 0.25  # of the thinnest part that a point may move through in one step
+
 
 @dataclass(frozen=True, repr=False)
 class Input:
@@ -154,6 +156,15 @@ class Layout(Input):
     def images(self, x: Array, box: Array | None, reach: float) -> Images:
         """Outlines with boundary points at x (2, m), and their images within reach [m] in a box of edges (2, 2)."""
         return images(self.outlines, x, len(self.bodies), box, reach)
+
+    @property
+    def max_motion(self) -> float:
+        """Largest motion of a point in a step, relative to the mean, between bodies with outlines [m].
+
+        Contact detection finds penetrations of less than a cell, or of a share of the thinnest part of all bodies.
+        """
+        thinnest = float(np.min(self.thickness[~np.isnan(self.thickness)], initial=np.inf))
+        return max(self.cell, MAX_THICKNESS_SHARE * thinnest if np.isfinite(thinnest) else 0.0)
 
     @cached_property
     def thickness(self) -> Array:

@@ -107,6 +107,11 @@ class Model(Layout):
         """(1 - nu^2) / E at the surface of each body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
         return surface_compliance(self)
 
+    @property
+    def can_touch(self) -> bool:
+        """Whether there is a wall, more than one body or a periodic box."""
+        return bool(self.walls) or len(self.bodies) > 1 or self.periodic is not None
+
     @cached_property
     def frictions(self) -> Friction:
         """The Coulomb coefficients of all pairs."""

@@ -7,8 +7,6 @@ import numpy as np
 from skmpm import outline
 from skmpm.arrays import Array, Ints
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.contact.motion import MAX_MOTION, max_motion
-from skmpm.contact.self_contact import can_touch
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
@@ -41,7 +39,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     if scheme.inertia:
         _check_energy(scene, scheme, before, after, budget)
     _check_crossings(scene, after)
-    if not (can_touch(scene) or after.contacts.gap.size):
+    if not (scene.can_touch or after.contacts.gap.size):
         return 0.0
     exact = not acts_at_grid_nodes(scheme.contact)
     _check_travel(scene, before, after, exact, (solves - 1) * TOO_FAR * scene.cell)
@@ -196,12 +194,12 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool, furthe
     square = ((relative - (relative @ before.mass / before.mass.sum())[:, None]) ** 2).sum(axis=0)
     fastest = int(np.argmax(square))
     largest = float(np.sqrt(square[fastest]))
-    if largest > further + (max_motion(scene) if exact else MAX_MOTION * scene.cell):
+    if largest > further + (scene.max_motion if exact else scene.cell):
         raise _tunnelling(before, fastest, largest / scene.cell)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
         near = np.flatnonzero(normal @ after.x < normal @ end + scene.cell)
         approach = -normal @ (moved[:, near] - (end - start)[:, None])
-        if float(approach.max(initial=0.0)) > further + MAX_MOTION * scene.cell:
+        if float(approach.max(initial=0.0)) > further + scene.cell:
             raise _tunnelling(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from skmpm.arrays import Array
 from skmpm.contact import with_largest_forces
-from skmpm.contact.self_contact import touches
 from skmpm.linear import Delassus, Solver, one_thread
 from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
@@ -34,7 +33,7 @@ from skmpm.step.report import report_of, unbalanced_ratio
 from skmpm.step.rigid_edges import indenting_edge_message
 from skmpm.step.scalar_unknowns import ScalarUnknowns
 from skmpm.step.scene_forces import equilibrium_depends_on_dt, terms_of
-from skmpm.step.start import configuration_at_start, first_velocity, scalar_unknowns
+from skmpm.step.start import configuration_at_start, first_velocity, scalar_unknowns, touches
 from skmpm.step.statics import settle
 
 LOAD_STEPS = "begin without gaps, apply loads in steps, as functions of time, or use inertia; not a smaller dt"
@@ -126,7 +125,7 @@ def _contact_problem(
     None where a single body and no part of it can touch anything.
     """
     scheme, contacts = increment.scheme, state.contacts
-    if not touches(scene, state, scheme.contact):
+    if not touches(scene, state, scheme):
         return None
     linearise = scheme.contact(scene, state, increment.grid, increment.dt, scheme.theta, motions, scheme.inertia)
     timer.lap("detection")

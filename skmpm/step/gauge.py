@@ -24,7 +24,6 @@ from functools import cached_property
 import numpy as np
 
 from skmpm.arrays import ROUND_OFF, Array, Bools
-from skmpm.contact.motion import max_motion
 from skmpm.grid import BodyGrids
 from skmpm.scene import Scene, State, centres
 from skmpm.scheme import Scheme
@@ -136,7 +135,7 @@ def _turned(gauge: Gauge, force: Array) -> Bools:
 
 def _touching(scene: Scene, state: State) -> Bools:
     """Bodies with a contact, that touch no wall with friction and cannot in a step, (bodies,)."""
-    count, farthest = len(scene.bodies), max_motion(scene)
+    count, farthest = len(scene.bodies), scene.max_motion
     touching, bodies = np.zeros(count, dtype=bool), state.contacts.bodies
     touching[bodies[bodies >= 0]] = True
     for i, point in enumerate(state.walls):

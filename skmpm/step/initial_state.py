@@ -8,7 +8,6 @@ import numpy as np
 
 from skmpm.arrays import Array
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.contact.self_contact import touches
 from skmpm.grid.transfer import to_nodes
 from skmpm.material import Rigid
 from skmpm.scene import (
@@ -34,6 +33,7 @@ from skmpm.step.driven import check_driven
 from skmpm.step.periodic_box import velocity_of_box
 from skmpm.step.regrid import regridded_state
 from skmpm.step.scene_forces import springs_of
+from skmpm.step.start import touches
 
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
@@ -100,7 +100,7 @@ def _initial_energy(scene: Scene, state: State, nodal: Array) -> Energy:
 
 def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
     """The contacts found at t = 0, without forces."""
-    if not touches(scene, state, scheme.contact):
+    if not touches(scene, state, scheme):
         return state.contacts
     # The step is so short that nothing moves and the search radius of contact detection does not grow.
     grid, v = state.grids.assembly.grid, state.v

@@ -16,7 +16,6 @@ from itertools import chain
 import numpy as np
 
 from skmpm.arrays import ROUND_OFF, Array
-from skmpm.contact.self_contact import can_touch
 from skmpm.scene import Scene, gravity_at
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.initial_state import initial_motion
@@ -52,7 +51,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,), inertia: bool = Tr
     every = chain(*(chain(*both) for both in each))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max()) if inertia else 0.0
-    height = free_height(scene, g) if can_touch(scene) else 0.0
+    height = free_height(scene, g) if scene.can_touch else 0.0
     fall = float(np.sqrt(2.0 * np.hypot(*g) * height))
     drop = fall if inertia and fall > settling(scene, g) else 0.0
     kind, why, speed = _kind(scene, own, prescribed, drop, name)
@@ -77,7 +76,7 @@ def several(scene: Scene) -> bool:
 def _kind(scene: Scene, own: float, prescribed: float, fall: float, name: str) -> tuple[str, str, float]:
     """Kind, reason, and the speed that limits the time step [m/s]; zero where waves do."""
     many, moved = several(scene), f"{name} moves at {prescribed:.3g} m/s"
-    if not can_touch(scene):
+    if not scene.can_touch:
         if prescribed > own:
             return "bending", f"nothing can touch it and {moved}", prescribed
         return "bending", "nothing can touch it and nothing is driven", 0.0

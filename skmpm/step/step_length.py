@@ -25,8 +25,6 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from skmpm.arrays import Array
-from skmpm.contact.motion import max_motion
-from skmpm.contact.self_contact import can_touch
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions, normal_speeds
 from skmpm.scheme import Scheme
 from skmpm.step.driven import driven, driven_by_force, driving_forces, loaded_bodies, moving
@@ -83,8 +81,8 @@ class Pace:
             return np.inf
         now = moving(scene, after)
         turning = float(np.hypot(*np.ptp(now.v, axis=1)))
-        limits = [_time(STROKE * scene.cell, now.speed, 0.0), _time(max_motion(scene), turning, 0.0)]
-        if can_touch(scene):
+        limits = [_time(STROKE * scene.cell, now.speed, 0.0), _time(scene.max_motion, turning, 0.0)]
+        if scene.can_touch:
             limits.append(_time(self.flight, relative_speed(scene, after.t, now.v), fall))
             if self.room < self.flight:
                 gaps, speeds = _meeting(scene, before.x, after.v, self.flight)
@@ -221,7 +219,7 @@ def pace_of(
     many = several(scene) and (driven_at > 0.0 or bool(gravity.any()))
     losses = scheme.inertia and (not many if waves is None else waves)
     # Where something is driven, the flight of bodies that are loose between others need not be accurate.
-    room = max_motion(scene) if driven_at > 0.0 else MAX_APPROACH * scene.cell
+    room = scene.max_motion if driven_at > 0.0 else MAX_APPROACH * scene.cell
     falls = not (losses or driven_at > 0.0 or scene.periodic is not None)
     # What loads and springs cause is to be followed, however small beside what gravity does.
     weight = np.zeros(2) if scene.loads or scene.springs else gravity
