@@ -12,9 +12,7 @@ from skmpm.contact import ContactFormulation, acts_at_grid_nodes, point_to_curve
 from skmpm.linear import Linear
 from skmpm.material import Material, has_memory, poisson_ratio
 
-# Poisson's ratio from which Q1 cells lock: without mean dilatation a disc of R/h = 5 between plates is 7.7 % too
-# stiff and the peak pressure in it 1.4 times too high at 0.4 (6.1 % and 1.2 at 0.3), 10 % and 1.9 at 0.45, 22 % and
-# 4.2 at 0.49; with it 5 to 6 % and 1.02 to 1.06 (`tests/verification/test_mean_dilatation.py`).
+# Poisson's ratio from which Q1 cells lock (`tests/verification/test_mean_dilatation.py`).
 NEARLY_INCOMPRESSIBLE = 0.4
 
 

@@ -13,8 +13,7 @@ from skmpm.coulomb.newton import full_steps
 from skmpm.coulomb.problem import Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
 
 # Weight of the proximal term over diag(W~), which is one: at first, and its factors after success and failure. Larger
-# first weights and slower decreases take longer; of 1,200 problems of random rigid bodies with friction up to 1 these
-# leave none unsolved, a first weight of 1e-2 with factors of 0.1 and 30 six.
+# first weights and slower decreases take longer; smaller weights leave problems of rigid bodies unsolved.
 FIRST_WEIGHT, WEIGHT_DECREASE, WEIGHT_INCREASE = 1.0, 0.3, 5.0
 MIN_WEIGHT = 1e-12  # with less the impulses of a jam become so large that their residual is lost in round-off
 REDUCTION = 0.7  # factor by which each proximal problem must reduce the residual; with 1 a fifth is unsolved

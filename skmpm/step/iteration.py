@@ -17,10 +17,8 @@ from skmpm.step.matrix import check_stiffness, coupled, solver_of
 from skmpm.step.rotation import MAX_DRIFT, retracted
 from skmpm.step.terms import Configuration
 
-# The best ratio of successive out-of-balance norms that is expected with an old matrix: the first one of a step, with
-# contacts that change state, may be much better than those that follow. A packing of 300 discs at a solid fraction of
-# 0.75 took 77 iterations for 2.1 cells of stroke, and 359 with the old matrix wherever less than twenty tolerances
-# were left.
+# The best ratio of successive out-of-balance norms that is expected with an old matrix: that of the first iteration of
+# a step, in which contacts change state, may be much better than those that follow.
 BEST_RATE = 0.05
 
 # Iterations with contacts after which it is given up unless one of them came closer to convergence: two to four are

@@ -24,9 +24,7 @@ SUCCESSES_BEFORE_DOUBLING = 4  # steps
 # Of a step: rather than with less of one a run ends with two equal ones. Round-off of gaps over a short step is a
 # large velocity: 5e-12 s after 150 steps of 2 ms took the kinetic energy of a packing from 816 to 3644 J/m.
 SLIVER = 1e-3
-# Divides the length of a chosen step that failed. Fifty discs, compressed slowly from a solid fraction of 0.7 to
-# 0.95, take 299, 438 and 398 steps with 4 (lid of 2 cm/s with friction, of 2 mm/s, of 2 cm/s without friction), of
-# which 8, 13 and 17 fail; 296, 396 and 308 with 16 (5, 10, 8), 294, 514 and 333 with 64 (4, 10, 7).
+# Divides the length of a chosen step that failed: slow lids on fifty discs take the fewest steps so, of 4, 16 and 64.
 CUT = 16.0
 FREQUENT = 0.1  # of the steps: failures from which a run with chosen steps ends with a warning
 SHORTEST_SHARE = CUT**-3  # of the limit: shortest chosen step
