@@ -14,7 +14,7 @@ from skmpm.material.memory import InStep, MaterialWithMemory, has_memory, in_ste
 from skmpm.material.requirements import lacking
 
 SAME = 1e-8  # of the largest internal variable, for what should not change; a return mapping may iterate
-SMALLEST, LARGEST = 1e-4, 1e-1  # deformations since the state was reached, on which laws still unload or flow again
+SLIGHT, GREAT = 1e-4, 1e-1  # deformations since the state was reached, on which laws still unload or flow again
 STATES = 200
 COMPLEX = 1e-30  # step; no difference is formed, so that any is good that does not underflow
 REAL = 1e-6  # step of central differences: their error is its square, their rounding 1e-16 over it
@@ -26,7 +26,7 @@ SMALLEST = 0.01  # range of logarithmic stretches within which every law must be
 def histories(material: Any, F: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Internal variables (k, n) of points that were deformed by F (2, 2, n), and deformations from there on."""
     state, n = virgin(material).update(F), F.shape[-1]  # type: ignore[attr-defined]
-    size = np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST), n))
+    size = np.exp(rng.uniform(np.log(SLIGHT), np.log(GREAT), n))
     return state, product(np.eye(2)[:, :, None] + size * rng.uniform(-1.0, 1.0, (2, 2, n)), F)
 
 

@@ -107,7 +107,9 @@ class SceneMetrics:
     @property
     def times(self) -> Array:
         """Times at which functions of time are looked at, (k,) [s]."""
-        return np.zeros(1) if self.until is None else np.linspace(0.0, self.until, TIMES)
+        if self.until is None:
+            return np.zeros(1)
+        return self.until * np.append(0.0, (np.arange(TIMES) + 0.5) / TIMES)  # a table of values may end before it
 
     @property
     def courant(self) -> float:

@@ -17,8 +17,8 @@ from skmpm.step.matrix import check_stiffness, coupled, solver_of
 from skmpm.step.rotation import MAX_DRIFT, retracted
 from skmpm.step.terms import Configuration
 
-# The best ratio of successive out-of-balance norms that is expected with an old matrix: that of the first iteration of
-# a step, in which contacts change state, may be much better than those that follow.
+# The best ratio of successive out-of-balance norms that is expected with an old matrix: that of the first iteration
+# of a step, in which contacts change state, may be much better than those that follow.
 BEST_RATE = 0.05
 
 # Iterations with contacts after which it is given up unless one of them came closer to convergence: two to four are

@@ -174,7 +174,7 @@ def test_scenes_without_free_bodies_do_not_know_them():
     """No unknown is made, and none of their functions is called."""
     with Calls() as calls:
         list(skmpm.simulate(scene([FAR]), dt=1e-4, until=3e-4))
-    names = ("rigid_state", "FreeBodies.in_step", "free_bodies", "ScalarUnknowns.imbalance")
+    names = ("rigid_state", "FreeBodies.in_step", "FreeBodies.rows")
     assert [calls.named(name) for name in names] == [0] * len(names)
 
 

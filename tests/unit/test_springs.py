@@ -489,7 +489,11 @@ def test_a_scene_without_springs_calls_none_of_them():
         with Calls() as found:
             step(scene, start, 1e-2)
         return sum(
-            found.below(name) for name in ("skmpm.step.forces", "skmpm.linear.corrected", "skmpm.scene.point_sets")
+            found.below(name)
+            for name in (
+                *(f"skmpm.step.forces.{kind}" for kind in ("Springs", "Beds", "Bars")),
+                "skmpm.linear.corrected",
+            )
         )
 
     assert calls(replace(pair(), springs=())) == 0

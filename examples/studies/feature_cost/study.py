@@ -103,16 +103,16 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "contact iterations": lambda c: c.reported("contact"),
     "factorisations": lambda c: c.reported("factorisations"),
     "solves": lambda c: c.named("Banded.__call__", "Amg.__call__"),
-    "line searches": lambda c: c.named("line_search._search"),
-    "gravity evaluated": lambda c: c.named("gravity.gravity_at"),
+    "line searches": lambda c: c.named("iteration._search"),
+    "gravity evaluated": lambda c: c.named("prescribed.gravity_at"),
     "loads evaluated": lambda c: c.named("Model.forces"),
     "body grids built": lambda c: c.named("building.build_grids"),
     "weights fitted": lambda c: c.named("moment_fitting.fitted_weights"),
-    "outlines cut by cells": lambda c: c.named("cells.cell_moments"),
+    "outlines cut by cells": lambda c: c.named("measures.cell_moments"),
     "patterns made": lambda c: c.named("assembly.prepare"),
     "means of dilatation": lambda c: c.named("Assembly.mean_dilatation"),
     "eliminations": lambda c: c.named("Elimination.factorised"),
-    "kinetic energies": lambda c: c.named("energy_budget.kinetic_energy"),
+    "kinetic energies": lambda c: c.named("budget.kinetic_energy"),
 }
 
 
