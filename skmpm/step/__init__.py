@@ -9,7 +9,10 @@ has no grid (`scalar_unknowns`). Without contact it minimises
 
 over the nodal velocities that satisfy the supports: M lumped mass, U the nodal displacement, W the strain energy
 density, G the ghost penalty, f gravity and loads. The anchor is the reference configuration: that in which the body
-grids were last built. U, deformation gradients and volumes V_p are relative to it (`Scheme.anchor`).
+grids were last built. U, deformation gradients and quadrature weights V_p are relative to it (`Scheme.anchor`).
+
+Round bodies on which no friction acts keep their angular momentum as a condition (`gauge`): else their material may
+turn inside their shape at no cost.
 
 With contact, grad E = theta H^T r and (r, u = H w + offset) satisfy Signorini's and Coulomb's laws, which are solved
 exactly in every Newton iteration with the matrix A = M + theta^2 dt^2 K. A static step solves the same problem

@@ -33,7 +33,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     No point is inverted, bodies gain no energy without work, no outline folds, nothing moves so far that contact may
     go undetected, and nothing lies deep in a wall or in a body.
 
-    Each of the `solves` of a static step detects contacts anew; those after the first may move bodies further.
+    Solves of a static step detect contacts anew; those after the first may move bodies further.
     """
     _check_points(scene, after, budget)
     if scheme.inertia:

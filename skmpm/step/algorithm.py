@@ -20,7 +20,7 @@ from skmpm.step.acceptance import check_step
 from skmpm.step.budget import budget_of
 from skmpm.step.contact_problem import ContactIterate, ContactProblem, KnownForces
 from skmpm.step.driven import check_driven
-from skmpm.step.end import carried, end_of_step
+from skmpm.step.end import end_of_step, with_box_motion
 from skmpm.step.equations import Increment
 from skmpm.step.errors import SMALLER, StepRejected
 from skmpm.step.gauge import gauge_condition
@@ -33,7 +33,7 @@ from skmpm.step.report import report_of, unbalanced_ratio
 from skmpm.step.rigid_edges import indenting_edge_message
 from skmpm.step.scalar_unknowns import ScalarUnknowns
 from skmpm.step.scene_forces import equilibrium_depends_on_dt, terms_of
-from skmpm.step.start import configuration_at_start, first_velocity, scalar_unknowns, touches
+from skmpm.step.start import configuration_at_start, scalar_unknowns, touches, velocity_at_start
 from skmpm.step.statics import settle
 
 LOAD_STEPS = "begin without gaps, apply loads in steps, as functions of time, or use inertia; not a smaller dt"
@@ -75,7 +75,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
                 solution = advance(increment, problem_of(state), solver, timer)
             else:
                 solution = _equilibrium(scene, state, increment, motions.fastest, problem_of, solver, timer)
-            increment, solution = carried(increment, solution)
+            increment, solution = with_box_motion(increment, solution)
             end = end_of_step(increment, solution, motions)
             after = end_state(scene, state, increment, solution, end)
             timer.lap("transfer")
@@ -96,7 +96,7 @@ def _equations(
     scene: Scene, state: State, dt: float, scheme: Scheme, motions: PrescribedVelocities, unknowns: ScalarUnknowns
 ) -> Increment:
     """The equations of the step without contact."""
-    v0, at_start = first_velocity(scene, state, motions, scheme), configuration_at_start(scene, state, scheme)
+    v0, at_start = velocity_at_start(scene, state, motions, scheme), configuration_at_start(scene, state, scheme)
     terms = tuple(terms_of(scene, state, at_start, dt, scheme))
     return Increment(
         at_start,

@@ -35,14 +35,14 @@ BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold 
 ROUND_OFF_FACTOR = 5.0  # over the round-off of impulses: what counts as zero
 
 
-def candidates(
+def active_constraints(
     constraints: Constraints,
     grid: BodyGrids,
     supports: Elimination | None,
     supported: Bools,
     rows: Callable[[Constraints], sp.csr_array],
 ) -> Constraints:
-    """The contacts, closed or not, whose gap is below `MAX_CANDIDATE_GAP` and can change, and those in tension.
+    """The contacts that get rows: those with a gap below `MAX_CANDIDATE_GAP`, or in tension, whose gap can change.
 
     `supported` (2, n) are the velocity components of the points that supports prescribe; `rows` gives
     the columns of H for unknowns that are not on the grids.
@@ -120,7 +120,7 @@ class ContactProblem:
     linearise: Linearise
     increment: Increment
     prescribed: PrescribedVelocities
-    known: KnownForces  # at the start of the step
+    known: KnownForces  # with which the iteration begins: of the step before, or of the static solve before
     timer: Timer
     supported: Bools = field(  # (2, n) velocity components of the points that supports prescribe
         default_factory=lambda: np.zeros((2, 0), dtype=bool)
@@ -138,13 +138,15 @@ class ContactProblem:
         force = contact.constraints.forces(contact.r, self.increment.dt)
         return replace(self, known=KnownForces(contact.constraints.key, force))
 
-    def candidates(self, moving: Array) -> Constraints:
+    def active_at(self, moving: Array) -> Constraints:
         """The constraints about a velocity (n,) that enter the contact problem."""
         increment, unknowns = self.increment, self.increment.scalars
         nodes, z = increment.on_nodes(moving), increment.of_scalars(moving)
         moved = (unknowns.motions(self.prescribed, z),) if unknowns.kinds else ()
         found = self.linearise(nodes, *moved)
-        return candidates(found, increment.grid, increment.supports, self.supported, partial(unknowns.rows, z))
+        return active_constraints(
+            found, increment.grid, increment.supports, self.supported, partial(unknowns.rows, z)
+        )
 
     @cached_property
     def speed_round_off(self) -> float:
@@ -254,8 +256,8 @@ class ContactIterate:
 def _iterate(problem: ContactProblem, w: Array, known: KnownForces, delassus: Delassus | None) -> ContactIterate:
     """Linearise about w (n,), with the known impulses."""
     problem.timer.lap("bulk")
-    increment, moving = problem.increment, problem.increment.carried(w, w)
-    constraints = problem.candidates(moving)
+    increment, moving = problem.increment, problem.increment.with_box_motion(w, w)
+    constraints = problem.active_at(moving)
     r = u = np.zeros(0)
     if constraints.size > 0:
         r = known.on(constraints, increment.dt)

@@ -46,7 +46,9 @@ class ContactStiffness:
     friction_ratio: Array  # (l,) m, tangential over normal impulse; zero without friction
     sliding: Ints  # (t,) indices among the constraints
     Z: sp.csr_array  # (2 l + t, 2 contact points) from velocities to rates of tau, of beta, then of turns
-    acting: sp.csr_array  # (2 l + t, 2 contact points) directions in which rho acts: Z without friction
+    acting: (
+        sp.csr_array
+    )  # (2 l + t, 2 contact points) directions in which rho acts; equal to Z where there is no friction
     compliance: sp.csr_array  # from -rho to the rates of Z; one negative eigenvalue for each of the l contacts
 
     @property

@@ -1,8 +1,8 @@
 """The end of a step: nodes, contacts and material, with impacts where theta < 1.
 
-Supports prescribe the mean velocity w. The velocity at the end, v0 + (w - v0) / theta, would keep a jump of the
-prescribed one for ever, with alternating signs for theta = 1/2. It is therefore the nearest one, by kinetic energy,
-that has the prescribed values, and the impulses for it are part of the reactions.
+Supports prescribe w, the velocity that moves the nodes in the step. The velocity at the end, v0 + (w - v0) / theta,
+would keep a jump of the prescribed one for ever, with alternating signs for theta = 1/2. It is therefore the nearest
+one, by kinetic energy, that has the prescribed values, and the impulses for it are part of the reactions.
 
 The contact law holds for the gaps at the end of the step, which the mean velocity w leads to. Where a contact stays
 closed the normal component of w is zero, so that the velocity at the end, v0 + (w - v0) / theta, would be -v0 for
@@ -110,14 +110,14 @@ class End:
     internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
 
-def carried(increment: Increment, solution: Solution) -> tuple[Increment, Solution]:
+def with_box_motion(increment: Increment, solution: Solution) -> tuple[Increment, Solution]:
     """A solved step as if the motion that was found of a periodic box had been prescribed.
 
     Bodies begin, and end, with what it has added to their velocities (`scalar_unknowns`).
     """
     if increment.scalars.carrier is None:
         return increment, solution
-    v0, w = (increment.carried(v, solution.w) for v in (increment.v0, solution.w))
+    v0, w = (increment.with_box_motion(v, solution.w) for v in (increment.v0, solution.w))
     return replace(increment, v0=v0), replace(solution, w=w)
 
 
@@ -143,7 +143,7 @@ def _configuration_at_end(increment: Increment, solution: Solution) -> Configura
     Viscous forces depend on its round-off, which a state that was loaded from a file does not know.
     """
     moved, known = increment.dt * solution.w, solution.configuration
-    displacement, scalars = increment.start + increment.on_nodes(moved), increment.of_scalars(moved)
+    displacement, scalars = increment.displacement_at_start + increment.on_nodes(moved), increment.of_scalars(moved)
     usable = increment.scheme.theta == 1.0 and increment.bulk.viscosity == 0.0
     if usable and known is not None and known.bulk is increment.bulk:
         return known.translated(displacement, scalars)

@@ -64,7 +64,9 @@ class Increment:
     @cached_property
     def theta(self) -> Array:
         """Moreau-Jean parameters, (n,)."""
-        return self.with_scalars(np.full(self.start.size, self.scheme.theta), self.scalars.inertia.theta)
+        return self.with_scalars(
+            np.full(self.displacement_at_start.size, self.scheme.theta), self.scalars.inertia.theta
+        )
 
     @cached_property
     def interval(self) -> Array:
@@ -73,18 +75,18 @@ class Increment:
 
     def on_nodes(self, w: Array) -> Array:
         """The part (2 nodes,) of a vector of all unknowns (n,)."""
-        return w[: self.start.size]
+        return w[: self.displacement_at_start.size]
 
     def of_scalars(self, w: Array) -> Array:
         """The part (p,) of a vector of all unknowns (n,)."""
-        return w[self.start.size :]
+        return w[self.displacement_at_start.size :]
 
     def with_scalars(self, on_nodes: Array, of_scalars: Array) -> Array:
         """A vector of all unknowns (n,) from those of nodes (2 nodes,) and of scalars (p,)."""
         return np.concatenate([on_nodes, of_scalars]) if of_scalars.size else on_nodes
 
     @property
-    def start(self) -> Array:
+    def displacement_at_start(self) -> Array:
         """The displacement at the start of the step, (2 nodes,) [m]."""
         return self.at_start.displacement
 
@@ -122,10 +124,10 @@ class Increment:
 
     def prescribed_only(self) -> Array:
         """The nodal velocity (2 nodes,) with the prescribed values at supports and zero elsewhere."""
-        zero = np.zeros_like(self.start)
+        zero = np.zeros_like(self.displacement_at_start)
         return zero if self.supports is None else self.supports.admissible(zero, self.prescribed)
 
-    def carried(self, v: Array, w: Array) -> Array:
+    def with_box_motion(self, v: Array, w: Array) -> Array:
         """A velocity v (n,) whose bodies move with a periodic box, too, that has the scalar unknowns of w (n,)."""
         translation = self.scalars.translation(self.of_scalars(w))
         return v if translation is None else v + self.of_bodies(translation)
@@ -137,7 +139,7 @@ class Increment:
     def at(self, w: Array) -> Configuration:
         """The configuration in which forces are evaluated."""
         moved = self.interval * w
-        return self.bulk.at(self.start + self.on_nodes(moved), self.of_scalars(moved))
+        return self.bulk.at(self.displacement_at_start + self.on_nodes(moved), self.of_scalars(moved))
 
     def energy(self, w: Array, configuration: Configuration, terms: Sequence[Term]) -> float:
         """The incremental potential E(w) with some terms, as all or as those frozen for a line search [J/m]."""
@@ -151,7 +153,7 @@ class Increment:
         if term.own is None:
             return self.with_scalars(force, of_scalars)
         of_scalars[term.own] = force
-        return self.with_scalars(np.zeros_like(self.start), of_scalars)
+        return self.with_scalars(np.zeros_like(self.displacement_at_start), of_scalars)
 
     def gradient(self, w: Array, configuration: Configuration) -> tuple[Array, float]:
         """Out-of-balance impulse without contact (n,) [kg m/s per m], and the norm of its largest term."""
@@ -166,7 +168,7 @@ class Increment:
 
     def external_force(self, configuration: Configuration) -> Array:
         """The sum of `external_forces`, (2 nodes,) [N/m]."""
-        return sum(self.external_forces(configuration), np.zeros_like(self.start))
+        return sum(self.external_forces(configuration), np.zeros_like(self.displacement_at_start))
 
     @property
     def constrained_dofs(self) -> Ints:

@@ -85,7 +85,7 @@ class Persistence:
 
     @classmethod
     def for_equations(cls, increment: Increment, *, in_contact: bool) -> Persistence:
-        """With contacts patience is limited where shorter steps help, or a larger metric."""
+        """At most `max_newton` iterations; with contacts and a mass or a metric `PATIENCE` without progress."""
         most = increment.scheme.max_newton
         return cls(most, PATIENCE if in_contact and increment.mass.any() else most)
 
@@ -121,7 +121,7 @@ class Solution:
         return None if self.contact is None else self.contact.impulse
 
 
-def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
+def admissible_guess(increment: Increment) -> tuple[Array, Configuration]:
     """The velocity at which Newton's method starts, with its configuration.
 
     It is the initial guess; if that inverts a point (det F <= 0) of a nonlinear material, the solution without
@@ -136,7 +136,7 @@ def first_velocity(increment: Increment) -> tuple[Array, Configuration]:
     configuration = increment.at(w)
     if increment.bulk.linear or np.isfinite(increment.bulk.energy(configuration)):
         return w, configuration
-    rest = increment.with_scalars(np.zeros_like(increment.start), increment.of_scalars(w))
+    rest = increment.with_scalars(np.zeros_like(increment.displacement_at_start), increment.of_scalars(w))
     configuration = increment.at(rest)
     gradient = increment.on_nodes(increment.gradient(rest, configuration)[0])
     prescribed = increment.prescribed_only()

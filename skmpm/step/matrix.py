@@ -47,7 +47,9 @@ def check_stiffness(increment: Increment) -> None:
     for material, points in increment.bulk.materials:
         law = LinearElastic(youngs_modulus(material), poisson_ratio(material), material.density)
         unstressed.append((law, points))
-    step = replace(increment, at_start=Bulk(assembly, unstressed, None, None).at(np.zeros_like(increment.start)))
+    step = replace(
+        increment, at_start=Bulk(assembly, unstressed, None, None).at(np.zeros_like(increment.displacement_at_start))
+    )
     _solver(step, step.matrix(step.at_start))
 
 

@@ -48,7 +48,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         )
     )
     if prescribed.any():
-        x[:, prescribed], v[:, prescribed] = _carried(state, motions, prescribed, dt)
+        x[:, prescribed], v[:, prescribed] = _rigid_points(state, motions, prescribed, dt)
     contacts, wall_force = _contacts(scene, state.contacts, solution, end, increment)
     box, contacts = recut_box(scene, motions.box, contacts)
     return replace(
@@ -84,7 +84,7 @@ def _with_points(old: Array, own: Bools | slice, new: Array) -> Array:
     return values
 
 
-def _carried(state: State, motions: PrescribedVelocities, prescribed: Bools, dt: float) -> tuple[Array, Array]:
+def _rigid_points(state: State, motions: PrescribedVelocities, prescribed: Bools, dt: float) -> tuple[Array, Array]:
     """Positions and velocities (2, k) of the points of rigid bodies at the end of the step."""
     body, now = state.body[prescribed], state.x[:, prescribed]
     centre = centres(state.x, state.mass, state.body)[:, body]

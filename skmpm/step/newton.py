@@ -23,8 +23,8 @@ from skmpm.step.iteration import (
     Persistence,
     Refactorisation,
     Solution,
+    admissible_guess,
     factorise,
-    first_velocity,
     move,
     not_converged,
     unmet_criteria,
@@ -35,7 +35,7 @@ from skmpm.step.terms import Configuration
 
 
 def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
-    """Solve one step, or one of a static step, from the initial guess unless that inverts points (`first_velocity`).
+    """Solve one step, or one of a static step, from an admissible guess.
 
     StepRejected is raised after `max_newton` iterations, with contacts after some without progress (`Persistence`),
     and if the contact solver or the line search fails.
@@ -70,7 +70,7 @@ class _Iterate:
 
 def _first(increment: Increment, problem: ContactProblem | None, kept: Solver | None) -> _Iterate:
     """The iterate at the initial guess."""
-    w, configuration = first_velocity(increment)
+    w, configuration = admissible_guess(increment)
     contact = None if problem is None else problem.at(w)
     return _Iterate(increment, w, configuration, contact, _Factor(kept), np.zeros_like(w))
 

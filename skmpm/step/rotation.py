@@ -46,7 +46,7 @@ class RigidMotion:
     def at_start(increment: Increment) -> RigidMotion:
         """The rigid motions of the bodies of a step; those on the gauge turn freely."""
         grid, mass = increment.grid, increment.bulk.assembly.mass[::2]
-        arm = grid.arms(grid.position + increment.start.reshape(-1, 2).T, mass)
+        arm = grid.arms(grid.position + increment.displacement_at_start.reshape(-1, 2).T, mass)
         radius = np.maximum(grid.radii_of_gyration(arm, mass), 1e-300)
         turns = np.ones(grid.bodies, dtype=bool) if increment.gauge is None else ~increment.gauge.bodies
         return RigidMotion(grid, mass, arm, np.maximum(grid.sums(mass[None])[0], 1e-300), radius, turns)
@@ -161,7 +161,7 @@ def retracted(increment: Increment, w: Array, step: Array) -> Array:
     if increment.bulk.linear or increment.supports is not None:
         return w + step
     grid, mass = increment.grid, increment.bulk.assembly.lumped
-    x, out = (grid.position.T + increment.start.reshape(-1, 2)).ravel(), w + step
+    x, out = (grid.position.T + increment.displacement_at_start.reshape(-1, 2)).ravel(), w + step
     _retract(grid.blocks, x, mass, increment.theta_dt, w, step, out)
     return out
 

@@ -30,7 +30,7 @@ def configuration_at_start(scene: Scene, state: State, scheme: Scheme) -> Config
     return bulk_of(scene, state, scheme).at(state.displacement)
 
 
-def first_velocity(scene: Scene, state: State, motions: PrescribedVelocities, scheme: Scheme) -> Array:
+def velocity_at_start(scene: Scene, state: State, motions: PrescribedVelocities, scheme: Scheme) -> Array:
     """The nodal velocities v0 (2 nodes,) [m/s] of a state, those that go on without inertia; with a periodic box."""
     if scheme.inertia:
         v0 = _velocity(scene, state, scheme)

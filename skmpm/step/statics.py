@@ -74,19 +74,19 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
         except StepRejected as error:
             if metric.moves_on:
                 break
-            if not error.retryable or not metric.raised():
+            if not error.retryable or not metric.raise_shares():
                 raise
             continue
         solved.append(found)
         change = _Change.by_solve(trial, motion, found, change)
         moved = change.moved - stroke / increment.grid.cell
-        if metric.too_far(moved):
+        if metric.raise_where_too_far(moved):
             continue
         centre = w = found.w
         settled = change.negligible(increment.scheme.newton_tol)
         if settled and not _widened(found.contact):
             return _equilibrium(trial, change, solved)
-        if not settled and metric.follows(moved):
+        if not settled and metric.adapt(moved):
             break
         problem = problem_at(w, found.contact)
         problem = None if problem is None else problem.after(found.contact)
@@ -153,7 +153,7 @@ class _Metric:
         metric = self.unit * np.repeat(self.share[self.node_body], 2)
         return replace(increment, metric=metric, v0=centre, guess=guess)
 
-    def raised(self) -> bool:
+    def raise_shares(self) -> bool:
         """Larger shares after a solve that failed, of bodies that are not held; whether there are any."""
         if self.share[~self.held].min(initial=LARGEST) >= LARGEST:
             return False
@@ -161,7 +161,7 @@ class _Metric:
         self.share = np.where(self.held, 0.0, np.clip(CHANGE * self.share, FIRST, LARGEST))
         return True
 
-    def too_far(self, moved: Array) -> bool:
+    def raise_where_too_far(self, moved: Array) -> bool:
         """Whether bodies moved (bodies,) [cells] farther than a solve may move them: their shares are larger then.
 
         Those of all bodies are at least what they were in the solve before: with friction, smaller ones may have led
@@ -173,7 +173,7 @@ class _Metric:
             self.share = np.minimum(np.maximum(wanted, self.before), LARGEST)
         return bool(far.any())
 
-    def follows(self, moved: Array) -> bool:
+    def adapt(self, moved: Array) -> bool:
         """Shares for motions (bodies,) [cells] as large as a solve may move bodies; whether one moves on and on."""
         moved = np.where(self.held, 0.0, moved)
         self.moving = np.where(moved > MOVING * MOTION, self.moving + 1, 0)
@@ -250,6 +250,6 @@ def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem |
 
 def _without_metric(increment: Increment, solution: Solution) -> Array:
     """The out-of-balance impulse without the metric, (2 nodes,) [kg m/s per m]."""
-    still = replace(increment, metric=np.zeros_like(increment.start))
+    still = replace(increment, metric=np.zeros_like(increment.displacement_at_start))
     gradient, _ = still.gradient(solution.w, _configuration(increment, solution))
     return gradient if solution.contact_impulse is None else gradient - solution.contact_impulse
