@@ -30,17 +30,12 @@ from skmpm.scene import (
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.errors import StepRejected
-from skmpm.step.functions_of_time import TIMES
 from skmpm.step.initial_state import check_scheme, initial
 from skmpm.step.regrid import check_connected
-from skmpm.step.step_control import (
-    RetrySummary,
-    advance_with_chosen_step,
-    advance_with_retries,
-    with_step,
-)
-from skmpm.step.step_length import Pace, pace_of
-from skmpm.step.watches import PressureWatch, RegriddingWatch, ShakingWatch, StrokeWatch, Watch, first_warnings
+from skmpm.stepping.functions_of_time import TIMES
+from skmpm.stepping.step_control import RetrySummary, advance_with_chosen_step, advance_with_retries, with_step
+from skmpm.stepping.step_length import Pace, pace_of
+from skmpm.stepping.watches import PressureWatch, RegriddingWatch, ShakingWatch, StrokeWatch, Watch, first_warnings
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
 SLOW = 1e-3  # kinetic over elastic energy, below which a packing counts as quasi-static
@@ -65,7 +60,7 @@ def simulate(
 
     Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
     other, or more where something is driven, and a step loses at most 1e-5 of the largest energy so far, unless six
-    or more bodies are driven or fall (`step.step_length`). Steps are shorter while Newton's method takes many
+    or more bodies are driven or fall (`stepping.step_length`). Steps are shorter while Newton's method takes many
     iterations, and a sixteenth as long after a failure. No chosen step is longer than `max_dt` [s]. With `waves` all
     resolve waves, which travel a tenth of the radius of the smallest body in each; if that is False, no loss of
     energy limits them. Quasi-static steps under loads that are functions of time need dt.

@@ -19,7 +19,7 @@ from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.quantities import Reading, ceiled, floored
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE
 from skmpm.step.equations import LONG
-from skmpm.step.step_length import MAX_APPROACH, STROKE
+from skmpm.stepping.step_length import MAX_APPROACH, STROKE
 
 LIMIT_TOLERANCE = 1e-9  # relative excess over a limit that is round-off
 PASCALS = 1e4  # modulus from which on moduli are taken to be in Pa, and lengths then to be in metres

@@ -19,11 +19,11 @@ from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.equations import LONG
-from skmpm.step.functions_of_time import TIMES
 from skmpm.step.initial_state import initial, initial_motion
-from skmpm.step.loading import Loading, loading_of, several
 from skmpm.step.regrid import derived_data, inward_normals
-from skmpm.step.step_length import MAX_APPROACH, STROKE, pace_of
+from skmpm.stepping.functions_of_time import TIMES
+from skmpm.stepping.loading import Loading, loading_of, several
+from skmpm.stepping.step_length import MAX_APPROACH, STROKE, pace_of
 
 # Of docs/studies/performance.md, on one thread [s]: a step, a point of it, one where things can touch, an unknown and
 # squared half bandwidth of a banded matrix, an unknown of multigrid; quasi-static steps over those with inertia.

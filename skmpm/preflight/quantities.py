@@ -21,11 +21,11 @@ from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import Pressure, Scene, prescribed_motions
 from skmpm.step.driven import driven, driven_by_force
-from skmpm.step.functions_of_time import FunctionsOfTime
 from skmpm.step.initial_state import initial_motion
-from skmpm.step.loading import gravity_of
 from skmpm.step.regrid import torn_bodies
 from skmpm.step.rigid_edges import MIN_EDGE_RADIUS, facing_edges
+from skmpm.stepping.functions_of_time import FunctionsOfTime
+from skmpm.stepping.loading import gravity_of
 
 CONFINED_POINTS = 3.5  # per cell; half a cell apart they are four, less a tenth at the boundary
 STEPS = 1000  # over which the rotation of a spinning body is extrapolated

@@ -17,9 +17,9 @@ from skmpm.preflight.quantities import ceiled, shares_cells
 from skmpm.scene import Body, Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
-from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
-from skmpm.step.loading import SEVERAL, Loading, loading_of, smallest_radii
-from skmpm.step.step_length import MAX_APPROACH, STROKE
+from skmpm.stepping.functions_of_time import TIMES, FunctionsOfTime
+from skmpm.stepping.loading import SEVERAL, Loading, loading_of, smallest_radii
+from skmpm.stepping.step_length import MAX_APPROACH, STROKE
 
 LARGEST = 0.25  # error; coarser resolutions were not measured
 RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from

@@ -18,7 +18,7 @@ from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.driven import check_driven
 from skmpm.step.initial_state import check_cohesion
-from skmpm.step.step_length import pace_of
+from skmpm.stepping.step_length import pace_of
 
 PAGE = "docs/how_to/warnings.md"
 

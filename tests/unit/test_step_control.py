@@ -26,7 +26,7 @@ from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 
-STEP_CONTROL = import_module("skmpm.step.step_control")
+STEP_CONTROL = import_module("skmpm.stepping.step_control")
 IMPACT = Scene(
     [round_body(velocity=(0, -20.0), material=SOFT)], cell=CELL, walls=[Wall((0, -R - 3e-4), (0, 1), friction=0.5)]
 )

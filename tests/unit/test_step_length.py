@@ -27,11 +27,11 @@ from skmpm.scene import (
     continued,
 )
 from skmpm.scheme import Scheme
-from skmpm.step.functions_of_time import FunctionsOfTime
 from skmpm.step.initial_state import initial
-from skmpm.step.loading import loading_of
+from skmpm.stepping.functions_of_time import FunctionsOfTime
+from skmpm.stepping.loading import loading_of
 
-STEP_CONTROL = import_module("skmpm.step.step_control")
+STEP_CONTROL = import_module("skmpm.stepping.step_control")
 R, CELL = 1e-3, 2e-4
 GEL = NeoHookean(10e6, 0.45, 990.0)
 WAVE = float(np.sqrt((GEL.lame[0] + 2.0 * GEL.lame[1]) / GEL.density))  # [m/s]

@@ -14,8 +14,8 @@ from skmpm.preflight import preflight
 from skmpm.preflight.suggest import LAWS, Suggestion, suggest
 from skmpm.scene import Body, Load, Pressure, Scene, Support, Wall
 from skmpm.scheme import Scheme
-from skmpm.step.loading import free_height, gravity_of, loading_of
-from skmpm.step.step_length import MAX_APPROACH, STROKE
+from skmpm.stepping.loading import free_height, gravity_of, loading_of
+from skmpm.stepping.step_length import MAX_APPROACH, STROKE
 
 SOFT, R = NeoHookean(1e5, 0.3, 1000.0), 0.1
 WAVE = float(np.sqrt((SOFT.lame[0] + 2.0 * SOFT.lame[1]) / SOFT.density))

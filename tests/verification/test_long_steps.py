@@ -1,6 +1,6 @@
 """Steps far longer than waves take to cross a cell, with a slow lid or gravity: the same forces.
 
-The rule of `skmpm.step.loading`: where something slow sets the pace its way per step limits dt, not
+The rule of `skmpm.stepping.loading`: where something slow sets the pace its way per step limits dt, not
 waves. Discs of R/h = 5 and gel squeezed by a lid at 1e-3 to 1e-5 c, at ways of 0.01 to 0.14 cells a step; references
 are the runs with the shortest steps, dt c / h = 10 to 15. A pour is a box of discs that fall from rest.
 """

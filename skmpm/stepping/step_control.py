@@ -1,6 +1,6 @@
 """Step control: a requested step is halved where it fails and doubled again after several successes.
 
-Chosen steps follow `step.step_length`.
+Chosen steps follow `stepping.step_length`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
 from skmpm.step.errors import SMALLER
-from skmpm.step.step_length import BELOW, MAX_CHANGE, SLACK, TWICE, Pace, next_length
+from skmpm.stepping.step_length import BELOW, MAX_CHANGE, SLACK, TWICE, Pace, next_length
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
 PARTS = 2**MAX_HALVINGS  # of a full step: step lengths are multiples of a part, unless shortened to end at `until`

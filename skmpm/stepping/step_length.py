@@ -28,8 +28,8 @@ from skmpm.arrays import Array
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions, normal_speeds
 from skmpm.scheme import Scheme
 from skmpm.step.driven import driven, driven_by_force, driving_forces, loaded_bodies, moving
-from skmpm.step.functions_of_time import TIMES, FunctionsOfTime
-from skmpm.step.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
+from skmpm.stepping.functions_of_time import TIMES, FunctionsOfTime
+from skmpm.stepping.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
 
 STROKE = 0.14  # [cells] displacement of what is driven in a step, up to which packings were verified
 WAVES = 0.1  # distance of pressure waves in a step, over the radius of the smallest body

@@ -13,8 +13,8 @@ from skmpm.arrays import Array
 from skmpm.material import youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
-from skmpm.step.functions_of_time import values_at
-from skmpm.step.loading import SLOPE, strongest_gravity
+from skmpm.stepping.functions_of_time import values_at
+from skmpm.stepping.loading import SLOPE, strongest_gravity
 
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
 # their resistance at 1.8 to 2.5 (`tests/verification/test_confined.py`); packings at a fraction of 0.97 have 0.13.
