@@ -241,6 +241,8 @@ def _configuration(increment: Increment, solution: Solution) -> Configuration:
 
 def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem | None, w: Array) -> Array:
     """Resultants on bodies that neither supports nor known contact forces balance, (bodies,) [kg m/s per m]."""
+    if increment.supports is not None and increment.supports.holds.all():
+        return np.zeros(increment.grid.bodies)
     force = increment.external_force(increment.at(w)) - increment.bulk.force(increment.at_start)
     impulse = increment.theta_dt * force
     if problem is not None:
