@@ -95,6 +95,17 @@ def simulate(
         until is negative, not finite or before the time of `start`, or if scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
         if the directory of the checkpoint does not exist, or the checkpoint is a directory
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> for state in skmpm.simulate(scene, dt=1e-3, until=3e-3):
+    ...     print(round(state.t, 4), round(float(state.v[1].mean()), 5))
+    0.001 -0.00981
+    0.002 -0.01962
+    0.003 -0.02943
     """
     check_scene("simulate", scene)
     check_scheme("simulate", scheme)

@@ -44,6 +44,16 @@ class Scheme:
         after twenty that came no closer to convergence
     threads : among how many threads bodies are divided; None: as many as the process may use cores. Results do not
         depend on it
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> scheme = skmpm.Scheme(theta=0.5)
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3, scheme=scheme)
+    >>> round(float(state.v[1].mean()), 5)
+    -0.00981
     """
 
     theta: float = 1.0

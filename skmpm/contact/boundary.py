@@ -65,6 +65,17 @@ def point_to_curve(
     ------
     SceneError
         If a body has no outline.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> scheme = skmpm.Scheme(contact=skmpm.contact.point_to_curve)
+    >>> state = skmpm.step(scene, skmpm.initial(scene, scheme=scheme), 1e-4, scheme=scheme)
+    >>> bool(state.wall_force[0, 1] < 0)
+    True
     """
     check_outlines(scene)
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
@@ -227,7 +238,15 @@ class _Detection:
 
 
 def check_outlines(scene: Scene) -> None:
-    """Raise SceneError if a body has no outline."""
+    """Raise SceneError if a body has no outline.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> skmpm.contact.check_outlines(scene)  # silent: each body has an outline
+    """
     if not scene.outlined.all():
         raise SceneError(
             f"body {np.argmin(scene.outlined)} has no outline; give its Points an outline or use"

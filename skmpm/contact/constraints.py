@@ -233,6 +233,14 @@ def acts_at_grid_nodes(law: ContactFormulation) -> bool:
 
     Such a law measures no gaps and needs body grids rebuilt at every step. Any other acts between outlines and is
     held to the checks of its gaps, functions that call `point_to_curve` among them.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> skmpm.contact.acts_at_grid_nodes(skmpm.contact.shared_grid)
+    True
+    >>> skmpm.contact.acts_at_grid_nodes(skmpm.contact.point_to_curve)
+    False
     """
     return bool(getattr(law, "at_grid_nodes", False))
 

@@ -27,7 +27,15 @@ LARGE_IMPULSE = 1e200  # exceeds mu r_n of every contact, so the contact slips
 
 
 def project(r: ArrayLike, mu: ArrayLike) -> Array:
-    """Return the nearest point to r, (2k,) or normals only (k,), in the Coulomb cones ``|r_t| <= mu r_n``."""
+    """Return the nearest point to r, (2k,) or normals only (k,), in the Coulomb cones ``|r_t| <= mu r_n``.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> impulses = [1.0, 3.0, 1.0, 0.1]  # (normal, tangential) of two contacts
+    >>> skmpm.coulomb.project(impulses, mu=[0.5, 0.5]).round(3).tolist()
+    [2.0, 1.0, 1.0, 0.1]
+    """
     r, mu = np.array(r, dtype=float), np.asarray(mu, dtype=float)
     if not r.size:
         return r
@@ -43,12 +51,27 @@ def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, ref
     With the term ``mu |u_t| n`` the natural map describes Coulomb friction exactly and not its convex relaxation (De
     Saxce & Feng, Math. Comput. Modelling 28 (1998) 225-245). The residual certifies the solution of any solver.
     r [N s], u [m/s] and scale = diag(W) [1/kg] are (2k,) or, without friction, (k,); rows are scaled by `row_scales`.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> round(skmpm.coulomb.residual(r=[0.5], u=[0.0], mu=[0.0], scale=[2.0]), 3)
+    0.0
+    >>> round(skmpm.coulomb.residual(r=[0.5], u=[1.0], mu=[0.0], scale=[2.0]), 3)
+    0.707
     """
     return float(np.linalg.norm(residuals(r, u, mu, scale))) / reference
 
 
 def residuals(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike) -> Array:
-    """Return the contribution of each contact to `residual`, (k,), in scaled variables."""
+    """Return the contribution of each contact to `residual`, (k,), in scaled variables.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> skmpm.coulomb.residuals(r=[0.5, 0.5], u=[0.0, 1.0], mu=[0.0, 0.0], scale=[1.0, 1.0]).round(3).tolist()
+    [0.0, 0.5]
+    """
     r, u, mu = np.asarray(r, dtype=float), np.asarray(u, dtype=float), np.asarray(mu, dtype=float)
     s = root(row_scales(scale, mu.size))
     parts = natural(r * s, u / s, scaled_friction(mu, s))
@@ -83,6 +106,12 @@ def row_scales(diagonal: ArrayLike, contacts: int) -> Array:
     Where a support prescribes the tangential motion of a contact point, W_tt is zero up to round-off and friction is
     ``r_t = -mu r_n sign(u_t)``. The round-off of u_t, 1e-16 W_nn r, is 1e-16 sqrt(W_nn / W_tt) in the scale of its
     row. Where W_tt is below `EXACT` W_nn, that exceeds 1e-10, the smallest tolerance in use.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> skmpm.coulomb.row_scales([2.0, 4.0, 3.0, 0.0], contacts=2).tolist()
+    [2.0, 4.0, 3.0, 3.0]
     """
     diagonal = np.array(diagonal, dtype=float)
     if diagonal.size > contacts:

@@ -30,6 +30,15 @@ class Info:
     residual : of the natural map, relative to ``|q~|`` or to `reference`
     converged : whether that is within the tolerance
     bilateral : the bilateral unknowns, (m,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> W = np.diag([2.0, 4.0])  # [1/kg], one contact: normal, tangential
+    >>> impulses, info = skmpm.coulomb.solve(W, q=np.array([-1.0, 3.0]), mu=np.array([0.4]))
+    >>> info.converged, info.residual < 1e-6, len(info.bilateral)
+    (True, True, 0)
     """
 
     iterations: int
@@ -78,6 +87,17 @@ def solve(
     ------
     ValueError
         If sizes disagree, a friction coefficient is negative, or mu > 0 without tangential rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> W = np.diag([2.0, 4.0])  # [1/kg], one contact: normal, tangential
+    >>> impulses, info = skmpm.coulomb.solve(W, q=np.array([-1.0, 3.0]), mu=np.array([0.4]))
+    >>> impulses.round(3).tolist()
+    [0.5, -0.2]
+    >>> info.converged
+    True
     """
     q, mu = np.asarray(q, dtype=float), np.asarray(mu, dtype=float)
     r0 = np.asarray(np.zeros_like(q) if r0 is None else r0, dtype=float)

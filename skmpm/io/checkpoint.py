@@ -37,7 +37,22 @@ ARRAY = "@array"  # marks an array in the tree; no field is named so
 
 
 class CheckpointError(ValueError):
-    """A file that is not a valid checkpoint: names the path, the problem and the remedy."""
+    """A file that is not a valid checkpoint: names the path, the problem and the remedy.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import tempfile
+    >>> import skmpm
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "run.checkpoint")
+    ...     path.touch()
+    ...     try:
+    ...         state = skmpm.load(path)
+    ...     except skmpm.CheckpointError as error:
+    ...         print(str(error)[:10])
+    checkpoint
+    """
 
     def __init__(self, path: Path, problem: str, remedy: str) -> None:
         super().__init__(f"checkpoint {path}: {problem}; {remedy}")
@@ -54,6 +69,20 @@ def save(path: str | Path, state: State) -> None:
         if the file cannot be written; an existing file is then unchanged
     TypeError
         if the state holds anything but numbers, texts, None, arrays, tuples, dicts and dataclasses
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import tempfile
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     skmpm.save(pathlib.Path(folder, "run.checkpoint"), state)
+    ...     again = skmpm.load(pathlib.Path(folder, "run.checkpoint"))
+    >>> bool((again.x == state.x).all())
+    True
     """
     arrays: dict[str, AnyArray] = {}
     tree = _tree(state, "state", arrays)
@@ -74,6 +103,21 @@ def load(path: str | Path) -> State:
         if the file cannot be opened
     CheckpointError
         if the file is not a checkpoint, is truncated or damaged, or was written by a newer version
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import tempfile
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     skmpm.save(pathlib.Path(folder, "run.checkpoint"), state)
+    ...     again = skmpm.load(pathlib.Path(folder, "run.checkpoint"))
+    >>> again.t
+    0.001
+    >>> *_, state = skmpm.simulate(scene, dt=1e-3, until=2e-3, start=again)
     """
     path = Path(path)
     with path.open("rb") as file:

@@ -109,6 +109,21 @@ def read(path: str | Path) -> Recording:
         if it is not a recording
     ImportError
         if h5py is not installed
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import tempfile
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "run.vtkhdf")
+    ...     with skmpm.record(path, scene) as film:
+    ...         film.write(skmpm.initial(scene))
+    ...     frame = skmpm.read(path)[-1]
+    ...     print(frame.t)
+    0.0
     """
     return Recording(Path(path))
 

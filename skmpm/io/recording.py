@@ -53,6 +53,21 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
         if the directory of the file does not exist, or the path is a directory
     ValueError
         if the file to be continued is not a recording of this scene
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import tempfile
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "run.vtkhdf")
+    ...     with skmpm.record(path, scene) as film:
+    ...         for state in skmpm.simulate(scene, dt=1e-3, until=3e-3):
+    ...             film.write(state)
+    ...     print(len(skmpm.read(path)))
+    3
     """
     check_scene("record", scene)
     path = writable(path)

@@ -36,13 +36,35 @@ class Direct:
 
 
 def direct(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """Factorise the whole matrix with SuperLU."""
+    """Factorise the whole matrix with SuperLU.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> scheme = skmpm.Scheme(linear=skmpm.linear.direct)
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3, scheme=scheme)
+    >>> round(float(state.v[1].mean()), 5)
+    -0.00981
+    """
     lu = spla.splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     return Direct(lu, blocks)
 
 
 def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """`banded` or `amg`, as `chosen`."""
+    """`banded` or `amg`, as `chosen`.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> scheme = skmpm.Scheme(linear=skmpm.linear.default)
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3, scheme=scheme)
+    >>> round(float(state.v[1].mean()), 5)
+    -0.00981
+    """
     return chosen(column_lengths(A, blocks))(A, blocks, rigid_motions)
 
 

@@ -81,6 +81,16 @@ def amg(
     the number of iterations for large bodies: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24
     and 26).
     `callback` takes the number of iterations of every solve.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> scheme = skmpm.Scheme(linear=skmpm.linear.amg)
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3, scheme=scheme)
+    >>> round(float(state.v[1].mean()), 5)
+    -0.00981
     """
     with one_thread():
         hierarchy = _hierarchy(sp.bsr_matrix((A.data, A.indices, A.indptr), shape=A.shape), rigid_motions)

@@ -25,7 +25,17 @@ def _libraries() -> Any:
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """Context manager within which BLAS uses one thread."""
+    """Context manager within which BLAS uses one thread.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> with skmpm.linear.one_thread():
+    ...     A = np.eye(2) @ np.eye(2)
+    >>> A.tolist()
+    [[1.0, 0.0], [0.0, 1.0]]
+    """
     limited: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
     return limited
 
@@ -57,7 +67,17 @@ Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
 
 
 def half_bandwidth(A: sp.bsr_array) -> int:
-    """Largest distance of an entry of A from the diagonal, in unknowns."""
+    """Largest distance of an entry of A from the diagonal, in unknowns.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import scipy.sparse as sp
+    >>> import skmpm
+    >>> A = sp.bsr_array(np.eye(4) + np.eye(4, k=1) + np.eye(4, k=-1), blocksize=(2, 2))
+    >>> int(skmpm.linear.half_bandwidth(A))
+    3
+    """
     return 2 * _reach(A.indptr, A.indices) + 1
 
 

@@ -87,6 +87,13 @@ def check_material(material: Material | MaterialWithMemory) -> str:
     ------
     ValueError
         naming what is off, by how much and at which F
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> report = skmpm.check_material(skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> report.splitlines()[0]
+    'NeoHookean: E = 1e+06 Pa, nu = 0.3 at small strain'
     """
     name, remembering = type(material).__name__, has_memory(material)
     if problem := lacking(material):

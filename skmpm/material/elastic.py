@@ -26,6 +26,15 @@ class LinearElastic(Isotropic):
     nu : Poisson's ratio
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of strain is added to the stress
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> material = skmpm.LinearElastic(E=1e6, nu=0.3, density=1000)
+    >>> F = np.diag([1.01, 1.0])[:, :, None]
+    >>> material.stress(F)[0, 0].round(1).item()
+    13461.5
     """
 
     @property
@@ -72,6 +81,17 @@ class NeoHookean(Isotropic):
     nu : Poisson's ratio at zero strain
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> material = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000)
+    >>> F = np.diag([1.1, 1.0])[:, :, None]
+    >>> round(float(material.energy(F)[0]), 1)
+    6347.2
+    >>> material.stress(F)[0, 0].round().item()
+    123414.0
     """
 
     def energy(self, F: Array) -> Array:

@@ -37,6 +37,16 @@ class ElastoPlastic(Isotropic):
     yield_stress : initial uniaxial yield stress [Pa]
     hardening : H, slope of the yield stress over the equivalent plastic strain [Pa]; 0 is perfectly plastic
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> steel = skmpm.ElastoPlastic(E=2e11, nu=0.3, density=7800, yield_stress=2e8, hardening=1e9)
+    >>> F = np.diag([1.1, 1.0])[:, :, None]
+    >>> state = steel.update(F, np.array(steel.state0)[:, None])
+    >>> round(float(steel.plastic_strain(state)[0]), 3)
+    0.062
     """
 
     yield_stress: float = field(kw_only=True)

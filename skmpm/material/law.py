@@ -25,6 +25,17 @@ class Material(Protocol):
       strain is measured from the anchor (`material.anchored`)
     - `viscosity` (0.0): of Kelvin and Voigt's model, sigma_v = 2 viscosity d [Pa s]
     - `stress_zz(F)`: out-of-plane Cauchy stress (n,) [Pa], for recordings
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> law: skmpm.Material = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000)
+    >>> F = np.diag([1.1, 1.0])[:, :, None]
+    >>> law.density, law.stress(F).shape, law.tangent(F).shape
+    (1000, (2, 2, 1), (2, 2, 2, 2, 1))
+    >>> [round(modulus) for modulus in law.lame]
+    [576923, 384615]
     """
 
     @property
@@ -129,6 +140,16 @@ class Rigid:
     Parameters
     ----------
     density : density [kg/m3], by which the volumes of its points give mass and moment of inertia
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> stone = skmpm.Body(skmpm.disc((0, 3e-3), 1e-3, spacing=2e-4), skmpm.Rigid(density=2500))
+    >>> scene = skmpm.Scene([body, stone], cell=4e-4, gravity=(0, -9.81))
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3)
+    >>> round(float(state.v[1, state.body == 1].mean()), 5)
+    -0.00981
     """
 
     density: float

@@ -26,6 +26,18 @@ class MaterialWithMemory(Protocol):
 
     - `plastic_strain(state)`: equivalent plastic strain (n,), for pictures and recordings
     - `stress_zz(stress, state)`: out-of-plane Cauchy stress (n,) [Pa] of that in the plane (2, 2, n) and the state
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> law: skmpm.MaterialWithMemory = skmpm.ElastoPlastic(E=2e11, nu=0.3, density=7800, yield_stress=2e8)
+    >>> F, state = np.diag([1.01, 1.0])[:, :, None], np.array(law.state0)[:, None]
+    >>> new = law.update(F, state)
+    >>> new.shape
+    (4, 1)
+    >>> bool(law.energy(F, new) < law.energy(F, state))
+    True
     """
 
     @property

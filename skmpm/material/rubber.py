@@ -32,6 +32,15 @@ class MooneyRivlin(Hyperelastic):
     bulk : bulk modulus kappa at zero strain [Pa]
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> rubber = skmpm.MooneyRivlin(c10=1e5, c01=2e4, bulk=2e6, density=1000)
+    >>> F = np.diag([1.1, 1.0])[:, :, None]
+    >>> rubber.stress(F)[0, 0].round().item()
+    219280.0
     """
 
     c10: float
@@ -77,6 +86,15 @@ class Yeoh(Hyperelastic):
     bulk : bulk modulus kappa at zero strain [Pa]
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> rubber = skmpm.Yeoh(c10=1e5, c20=-1e4, c30=1e3, bulk=2e6, density=1000)
+    >>> F = np.diag([1.1, 1.0])[:, :, None]
+    >>> rubber.stress(F)[0, 0].round().item()
+    214738.0
     """
 
     c10: float
@@ -132,6 +150,15 @@ class Ogden(Hyperelastic):
     bulk : bulk modulus kappa at zero strain [Pa]
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> rubber = skmpm.Ogden(mu=(1e5,), alpha=(2.0,), bulk=2e6, density=1000)
+    >>> F = np.diag([1.1, 1.0])[:, :, None]
+    >>> rubber.stress(F)[0, 0].round().item()
+    202853.0
     """
 
     mu: tuple[float, ...]

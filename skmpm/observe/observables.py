@@ -38,6 +38,19 @@ class Observables:
     stress : (2, 2) of the contacts [Pa]
     wall_pressure : (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
     bodies : the same of each body, `PerBody`
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> walls = [skmpm.Wall((0, -1e-3), (0, 1)), skmpm.Wall((0, 1e-3), (0, -1)), skmpm.Wall((-1e-3, 0), (1, 0)),
+    ...          skmpm.Wall((1e-3, 0), (-1, 0))]
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=walls)
+    >>> result = skmpm.observe(scene, skmpm.initial(scene))
+    >>> round(float(result.solid_fraction), 1), round(float(result.coordination), 1)
+    (0.8, 4.0)
+    >>> result.bodies.aspect_ratio.round(2).tolist()
+    [1.0]
     """
 
     __repr__ = with_shapes
@@ -98,6 +111,19 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     exactly, the points in it, branches (through the contact point) by the share of their length in it. The
     pressure on walls is then nan. Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147,
     doi:10.1016/j.proeng.2017.01.044.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> plates = [skmpm.Wall((0, -1e-3), (0, 1)), skmpm.Wall((0, 1e-3), (0, -1), velocity=(0, -0.1))]
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=plates)
+    >>> *_, state = skmpm.simulate(scene, dt=5e-4, until=1e-3, scheme=skmpm.Scheme(inertia=False))
+    >>> result = skmpm.observe(scene, state)
+    >>> round(result.coordination, 3)
+    2.0
+    >>> round(float(result.aspect_ratio), 1)
+    1.1
     """
     check_fits(scene, state, "observe")
     boundary = scene.outlines

@@ -46,6 +46,17 @@ def pair_correlation(
     SceneError
         if `bins` or `largest` is no number above zero, no centre is that far from the walls, the walls do not enclose
         the bodies, or the state belongs to another scene
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> discs = skmpm.packing([1e-3] * 20, width=1e-2, solid_fraction=0.6, periodic=True)
+    >>> material = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000)
+    >>> bodies = [skmpm.Body(skmpm.disc(x, 1e-3, spacing=5e-4), material) for x in discs.centres.T]
+    >>> scene = skmpm.Scene(bodies, cell=1e-3, periodic=skmpm.Periodic(discs.width, discs.height))
+    >>> r, g = skmpm.pair_correlation(scene, skmpm.initial(scene), bins=8, largest=4e-3)
+    >>> r.shape, float(g[0])
+    ((8,), 0.0)
     """
     check_fits(scene, state, "pair_correlation")
     remedy = f"a radius in metres above zero, or None for {DIAMETERS:g} mean diameters"

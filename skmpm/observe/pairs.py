@@ -37,6 +37,21 @@ class Network:
     mobilised_friction : (k,) ``|sum T| / (mu sum N)`` over the contacts of the pair, each in its own frame, 0 to 1;
         nan without friction or force, and with cohesion
     contacts : (k,) number of contacts merged
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> plates = [skmpm.Wall((0, -1e-3), (0, 1)), skmpm.Wall((0, 1e-3), (0, -1), velocity=(0, -0.1))]
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=plates)
+    >>> *_, state = skmpm.simulate(scene, dt=5e-4, until=1e-3, scheme=skmpm.Scheme(inertia=False))
+    >>> pairs = skmpm.network(scene, state)
+    >>> pairs.bodies.tolist()
+    [[0, 0], [-1, -2]]
+    >>> pairs.normal[1].round(2).tolist()
+    [1.0, -1.0]
+    >>> bool((pairs.force[0] > 0).all())
+    True
     """
 
     __repr__ = with_shapes
@@ -123,6 +138,17 @@ def network(scene: Scene, state: State) -> Network:
     ------
     SceneError
         If the state belongs to another scene.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> plates = [skmpm.Wall((0, -1e-3), (0, 1)), skmpm.Wall((0, 1e-3), (0, -1), velocity=(0, -0.1))]
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=plates)
+    >>> *_, state = skmpm.simulate(scene, dt=5e-4, until=1e-3, scheme=skmpm.Scheme(inertia=False))
+    >>> pairs = skmpm.network(scene, state)
+    >>> pairs.bodies.tolist()
+    [[0, 0], [-1, -2]]
     """
     check_fits(scene, state, "network")
     contacts, boundary = state.contacts, scene.outlines

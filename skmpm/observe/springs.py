@@ -9,7 +9,20 @@ from skmpm.scene import Ends, Scene, State, stiffness_of
 
 
 def spring_forces(scene: Scene, state: State) -> Array:
-    """Forces of the springs on the points of their `where`, (springs, 2) [N/m], at the time of a state."""
+    """Forces of the springs on the points of their `where`, (springs, 2) [N/m], at the time of a state.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> bed = skmpm.Spring(lambda x: x[1] < 0, stiffness=1e3)
+    >>> scene = skmpm.Scene([body], cell=4e-4, springs=[bed], gravity=(0, -9.81))
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1.0, scheme=skmpm.Scheme(inertia=False))
+    >>> skmpm.spring_forces(scene, state).shape
+    (1, 2)
+    >>> round(float(skmpm.spring_forces(scene, state)[0, 1]), 4)
+    0.0308
+    """
     forces = [-_pull(scene, i, state.x, state.t) for i in range(len(scene.springs))]
     return np.array([f if f.ndim == 1 else f.sum(axis=1) for f in forces]).reshape(-1, 2)
 

@@ -38,6 +38,19 @@ class Traction:
     pressure : (m,) [Pa] normal traction, positive in compression, negative where cohesion bears tension
     shear : (m,) [Pa] tangential traction, positive along increasing arc length
     error : (m,) [Pa] estimate of the error of the traction (`contact_pressure`)
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> *_, state = skmpm.simulate(scene, dt=1e-3, until=2e-2)
+    >>> result = skmpm.contact_pressure(scene, state, 0)
+    >>> result.body, result.x.shape == result.traction.shape
+    (0, True)
+    >>> bool(result.pressure.max() > 0)
+    True
     """
 
     __repr__ = with_shapes
@@ -89,6 +102,19 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
     ------
     SceneError
         If state, body or length do not fit the scene, the body has no outline, or contacts act at grid nodes.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> *_, state = skmpm.simulate(scene, dt=1e-3, until=2e-2)
+    >>> result = skmpm.contact_pressure(scene, state, 0)
+    >>> force = (result.traction * result.length).sum(axis=1)
+    >>> weight = 9.81 * state.mass.sum()
+    >>> round(float(force[1] / weight), 2)
+    1.0
     """
     check_fits(scene, state, "contact_pressure")
     length = scene.cell if length is None else length

@@ -15,7 +15,17 @@ GAUSS_POINTS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)  # two, on [0, 1]: exa
 
 
 def area(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the area of each body (bodies,) [m2]; 0 for a body without outline."""
+    """Return the area of each body (bodies,) [m2]; 0 for a body without outline.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
+    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
+    >>> x = points.x[:, outlines.point]
+    >>> skmpm.outline.area(outlines, x, bodies=1).round(2).tolist()
+    [3.14]
+    """
     areas = np.zeros(bodies)
     _areas(x, outlines.next, outlines.body, np.searchsorted(outlines.body, np.arange(bodies)), areas)
     return areas
@@ -31,7 +41,17 @@ def _areas(x: Array, following: Ints, body: Ints, first: Ints, areas: Array) -> 
 
 
 def centroid(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the centroid of each body (2, bodies) [m]; nan for a body without area."""
+    """Return the centroid of each body (2, bodies) [m]; nan for a body without area.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
+    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
+    >>> x = points.x[:, outlines.point]
+    >>> bool(abs(skmpm.outline.centroid(outlines, x, bodies=1)).max() < 1e-9)
+    True
+    """
     return _moments(outlines, x, bodies)[1]
 
 
@@ -41,7 +61,17 @@ def second_moments(outlines: Outlines, x: Array, bodies: int) -> Array:
 
 
 def perimeter(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the length of the outline of each body, holes included, (bodies,) [m]; 0 without outline."""
+    """Return the length of the outline of each body, holes included, (bodies,) [m]; 0 without outline.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
+    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
+    >>> x = points.x[:, outlines.point]
+    >>> skmpm.outline.perimeter(outlines, x, bodies=1).round(2).tolist()
+    [6.28]
+    """
     length = np.linalg.norm(x[:, outlines.next] - x, axis=0)
     return np.asarray(np.bincount(outlines.body, length, bodies), dtype=np.float64)
 
@@ -68,7 +98,17 @@ def _normals(x: Array, previous: Ints, following: Ints, out: Array) -> None:
 
 
 def bend(outlines: Outlines, x: Array) -> Array:
-    """Return the convex curvature (m,) [1/m] of the boundary: left turn over the shorter segment, else zero."""
+    """Return the convex curvature (m,) [1/m] of the boundary: left turn over the shorter segment, else zero.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
+    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
+    >>> x = points.x[:, outlines.point]
+    >>> skmpm.outline.bend(outlines, x).round(1).max().item()
+    1.0
+    """
     length = np.hypot(*(x[:, outlines.next] - x))
     shorter = np.minimum(length, length[outlines.previous])
     return np.asarray(np.maximum(turning_angles(outlines, x), 0.0) / np.maximum(shorter, 1e-300))
@@ -129,6 +169,16 @@ def dimensions(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array,
 
     All are nan for a body without area. `long` can be smaller than `short`, for example in a wide body whose area is
     concentrated in a tall core.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.ellipse((0, 0), (2.0, 1.0), spacing=0.05)
+    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
+    >>> x = points.x[:, outlines.point]
+    >>> long, short, angle = skmpm.outline.dimensions(outlines, x, bodies=1)
+    >>> long.round(1).tolist(), short.round(1).tolist()
+    ([4.0], [2.0])
     """
     M = second_moments(outlines, x, bodies)
     angle = np.arctan2(2 * M[0, 1], M[0, 0] - M[1, 1]) / 2

@@ -31,6 +31,15 @@ def closest(x: Array, segment_start: Array, segment_end: Array) -> tuple[Array, 
     -------
     s : (k,) in [0, 1]: the closest point is (1 - s) start + s end
     distance : (k,) [m]
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> x, start, end = np.array([[0.25], [1.0]]), np.array([[0.0], [0.0]]), np.array([[1.0], [0.0]])
+    >>> s, distance = skmpm.outline.closest(x, start, end)
+    >>> s.tolist(), distance.tolist()
+    ([0.25], [1.0])
     """
     t, d = segment_end - segment_start, x - segment_start
     square = (t**2).sum(axis=0)
@@ -90,7 +99,15 @@ def candidates(
 
 
 def both_ways(pairs: Ints) -> Ints:
-    """Ordered pairs (2, 2 p), sorted, from unordered ones (2, p)."""
+    """Ordered pairs (2, 2 p), sorted, from unordered ones (2, p).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> skmpm.outline.both_ways(np.array([[0, 1], [2, 2]])).tolist()
+    [[0, 1, 2, 2], [2, 2, 0, 1]]
+    """
     both = np.concatenate([pairs, pairs[::-1]], axis=1)
     return both[:, np.lexsort(both[::-1])]
 

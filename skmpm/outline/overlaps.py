@@ -33,7 +33,18 @@ def overlap(outlines: Outlines, x: Array, bodies: int) -> tuple[Ints, Array]:
 
 
 def boxes(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array]:
-    """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline."""
+    """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
+    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
+    >>> x = points.x[:, outlines.point]
+    >>> low, high = skmpm.outline.boxes(outlines, x, bodies=1)
+    >>> high[:, 0].round(1).tolist()
+    [1.0, 1.0]
+    """
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
     _bound(x, outlines.body, low, high)
     return low, high
@@ -49,7 +60,16 @@ def _bound(x: Array, body: Ints, low: Array, high: Array) -> None:
 
 
 def box_pairs(low: Array, high: Array) -> Ints:
-    """Pairs (2, p) of boxes that share area, sorted."""
+    """Pairs (2, p) of boxes that share area, sorted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skmpm
+    >>> low, high = np.array([[0.0, 1.0, 5.0], [0.0, 1.0, 5.0]]), np.array([[2.0, 3.0, 6.0], [2.0, 3.0, 6.0]])
+    >>> skmpm.outline.box_pairs(low, high).tolist()
+    [[0], [1]]
+    """
     real = np.flatnonzero(low[0] < high[0])
     i, j = _sharing(real[np.argsort(low[0, real], kind="stable")], low, high)
     order = np.lexsort((j, i))

@@ -17,6 +17,14 @@ class Outlines:
     """Closed loops of the boundary points of all bodies, sorted by body.
 
     Segment c begins at boundary point c and ends at boundary point `next[c]`; the material is on its left.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
+    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
+    >>> outlines.next[:3].tolist()
+    [1, 2, 3]
     """
 
     point: Ints  # (m,) the material point of each boundary point
@@ -37,6 +45,14 @@ def outlines(loops: Sequence[Sequence[Ints]], offsets: ArrayLike) -> Outlines:
     ----------
     loops : for each body its closed loops of point indices, numbered within the body; () without outline
     offsets : (bodies,) index of the first point of each body among all points
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
+    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
+    >>> bool(len(outlines.point) == len(points.outline[0]))
+    True
     """
     first = np.asarray(offsets, dtype=np.int64)
     none = np.zeros(0, dtype=np.int64)

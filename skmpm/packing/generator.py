@@ -29,7 +29,17 @@ _JAMMED, _LAYER, _EXCESS, _NARROW = 0.84, 0.3, 0.35, 8.0
 
 
 class PackingError(ValueError):
-    """The discs or shapes cannot be packed with the requested solid fraction or box."""
+    """The discs or shapes cannot be packed with the requested solid fraction or box.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> try:
+    ...     skmpm.packing([1e-3, 1e-3], width=5e-3, solid_fraction=0.99)
+    ... except skmpm.PackingError as error:
+    ...     print(str(error))
+    solid_fraction 0.99 must lie between 0 and 0.9069; random discs jam near 0.84
+    """
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,18 @@ class Packing:
     width : of the box [m]
     height : of the box, by the solid fraction [m]
     points : the points of the shapes where they lie, for `Body`; empty for discs
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> shapes = [skmpm.ellipse((0, 0), (2e-3, 1e-3), spacing=3e-4) for _ in range(3)]
+    >>> result = skmpm.packing(shapes, width=1e-2, solid_fraction=0.4)
+    >>> len(result.points)
+    3
+    >>> result.radii.round(6).tolist()
+    [0.001414, 0.001414, 0.001414]
+    >>> round(1e3 * result.height, 3)
+    4.712
     """
 
     centres: Array
@@ -85,6 +107,19 @@ def packing(
         If an argument is invalid, or if the bodies jam at a lower solid fraction, which the message contains. Discs
         jam near 0.84 in a periodic box, and between walls, which cost a layer of 0.3 mean radii, at 0.73, 0.76, 0.79
         and 0.81 of a square box for 20, 40, 100 and 300 of them; far beyond that they are refused at once.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> discs = skmpm.packing([1e-3] * 4, width=5e-3, solid_fraction=0.5)
+    >>> discs.centres.shape
+    (2, 4)
+    >>> round(1e3 * discs.height, 3)
+    5.027
+    >>> material = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000)
+    >>> bodies = [skmpm.Body(skmpm.disc(x, 1e-3, spacing=2e-4), material) for x in discs.centres.T]
+    >>> len(bodies)
+    4
     """
     if isinstance(shapes, Sequence) and len(shapes) and all(isinstance(shape, Points) for shape in shapes):
         return _of_shapes(shapes, width, solid_fraction, friction, periodic, seed)  # type: ignore[arg-type]

@@ -80,6 +80,18 @@ def plot(
         a unit is no multiple
     SceneError
         if the state belongs to another scene
+
+    Examples
+    --------
+    >>> from matplotlib import pyplot
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> axes = skmpm.plot(scene, skmpm.initial(scene), "speed")
+    >>> axes.get_aspect()
+    1.0
+    >>> pyplot.close(axes.figure)
     """
     check_fits(scene, state, "plot")
     seen = OfState.from_state(scene, state)

@@ -57,6 +57,19 @@ def animate(
         for `plot`
     FileNotFoundError
         if the directory of the file does not exist
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import tempfile
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> states = list(skmpm.simulate(scene, dt=1e-3, until=2e-3))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = skmpm.animate(states, pathlib.Path(folder, "fall.gif"), scene=scene, colour="speed", dpi=30)
+    ...     print(path.name, path.exists())
+    fall.gif True
     """
     path = Path(path)
     _check(path)

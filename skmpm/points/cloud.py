@@ -30,6 +30,17 @@ class Points:
     volume : (n,) [m2 per metre of thickness]
     outline : loops of indices of points, one (m,) each
     group : names of the groups of the points, (n,), for a body of several materials (see `Body`); None without groups
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1e-3, spacing=2e-4)
+    >>> points.x.shape
+    (2, 110)
+    >>> len(points.outline[0])
+    31
+    >>> round(float(1e6 * points.volume.sum()), 3)
+    3.142
     """
 
     x: Array

@@ -68,6 +68,16 @@ def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
     ValueError
         If the order is out of range; if the mesh has no or other cells, sets of cells that it does not have, nodes
         out of the plane or at the same position, degenerate or overlapping cells, or parts joined by one node only.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> import skmpm
+    >>> points = skmpm.from_mesh(skfem.MeshQuad().refined(2))
+    >>> len(points.outline[0])
+    32
+    >>> round(float(points.volume.sum()), 3)
+    1.0
     """
     if not 0 <= order <= HIGHEST:
         raise ValueError(f"order is {order}; give a degree from 0 to {HIGHEST}")

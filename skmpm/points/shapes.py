@@ -40,6 +40,15 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     ------
     ValueError
         If radius or spacing is not positive, or the centre is not a finite point.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.disc((0, 0), 1e-3, spacing=2e-4)
+    >>> points.x.shape
+    (2, 110)
+    >>> round(float(1e6 * points.volume.sum()), 3)
+    3.142
     """
     c, R = point("centre", centre), positive("radius", radius)
     h = positive("spacing", spacing)
@@ -84,6 +93,15 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     ------
     ValueError
         If a size or the spacing is not positive, or the corner is not a finite point.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.box((0, 0), (2e-3, 1e-3), spacing=2e-4)
+    >>> points.x.shape
+    (2, 84)
+    >>> round(float(1e6 * points.volume.sum()), 3)
+    2.0
     """
     c, L, h = point("corner", corner), point("size", size), positive("spacing", spacing)
     (x, u), (y, v) = (_radau_interval(positive("size", length), h) for length in L.tolist())
@@ -131,6 +149,15 @@ def ellipse(centre: ArrayLike, semi_axes: ArrayLike, *, spacing: float, angle: f
     ------
     ValueError
         If a semi-axis or the spacing is not positive, or the centre is not a finite point.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.ellipse((0, 0), (2e-3, 1e-3), spacing=2e-4)
+    >>> points.x.shape
+    (2, 215)
+    >>> round(float(1e6 * points.volume.sum()), 3)
+    6.283
     """
     a, b = (positive("semi_axes", value) for value in point("semi_axes", semi_axes).tolist())
 
@@ -155,6 +182,15 @@ def capsule(centre: ArrayLike, length: float, radius: float, *, spacing: float, 
     ------
     ValueError
         If a length, the radius or the spacing is not positive, or the centre is not a finite point.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.capsule((0, 0), length=2e-3, radius=1e-3, spacing=2e-4)
+    >>> points.x.shape
+    (2, 247)
+    >>> round(float(1e6 * points.volume.sum()), 3)
+    7.142
     """
     L, R = positive("length", length), positive("radius", radius)
     corners = np.array([[L / 2.0, -L / 2.0], [0.0, 0.0]])
@@ -180,6 +216,15 @@ def polygon(
     ------
     ValueError
         If a length is not positive, there are fewer than three sides, or the arcs do not fit in the polygon.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.polygon((0, 0), 1e-3, sides=6, rounding=2e-4, spacing=2e-4)
+    >>> points.x.shape
+    (2, 91)
+    >>> round(float(1e6 * points.volume.sum()), 3)
+    2.585
     """
     R, r = positive("radius", radius), positive("rounding", rounding)
     if not (isinstance(sides, int | np.integer) and sides >= 3):

@@ -37,6 +37,17 @@ class PreflightWarning:
     value, limit : of the worst object, and the end of the verified range; None where choices do not go together
     section : of docs/how_to/warnings.md, which explains it
     text : object, value, what was verified, remedy
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> warning = skmpm.preflight(scene, 1e-3).warnings[0]
+    >>> warning.kind, warning.object, warning.limit
+    ('dt c/h', 'step', 15.0)
+    >>> str(warning)[:38]
+    'step: dt c/h = 91.7; verified up to 15'
     """
 
     kind: str

@@ -69,6 +69,20 @@ class Suggestion:
     dt : time step [s]; None where nothing limits it, as of equilibrium under constant loads
     kind : "bending", "pressing", "impact", "packing" or "pour"
     why : the reason for the kind and the time step
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> choice = skmpm.suggest(scene, error=0.05)
+    >>> choice.kind
+    'pour'
+    >>> choice.spacing < choice.cell
+    True
+    >>> str(choice)[:30]
+    'pour: gravity lets bodies fall'
     """
 
     cell: float
@@ -117,6 +131,16 @@ def suggest(
     ValueError
         if the error is larger than those measured, or so small that a body would be 200 cells across, or if the scene
         has functions of time and `until` is not given
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> choice = skmpm.suggest(scene, error=0.05)
+    >>> choice.kind
+    'pour'
     """
     check_scene("suggest", scene)
     loading = loading_of(scene, _times(scene, until), inertia=scheme.inertia)

@@ -36,6 +36,17 @@ class Preflight(SceneMetrics):
     steps : number of steps until then
     chosen : whether `simulate` chooses the length of steps
     warnings : of what lies outside of the verified range, at most one of a kind, `PreflightWarning`
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> check = skmpm.preflight(scene, 1e-3, until=1e-2)
+    >>> check.dt, check.steps, check.chosen
+    (0.001, 10, False)
+    >>> str(check).splitlines()[0]
+    'bodies    1, rigid 0; walls 0, supports 0, loads 0'
     """
 
     warnings: tuple[PreflightWarning, ...] = field(init=False)
@@ -147,6 +158,17 @@ def preflight(
     SceneError
         if a velocity is not finite, steps cannot be chosen, or `initial` refuses the scene, as where bodies that may
         touch have no outline
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> check = skmpm.preflight(scene, 1e-3, until=1e-2)
+    >>> check.steps
+    10
+    >>> [warning.kind for warning in check.warnings]
+    ['dt c/h']
     """
     check_scene("preflight", scene)
     if dt is not None:

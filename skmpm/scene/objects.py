@@ -22,7 +22,18 @@ Rest = float | ArrayLike | Callable[[float], ArrayLike] | None  # of a spring
 
 
 class SceneError(ValueError):
-    """An error in a scene: names the object, the value and the remedy."""
+    """An error in a scene: names the object, the value and the remedy.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> try:
+    ...     skmpm.Scene([body], cell=-1.0)
+    ... except skmpm.SceneError as error:
+    ...     print(error)
+    cell = -1.0; give a cell size in metres, about a fifth of the smallest radius, greater than zero
+    """
 
 
 @dataclass(frozen=True)
@@ -45,6 +56,16 @@ class Body:
     friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
         of the scene
     name : of its surface in a table of friction; several bodies may have the same
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> body.points.x.shape
+    (2, 110)
+    >>> wheel = skmpm.Body(skmpm.disc((0, 3e-3), 1e-3, spacing=2e-4), skmpm.Rigid(density=2000), spin=10.0)
+    >>> wheel.spin
+    10.0
     """
 
     points: Points
@@ -99,6 +120,17 @@ class Wall:
         of the scene
     cohesion : tension that contacts with bodies bear [Pa], see `Scene`
     name : of its surface in a table of friction; several walls may have the same
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> *_, state = skmpm.simulate(scene, dt=1e-3, until=2e-2)
+    >>> weight = 9.81 * state.mass.sum()
+    >>> round(float(state.wall_force[0, 1] / weight), 2)
+    -1.0
     """
 
     point: ArrayLike
@@ -130,6 +162,17 @@ class Support:
     displacement : instead of a velocity, a function of time t -> (2,) [m], zero at t = 0; it holds at the ends of
         steps, whatever their length. A support that a later stage adds moves its points by what the function changes
         from then on
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> hold = skmpm.Support(lambda x: x[1] > 0)
+    >>> scene = skmpm.Scene([body], cell=4e-4, supports=[hold], gravity=(0, -9.81))
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1.0, scheme=skmpm.Scheme(inertia=False))
+    >>> weight = 9.81 * state.mass.sum()
+    >>> round(float(state.support_force[0, 1] / weight), 2)
+    -1.0
     """
 
     where: Where
@@ -155,6 +198,16 @@ class Load:
     ----------
     where : positions (2, n) [m] -> (n,) bool
     force : (2,) in total [N/m] or a function of time t -> (2,), taken at t + theta dt of each step from t on
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> pull = skmpm.Load(lambda x: x[1] > 0, (0, 0.1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, loads=[pull])
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-4)
+    >>> round(float((state.mass * state.v[1]).sum() / 1e-4), 3)
+    0.1
     """
 
     where: Where
@@ -173,6 +226,16 @@ class Pressure:
     where : positions (2, n) [m] -> (n,) bool
     value : [Pa], or a function of time t -> a number, taken at t + theta dt of each step from t on; negative for
         suction
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> hydrostatic = skmpm.Pressure(lambda x: x[0] < 1, 1e4)
+    >>> scene = skmpm.Scene([body], cell=4e-4, loads=[hydrostatic])
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1.0, scheme=skmpm.Scheme(inertia=False))
+    >>> bool(state.volume.sum() < body.points.volume.sum())
+    True
     """
 
     where: Where
@@ -197,6 +260,16 @@ class Spring:
     to : the other end of a bar: positions (2, n) -> (n,) bool, or a point (2,) [m]
     rest : of a bed the displacement (2,) [m] without a force, by default zero; of a bar the length [m] without a
         force, by default that at t = 0. A number, or a function of time: its end then moves
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> bed = skmpm.Spring(lambda x: x[1] < 0, stiffness=1e3)
+    >>> scene = skmpm.Scene([body], cell=4e-4, springs=[bed], gravity=(0, -9.81))
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1.0, scheme=skmpm.Scheme(inertia=False))
+    >>> round(float(skmpm.spring_forces(scene, state)[0, 1]), 4)
+    0.0308
     """
 
     where: Where

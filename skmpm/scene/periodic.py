@@ -39,6 +39,16 @@ class Periodic:
         stands in both places, and determines the rate [0, 1], so that the lower edge keeps its direction
     mass : of an edge whose motion a stress determines [kg/m], in steps of backward Euler with any theta; by default
         that of all bodies. Without inertia it has none
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> box = skmpm.Periodic(width=3e-3, height=3e-3, rate=((0, 1), (0, 0)))
+    >>> scene = skmpm.Scene([body], cell=4e-4, periodic=box)
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3)
+    >>> state.box.round(6).tolist()
+    [[0.003, 3e-06], [0.0, 0.003]]
     """
 
     width: float

@@ -111,6 +111,17 @@ class Scene(Model):
     ------
     SceneError
         if an input is invalid; the message names the object, its value and the remedy
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], friction=0.3, gravity=(0, -9.81))
+    >>> len(scene.bodies), len(scene.walls)
+    (1, 1)
+    >>> scene.initial_positions.shape
+    (2, 110)
     """
 
     def __post_init__(self) -> None:

@@ -35,6 +35,18 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
         if the state does not belong to the old scene, the new scene has other bodies or another cell, a body is rigid
         in only one of them, points have internal variables of another class of material, a body is given another
         velocity or spin, a new wall stands where a body is, or two walls of the new scene are the same one
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> *_, state = skmpm.simulate(scene, dt=1e-3, until=3e-3)
+    >>> weightless = skmpm.Scene([body], cell=4e-4)
+    >>> start = skmpm.continued(scene, state, weightless)
+    >>> *_, state = skmpm.simulate(weightless, dt=1e-3, until=5e-3, start=start)
+    >>> round(state.t, 4), round(float(state.v[1].mean()), 5)
+    (0.005, -0.02943)
     """
     check_fits(scene, state, "continued")
     _check_bodies(scene, new_scene)
@@ -74,6 +86,18 @@ def at_rest(scene: Scene, state: State) -> State:
     ------
     SceneError
         if the state does not belong to the scene
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> *_, state = skmpm.simulate(scene, dt=1e-3, until=3e-3)
+    >>> still = skmpm.at_rest(scene, state)
+    >>> bool(state.v.any()), bool(still.v.any())
+    (True, False)
+    >>> bool((still.x == state.x).all())
+    True
     """
     check_fits(scene, state, "at_rest")
     rate = None if scene.periodic is None else scene.periodic.rate_at(state.t)

@@ -85,6 +85,17 @@ class StepFailed(RuntimeError):  # noqa: N818  (public name)
     """A step that failed after `retries` with longer dt; `state` is the last good one.
 
     `retryable` is whether a smaller dt may help.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, loads=[skmpm.Load(lambda x: x[1] > 0, (0, 1e3))])
+    >>> try:
+    ...     skmpm.step(scene, skmpm.initial(scene), 1e-3, scheme=skmpm.Scheme(max_newton=1))
+    ... except skmpm.StepFailed as error:
+    ...     print(error.state.t, error.retryable)
+    0.0 True
     """
 
     def __init__(self, message: str, state: State, *, retryable: bool = True, retries: int = 0) -> None:
@@ -130,6 +141,17 @@ class State:
     report : cost and residuals of the last step, a `Report`
     step_control : what `simulate` continues with
     derived : cached data that follow from the rest
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3)
+    >>> state.t, state.x.shape, state.F.shape
+    (0.001, (2, 110), (2, 2, 110))
+    >>> round(float(state.v[1].mean()), 5)
+    -0.00981
     """
 
     t: float

@@ -52,6 +52,19 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     ValueError
         if dt is not positive or scheme is not a Scheme; SceneError if the state belongs to another scene, or a
         prescribed velocity, load or gravity is not finite
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> state = skmpm.initial(scene)
+    >>> for _ in range(3):
+    ...     state = skmpm.step(scene, state, 1e-3)
+    >>> round(float(state.t), 3)
+    0.003
+    >>> round(float(state.v[1].mean()), 5)
+    -0.02943
     """
     check_scheme("step", scheme)
     check_fits(scene, state, "step")

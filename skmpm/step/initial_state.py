@@ -37,7 +37,20 @@ from skmpm.step.start import touches
 
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
-    """The state at t = 0, with the contacts found there."""
+    """The state at t = 0, with the contacts found there.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> state = skmpm.initial(scene)
+    >>> state.t
+    0.0
+    >>> round(float(1e3 * state.mass.sum()), 3)
+    3.142
+    """
     check_scene("initial", scene)
     check_scheme("initial", scheme)
     check_cohesion("initial", scene, scheme)

@@ -39,7 +39,17 @@ _log = logging.getLogger("skmpm")
 
 
 class SweepError(ValueError):
-    """A sweep that cannot be run as asked: names the member or the object, and the remedy."""
+    """A sweep that cannot be run as asked: names the member or the object, and the remedy.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> try:
+    ...     skmpm.sweep(lambda E: {"stiffness": E}, [{"E": 1e6}, {"E": 1e6}], out="results")
+    ... except skmpm.SweepError as error:
+    ...     print(str(error)[:32])
+    two members have the directory E
+    """
 
 
 def plain(parameters: Mapping[str, Any]) -> dict[str, Any]:

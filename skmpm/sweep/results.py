@@ -62,6 +62,13 @@ class Sweep:
     Attributes
     ----------
     members : in the order of the parameters given to `sweep`
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> result = skmpm.sweep(lambda E: {"stiffness": E}, [{"E": 1e6}, {"E": 2e6}], out="results")  # doctest: +SKIP
+    >>> len(result.members), len(result.failed)  # doctest: +SKIP
+    (2, 0)
     """
 
     members: tuple[Member, ...]

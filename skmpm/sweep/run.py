@@ -45,6 +45,15 @@ class Run:
         (`continued`) and has the same columns; None: there is no other stage
     checkpoint : [s] wall time between checkpoints
     simulate : what yields the states, called as `simulate` is
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> run = skmpm.Run(scene, until=1e-2, dt=1e-3, every=5e-3)
+    >>> run.until, run.every
+    (0.01, 0.005)
     """
 
     scene: Scene

@@ -63,6 +63,17 @@ def sweep(
         before anything runs: if two members are the same, if a parameter is of another type or named ``member``,
         ``finished`` or ``t``, as columns of the table are, if `build` cannot be pickled, if a directory was made with
         other parameters or another version of the library, or is in use; and without the extra ``cluster``
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> def build(E):
+    ...     material = skmpm.NeoHookean(E=E, nu=0.3, density=1000)
+    ...     body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), material)
+    ...     return skmpm.Run(skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81)), until=1e-2, dt=1e-3)
+    >>> result = skmpm.sweep(build, [{"E": 1e6}, {"E": 2e6}], out="results")  # doctest: +SKIP
+    >>> len(result.members)  # doctest: +SKIP
+    2
     """
     try:
         from skmpm.sweep import workers  # which imports dask
