@@ -21,7 +21,7 @@ MAX_THICKNESS_SHARE = 0.25  # of the thinnest part that a point may move through
 
 @dataclass(frozen=True, repr=False)
 class Input:
-    """The fields of `Scene`, where they are described."""
+    """The fields of a scene; `Scene` describes them."""
 
     bodies: Sequence[Body]
     cell: float = field(kw_only=True)

@@ -25,7 +25,7 @@ LONG = 15.0  # [cells] that pressure waves travel in a long step; bodies under p
 
 @dataclass(frozen=True)
 class Increment:
-    """The equations of one time step."""
+    """The equations of a time step for w = theta v1 + (1 - theta) v0, the velocity that moves the unknowns in it."""
 
     at_start: Configuration  # with the displacement U
     v0: Array  # (n,) of all unknowns [m/s]: nodes, then scalars
