@@ -12,7 +12,7 @@ MAX_NORMALS_COSINE = -0.3  # largest cosine between outward normals of surfaces 
 # The edges beside a contact point may point into the other surface at an angle of up to this sine, or by this depth
 # [cells], whichever is more: compressed boundary points are so close that their heights do not define a slope.
 MAX_EDGE_SINE, MAX_EDGE_DEPTH = 0.5, 0.1
-FARTHEST = 0.95  # shift of a contact point that slides [segments]: the next boundary point has a contact of its own
+MAX_SLIDE = 0.95  # shift of a contact point that slides [segments]: the next boundary point has a contact of its own
 MIN_CURVATURE_FACTOR = 0.1  # of 1 - g kappa, which is zero for a point at the centre of curvature
 END_TOLERANCE = 1e-6  # [segments] a point beyond the end of a side by less is still in front of the side
 
@@ -108,7 +108,7 @@ def slid(
         i, t = foot(at, i, t, c, loops)
         x_normal, y_normal, _, _ = seen(at, c, i, t)
     step = -travel * (x_normal * x_own + y_normal * y_own) / speed
-    return min(max(shift + step, -FARTHEST), FARTHEST)
+    return min(max(shift + step, -MAX_SLIDE), MAX_SLIDE)
 
 
 @compiled

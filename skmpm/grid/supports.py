@@ -17,7 +17,7 @@ from skmpm.linear import Linear, Solver
 # Pivots of G'G below this fraction of the largest belong to nearly redundant constraints. At 1e-2 a cantilever at 45
 # degrees to the grid is 1.3 % too stiff instead of 4 % with all constraints (docs/developers/architecture.md).
 PIVOT_TOLERANCE = 1e-2
-ROUND_OFF = 1e-13  # entries of the elimination matrices below this, of order one otherwise, are dropped
+NO_ENTRY = 1e-13  # entries of the elimination matrices below this, of order one otherwise, are dropped
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ def _kept(stays: Array) -> sp.csr_array:
 
 
 def _scattered(parts: list[tuple[Ints, Ints, Array]], shape: tuple[int, int]) -> sp.csr_array:
-    """Sparse matrix from dense blocks (rows, columns, values), without entries below `ROUND_OFF`."""
-    where = [np.nonzero(np.abs(values) > ROUND_OFF) for _, _, values in parts]
+    """Sparse matrix from dense blocks (rows, columns, values), without entries below `NO_ENTRY`."""
+    where = [np.nonzero(np.abs(values) > NO_ENTRY) for _, _, values in parts]
     row = [rows[at[0]] for (rows, _, _), at in zip(parts, where, strict=True)]
     column = [columns[at[1]] for (_, columns, _), at in zip(parts, where, strict=True)]
     data = [values[at] for (_, _, values), at in zip(parts, where, strict=True)]

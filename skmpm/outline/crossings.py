@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import EXACT, Array, Bools, Ints
 from skmpm.compiled import compiled_in_order
 from skmpm.outline.near import closest, inside
 from skmpm.outline.topology import Outlines
@@ -16,7 +16,6 @@ from skmpm.outline.topology import Outlines
 # point turns forward by 2 pi more than a simple loop.
 MAX_BACKWARD_TURN, MAX_FORWARD_TURN = 0.5 * np.pi, 3.0 * np.pi
 JUST_OUTSIDE = 1e-6  # [segments] from a boundary point along its normal
-ROUND_OFF = 1e-12  # of coordinates, relative to the extent of all bodies
 
 
 def crossings(outlines: Outlines, x: Array, chosen: Ints) -> Ints:
@@ -116,5 +115,5 @@ def _separates(outlines: Outlines, x: Array, i: Ints, j: Ints) -> Bools:
     first, second = (
         along[0] * (x[1, k] - origin[1]) - along[1] * (x[0, k] - origin[0]) for k in (j, outlines.next[j])
     )
-    least = ROUND_OFF * np.hypot(*along) * float(np.ptp(x, axis=1).max())
+    least = EXACT * np.hypot(*along) * float(np.ptp(x, axis=1).max())
     return np.asarray((np.minimum(first, second) < -least) & (np.maximum(first, second) > least))

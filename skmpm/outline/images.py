@@ -20,7 +20,7 @@ from skmpm.outline.near import penetration
 from skmpm.outline.overlaps import box_pairs, boxes, overlap
 from skmpm.outline.topology import Outlines, ranges
 
-ROUND_OFF = 1e-14  # of the area of a polygon's overlap, over that of the box around all
+NO_AREA = 1e-14  # of the area of a polygon's overlap, over that of the box around all
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Images:
         pairs, area = overlap(self.outlines, shape.x, self.body.size)
         kept = (pairs < self.bodies).any(axis=0)
         pairs, area, depth = pairs[:, kept], area[kept], np.zeros(np.count_nonzero(kept))
-        over = area > ROUND_OFF * float(np.ptp(shape.x, axis=1).prod())
+        over = area > NO_AREA * float(np.ptp(shape.x, axis=1).prod())
         depth[over] = penetration(shape, pairs[:, over])
         return np.sort(self.body[pairs], axis=0), depth
 

@@ -9,7 +9,7 @@ from math import nan
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.arrays import Bools
+from skmpm.arrays import ROUND_OFF, Bools
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.contact.boundary import PUSH_OUT
 from skmpm.contact.closest_points import LIGHT
@@ -21,7 +21,6 @@ from skmpm.scheme import NEARLY_INCOMPRESSIBLE
 from skmpm.step.equations import LONG
 from skmpm.stepping.step_length import MAX_APPROACH, STROKE
 
-LIMIT_TOLERANCE = 1e-9  # relative excess over a limit that is round-off
 PASCALS = 1e4  # modulus from which on moduli are taken to be in Pa, and lengths then to be in metres
 
 
@@ -84,8 +83,8 @@ class Limit:
         if np.isnan(self.value):
             return np.ones_like(values, dtype=bool)
         if self.least:
-            return np.asarray(np.less(values, self.value * (1.0 - LIMIT_TOLERANCE)))
-        return np.asarray(np.greater(values, self.value * (1.0 + LIMIT_TOLERANCE)))
+            return np.asarray(np.less(values, self.value * (1.0 - ROUND_OFF)))
+        return np.asarray(np.greater(values, self.value * (1.0 + ROUND_OFF)))
 
     def warning(self, metrics: SceneMetrics) -> PreflightWarning | None:
         """The warning of the worst place, if its value leaves the range."""
@@ -189,7 +188,7 @@ TABLE = (
           "{material} without mean dilatation; plastic flow locks: a notched bar had no limit load, but forces 21 %"
           " above it and more; use Scheme(mean_dilatation=None), the default", "test_plastic_flow"),
     # at the limit itself a step already counts a body as nearly incompressible
-    Limit("nu without mean dilatation", "incompressibility", NEARLY_INCOMPRESSIBLE * (1.0 - 4.0 * LIMIT_TOLERANCE),
+    Limit("nu without mean dilatation", "incompressibility", NEARLY_INCOMPRESSIBLE * (1.0 - 4.0 * ROUND_OFF),
           lambda m: of.nu(m) if m.scheme.mean_dilatation is False else None,
           "nu = {value} without mean dilatation; at 0.4, 0.45, 0.49 a disc of R/h = 5 is 8, 10, 22 % too stiff, the"
           " peak pressure 1.4, 1.9, 4.2 times too high; use Scheme(mean_dilatation=None), the default",

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
 from skmpm import outline
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.contact.cohesion import CLOSED_GAP
 from skmpm.material import Material, is_linear, poisson_ratio, youngs_modulus
@@ -29,7 +29,6 @@ from skmpm.stepping.loading import gravity_of
 
 CONFINED_POINTS = 3.5  # per cell; half a cell apart they are four, less a tenth at the boundary
 STEPS = 1000  # over which the rotation of a spinning body is extrapolated
-ON_LINE = 1e-9  # [cells] of round-off of a point on a grid line
 WIDE = 1.3  # [cells] half-width from which on the boundary points in contact average their chords out; test_rolling
 STEEP = np.radians(6.0)  # slope from which on discs roll to 12 % at any width
 STRAIGHT = 1e-6  # [rad] turn of an outline that is round-off
@@ -189,7 +188,7 @@ def layers(m: SceneMetrics) -> Reading:
 
 def shares_cells(x: Array, own: Bools) -> bool:
     """Whether a cell holds points x (2, n) [cells] of a group and others."""
-    cells = np.floor(x + ON_LINE).astype(np.int64)
+    cells = np.floor(x + ROUND_OFF).astype(np.int64)
     _, of = np.unique(cells, axis=1, return_inverse=True)
     inside, outside = (np.bincount(of.ravel(), mask) > 0 for mask in (own, ~own))
     return bool((inside & outside).any())

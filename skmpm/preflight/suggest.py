@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from skmpm.arrays import Array, Bools
+from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline import slit_width
 from skmpm.points import Points
@@ -26,7 +26,6 @@ RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
 # Cells across a thin part, and the error of its deflection then at 45 degrees to the grid and nu = 0.499, of finite
 # elements 2.8 %, which falls by 3 from 4 to 8; at nu = 0.3 it is two thirds, along the grid a third of that.
 THIN_CELLS, THIN_ERROR, THIN_POWER = 8.0, 0.032, 1.57
-ROUND_OFF = 1e-9  # of a cell
 WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
 
 

@@ -29,7 +29,7 @@ class ContactScale:
 
 # Smallest residual asked of the contact solver, over the norm of the right-hand side. Round-off is 1e-13 where soft
 # springs hold bodies; with 1e-12 three of four quasi-static runs whose `contact_tol` is 1e-11 fail.
-ROUND_OFF = 1e-11
+LEAST_RESIDUAL = 1e-11
 
 
 def contact_scale(
@@ -67,4 +67,4 @@ def contact_scale(
         float(np.linalg.norm(np.where(responds, np.maximum(each, round_off) / np.sqrt(scale[: len(speed)]), 0.0)))
         for each in (closing, elastic * closing)
     )
-    return ContactScale(constraints.key, scale, max(held, ROUND_OFF / tol * free, 1e-300))
+    return ContactScale(constraints.key, scale, max(held, LEAST_RESIDUAL / tol * free, 1e-300))

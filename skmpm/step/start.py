@@ -18,7 +18,7 @@ from skmpm.step.rigid_bodies import FreeBodies
 from skmpm.step.scalar_unknowns import RESPONSE, Interval, ScalarUnknowns, Unknowns
 from skmpm.step.terms import Configuration
 
-FARTHEST = 0.5  # [cells] motion of an unknown in one iteration without inertia
+MAX_MOVE = 0.5  # [cells] motion of an unknown in one iteration without inertia
 
 
 def configuration_at_start(scene: Scene, state: State, scheme: Scheme) -> Configuration:
@@ -90,7 +90,7 @@ def scalar_unknowns(
     soft, farthest = None, np.inf
     if not scheme.inertia:
         shear = max(material.lame[1] for material in scene.materials)
-        soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, FARTHEST * scene.cell / dt
+        soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, MAX_MOVE * scene.cell / dt
     interval, box = Interval(state.t + scheme.theta * dt, dt, scheme.theta, soft, farthest), None
     kinds, moved = list[Unknowns](), motions
     if scene.periodic is not None and scene.periodic.components.size:
