@@ -24,7 +24,7 @@ from skmpm.step.end import end_of_step, with_box_motion
 from skmpm.step.equations import Increment
 from skmpm.step.errors import SMALLER, StepRejected
 from skmpm.step.gauge import gauge_condition
-from skmpm.step.initial_state import check_cohesion, check_scheme
+from skmpm.step.initial_state import check_cohesion, check_scheme, touches
 from skmpm.step.iteration import Solution
 from skmpm.step.new_state import contacts_of, end_state, kept_solver
 from skmpm.step.newton import advance
@@ -33,7 +33,7 @@ from skmpm.step.report import report_of, unbalanced_ratio
 from skmpm.step.rigid_edges import indenting_edge_message
 from skmpm.step.scalar_unknowns import ScalarUnknowns
 from skmpm.step.scene_forces import equilibrium_depends_on_dt, terms_of
-from skmpm.step.start import configuration_at_start, scalar_unknowns, touches, velocity_at_start
+from skmpm.step.start import configuration_at_start, scalar_unknowns, velocity_at_start
 from skmpm.step.statics import settle
 
 LOAD_STEPS = "begin without gaps, apply loads in steps, as functions of time, or use inertia; not a smaller dt"

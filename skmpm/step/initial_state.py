@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact import acts_at_grid_nodes, may_touch_itself
 from skmpm.grid.transfer import to_nodes
 from skmpm.material import Rigid
 from skmpm.scene import (
@@ -33,7 +33,6 @@ from skmpm.step.driven import check_driven
 from skmpm.step.periodic_box import velocity_of_box
 from skmpm.step.regrid import regridded_state
 from skmpm.step.scene_forces import springs_of
-from skmpm.step.start import touches
 
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
@@ -171,3 +170,10 @@ def _field(velocity: object, x: Array, interval: float) -> tuple[Array, Array]:
 
     columns = [(at(x + s[:, None]) - at(x - s[:, None])) / (2.0 * interval) for s in steps]
     return at(x), np.stack(columns, axis=1)
+
+
+def touches(scene: Scene, state: State, scheme: Scheme) -> bool:
+    """Whether a step from this state has a contact problem: a wall, several bodies, or parts of one that may meet."""
+    if scene.can_touch or not scene.folded(state.x).size:
+        return scene.can_touch
+    return not acts_at_grid_nodes(scheme.contact) and may_touch_itself(scene, state)

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.contact import acts_at_grid_nodes, may_touch_itself
 from skmpm.grid.transfer import nodal_velocity
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
 from skmpm.scheme import Scheme
@@ -106,10 +105,3 @@ def scalar_unknowns(
 def _size(kinds: Sequence[Unknowns]) -> int:
     """Number of unknowns of some kinds."""
     return sum(kind.inertia.v0.size for kind in kinds)
-
-
-def touches(scene: Scene, state: State, scheme: Scheme) -> bool:
-    """Whether a step from this state has a contact problem: a wall, several bodies, or parts of one that may meet."""
-    if scene.can_touch or not scene.folded(state.x).size:
-        return scene.can_touch
-    return not acts_at_grid_nodes(scheme.contact) and may_touch_itself(scene, state)
