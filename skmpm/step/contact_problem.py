@@ -70,7 +70,7 @@ def active_constraints(
 def _movable(constraints: Constraints, grid: BodyGrids, supports: Elimination, supported: Bools) -> Bools:
     """Whether nodes move contacts along their normals, (k,): supports or rigid bodies may prescribe both sides."""
     normal = constraints.H[:: 2 if constraints.tangential else 1]
-    free = abs(normal @ supports.T).sum(axis=1) > 1e-12
+    free = abs(normal @ supports.T).sum(axis=1) > EXACT
     rigid = (constraints.bodies[1] < 0) | (np.diff(grid.blocks)[np.maximum(constraints.bodies[1], 0)] == 0)
     prescribed = (supported[:, constraints.point] | (np.abs(constraints.normal) < ROUND_OFF)).all(axis=0)
     return np.asarray(free & ~(rigid & prescribed & (constraints.point >= 0)))
