@@ -102,30 +102,30 @@ def _reusable(scene: Scene, state: State, increment: Increment, solution: Soluti
     of_materials = (increment.scheme.mean_dilatation, scene.materials_by_group)
     derived = state.grids
     derived = replace(derived, key=(), solver=None, delassus=None, configuration=kept, of_materials=of_materials)
-    if not increment.linear or scene.springs:
+    if not increment.linear:
         return derived
     contact = solution.contact if solution.solver is not None else None  # the operator belongs to the factor
     delassus = None if contact is None else contact.delassus
-    return replace(derived, key=_key(scene, increment), solver=solution.solver, delassus=delassus)
+    return replace(derived, key=(scene, *_key(increment)), solver=solution.solver, delassus=delassus)
 
 
 def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solver | None, Delassus | None]:
     """The factor and the Delassus operator of an earlier step, if the matrix of this one is the same, else None.
 
-    It is for linear materials, unless dt, scheme or body grids have changed.
+    It is for linear materials, unless dt, scheme, scene or body grids have changed.
     """
     derived = state.derived
-    if derived is None or not increment.linear or scene.springs:
+    if derived is None or not derived.key or not increment.linear:
         return None, None
-    if derived.key != _key(scene, increment):
+    of_scene, *key = derived.key
+    if of_scene is not scene or tuple(key) != _key(increment):
         return None, None
     return derived.solver, derived.delassus
 
 
-def _key(scene: Scene, increment: Increment) -> tuple[object, ...]:
+def _key(increment: Increment) -> tuple[object, ...]:
     scheme = increment.scheme
-    options = (scheme.theta, scheme.inertia, scheme.linear, scheme.mean_dilatation, scheme.contact)
-    return (increment.dt, *options, scene.materials_by_group)
+    return (increment.dt, scheme.theta, scheme.inertia, scheme.linear, scheme.mean_dilatation, scheme.contact)
 
 
 def _contacts(

@@ -109,14 +109,17 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     if increment.metric is not None:
         return 0.0
     grid, mass = increment.grid, increment.bulk.assembly.lumped[::2]
-    x = grid.position.T + increment.at(w).displacement.reshape(-1, 2)
+    configuration = increment.at(w)
+    x = grid.position.T + configuration.displacement.reshape(-1, 2)
     impulse = increment.without_gauge_torque(increment.on_nodes(out_of_balance)).reshape(-1, 2)
     arm, (moment, inertia, total) = grid.moments(x, mass, impulse)
-    spin = -moment / np.maximum(inertia, 1e-300)
+    rotation = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    resisted = _resisted(increment, rotation.ravel(), configuration).reshape(-1, 2)
+    spin = -moment / np.maximum(grid.sums((rotation * resisted).sum(axis=1)[None])[0], 1e-300)
     turned = np.abs(spin) * np.sqrt(inertia / np.maximum(total, 1e-300)) * increment.dt / grid.cell
     spin[turned > MAX_SPIN] = 0.0
     spin[grid.node_body[increment.constrained_dofs // 2]] = 0.0
-    return np.asarray((np.stack([-arm[:, 1], arm[:, 0]], axis=1) * spin[grid.node_body, None]).ravel())
+    return np.asarray((rotation * spin[grid.node_body, None]).ravel())
 
 
 def _balanced_by(increment: Increment, contact_impulse: Array, last_impulse: Array) -> tuple[Array, ...]:
@@ -130,20 +133,26 @@ def _displacement(increment: Increment, velocity: Array) -> Array:
 
 
 def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
-    """Resultant out-of-balance impulse over mass, (2, bodies) [m/s]; zero in scenes with supports."""
-    grid = increment.grid
+    """The translations that balance momentum, (2, bodies) [m/s]; zero in scenes with supports."""
+    grid, configuration = increment.grid, increment.at(w)
     if increment.supports is not None:
         return np.zeros((2, grid.bodies))
-    force = increment.external_force(increment.at(w))
     change, pushed = (increment.on_nodes(each) for each in (w - increment.v0, contact_impulse))
-    imbalance = _weight(increment) * change - increment.theta_dt * force - pushed
-    return _over_mass(increment, imbalance)
+    imbalance = _weight(increment) * change - increment.theta_dt * increment.external_force(configuration) - pushed
+    resisted = _resisted(increment, np.ones_like(imbalance), configuration)
+    resultant, resistance = (grid.sums(a.reshape(-1, 2).T) for a in (imbalance, resisted))
+    return np.asarray(resultant / np.maximum(resistance, 1e-300))
 
 
-def _over_mass(increment: Increment, impulse: Array) -> Array:
-    """Resultants of nodal impulses (2 nodes,) over the masses of bodies, (2, bodies) [m/s]."""
-    resultant, mass = (increment.grid.sums(a.reshape(-1, 2).T) for a in (impulse, _weight(increment)))
-    return np.asarray(resultant / np.maximum(mass, 1e-300))
+def _resisted(increment: Increment, v: Array, configuration: Configuration) -> Array:
+    """The impulses (2 nodes,) with which masses and external forces resist a motion of bodies at v (2 nodes,) [m/s]."""
+    weight = _weight(increment)
+    stiffnesses = [term.stiffness(configuration) for term in increment.others if not term.balanced]
+    external = [each for each in stiffnesses if each is not None]
+    if not external:
+        return weight * v
+    K, M = sum(external[1:], external[0]), weight.reshape(-1, 2, 1) * np.eye(2)
+    return np.asarray(increment.bulk.assembly.matrix(K, increment.theta_dt**2, M) @ v)
 
 
 def _weight(increment: Increment) -> Array:
