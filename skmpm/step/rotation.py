@@ -145,7 +145,7 @@ def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
 
 
 def _resisted(increment: Increment, v: Array, configuration: Configuration) -> Array:
-    """The impulses (2 nodes,) with which masses and external forces resist a motion of bodies at v (2 nodes,) [m/s]."""
+    """The impulses (2 nodes,) with which masses and external forces resist motions v (2 nodes,) [m/s] of bodies."""
     weight = _weight(increment)
     stiffnesses = [term.stiffness(configuration) for term in increment.others if not term.balanced]
     external = [each for each in stiffnesses if each is not None]
