@@ -22,7 +22,6 @@ from skmpm.scene import Scene, State, centres, into_box, plastic_strain, stress_
 
 VERSION = np.array([2, 3])
 KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # in the order of the format's offsets, and of data of cells
-COMPRESSED = 4096  # rows of a step from which on they are compressed: small chunks cost more than they hold
 CHUNK = 256  # rows, at least
 PARTS = 4  # lines between two boundary points of a recorded outline
 OF_CONTACTS = ("first", "second", "normal_force", "tangential_force", "mobilised_friction", "length")
@@ -124,18 +123,16 @@ class Block:
 
 
 def _growing(group: Any, name: str, like: NDArray[Any], *, constant: bool = False) -> None:
-    """Create an empty dataset that grows by rows like these, in every step as many if `constant`.
+    """Create an empty dataset that grows by rows like these, in every step as many if `constant`: a chunk of it.
 
-    Then a chunk is a step, and is compressed if it is large. A compressed chunk that is written again changes its
-    size, which the file notes later: of a run that is killed in between it cannot be read. No other is compressed.
+    Chunks are not compressed: that takes as long as a step. A compressed one that is written again changes its size,
+    which the file notes later: of a run that is killed in between it cannot be read.
     """
     values = np.asarray(like)
     kind = np.float64 if name in ("Points", "Values") else np.int64 if values.dtype.kind in "iub" else np.float32
-    sizes = {"shape": (0, *values.shape[1:]), "maxshape": (None, *values.shape[1:]), "dtype": kind}
-    chunks = (max(values.shape[0], CHUNK), *values.shape[1:])
-    compressed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-    large = constant and values.shape[0] >= COMPRESSED
-    group.create_dataset(name, **sizes, chunks=chunks, **(compressed if large else {}))
+    rows = max(values.shape[0], CHUNK) if constant else CHUNK
+    shape, chunks = (0, *values.shape[1:]), (rows, *values.shape[1:])
+    group.create_dataset(name, shape, kind, maxshape=(None, *shape[1:]), chunks=chunks)
 
 
 def _write(data: Any, start: int, values: Any) -> None:

@@ -62,17 +62,18 @@ class Images:
         kept = (pairs < self.bodies).any(axis=0)
         return np.sort(self.body[pairs[:, kept]], axis=0), area[kept]
 
-    def depth(self, shape: Cubics) -> tuple[Ints, Array]:
-        """Pairs of bodies (2, p) whose bounding boxes overlap, and how deep their curves do (p,) [m].
+    def depth(self, shape: Cubics) -> tuple[Ints, Array, Array]:
+        """Pairs of bodies (2, p) whose boxes overlap, with the area (p,) [m2] and depth (p,) [m] of their overlap.
 
-        Curves of polygons that only touch overlap by what smoothing has added, which does not count.
+        The depth is that of curves. Those of polygons that only touch overlap by what smoothing has added, which does
+        not count.
         """
         pairs, area = overlap(self.outlines, shape.x, self.body.size)
         kept = (pairs < self.bodies).any(axis=0)
         pairs, area, depth = pairs[:, kept], area[kept], np.zeros(np.count_nonzero(kept))
         over = area > NO_AREA * float(np.ptp(shape.x, axis=1).prod())
         depth[over] = penetration(shape, pairs[:, over])
-        return np.sort(self.body[pairs], axis=0), depth
+        return np.sort(self.body[pairs], axis=0), area, depth
 
 
 def without_images(outlines: Outlines, bodies: int) -> Images:

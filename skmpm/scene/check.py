@@ -207,7 +207,7 @@ def _check_overlaps(scene: Model) -> None:
     if boundary.point.size == 0:
         return
     box = None if scene.periodic is None else scene.periodic.box
-    pairs, depth = overlaps(scene, scene.initial_positions[:, boundary.point], box)
+    pairs, _, depth = overlaps(scene, scene.initial_positions[:, boundary.point], box)
     if depth.max(initial=0.0) > max(TOUCHING * scene.cell, 1.01 * scene.overlap):
         a, b = pairs[:, np.argmax(depth)]
         raise SceneError(
@@ -216,8 +216,11 @@ def _check_overlaps(scene: Model) -> None:
         )
 
 
-def overlaps(scene: Model, x: Array, box: Array | None) -> tuple[Ints, Array]:
-    """Pairs of bodies (2, p) whose boxes overlap, and their depths (p,) [m], for boundary points at x (2, m) [m]."""
+def overlaps(scene: Model, x: Array, box: Array | None) -> tuple[Ints, Array, Array]:
+    """Pairs of bodies (2, p) whose boxes overlap, their shared areas (p,) [m2] and depths (p,) [m].
+
+    Boundary points are at x (2, m) [m].
+    """
     near = scene.images(x, box, 0.0)
     at, reference = near.at(x, box), scene.initial_positions[:, near.outlines.point]
     return near.depth(curve(near.outlines, reference, at).through(at))

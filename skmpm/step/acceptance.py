@@ -243,11 +243,8 @@ def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
     if (bodies == 1 and after.box is None) or boundary.point.size == 0:
         return 0.0
     x = after.x[:, boundary.point]
-    near = scene.images(x, after.box, 0.0)
-    _, shared = near.overlap(near.at(x, after.box))
-    if exact and shared.any():
-        pairs, depth = overlaps(scene, x, after.box)
-        if float(depth.max(initial=0.0)) > MAX_OVERLAP * scene.cell:
-            a, b = pairs[:, np.argmax(depth)]
-            raise StepRejected(f"bodies {a} and {b}", f"they overlap by {depth.max() / scene.cell:.3g} cells")
+    pairs, shared, depth = overlaps(scene, x, after.box)
+    if exact and float(depth.max(initial=0.0)) > MAX_OVERLAP * scene.cell:
+        a, b = pairs[:, np.argmax(depth)]
+        raise StepRejected(f"bodies {a} and {b}", f"they overlap by {depth.max() / scene.cell:.3g} cells")
     return float(shared.sum() / outline.area(boundary, x, bodies).sum())

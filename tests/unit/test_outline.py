@@ -264,7 +264,7 @@ def test_bodies_that_touch_or_are_apart_share_nothing(shift):
 def depths(*bodies):
     """How deep bodies overlap, by pairs."""
     o, x, n = build(*bodies)
-    pairs, depth = outline.without_images(o, n).depth(outline.curve(o, x).through(x))
+    pairs, _, depth = outline.without_images(o, n).depth(outline.curve(o, x).through(x))
     return dict(zip(map(tuple, pairs.T.tolist()), depth.tolist(), strict=True))
 
 
