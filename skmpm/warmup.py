@@ -51,7 +51,7 @@ def warm_up() -> float:
     for index in (np.int32, np.int64):
         W = sp.diags_array([-1.0, 4.0, -1.0], offsets=[-2, 0, 2], shape=(400, 400), format="csr")
         W.indptr, W.indices = W.indptr.astype(index), W.indices.astype(index)
-        coulomb.solve(W, np.where(np.arange(400) % 2, 0.1, -1.0), np.full(200, 0.5), pairs=np.arange(200) // 4)
+        coulomb.solve(W, np.where(np.arange(400) % 2, 0.1, -1.0), np.full(200, 0.5))
     return time.perf_counter() - began
 
 

@@ -14,7 +14,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.feet import MIN_CURVATURE_FACTOR
 from skmpm.contact.rows import components
 from skmpm.grid import BodyGrids
-from skmpm.scene import PrescribedVelocities, Scene, State, pair_numbers
+from skmpm.scene import PrescribedVelocities, Scene, State
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,6 @@ class Constraints:
     def size(self) -> int:
         """Number of contacts."""
         return self.gap.size
-
-    @cached_property
-    def pairs(self) -> Ints:
-        """Number of the pair of bodies, or of body and wall, of each contact, (k,)."""
-        return np.asarray(np.unique(pair_numbers(self.bodies), return_inverse=True)[1])
 
     @cached_property
     def prescribed(self) -> Array:

@@ -25,7 +25,7 @@ from scipy.sparse.linalg import splu
 
 from skmpm.arrays import EXACT, Array
 from skmpm.compiled import compiled
-from skmpm.coulomb.krylov import TOLERANCE, NotConvergedError, by_blocks, by_known_factor
+from skmpm.coulomb.krylov import TOLERANCE, NotConvergedError, by_incomplete_factor, by_known_factor
 from skmpm.coulomb.problem import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, Iterate, Problem, is_sparse, split
 
 States: TypeAlias = NDArray[np.int8]
@@ -60,11 +60,11 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     r, k, best, factor, polished = x.r, p.contacts, x, None, False
     a = r if r.any() else -x.u
     state, fewest, left = contact_states((a + p.slide)[:k], p.mu * (1.0 - EXACT)), p.mu.size + 1, PATIENCE
-    seen, count, changes, rough = {state.tobytes()}, 0, p.mu.size, False
-    # Small dynamic problems, whose steps take no time, are polished even where the start is within the tolerance.
-    wanted = tol if p.blocks is None or is_sparse(p.W) else POLISH * tol
-    while (rough or best.error > wanted) and count < limit and left:
-        polished, rough = best.error <= tol, p.blocks is not None and changes > MANY_CHANGES * p.mu.size
+    seen, count, changes, rough = {state.tobytes()}, 0, 0, False
+    sparse = is_sparse(p.W)  # small problems, whose steps take no time, are polished even from a good start
+    wanted = tol if sparse else POLISH * tol
+    while best.error > wanted and count < limit and left:
+        polished, rough = best.error <= tol, sparse and changes > MANY_CHANGES * p.mu.size
         accuracy, tolerance = ACCURACY * tol * p.reference, ROUGH_TOLERANCE if rough else TOLERANCE
         known, (d, factor) = factor, _step(p, r, state, accuracy, factor, tolerance)
         if factor is not None and factor is not known and factor.unstable(p.negative):
@@ -133,9 +133,9 @@ def _change(
     try:
         if known is not None and known.lu is not None and changes <= MAX_CHANGES:
             return by_known_factor(A, b, p.shift, free, known.solve, known.free, changes, enough[0]), known
-        if p.blocks is not None and (known is None or b.size > MANY_ROWS):
-            return by_blocks(A, b, p.shift, p.blocks[free], *enough), known
-    except (NotConvergedError, np.linalg.LinAlgError):
+        if known is None or b.size > MANY_ROWS:
+            return by_incomplete_factor(A, b, p.shift, *enough, p.negative), known
+    except NotConvergedError:
         pass
     known = _Factor(_factorised(A), state, free)
     if known.lu is None:

@@ -139,7 +139,6 @@ class Bilateral:
     """
 
     q: Array  # (m,)
-    contact: Ints | int = -1  # (m,) the contact that each belongs to, for the `blocks` of a problem; -1 for none
     # Number of negative eigenvalues of what W has for s besides the response to s, where W is symmetric. If the
     # solution is a minimum of energy, the matrix of its closed contacts and s has as many (`newton`); Newton steps
     # end where it has fewer. None: they are not counted.
@@ -167,7 +166,6 @@ class Problem:
     slide: Array | float = 0.0  # (m,) trial impulse opposite to the velocity of tangential rows without response
     shift: float = REGULARISATION  # added to the diagonal of the matrix of a Newton step
     negative: int | None = None  # `Bilateral.negative`
-    blocks: Ints | None = None  # (m,) label of the block of each row, of weakly coupled ones; None: strongly coupled
 
     def at(self, r: Array, u: Array | None = None) -> Iterate:
         """Return r with its velocities, computed if not given, and its residual."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import Array
 from skmpm.coulomb.newton import full_steps
 from skmpm.coulomb.problem import Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
 
@@ -57,7 +57,6 @@ def solve(
     iterations: int = 600,
     bilateral: Bilateral | None = None,
     reference: float | None = None,
-    pairs: Ints | None = None,
 ) -> tuple[Array, Info]:
     """Find r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws; return (r, info).
 
@@ -75,13 +74,12 @@ def solve(
     q : (2k,) or (k,) relative velocities in the absence of impulses, plus gap / dt on the normal rows [m/s]
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
     r0 : like q, initial impulses [N s]
-    tol : largest residual relative to ``|q~|``, or to `reference`
+    tol : largest residual relative to ``|q~|``, or to `reference`; problems of up to 200 rows are solved to a
+        hundredth of it where that takes a step or two
     iterations : largest number of Newton steps; below 150, for problems that need not be solved, only full steps from
         r0 are tried
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of ``|q~|``, as in `residual`
-    pairs : (k,) labels of contacts, the same for those between the same bodies; given where these are weakly coupled
-        with others, as in short dynamic steps, so that an iterative linear solver is tried before LU
 
     Raises
     ------
@@ -105,7 +103,7 @@ def solve(
     if not q.size:
         return np.zeros_like(q), Info(0, 0.0, True)
     with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
-        return _solve(W, q, mu, r0, tol, iterations, bilateral, reference, pairs)
+        return _solve(W, q, mu, r0, tol, iterations, bilateral, reference)
 
 
 def _solve(
@@ -117,7 +115,6 @@ def _solve(
     iterations: int,
     bilateral: Bilateral | None,
     reference: float | None,
-    pairs: Ints | None,
 ) -> tuple[Array, Info]:
     """`solve` for valid arguments: in scaled variables, with the bilateral unknowns after those of the contacts."""
     k = q.size
@@ -125,31 +122,13 @@ def _solve(
         q = np.concatenate([q, bilateral.q])
         r0 = np.concatenate([r0, np.zeros(q.size - k)])
     problem, s = scaled(W, q, mu, k, reference)
-    problem = replace(
-        problem,
-        negative=None if bilateral is None else bilateral.negative,
-        blocks=None if pairs is None else _blocks(pairs, k, bilateral),
-    )
+    problem = replace(problem, negative=None if bilateral is None else bilateral.negative)
     start = problem.at(problem.clip_to_cone(s * r0))
     best, steps = full_steps(problem, start, tol, iterations)
     if iterations >= STALL_LIMIT:
         best, steps = _proximal(problem, best, tol, iterations, steps)
     r = unscaled(best.r[:k], best.u[:k], problem.mu, s[:k], mu)
     return r, Info(steps, best.error, best.error <= tol, best.r[k:] / s[k:])
-
-
-def _blocks(pairs: Ints, rows: int, bilateral: Bilateral | None) -> Ints:
-    """The labels of all rows, from 0 on: of contacts (rows,), then of the bilateral unknowns.
-
-    Those that belong to no contact are blocks of their own.
-    """
-    pairs = np.unique(pairs, return_inverse=True)[1]
-    of_contacts = np.repeat(pairs, rows // pairs.size)
-    if bilateral is None:
-        return of_contacts
-    contact = np.broadcast_to(bilateral.contact, bilateral.q.shape)
-    alone = pairs.max() + np.cumsum(contact < 0)
-    return np.concatenate([of_contacts, np.where(contact < 0, alone, pairs[contact])])
 
 
 def _proximal(p: Problem, x: Iterate, tol: float, limit: int, steps: int) -> tuple[Iterate, int]:

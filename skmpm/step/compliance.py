@@ -45,8 +45,7 @@ class Border:
         if inner is None:
             return bordered, own
         negative = None if inner.negative is None else inner.negative + self.positive
-        contact = np.append(np.broadcast_to(inner.contact, inner.q.shape), np.full(size, -1))
-        return bordered, coulomb.Bilateral(np.append(inner.q, own.q), contact, negative)
+        return bordered, coulomb.Bilateral(np.append(inner.q, own.q), negative)
 
 
 def with_bars(

@@ -162,7 +162,7 @@ class _Linearised:
             p = geometric.Z @ increment_of_points - by_known[k:]
             W = W + _lower_right(geometric.compliance, k)
             negative = None if constraints.tangential else geometric.contacts.size
-            bilateral = coulomb.Bilateral(p, geometric.owners, negative)
+            bilateral = coulomb.Bilateral(p, negative)
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}
         elif W.shape[0] > k:
             W, borders = W[:k, :k], [border.of_contacts(k) for border in borders]
@@ -176,7 +176,7 @@ class _Linearised:
         round_off = contact.problem.speed_round_off / scheme.gap_tol
         limits = round_off, increment.dt, scheme.contact_tol, contact.elastic_shares
         scale = contact_scale(constraints, diagonal, free, *limits)
-        options |= {"tol": scheme.contact_tol, "reference": scale.reference, "pairs": constraints.pairs}
+        options |= {"tol": scheme.contact_tol, "reference": scale.reference}
         r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)
         contact.problem.timer.lap("contact")
         worst = None

@@ -52,11 +52,6 @@ class ContactStiffness:
     compliance: sp.csr_array  # from -rho to the rates of Z; one negative eigenvalue for each of the l contacts
 
     @property
-    def owners(self) -> Ints:
-        """The contacts that the rows belong to, (2 l + t,)."""
-        return np.concatenate([self.contacts, self.contacts, self.sliding])
-
-    @property
     def size(self) -> int:
         """Number of bilateral constraints."""
         return self.Z.shape[0]

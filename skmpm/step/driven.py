@@ -132,10 +132,9 @@ def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[t
     walls = scene.wall_velocities(t)
     if t != 0.0:
         walls = with_normal_speeds(scene, walls, np.zeros(scene.driven_walls.size))
-    for i, v in enumerate(walls):
-        yield f"wall {i}", float(np.hypot(*v))
-    for i, v in enumerate(np.nan_to_num(scene.support_velocities(t))):
-        yield f"support {i}", float(np.hypot(*v))
+    for kind, velocities in (("wall", walls), ("support", np.nan_to_num(scene.support_velocities(t)))):
+        for i, speed in enumerate(np.hypot(*velocities.T).tolist()):
+            yield f"{kind} {i}", speed
     for i, body in enumerate(scene.bodies):
         if body.motion is not None:
             vx, vy, spin = rigid_motion(body, t, f"body {i}").tolist()

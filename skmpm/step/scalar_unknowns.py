@@ -171,8 +171,9 @@ class ScalarUnknowns:
 
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J from z to the relative velocities of contacts, (k, p) or (2 k, p)."""
-        none = sp.csr_array((constraints.D.shape[0], 0))
-        return sp.csr_array(sp.hstack([none, *(kind.rows(z[kind.own], constraints) for kind in self.kinds)]))
+        if not self.kinds:
+            return sp.csr_array((constraints.D.shape[0], 0))
+        return sp.csr_array(sp.hstack([kind.rows(z[kind.own], constraints) for kind in self.kinds]))
 
 
 def driven(J: sp.csr_array, constraints: Constraints) -> Bools:
