@@ -93,7 +93,10 @@ def draw_bodies(axes: Axes, seen: Snapshot, field: Field, style: Style, offset: 
         soft = [path for path, b in zip(paths, bodies.tolist(), strict=True) if seen.deformable[b]]
         _shade(axes, seen, x, boundary, soft, field.values, style)
         faces = ["none" if seen.deformable[b] else RIGID for b in bodies.tolist()]
-    axes.add_collection(PathCollection(paths, facecolors=faces, edgecolors=EDGE, linewidths=EDGE_WIDTH, zorder=2.0))
+    # Axes clip bodies. To ask how much room they take is to turn each triangle into a path.
+    outlined = PathCollection(paths, facecolors=faces, edgecolors=EDGE, linewidths=EDGE_WIDTH, zorder=2.0)
+    outlined.set_in_layout(False)
+    axes.add_collection(outlined)
     bare = np.flatnonzero(~seen.outlined[seen.owner])
     if bare.size:
         values = seen.owner[bare] % len(COLOURS) if field.values is None else field.values[bare]
@@ -132,6 +135,7 @@ def _shade(
     options: dict[str, Any] = {"cmap": colour_map(style.limits), "vmin": style.limits[0], "vmax": style.limits[1]}
     options |= {"shading": "gouraud", "zorder": 1.0, "rasterized": True}
     shading: Any = axes.tripcolor(Triangulation(mesh.x[0], mesh.x[1], mesh.corners), mesh.values(values), **options)
+    shading.set_in_layout(False)
     shading.set_clip_path(PathPatch(Path.make_compound_path(*paths), transform=axes.transData))
 
 
