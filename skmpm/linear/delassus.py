@@ -34,9 +34,12 @@ class Delassus:
     known: Bools  # (m,) whether S contains the contact point
 
     @staticmethod
-    def with_factor(solver: Solver, base: sp.csr_array, owner: Ints, *, whole: bool = False) -> Delassus:
-        """The Delassus operator for a solver, with S of no contact point yet."""
-        return Delassus(solver, base, owner, whole, np.zeros(0), np.zeros(base.shape[0], dtype=bool))
+    def with_factor(
+        solver: Solver, base: sp.csr_array, owner: Ints, points: Bools | None = None, *, whole: bool = False
+    ) -> Delassus:
+        """The Delassus operator for a solver, with S of some contact points (m,), by default of none."""
+        none = Delassus(solver, base, owner, whole, np.zeros(0), np.zeros(base.shape[0], dtype=bool))
+        return none if points is None else none._with(points)
 
     def between(self, left: sp.csr_array, right: sp.csr_array) -> tuple[sp.csr_array, Delassus]:
         """The product left S right^T for constraints `left` and `right` on the contact points, both (k, 2 m).
@@ -50,6 +53,10 @@ class Delassus:
         """The operator with S of all contact points in these rows."""
         wanted = np.zeros_like(self.known)
         wanted[rows.indices // 2] = True
+        return self._with(wanted)
+
+    def _with(self, wanted: Bools) -> Delassus:
+        """The operator with S of these contact points (m,), too."""
         responding = np.diff(self.base.indptr) > 0  # points of rigid bodies do not respond
         new = np.flatnonzero(wanted & responding & ~self.known)
         if new.size == 0:

@@ -23,7 +23,7 @@ from skmpm.scene.prescribed import (
 from skmpm.scene.report import Energy, Report, StepControl
 from skmpm.scene.scene import Scene
 from skmpm.scene.stages import at_rest, continued
-from skmpm.scene.state import Contacts, Derived, State, StepFailed, between_bodies, pair_numbers
+from skmpm.scene.state import Contacts, Derived, Factored, State, StepFailed, between_bodies, pair_numbers
 from skmpm.scene.walls_in_view import view_of, wall_lines
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "Derived",
     "Ends",
     "Energy",
+    "Factored",
     "Load",
     "Periodic",
     "PrescribedVelocities",

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.grid.assembly import Assembly
 from skmpm.grid.supports import Elimination
-from skmpm.linear import Delassus, Solver
 from skmpm.representation import line, quantity, table, with_shapes
 from skmpm.scene.prescribed import centres
 from skmpm.scene.report import Report, StepControl
@@ -140,6 +139,7 @@ class State:
     contacts : those at the end of the last step, `Contacts`
     report : cost and residuals of the last step, a `Report`
     step_control : what `simulate` continues with
+    factored : of the matrix that later steps use again, `Factored`; None if it is made anew
     derived : cached data that follow from the rest
 
     Examples
@@ -180,6 +180,7 @@ class State:
     step_control: StepControl = field(default_factory=StepControl)
     box: Array | None = None
     box_rate: Array | None = None
+    factored: Factored | None = field(default=None, repr=False, compare=False)
     derived: Derived | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -224,6 +225,16 @@ class State:
         return facts | {"kinetic energy [J/m]": f"{energy.kinetic:.3g}", "elastic": f"{energy.elastic:.3g}"}
 
 
+@dataclass(frozen=True, eq=False)
+class Factored:
+    """A matrix that was factorised in an earlier step: its factor follows from this."""
+
+    theta_dt: float  # [s]
+    displacement: Array  # (2 nodes,) of its configuration [m]
+    in_contact: bool  # whether bodies touched
+    points: Bools  # (m,) contact points whose responses are known
+
+
 @dataclass(frozen=True)
 class Derived:
     """Cached data that follow from the rest of the state; not saved, rebuilt on demand."""
@@ -233,8 +244,5 @@ class Derived:
     moment_fitting: bool  # whether the weights in `assembly` are fitted
     supports: Elimination | None  # of the unknowns that supports determine
     supporting: Ints  # (2, n) the support that prescribes each component of the points' velocities, -1 where none
-    key: tuple[object, ...] = ()  # of the matrix that `solver` was made for
-    solver: Solver | None = None
-    delassus: Delassus | None = None  # of the contact points, by this solver
     configuration: object = None  # `implicit.Configuration` of the bodies at the displacement of the state, or None
     of_materials: tuple[object, ...] = ()  # what the configuration depends on besides

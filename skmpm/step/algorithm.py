@@ -9,9 +9,9 @@ from numbers import Real
 
 import numpy as np
 
-from skmpm.arrays import Array
+from skmpm.arrays import Array, Bools
 from skmpm.contact import with_largest_forces
-from skmpm.linear import Delassus, Solver, one_thread
+from skmpm.linear import Delassus, one_thread
 from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scene.report import Timer
@@ -25,8 +25,9 @@ from skmpm.step.equations import Increment
 from skmpm.step.errors import SMALLER, StepRejected
 from skmpm.step.gauge import gauge_condition
 from skmpm.step.initial_state import check_cohesion, check_scheme, touches
-from skmpm.step.iteration import Solution
-from skmpm.step.new_state import contacts_of, end_state, kept_solver
+from skmpm.step.iteration import Factor, Solution
+from skmpm.step.kept_factor import take
+from skmpm.step.new_state import contacts_of, end_state
 from skmpm.step.newton import advance
 from skmpm.step.regrid import check_connected, check_parts_apart, regridded_state
 from skmpm.step.report import report_of, unbalanced_ratio
@@ -82,12 +83,12 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         check_connected(scene, state)
         check_parts_apart(scene, state, scheme)
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
-            solver, delassus = kept_solver(scene, state, increment)
+            factor, delassus = take(scene, state, increment)
             problem_of = partial(_contact_problem, scene, increment, motions, timer, delassus)
             if scheme.inertia:
-                solution = advance(increment, problem_of(state), solver, timer)
+                solution = advance(increment, problem_of(state), factor, timer)
             else:
-                solution = _equilibrium(scene, state, increment, motions.fastest, problem_of, solver, timer)
+                solution = _equilibrium(scene, state, increment, motions.fastest, problem_of, factor, timer)
             increment, solution = with_box_motion(increment, solution)
             end = end_of_step(increment, solution, motions)
             after = end_state(scene, state, increment, solution, end)
@@ -130,7 +131,7 @@ def _contact_problem(
     increment: Increment,
     motions: PrescribedVelocities,
     timer: Timer,
-    delassus: Delassus | None,
+    delassus: Delassus | Bools | None,
     state: State,
 ) -> ContactProblem | None:
     """The contact problem of the step, with the contact points to which the velocities of a state lead.
@@ -153,7 +154,7 @@ def _equilibrium(
     increment: Increment,
     fastest: float,
     problem_of: Callable[[State], ContactProblem | None],
-    kept: Solver | None,
+    kept: Factor | None,
     timer: Timer,
 ) -> Solution:
     """The solution of a step without inertia; motions are prescribed that are at most as fast as this [m/s]."""

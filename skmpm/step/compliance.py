@@ -106,10 +106,10 @@ def delassus_matrix(
     turned = solver if isinstance(solver, Rotated) else None
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver
     owners = _owners(contact)
-    if delassus is None:
+    if not isinstance(delassus, Delassus):
         reused = increment.bulk.linear and increment.scheme.anchor > 0.0
         reused &= solver.name != "amg"  # needs a solve per contact point: only for those in contact
-        delassus = Delassus.with_factor(solver, constraints.base, owners, whole=reused)
+        delassus = Delassus.with_factor(solver, constraints.base, owners, delassus, whole=reused)
     left = right = constraints.D
     if geometric is not None:
         left, right = (

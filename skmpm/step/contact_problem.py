@@ -17,7 +17,7 @@ from skmpm.arrays import EXACT, ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import Constraints, Linearise
 from skmpm.grid import BodyGrids
 from skmpm.grid.supports import Elimination
-from skmpm.linear import Delassus, Solver
+from skmpm.linear import Delassus
 from skmpm.scene import PrescribedVelocities
 from skmpm.scene.report import Timer
 from skmpm.step.contact_scale import ContactScale
@@ -125,9 +125,10 @@ class ContactProblem:
     supported: Bools = field(  # (2, n) velocity components of the points that supports prescribe
         default_factory=lambda: np.zeros((2, 0), dtype=bool)
     )
-    delassus: Delassus | None = None  # of an earlier step with the same matrix
+    # That of the factor of an earlier step; for one that is made again, the contact points (m,) that it knew.
+    delassus: Delassus | Bools | None = None
 
-    def within(self, increment: Increment, kept: Solver | None) -> ContactProblem:
+    def within(self, increment: Increment, *, kept: bool) -> ContactProblem:
         """The problem with other equations of the step, and without the operator of a factor that is not kept."""
         return replace(self, increment=increment, delassus=self.delassus if kept else None)
 
@@ -166,7 +167,7 @@ class ContactIterate:
 
     problem: ContactProblem
     known: KnownForces
-    delassus: Delassus | None  # belongs to the solver in use; None before a new factorisation
+    delassus: Delassus | Bools | None  # belongs to the solver in use; None before a new factorisation
     constraints: Constraints
     r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
     u: Array  # relative velocities at w, with gaps over dt
@@ -253,7 +254,9 @@ class ContactIterate:
         return replace(self, delassus=None)
 
 
-def _iterate(problem: ContactProblem, w: Array, known: KnownForces, delassus: Delassus | None) -> ContactIterate:
+def _iterate(
+    problem: ContactProblem, w: Array, known: KnownForces, delassus: Delassus | Bools | None
+) -> ContactIterate:
     """Linearise about w (n,), with the known impulses."""
     problem.timer.lap("bulk")
     increment, moving = problem.increment, problem.increment.with_box_motion(w, w)

@@ -114,6 +114,14 @@ class Increment:
         """Whether one matrix serves all iterations."""
         return all(term.linear for term in self.terms)
 
+    @property
+    def keeps_factor(self) -> bool:
+        """Whether a later step may use the factor: its matrix is the same, or follows from dt and a configuration."""
+        if self.linear:
+            return True
+        of_configuration = self.bulk.internal is None and self.gauge is None and self.scheme.inertia
+        return of_configuration and not any(term.stiff for term in self.others)
+
     def initial_guess(self) -> Array:
         """The velocity v0 with the prescribed velocities of supports, on the gauge, (n,) [m/s]."""
         first = self.v0 if self.guess is None else self.guess

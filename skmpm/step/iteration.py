@@ -14,7 +14,7 @@ from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, indefinite, worst_body
 from skmpm.step.matrix import check_stiffness, coupled, solver_of
-from skmpm.step.rotation import MAX_DRIFT, retracted
+from skmpm.step.rotation import MAX_DRIFT, matrix_turns, retracted, turned_solver
 from skmpm.step.terms import Configuration
 
 # The best ratio of successive out-of-balance norms that is expected with an old matrix: that of the first iteration
@@ -36,9 +36,10 @@ SUFFICIENT_DECREASE = 1e-4  # Armijo's constant (Nocedal & Wright, Numerical Opt
 class Refactorisation:
     """When a new matrix pays: where one more iteration with the present one would not converge, and a new one would.
 
-    Far from convergence, a new one always does. Closer to it, rates with a new matrix are those of contacts that
-    change state, where there are some: then only one that is slower than it was when it was new is replaced. Without
-    contact, rates with an old one are at most those of the iteration before: it is kept for `WORTH` more of these.
+    In contact the first iteration goes with that of an earlier step, where there is one. Far from convergence, a new
+    one always pays. Closer to it, rates with a new matrix are those of contacts that change state, where there are
+    some: then only one that is slower than it was when it was new, or first used, is replaced. Without contact, rates
+    with an old one are at most those of the iteration before: it is kept for `WORTH` more of these.
     """
 
     count: int = 0  # factorisations in this step; before the first the matrix is that of an earlier step
@@ -63,8 +64,10 @@ class Refactorisation:
 
         The out-of-balance norm, `before` that of the iteration before, predicts the next `distance` from convergence.
         """
-        if increment.linear or not self.count:
-            return not increment.linear
+        if increment.linear:
+            return False
+        if iteration == 0:
+            return not in_contact
         rate = imbalance / max(before, 1e-300)
         if self.last == iteration - 1:
             self.rate = rate
@@ -98,6 +101,22 @@ class Persistence:
 
 
 @dataclass(frozen=True)
+class Factor:
+    """A factorised matrix."""
+
+    solver: Solver
+    displacement: Array  # (2 nodes,) of the configuration of the matrix [m]
+    turns: bool  # whether it turns with bodies
+    in_contact: bool  # whether bodies touched
+
+    def at(self, increment: Increment, configuration: Configuration) -> Solver:
+        """The solver for the matrix turned as bodies have turned since it was factorised."""
+        if not self.turns or self.displacement is configuration.displacement:
+            return self.solver
+        return turned_solver(increment, self.solver, self.displacement, configuration.displacement)
+
+
+@dataclass(frozen=True)
 class Solution:
     """A converged step."""
 
@@ -108,7 +127,7 @@ class Solution:
     residual: float  # of the contact law at the end of the step
     imbalance: float  # relative out-of-balance norm
     reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
-    solver: Solver | None  # of the last iteration
+    factor: Factor | None  # of the last iteration
     spin: Array | float = 0.0  # (2 nodes,) velocity that w lacks for the balance of angular momentum [m/s]
     configuration: Configuration | None = (
         None  # of w but for translations of bodies, in which stresses were evaluated
@@ -152,13 +171,13 @@ def admissible_guess(increment: Increment) -> tuple[Array, Configuration]:
     raise StepRejected(f"body {b}", "the supports move so far in one step that points are inverted (det F <= 0)")
 
 
-def factorise(increment: Increment, contact: ContactIterate | None, configuration: Configuration) -> Solver:
+def factorise(increment: Increment, configuration: Configuration, *, in_contact: bool) -> Factor:
     """Factorise A with what `matrix.solver_of` adds."""
-    in_contact = contact is not None and contact.constraints.size > 0
     try:
-        return coupled(increment, configuration, solver_of(increment, configuration, in_contact=in_contact))
+        solver = coupled(increment, configuration, solver_of(increment, configuration, in_contact=in_contact))
     except np.linalg.LinAlgError as error:
         raise indefinite(increment.grid, error) from error
+    return Factor(solver, configuration.displacement, matrix_turns(increment), in_contact)
 
 
 def with_contact(increment: Increment, contact: ContactIterate, size: float) -> tuple[Array, float, float]:

@@ -9,7 +9,6 @@ import numpy as np
 from skmpm.arrays import Array, Bools
 from skmpm.contact import Constraints, lasting_force
 from skmpm.grid.transfer import to_points
-from skmpm.linear import Delassus, Solver
 from skmpm.material import determinant, product
 from skmpm.scene import (
     Contacts,
@@ -24,6 +23,7 @@ from skmpm.scene import (
 from skmpm.step.end import End
 from skmpm.step.equations import Increment
 from skmpm.step.iteration import Solution
+from skmpm.step.kept_factor import keep
 from skmpm.step.periodic_box import recut_box
 from skmpm.step.terms import Configuration
 
@@ -71,7 +71,8 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         contacts=contacts,
         box=box,
         box_rate=motions.gradient_at_end,
-        derived=_reusable(scene, state, increment, solution, configuration),
+        factored=keep(scene, increment, solution),
+        derived=_reusable(scene, state, increment, configuration),
     )
 
 
@@ -93,39 +94,14 @@ def _rigid_points(state: State, motions: PrescribedVelocities, prescribed: Bools
     return x, velocity_at(x - ahead, motions.rigid_at_end[:, body])
 
 
-def _reusable(scene: Scene, state: State, increment: Increment, solution: Solution, end: Configuration) -> Derived:
-    """The data that later steps can use again: the configuration and, of linear materials, factor and operator.
+def _reusable(scene: Scene, state: State, increment: Increment, end: Configuration) -> Derived:
+    """The derived data with the configuration, which the next step begins with.
 
-    Materials with memory answer a configuration differently in the next step, which begins with other variables.
+    Materials with memory answer a configuration differently in that step, which begins with other variables.
     """
     kept = end if increment.bulk.internal is None else None
     of_materials = (increment.scheme.mean_dilatation, scene.materials_by_group)
-    derived = state.grids
-    derived = replace(derived, key=(), solver=None, delassus=None, configuration=kept, of_materials=of_materials)
-    if not increment.linear:
-        return derived
-    contact = solution.contact if solution.solver is not None else None  # the operator belongs to the factor
-    delassus = None if contact is None else contact.delassus
-    return replace(derived, key=(scene, *_key(increment)), solver=solution.solver, delassus=delassus)
-
-
-def kept_solver(scene: Scene, state: State, increment: Increment) -> tuple[Solver | None, Delassus | None]:
-    """The factor and the Delassus operator of an earlier step, if the matrix of this one is the same, else None.
-
-    It is for linear materials, unless dt, scheme, scene or body grids have changed.
-    """
-    derived = state.derived
-    if derived is None or not derived.key or not increment.linear:
-        return None, None
-    of_scene, *key = derived.key
-    if of_scene is not scene or tuple(key) != _key(increment):
-        return None, None
-    return derived.solver, derived.delassus
-
-
-def _key(increment: Increment) -> tuple[object, ...]:
-    scheme = increment.scheme
-    return (increment.dt, scheme.theta, scheme.inertia, scheme.linear, scheme.mean_dilatation, scheme.contact)
+    return replace(state.grids, configuration=kept, of_materials=of_materials)
 
 
 def _contacts(

@@ -1,9 +1,9 @@
 """Newton's method on the incremental potential, with the contact problem solved in every iteration.
 
 Every iteration computes the gaps at the current w and solves the contact problem on the linearised bulk. Since that
-includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity; it is
-factorised again where convergence is slow. Near a limit point of the contacts the contact problem may have no
-solution: that iteration then goes without geometric stiffness.
+includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity, or with one
+of an earlier step (`kept_factor`); it is factorised again where convergence is slow. Near a limit point of the
+contacts the contact problem may have no solution: that iteration then goes without geometric stiffness.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.linear import Solver
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
 from skmpm.step.contact_solve import solve
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
 from skmpm.step.iteration import (
+    Factor,
     Persistence,
     Refactorisation,
     Solution,
@@ -30,11 +30,11 @@ from skmpm.step.iteration import (
     unmet_criteria,
     with_contact,
 )
-from skmpm.step.rotation import drift, matrix_turns, missing_spin, turned_solver, with_balanced_momentum
+from skmpm.step.rotation import drift, missing_spin, with_balanced_momentum
 from skmpm.step.terms import Configuration
 
 
-def advance(increment: Increment, problem: ContactProblem | None, kept: Solver | None, timer: Timer) -> Solution:
+def advance(increment: Increment, problem: ContactProblem | None, kept: Factor | None, timer: Timer) -> Solution:
     """Solve one step, or one of a static step, from an admissible guess.
 
     StepRejected is raised after `max_newton` iterations, with contacts after some without progress (`Persistence`),
@@ -61,18 +61,18 @@ class _Iterate:
     w: Array  # (n,) [m/s]
     configuration: Configuration
     contact: ContactIterate | None
-    factor: _Factor
+    factor: Factor | None
     last_impulse: Array  # (n,) contact impulse of the last solve [kg m/s per m]
     refactorisation: Refactorisation = field(default_factory=Refactorisation)
     iteration: int = 0
     before: float = np.inf  # out-of-balance norm of the iteration before
 
 
-def _first(increment: Increment, problem: ContactProblem | None, kept: Solver | None) -> _Iterate:
+def _first(increment: Increment, problem: ContactProblem | None, kept: Factor | None) -> _Iterate:
     """The iterate at the initial guess."""
     w, configuration = admissible_guess(increment)
     contact = None if problem is None else problem.at(w)
-    return _Iterate(increment, w, configuration, contact, _Factor(kept), np.zeros_like(w))
+    return _Iterate(increment, w, configuration, contact, kept, np.zeros_like(w))
 
 
 @dataclass(frozen=True)
@@ -115,39 +115,24 @@ def _balance(iterate: _Iterate) -> _Balance:
     return _Balance(iterate.iteration, gradient, contact_impulse, residual, norm, distance)
 
 
-@dataclass(frozen=True)
-class _Factor:
-    """The factorised matrix of the iteration."""
-
-    solver: Solver | None
-    configuration: Configuration | None = None  # of the matrix, if it turns with bodies
-
-    def at(self, increment: Increment, configuration: Configuration) -> Solver:
-        """The solver for the matrix turned as bodies have turned since it was factorised."""
-        assert self.solver is not None
-        if self.configuration is None or self.configuration is configuration:
-            return self.solver
-        return turned_solver(increment, self.solver, self.configuration, configuration)
-
-
 def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
     """Factorise the matrix where that pays."""
     increment, iteration = iterate.increment, iterate.iteration
     touching = iterate.contact is not None and iterate.contact.constraints.size > 0
     norms = balance.norm, iterate.before, balance.distance
     due = iterate.refactorisation.due(increment, iteration, *norms, in_contact=touching)
-    if iterate.factor.solver is not None and not due:
+    if iterate.factor is not None and not due:
         return
-    iterate.factor = _Factor(None)  # so that only one solver is in memory
+    iterate.factor = None  # so that only one solver is in memory
     iterate.contact = None if iterate.contact is None else iterate.contact.without_delassus()
-    solver = factorise(increment, iterate.contact, iterate.configuration)
-    iterate.factor = _Factor(solver, iterate.configuration if matrix_turns(increment) else None)
+    iterate.factor = factorise(increment, iterate.configuration, in_contact=touching)
     iterate.refactorisation.made(iteration)
     timer.lap("factorisation")
 
 
 def _direction(iterate: _Iterate, balance: _Balance) -> Array:
     """The Newton direction, (n,) [m/s], with new contact impulses."""
+    assert iterate.factor is not None
     solver = iterate.factor.at(iterate.increment, iterate.configuration)
     if iterate.contact is None:
         iterate.last_impulse = balance.contact_impulse
@@ -177,7 +162,7 @@ def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
     reaction = increment.reaction(balance.out_of_balance)
     spin = missing_spin(increment, w, balance.out_of_balance)
     numbers = balance.iteration, iterate.refactorisation.count, balance.contact, balance.norm
-    return Solution(w, iterate.contact, *numbers, reaction, factor.solver, spin, iterate.configuration)
+    return Solution(w, iterate.contact, *numbers, reaction, factor, spin, iterate.configuration)
 
 
 def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:

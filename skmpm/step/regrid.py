@@ -44,6 +44,7 @@ def regridded_state(scene: Scene, state: State, scheme: Scheme) -> tuple[State, 
             stress_anchor=state.stress,
             displacement=np.zeros(0),
             nodal_velocity=np.zeros(0),
+            factored=None,
         )
     derived = _at_anchor(scene, state, scheme)
     nodes = derived.assembly.grid.nodes

@@ -207,13 +207,13 @@ def matrix_turns(increment: Increment) -> bool:
     return increment.supports is None and all(term.turns for term in increment.terms)
 
 
-def turned_solver(increment: Increment, solver: Solver, old: Configuration, new: Configuration) -> Rotated:
-    """The solver for A at the old configuration, turned as bodies have turned on the way to the new one.
+def turned_solver(increment: Increment, solver: Solver, old: Array, new: Array) -> Rotated:
+    """The solver for A at old nodal displacements (2 nodes,), turned as bodies have turned on the way to new ones.
 
     Rotations are those that fit best by mass. Bodies on the gauge do not turn.
     """
     grid, weight = increment.grid, increment.bulk.assembly.lumped[::2]
-    a, b = (grid.arms(grid.position + c.displacement.reshape(-1, 2).T, weight) for c in (old, new))
+    a, b = (grid.arms(grid.position + u.reshape(-1, 2).T, weight) for u in (old, new))
     moments = grid.sums(np.stack([weight * (a[0] * b[1] - a[1] * b[0]), weight * (a * b).sum(axis=0)]))
     angle = np.arctan2(moments[0], moments[1])
     if increment.gauge is not None:

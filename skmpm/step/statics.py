@@ -18,13 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
-from skmpm.linear import Solver
 from skmpm.scene import between_bodies
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
-from skmpm.step.iteration import Solution
+from skmpm.step.iteration import Factor, Solution
 from skmpm.step.newton import advance
 from skmpm.step.no_equilibrium import no_equilibrium
 from skmpm.step.rotation import RigidMotion
@@ -49,7 +48,7 @@ LIGHTEST = 0.1  # smallest force on a body that counts, over the mean of all: ra
 Problems = Callable[[Array, ContactIterate | None], ContactProblem | None]
 
 
-def settle(increment: Increment, problem_at: Problems, kept: Solver | None, timer: Timer, stroke: float) -> Solution:
+def settle(increment: Increment, problem_at: Problems, kept: Factor | None, timer: Timer, stroke: float) -> Solution:
     """The equilibrium at the end of a step.
 
     `problem_at` gives the contact problem with the contact points at a velocity (2 nodes,) [m/s], for the contact
@@ -70,7 +69,9 @@ def settle(increment: Increment, problem_at: Problems, kept: Solver | None, time
     for _ in range(MAX_SOLVES):
         trial = metric.applied(increment, centre, w)
         try:
-            found = advance(trial, None if problem is None else problem.within(trial, kept), kept, timer)
+            found = advance(
+                trial, None if problem is None else problem.within(trial, kept=kept is not None), kept, timer
+            )
         except StepRejected as error:
             if metric.moves_on:
                 break
@@ -115,7 +116,7 @@ def _equilibrium(increment: Increment, change: _Change, solved: list[Solution]) 
         factorisations=sum(each.factorisations for each in solved),
         imbalance=max(found.imbalance, change.imbalance),
         reaction=increment.reaction(_without_metric(increment, found)),
-        solver=None if increment.mass.any() else found.solver,
+        factor=None if increment.mass.any() else found.factor,
     )
 
 

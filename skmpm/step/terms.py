@@ -191,6 +191,11 @@ class Term(ABC):
         return True
 
     @property
+    def stiff(self) -> bool:
+        """Whether it has a stiffness."""
+        return type(self).stiffness is not Term.stiffness or type(self).coupling is not Term.coupling
+
+    @property
     def balanced(self) -> bool:
         """Whether its forces on every body have neither a resultant nor a moment, as internal ones."""
         return False
