@@ -230,6 +230,7 @@ class Factored:
     """A matrix that was factorised in an earlier step: its factor follows from this."""
 
     theta_dt: float  # [s]
+    inertia: bool  # whether the step had it
     displacement: Array  # (2 nodes,) of its configuration [m]
     in_contact: bool  # whether bodies touched
     points: Bools  # (m,) contact points whose responses are known

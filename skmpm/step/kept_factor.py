@@ -34,7 +34,7 @@ def keep(scene: Scene, increment: Increment, solution: Solution) -> Factored | N
         return None
     delassus = None if contact is None else contact.delassus
     points = delassus.known if isinstance(delassus, Delassus) else np.zeros(0, dtype=bool)
-    kept = Factored(increment.theta_dt, factor.displacement, factor.in_contact, points)
+    kept = Factored(increment.theta_dt, increment.scheme.inertia, factor.displacement, factor.in_contact, points)
     _factors[kept] = (scene, increment.scheme, factor, delassus)
     return kept
 
@@ -46,7 +46,9 @@ def take(scene: Scene, state: State, increment: Increment) -> tuple[Factor | Non
     responses the operator had take its place.
     """
     kept = state.factored
-    if kept is None or not increment.keeps_factor or kept.theta_dt != increment.theta_dt:
+    if kept is None or not increment.keeps_factor:
+        return None, None
+    if (kept.theta_dt, kept.inertia) != (increment.theta_dt, increment.scheme.inertia):
         return None, None
     entry = _factors.pop(kept, None)
     if entry is not None and entry[0] is scene and entry[1] == increment.scheme:
