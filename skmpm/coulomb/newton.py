@@ -60,11 +60,11 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     r, k, best, factor, polished = x.r, p.contacts, x, None, False
     a = r if r.any() else -x.u
     state, fewest, left = contact_states((a + p.slide)[:k], p.mu * (1.0 - EXACT)), p.mu.size + 1, PATIENCE
-    seen, count, changes, rough = {state.tobytes()}, 0, 0, False
-    sparse = is_sparse(p.W)  # small problems, whose steps take no time, are polished even from a good start
-    wanted = tol if sparse else POLISH * tol
-    while best.error > wanted and count < limit and left:
-        polished, rough = best.error <= tol, sparse and changes > MANY_CHANGES * p.mu.size
+    seen, count, rough = {state.tobytes()}, 0, False
+    precise = p.repeated and not is_sparse(p.W)
+    changes, wanted = (p.mu.size, POLISH * tol) if precise else (0, tol)
+    while ((precise and rough) or best.error > wanted) and count < limit and left:
+        polished, rough = best.error <= tol, p.repeated and changes > MANY_CHANGES * p.mu.size
         accuracy, tolerance = ACCURACY * tol * p.reference, ROUGH_TOLERANCE if rough else TOLERANCE
         known, (d, factor) = factor, _step(p, r, state, accuracy, factor, tolerance)
         if factor is not None and factor is not known and factor.unstable(p.negative):

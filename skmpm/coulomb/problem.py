@@ -166,6 +166,7 @@ class Problem:
     slide: Array | float = 0.0  # (m,) trial impulse opposite to the velocity of tangential rows without response
     shift: float = REGULARISATION  # added to the diagonal of the matrix of a Newton step
     negative: int | None = None  # `Bilateral.negative`
+    repeated: bool = False  # whether it is one of many of a time step
 
     def at(self, r: Array, u: Array | None = None) -> Iterate:
         """Return r with its velocities, computed if not given, and its residual."""

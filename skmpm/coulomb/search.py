@@ -57,6 +57,7 @@ def solve(
     iterations: int = 600,
     bilateral: Bilateral | None = None,
     reference: float | None = None,
+    repeated: bool = False,
 ) -> tuple[Array, Info]:
     """Find r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws; return (r, info).
 
@@ -74,12 +75,14 @@ def solve(
     q : (2k,) or (k,) relative velocities in the absence of impulses, plus gap / dt on the normal rows [m/s]
     mu : (k,) friction coefficients; a contact with mu = 0 has no tangential unknown
     r0 : like q, initial impulses [N s]
-    tol : largest residual relative to ``|q~|``, or to `reference`; problems of up to 200 rows are solved to a
-        hundredth of it where that takes a step or two
+    tol : largest residual relative to ``|q~|``, or to `reference`
     iterations : largest number of Newton steps; below 150, for problems that need not be solved, only full steps from
         r0 are tried
     bilateral : further unknowns without a cone that are coupled with the impulses
     reference : value that residuals are relative to, instead of ``|q~|``, as in `residual`
+    repeated : whether the problem is one of many of a time step: a large one is solved roughly while many contacts
+        change their states; one of up to 200 rows takes two Newton steps at least, which makes impulses in directions
+        that W hardly resists far more accurate than the residual tells
 
     Raises
     ------
@@ -103,7 +106,7 @@ def solve(
     if not q.size:
         return np.zeros_like(q), Info(0, 0.0, True)
     with np.errstate(all="ignore"):  # without a solution r may overflow, which the residual shows
-        return _solve(W, q, mu, r0, tol, iterations, bilateral, reference)
+        return _solve(W, q, mu, r0, tol, iterations, bilateral, reference, repeated)
 
 
 def _solve(
@@ -115,6 +118,7 @@ def _solve(
     iterations: int,
     bilateral: Bilateral | None,
     reference: float | None,
+    repeated: bool,
 ) -> tuple[Array, Info]:
     """`solve` for valid arguments: in scaled variables, with the bilateral unknowns after those of the contacts."""
     k = q.size
@@ -122,7 +126,7 @@ def _solve(
         q = np.concatenate([q, bilateral.q])
         r0 = np.concatenate([r0, np.zeros(q.size - k)])
     problem, s = scaled(W, q, mu, k, reference)
-    problem = replace(problem, negative=None if bilateral is None else bilateral.negative)
+    problem = replace(problem, negative=None if bilateral is None else bilateral.negative, repeated=repeated)
     start = problem.at(problem.clip_to_cone(s * r0))
     best, steps = full_steps(problem, start, tol, iterations)
     if iterations >= STALL_LIMIT:

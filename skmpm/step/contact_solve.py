@@ -176,7 +176,7 @@ class _Linearised:
         round_off = contact.problem.speed_round_off / scheme.gap_tol
         limits = round_off, increment.dt, scheme.contact_tol, contact.elastic_shares
         scale = contact_scale(constraints, diagonal, free, *limits)
-        options |= {"tol": scheme.contact_tol, "reference": scale.reference}
+        options |= {"tol": scheme.contact_tol, "reference": scale.reference, "repeated": True}
         r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)
         contact.problem.timer.lap("contact")
         worst = None

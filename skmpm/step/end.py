@@ -62,7 +62,7 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
     W = sp.csr_array(H @ sp.diags_array(inverse) @ H.T)
     before = contact.lifted[of_chosen]
     tol = increment.scheme.contact_tol
-    after, info = coulomb.solve(W, u - W @ before, some.friction, r0=before, tol=tol)
+    after, info = coulomb.solve(W, u - W @ before, some.friction, r0=before, tol=tol, repeated=True)
     rho = after - before
     if not info.converged:
         worst = int(np.argmax(coulomb.residuals(after, u + W @ rho, some.friction, W.diagonal())))
