@@ -32,7 +32,8 @@ COLUMNS = ("step", "t", "solid_fraction", "solid_fraction_nominal", "pressure", 
 Line = dict[str, Any]
 LID = 1  # index among the walls
 SCHEMES = {
-    "balanced": skmpm.Scheme(),
+    # Tolerances that change the pressure by 0.1 %, and take a third of the iterations off while the packing is loose.
+    "balanced": skmpm.Scheme(newton_tol=5e-3, gap_tol=1e-4),
     "standard": skmpm.Scheme(mean_dilatation=False),  # volumetric locking where nu is near 1/2
     "nezamabadi2017": skmpm.Scheme.nezamabadi2017(),
     "regridded": skmpm.Scheme(anchor=0.0),  # updated Lagrangian: new body grids at every step

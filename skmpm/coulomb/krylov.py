@@ -57,24 +57,65 @@ def by_incomplete_factor(
 
 @compiled
 def _eliminate(indptr: Ints, indices: Ints, data: Array, diagonal: Ints) -> bool:
-    """Overwrite a matrix by L and U in its pattern, and find its diagonal, that of U; false if a pivot vanishes."""
-    place = np.full(diagonal.size, -1)  # of the entries of the present row, by column
-    for i in range(diagonal.size):
-        for e in range(indptr[i], indptr[i + 1]):
-            place[indices[e]] = e
-        diagonal[i] = place[i]
-        for e in range(indptr[i], diagonal[i]):
-            k = indices[e]
-            data[e] /= data[diagonal[k]]
+    """Overwrite a matrix by L and U in its pattern, and find its diagonal, that of U; false if a pivot vanishes.
+
+    Rows of contacts between the same bodies have the same columns: up to four of them are eliminated side by side.
+    """
+    n, most = diagonal.size, 0
+    for i in range(n):
+        most = max(most, indptr[i + 1] - indptr[i])
+    place, rows = np.full(n, -1, dtype=np.int32), np.zeros((most, 4))  # of columns; entries of four rows
+    first = 0
+    while first < n:
+        begin, size = indptr[first], indptr[first + 1] - indptr[first]
+        count = _same_columns(indptr, indices, first)
+        for e in range(size):
+            place[indices[begin + e]] = e
+            for r in range(4):
+                rows[e, r] = data[begin + r * size + e] if r < count else 0.0
+        before = place[first]  # number of columns left of the diagonal
+        for e in range(before):
+            k, own = indices[begin + e], rows[e]
+            for r in range(4):
+                own[r] /= data[diagonal[k]]
+            a, b, c, d = own[0], own[1], own[2], own[3]
             for f in range(diagonal[k] + 1, indptr[k + 1]):
                 at = place[indices[f]]
                 if at >= 0:
-                    data[at] -= data[e] * data[f]
-        if data[diagonal[i]] == 0.0:
-            return False
-        for e in range(indptr[i], indptr[i + 1]):
-            place[indices[e]] = -1
+                    value, row = data[f], rows[at]
+                    row[0] -= a * value
+                    row[1] -= b * value
+                    row[2] -= c * value
+                    row[3] -= d * value
+        for r in range(count):
+            for q in range(r):
+                rows[before + q, r] /= rows[before + q, q]
+                for e in range(before + q + 1, size):
+                    rows[e, r] -= rows[before + q, r] * rows[e, q]
+            if rows[before + r, r] == 0.0:
+                return False
+            diagonal[first + r] = begin + r * size + before + r
+            for e in range(size):
+                data[begin + r * size + e] = rows[e, r]
+        for e in range(size):
+            place[indices[begin + e]] = -1
+        first += count
     return True
+
+
+@compiled
+def _same_columns(indptr: Ints, indices: Ints, first: int) -> int:
+    """How many rows from one on, up to four, have its columns."""
+    begin, size, count = indptr[first], indptr[first + 1] - indptr[first], 1
+    while count < 4 and first + count < indptr.size - 1:
+        other = indptr[first + count]
+        if indptr[first + count + 1] - other != size:
+            return count
+        for e in range(size):
+            if indices[begin + e] != indices[other + e]:
+                return count
+        count += 1
+    return count
 
 
 @compiled
