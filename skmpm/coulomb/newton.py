@@ -61,7 +61,7 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     a = r if r.any() else -x.u
     state, fewest, left = contact_states((a + p.slide)[:k], p.mu * (1.0 - EXACT)), p.mu.size + 1, PATIENCE
     seen, count, rough = {state.tobytes()}, 0, False
-    precise = p.repeated and not is_sparse(p.W)
+    precise = p.repeated and not is_sparse(p.W)  # of small problems a step more takes no time
     changes, wanted = (p.mu.size, POLISH * tol) if precise else (0, tol)
     while ((precise and rough) or best.error > wanted) and count < limit and left:
         polished, rough = best.error <= tol, p.repeated and changes > MANY_CHANGES * p.mu.size

@@ -134,9 +134,10 @@ def _displacement(increment: Increment, velocity: Array) -> Array:
 
 def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
     """The translations that balance momentum, (2, bodies) [m/s]; zero in scenes with supports."""
-    grid, configuration = increment.grid, increment.at(w)
+    grid = increment.grid
     if increment.supports is not None:
         return np.zeros((2, grid.bodies))
+    configuration = increment.at(w)
     change, pushed = (increment.on_nodes(each) for each in (w - increment.v0, contact_impulse))
     imbalance = _weight(increment) * change - increment.theta_dt * increment.external_force(configuration) - pushed
     resisted = _resisted(increment, np.ones_like(imbalance), configuration)
@@ -151,7 +152,7 @@ def _resisted(increment: Increment, v: Array, configuration: Configuration) -> A
     external = [each for each in stiffnesses if each is not None]
     if not external:
         return weight * v
-    K, M = sum(external[1:], external[0]), weight.reshape(-1, 2, 1) * np.eye(2)
+    K, M = sum(external, np.zeros_like(external[0])), weight.reshape(-1, 2, 1) * np.eye(2)  # `matrix` takes K's array
     return np.asarray(increment.bulk.assembly.matrix(K, increment.theta_dt**2, M) @ v)
 
 
