@@ -19,7 +19,7 @@ from skmpm.contact.boundary import check_outlines, point_to_curve
 from skmpm.contact.closest_points import lasting_force, with_largest_forces
 from skmpm.contact.constraints import Constraints, ContactFormulation, Linearise, acts_at_grid_nodes
 from skmpm.contact.grid_nodes import shared_grid
-from skmpm.contact.motion import recut_keys
+from skmpm.contact.keys import recut_keys
 from skmpm.contact.self_contact import joined_parts, may_touch_itself
 
 __all__ = [

@@ -28,8 +28,9 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.contact.constraints import lookup
 from skmpm.contact.feet import foot_of, nearest_of_group
+from skmpm.contact.keys import wall_keys
 from skmpm.contact.neighbours import Neighbours
-from skmpm.contact.projection import MAX_DEPTH, wall_keys
+from skmpm.contact.projection import MAX_DEPTH
 from skmpm.contact.rows import among, joined
 from skmpm.contact.shifts import NO_SHIFTS, Shifts, guarded
 from skmpm.outline import Cubics, Loops, tangent

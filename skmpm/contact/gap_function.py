@@ -9,9 +9,10 @@ import numpy as np
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled_in_order
 from skmpm.contact import feet
+from skmpm.contact.keys import guard_keys, wall_keys
 from skmpm.contact.neighbours import Neighbours
-from skmpm.contact.projection import foot_points, project, tangent_shares, wall_keys
-from skmpm.contact.shifts import guard_keys, guarded
+from skmpm.contact.projection import foot_points, project, tangent_shares
+from skmpm.contact.shifts import guarded
 from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
 

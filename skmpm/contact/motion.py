@@ -1,8 +1,4 @@
-"""How what has no grid moves in a step, and how far contact looks.
-
-A contact across the box is known by its pair of point and side, and by the lattice vector between them. Lattice
-vectors count modulo three, which distinguishes neighbouring images, however far bodies have moved.
-"""
+"""How what has no grid moves in a step, and how far contact looks."""
 
 from __future__ import annotations
 
@@ -21,26 +17,6 @@ DETECTION_DISTANCE = 0.25
 def contact_reach(scene: Scene) -> float:
     """Largest gap of a detected contact [m]."""
     return max(DETECTION_DISTANCE * scene.cell, scene.cohesion_range if scene.cohesive else 0.0)
-
-
-def lattice_code(k: Ints) -> Ints:
-    """Number of a lattice vector k (2, c) modulo three, (c,), zero for k = 0."""
-    i, j = k % 3
-    return np.asarray(3 * i + j)
-
-
-def recut_keys(key: Ints, pairs: int, change: Ints) -> Ints:
-    """Keys of contacts (c,) after the edges of the box H have become H T, `change` T (2, 2).
-
-    `pairs` is the number of pairs of a boundary point and a side. Lattice vectors k become T^-1 k.
-    """
-    (a, b), (c, d) = change
-    inverse = np.array([[d, -b], [-c, a]]) * int(a * d - b * c)
-    guard = key < 0
-    plain = np.where(guard, -1 - key, key)
-    code, pair = np.divmod(plain, pairs)
-    now = lattice_code(inverse @ np.stack(np.divmod(code, 3))) * pairs + pair
-    return np.where(guard, -1 - now, now)
 
 
 @dataclass(frozen=True)

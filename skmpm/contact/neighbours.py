@@ -10,9 +10,9 @@ import numpy as np
 from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
-from skmpm.contact.motion import lattice_code
+from skmpm.contact.keys import guard_keys, lattice_code
 from skmpm.contact.self_contact import SelfContact
-from skmpm.contact.shifts import NO_SHIFTS, Shifts, guard_keys
+from skmpm.contact.shifts import NO_SHIFTS, Shifts
 from skmpm.outline import Cubics, Curve, Images
 from skmpm.scene import Scene
 

@@ -51,8 +51,3 @@ NO_SHIFTS = Shifts(np.zeros(0, dtype=np.int64), *np.zeros((4, 0)))
 def guarded(shift: Array) -> Bools:
     """Whether contacts at shifts (k,) have a second one at the boundary point, (k,)."""
     return np.asarray(np.abs(shift) >= MIN_SHIFT)
-
-
-def guard_keys(key: Ints) -> Ints:
-    """Identities of the second contacts at the boundary points, from those of the shifted ones, (k,)."""
-    return -1 - key

@@ -17,10 +17,10 @@ from skmpm.material import Material
 from skmpm.outline import chord_sagitta, slit_width
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
+from skmpm.step.derived import derived_data, inward_normals
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.equations import LONG
 from skmpm.step.initial_state import initial, initial_motion
-from skmpm.step.regrid import derived_data, inward_normals
 from skmpm.stepping.functions_of_time import TIMES
 from skmpm.stepping.loading import Loading, loading_of, several
 from skmpm.stepping.step_length import MAX_APPROACH, STROKE, pace_of

@@ -10,7 +10,7 @@ from skmpm.grid.forms import reference_gradient
 from skmpm.grid.moment_fitting import fitted_places, fitted_weights
 from skmpm.outline import cell_moments
 from skmpm.scene import Scene
-from skmpm.step.regrid import inward_normals
+from skmpm.step.derived import inward_normals
 
 COMPLIANCE = 3.0 / 8.0  # of a node: one over 4 (2/3), the diagonal entry of the Laplacian of Q1 elements
 

@@ -16,7 +16,7 @@ from skmpm.representation import quantity, table
 from skmpm.scene import Scene, check_scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
-from skmpm.step.driven import check_driven
+from skmpm.step.driven_walls import check_driven
 from skmpm.step.initial_state import check_cohesion
 from skmpm.stepping.step_length import pace_of
 

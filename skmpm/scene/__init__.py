@@ -3,7 +3,7 @@
 from skmpm.scene.check import MAX_OVERLAP, TOUCHING, check_walls_at_start, overlaps
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
 from skmpm.scene.model import initial_internal, material_at, plastic_strain
-from skmpm.scene.objects import Body, Load, Pressure, SceneError, Spring, Support, Wall, field_values, motion
+from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, deformed, into_box, recut
 from skmpm.scene.point_sets import Ends, stiffness_of
@@ -24,6 +24,7 @@ from skmpm.scene.report import Energy, Report, StepControl
 from skmpm.scene.scene import Scene
 from skmpm.scene.stages import at_rest, continued
 from skmpm.scene.state import Contacts, Derived, Factored, State, StepFailed, between_bodies, pair_numbers
+from skmpm.scene.values import SceneError, field_values, motion
 from skmpm.scene.walls_in_view import view_of, wall_lines
 
 __all__ = [

@@ -15,20 +15,10 @@ from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
 from skmpm.scene.check_parts import check_functions, check_groups, check_loads, check_springs, check_supports
 from skmpm.scene.model import Model
-from skmpm.scene.objects import (
-    Body,
-    SceneError,
-    Wall,
-    field_values,
-    motion,
-    not_negative,
-    number,
-    positive,
-    scalar,
-    vector,
-)
+from skmpm.scene.objects import Body, Wall
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.prescribed import gravity_at, rigid_motion
+from skmpm.scene.values import SceneError, field_values, motion, not_negative, number, positive, scalar, vector
 
 MAX_AREA_RATIO = 1.5  # of the points' volume and the area in their outline, which may exclude half a spacing
 TOUCHING = 1e-3  # [cells] overlap at the start up to which things touch

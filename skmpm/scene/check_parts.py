@@ -12,19 +12,10 @@ from skmpm.material import Rigid
 from skmpm.points import Points
 from skmpm.scene.layout import Input
 from skmpm.scene.model import Model
-from skmpm.scene.objects import (
-    TURNING,
-    Body,
-    Load,
-    Pressure,
-    SceneError,
-    Spring,
-    Support,
-    Wall,
-    prescribed_components,
-)
+from skmpm.scene.objects import TURNING, Body, Load, Pressure, Spring, Support, Wall, prescribed_components
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.point_sets import PointSet, stiffness_of
+from skmpm.scene.values import SceneError
 
 Given = Iterator[tuple[str, object, str]]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from skmpm.arrays import Array, Ints
 from skmpm.scene.layout import Input
-from skmpm.scene.objects import SceneError, not_negative
+from skmpm.scene.values import SceneError, not_negative
 
 DEFAULT = "default"  # key of a table for pairs without an entry
 COEFFICIENT = "a Coulomb coefficient"

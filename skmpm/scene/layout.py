@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import Material, Rigid, initial_state, wave_speed
 from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
-from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, motion, scalar
+from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
 from skmpm.scene.periodic import Periodic
+from skmpm.scene.values import motion, scalar
 
 MAX_THICKNESS_SHARE = 0.25  # of the thinnest part that a point may move through in one step
 

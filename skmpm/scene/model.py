@@ -11,7 +11,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import Material, Rigid, bounded_modulus, has_memory, initial_state
 from skmpm.scene.friction import Friction, friction_of
 from skmpm.scene.layout import Layout
-from skmpm.scene.objects import Load, Pressure, motion, scalar
+from skmpm.scene.objects import Load, Pressure
 from skmpm.scene.point_sets import (
     Ends,
     PointSet,
@@ -22,6 +22,7 @@ from skmpm.scene.point_sets import (
     support_velocities,
     supported_points,
 )
+from skmpm.scene.values import motion, scalar
 
 
 def material_at(scene: Layout, point: int) -> Material | Rigid:

@@ -12,20 +12,8 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.outline import Outlines
 from skmpm.scene.layout import Layout
-from skmpm.scene.objects import (
-    Load,
-    Pressure,
-    SceneError,
-    Spring,
-    Support,
-    motion,
-    not_negative,
-    numbers,
-    positive,
-    prescribed_components,
-    scalar,
-    vector,
-)
+from skmpm.scene.objects import Load, Pressure, Spring, Support, prescribed_components
+from skmpm.scene.values import SceneError, motion, not_negative, numbers, positive, scalar, vector
 
 
 @dataclass(frozen=True)

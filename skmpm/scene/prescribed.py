@@ -14,9 +14,10 @@ import numpy as np
 from skmpm.arrays import Array, Ints
 from skmpm.scene.layout import Input, Layout
 from skmpm.scene.model import Model
-from skmpm.scene.objects import Body, SceneError, field_values, motion, numbers
+from skmpm.scene.objects import Body
 from skmpm.scene.periodic import deformed
 from skmpm.scene.point_sets import support_velocities
+from skmpm.scene.values import SceneError, field_values, motion, numbers
 
 
 def gravity_at(scene: Input, X: Array, t: float) -> Array:

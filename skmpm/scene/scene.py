@@ -16,7 +16,8 @@ from skmpm.material import Material, has_memory, viscosity_of
 from skmpm.representation import line, quantity, table
 from skmpm.scene.check import check
 from skmpm.scene.model import Model
-from skmpm.scene.objects import Body, SceneError
+from skmpm.scene.objects import Body
+from skmpm.scene.values import SceneError
 
 ROUND = 1e-3  # deviation of boundary points from a circle, over its radius
 

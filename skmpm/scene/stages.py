@@ -12,11 +12,12 @@ from skmpm.arrays import Array, Ints
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.fits import STAYS_RIGID, check_fits
-from skmpm.scene.objects import Body, SceneError, Wall
+from skmpm.scene.objects import Body, Wall
 from skmpm.scene.prescribed import centres, normal_speeds, with_normal_speeds
 from skmpm.scene.report import StepControl
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, State
+from skmpm.scene.values import SceneError
 
 
 def continued(scene: Scene, state: State, new_scene: Scene) -> State:

@@ -19,16 +19,15 @@ from skmpm.scheme import Scheme
 from skmpm.step.acceptance import check_step
 from skmpm.step.budget import budget_of
 from skmpm.step.contact_problem import ContactIterate, ContactProblem, KnownForces
-from skmpm.step.driven import check_driven
+from skmpm.step.driven_walls import check_driven
 from skmpm.step.end import end_of_step, with_box_motion
 from skmpm.step.equations import Increment
 from skmpm.step.errors import SMALLER, StepRejected
+from skmpm.step.factor import Factor, take
 from skmpm.step.gauge import gauge_condition
 from skmpm.step.initial_state import check_cohesion, check_scheme, touches
-from skmpm.step.iteration import Factor, Solution
-from skmpm.step.kept_factor import take
 from skmpm.step.new_state import contacts_of, end_state
-from skmpm.step.newton import advance
+from skmpm.step.newton import Solution, advance
 from skmpm.step.regrid import check_connected, check_parts_apart, regridded_state
 from skmpm.step.report import report_of, unbalanced_ratio
 from skmpm.step.rigid_edges import indenting_edge_message

@@ -24,7 +24,7 @@ from skmpm.scene import (
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.end import End
 from skmpm.step.equations import Increment
-from skmpm.step.iteration import Solution
+from skmpm.step.newton import Solution
 from skmpm.step.terms import Budget, Path
 
 

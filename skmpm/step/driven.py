@@ -1,30 +1,22 @@
-"""What forces drive, walls, edges of a periodic box and loaded bodies: how fast it moves; walls as unknowns."""
+"""What is driven, by forces or prescribed velocities, and how fast it moves."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from skmpm.arrays import Array, Bools, Ints
-from skmpm.contact import Constraints, acts_at_grid_nodes
-from skmpm.observe.regions import region
 from skmpm.scene import (
-    PrescribedVelocities,
     Scene,
-    SceneError,
     State,
     centres,
     fitted_motions,
-    normal_speeds,
     rigid_motion,
     with_normal_speeds,
 )
-from skmpm.scheme import Scheme
-from skmpm.step.scalar_unknowns import Interval, Unknowns
+from skmpm.step.driven_walls import driving_forces, initial_points
 
 
 class Moving(NamedTuple):
@@ -85,42 +77,12 @@ def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]
         return
     x = scene.initial_positions
     impedance = float(min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in scene.materials))
-    forces = np.abs(driving_forces(scene, _points(scene), t))
+    forces = np.abs(driving_forces(scene, initial_points(scene), t))
     for i, force in zip(scene.driven_walls.tolist(), forces.tolist(), strict=True):
         width = float(np.ptp(scene.normals[0, i] * x[1] - scene.normals[1, i] * x[0]))
         yield f"wall {i} by its force", force / width / impedance
     if scene.periodic is not None and scene.periodic.components.size:
         yield "the periodic box by its stress", float(np.abs(scene.periodic.stress_at(t)).max()) / impedance
-
-
-def driving_forces(scene: Scene, walls: Array, t: float) -> Array:
-    """Driving forces at time t with walls through some points (walls, 2) [m], (p,) [N/m]."""
-    return scene.driving_forces(t, region(scene.normals, walls.T).length)
-
-
-def _points(scene: Scene) -> Array:
-    """Points of the walls at t = 0, (walls, 2) [m]."""
-    return np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2)
-
-
-def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
-    """Raise SceneError if a scheme cannot drive walls, or a pressure acts on a side that is not closed."""
-    if (scene.has_scalar_unknowns or scene.periodic is not None) and acts_at_grid_nodes(scheme.contact):
-        what = "the box is periodic"
-        if scene.free_rigid.size:
-            what = f"body {scene.free_rigid[0]} is a free rigid body"
-        if scene.driven_walls.size:
-            what = f"wall {scene.driven_walls[0]} is driven by a force"
-        raise SceneError(f"{name}: {what}, which contact = shared_grid cannot; use point_to_curve")
-    if scene.driven_walls.size == 0:
-        return
-    length = region(scene.normals, _points(scene).T).length
-    for i in scene.driven_walls.tolist():
-        if scene.walls[i].pressure is not None and not 0.0 < length[i] < np.inf:
-            raise SceneError(
-                f"{name}: wall {i} has a pressure, and other walls leave it a length of {length[i]:g} m; close the"
-                " box on both sides of it, or give a force"
-            )
 
 
 def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[tuple[str, float]]:
@@ -144,48 +106,3 @@ def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[t
     if scene.periodic is not None:
         edges = scene.periodic.rate_at(t) @ (scene.periodic.box if box is None else box)
         yield "the periodic box", float(np.hypot(*edges).max())
-
-
-@dataclass(frozen=True)
-class DrivenWalls(Unknowns):
-    """The p walls of a scene that a force drives, in one step."""
-
-    scene: Scene
-    points: Array  # (walls, 2) of all walls at the start of the step [m]
-    velocity: Array  # (walls, 2) that are given [m/s]
-    start: float  # when the step begins [s]
-    t: float  # at which forces are taken [s]
-
-    @staticmethod
-    def in_step(scene: Scene, state: State, interval: Interval, first: int) -> DrivenWalls:
-        """The walls of a state in a step."""
-        v0 = normal_speeds(scene, state.wall_velocity)
-        inertia = interval.inertia(scene.wall_masses, v0)
-        velocity = scene.wall_velocities(state.t + 0.5 * interval.dt)
-        return DrivenWalls(inertia, interval.dt, first, scene, state.walls, velocity, state.t, interval.t)
-
-    @property
-    def names(self) -> list[str]:
-        """The walls."""
-        return [f"wall {i}" for i in self.scene.driven_walls]
-
-    def load(self, z: Array) -> Array:
-        """Forces towards the bodies, (p,) [N/m]: those of pressures act on lengths at the end of the step."""
-        ends = self.points + self.dt * with_normal_speeds(self.scene, self.velocity, z)
-        return driving_forces(self.scene, ends, self.t)
-
-    def load_at_start(self) -> Array:
-        """The forces when the step begins, (p,) [N/m]."""
-        return driving_forces(self.scene, self.points, self.start)
-
-    def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
-        """All prescribed velocities with those of the walls."""
-        walls, at_end = (with_normal_speeds(self.scene, prescribed.walls, v) for v in (z, end))
-        return replace(prescribed, walls=walls, walls_at_end=at_end)
-
-    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
-        """J (k, p) or (2 k, p): a wall that moves along its normal closes its contacts."""
-        contact, wall = np.nonzero(constraints.bodies[1][:, None] == -1 - self.scene.driven_walls)
-        step = 2 if constraints.tangential else 1
-        shape = (step * constraints.size, self.scene.driven_walls.size)
-        return sp.csr_array((np.full(contact.size, -1.0), (step * contact, wall)), shape=shape)

@@ -26,7 +26,7 @@ from skmpm.scene import PrescribedVelocities
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, pair
-from skmpm.step.iteration import Solution
+from skmpm.step.newton import Solution
 from skmpm.step.terms import Configuration
 
 

@@ -29,7 +29,7 @@ from skmpm.scene import (
 )
 from skmpm.scheme import Scheme
 from skmpm.step.budget import kinetic_energy
-from skmpm.step.driven import check_driven
+from skmpm.step.driven_walls import check_driven
 from skmpm.step.periodic_box import velocity_of_box
 from skmpm.step.regrid import regridded_state
 from skmpm.step.scene_forces import springs_of

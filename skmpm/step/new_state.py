@@ -22,8 +22,8 @@ from skmpm.scene import (
 )
 from skmpm.step.end import End
 from skmpm.step.equations import Increment
-from skmpm.step.iteration import Solution
-from skmpm.step.kept_factor import keep
+from skmpm.step.factor import keep
+from skmpm.step.newton import Solution
 from skmpm.step.periodic_box import recut_box
 from skmpm.step.terms import Configuration
 
@@ -71,7 +71,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         contacts=contacts,
         box=box,
         box_rate=motions.gradient_at_end,
-        factored=keep(scene, increment, solution),
+        factored=keep(scene, increment, solution.factor, solution.contact),
         derived=_reusable(scene, state, increment, configuration),
     )
 

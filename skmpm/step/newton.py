@@ -2,7 +2,7 @@
 
 Every iteration computes the gaps at the current w and solves the contact problem on the linearised bulk. Since that
 includes the geometric stiffness of contact, convergence is fast with the matrix of the initial velocity, or with one
-of an earlier step (`kept_factor`); it is factorised again where convergence is slow. Near a limit point of the
+of an earlier step (`factor`); it is factorised again where convergence is slow. Near a limit point of the
 contacts the contact problem may have no solution: that iteration then goes without geometric stiffness.
 """
 
@@ -13,25 +13,42 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skmpm.arrays import Array
+from skmpm.material import determinant
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
 from skmpm.step.contact_solve import solve
+from skmpm.step.convergence import Persistence, not_converged, unmet_criteria, with_contact
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
-from skmpm.step.iteration import (
-    Factor,
-    Persistence,
-    Refactorisation,
-    Solution,
-    admissible_guess,
-    factorise,
-    move,
-    not_converged,
-    unmet_criteria,
-    with_contact,
-)
+from skmpm.step.factor import Factor, Refactorisation, factorise
+from skmpm.step.line_search import move
+from skmpm.step.matrix import solver_of
 from skmpm.step.rotation import drift, missing_spin, with_balanced_momentum
 from skmpm.step.terms import Configuration
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A converged step."""
+
+    w: Array  # (n,) [m/s]
+    contact: ContactIterate | None
+    newton: int  # iterations
+    factorisations: int
+    residual: float  # of the contact law at the end of the step
+    imbalance: float  # relative out-of-balance norm
+    reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
+    factor: Factor | None  # of the last iteration
+    spin: Array | float = 0.0  # (2 nodes,) velocity that w lacks for the balance of angular momentum [m/s]
+    configuration: Configuration | None = (
+        None  # of w but for translations of bodies, in which stresses were evaluated
+    )
+    solves: int = 1  # of a static step
+
+    @property
+    def contact_impulse(self) -> Array | None:
+        """The contact impulse, (n,) [kg m/s per m]; None where nothing can touch."""
+        return None if self.contact is None else self.contact.impulse
 
 
 def advance(increment: Increment, problem: ContactProblem | None, kept: Factor | None, timer: Timer) -> Solution:
@@ -73,6 +90,37 @@ def _first(increment: Increment, problem: ContactProblem | None, kept: Factor | 
     w, configuration = admissible_guess(increment)
     contact = None if problem is None else problem.at(w)
     return _Iterate(increment, w, configuration, contact, kept, np.zeros_like(w))
+
+
+def admissible_guess(increment: Increment) -> tuple[Array, Configuration]:
+    """The velocity at which Newton's method starts, with its configuration.
+
+    It is the initial guess; if that inverts a point (det F <= 0) of a nonlinear material, the solution without
+    contact of the equations linearised about rest; and if that inverts a point too, rest.
+
+    Raises
+    ------
+    StepRejected
+        instead of a start from rest in scenes with supports, whose prescribed velocities exclude it
+    """
+    w = increment.initial_guess()
+    configuration = increment.at(w)
+    if increment.bulk.linear or np.isfinite(increment.bulk.energy(configuration)):
+        return w, configuration
+    rest = increment.with_scalars(np.zeros_like(increment.displacement_at_start), increment.of_scalars(w))
+    configuration = increment.at(rest)
+    gradient = increment.on_nodes(increment.gradient(rest, configuration)[0])
+    prescribed = increment.prescribed_only()
+    nodes = prescribed - solver_of(increment, configuration)(gradient + increment.matrix(configuration) @ prescribed)
+    linear = increment.with_scalars(nodes, increment.of_scalars(w))
+    trial = increment.at(linear)
+    if np.isfinite(increment.bulk.energy(trial)):
+        return linear, trial
+    if increment.supports is None:
+        return rest, configuration
+    worst = int(np.argmin(determinant(trial.F)))
+    b = int(increment.grid.cell_body[increment.grid.cell_of_point[worst]])
+    raise StepRejected(f"body {b}", "the supports move so far in one step that points are inverted (det F <= 0)")
 
 
 @dataclass(frozen=True)

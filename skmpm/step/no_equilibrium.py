@@ -9,7 +9,7 @@ from skmpm.contact import Constraints
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
-from skmpm.step.iteration import Solution
+from skmpm.step.newton import Solution
 from skmpm.step.rotation import RigidMotion
 
 SLIP = 0.3  # of the speed of its surface: a body that slips faster on a contact slides, else it rotates

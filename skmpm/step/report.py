@@ -9,7 +9,7 @@ import numpy as np
 from skmpm.observe.contact_network import among, between, pairs_of
 from skmpm.scene import Energy, Report, Scene, State
 from skmpm.step.equations import Increment
-from skmpm.step.iteration import Solution
+from skmpm.step.newton import Solution
 from skmpm.step.rigid_bodies import rigid_state
 from skmpm.step.terms import Budget
 

@@ -10,9 +10,9 @@ from skmpm.arrays import Array
 from skmpm.grid.transfer import nodal_velocity
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
 from skmpm.scheme import Scheme
-from skmpm.step.driven import DrivenWalls
+from skmpm.step.derived import bulk_of
+from skmpm.step.driven_walls import DrivenWalls
 from skmpm.step.periodic_box import StressedBox, velocity_of_box
-from skmpm.step.regrid import bulk_of
 from skmpm.step.rigid_bodies import FreeBodies
 from skmpm.step.scalar_unknowns import RESPONSE, Interval, ScalarUnknowns, Unknowns
 from skmpm.step.terms import Configuration

@@ -23,8 +23,8 @@ from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
-from skmpm.step.iteration import Factor, Solution
-from skmpm.step.newton import advance
+from skmpm.step.factor import Factor
+from skmpm.step.newton import Solution, advance
 from skmpm.step.no_equilibrium import no_equilibrium
 from skmpm.step.rotation import RigidMotion
 from skmpm.step.terms import Configuration

@@ -27,7 +27,8 @@ from scipy.spatial import KDTree
 from skmpm.arrays import Array
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions, normal_speeds
 from skmpm.scheme import Scheme
-from skmpm.step.driven import driven, driven_by_force, driving_forces, loaded_bodies, moving
+from skmpm.step.driven import driven, driven_by_force, loaded_bodies, moving
+from skmpm.step.driven_walls import driving_forces
 from skmpm.stepping.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.stepping.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
 

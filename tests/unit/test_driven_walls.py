@@ -302,7 +302,7 @@ def test_a_stage_takes_over_the_velocity_of_driven_walls():
 
 def test_scenes_without_them_do_not_know_them(monkeypatch):
     monkeypatch.setattr(sys.modules["skmpm.step.start"], "DrivenWalls", None)
-    monkeypatch.setattr(sys.modules["skmpm.step.driven"], "region", None)
+    monkeypatch.setattr(sys.modules["skmpm.step.driven_walls"], "region", None)
     scene = disc_between(Wall((0.0, 2 * R), (0.0, -1.0), velocity=(0.0, -0.1)))
     *_, state = simulate(scene, until=2e-3)
     assert state.wall_force[1, 1] > 0.0

@@ -17,8 +17,9 @@ from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, Support, Wall, mises, stress_zz
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
+from skmpm.step.derived import bulk_of
 from skmpm.step.initial_state import initial
-from skmpm.step.regrid import bulk_of, regridded_state
+from skmpm.step.regrid import regridded_state
 
 sys.path.append(str(Path(__file__).parent))
 from test_only_what_is_required import Calls

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skmpm import outline
-from skmpm.contact.motion import lattice_code, recut_keys
+from skmpm.contact.keys import lattice_code, recut_keys
 from skmpm.outline import images, reduced, without_images
 from skmpm.scene.periodic import recut
 

@@ -31,7 +31,7 @@ from skmpm.step import contact_solve
 from skmpm.step.bulk import Bulk
 from skmpm.step.contact_stiffness import ContactStiffness
 from skmpm.step.equations import Increment
-from skmpm.step.iteration import Refactorisation
+from skmpm.step.factor import Refactorisation
 from skmpm.step.matrix import solver_of
 from skmpm.step.rotation import drift, matrix_turns, turned_solver, with_balanced_momentum
 

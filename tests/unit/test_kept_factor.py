@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from skmpm import Body, LinearElastic, NeoHookean, Scene, Scheme, Wall, disc, initial, load, save, step
-from skmpm.step import equations, kept_factor
+from skmpm.step import equations, factor
 
 R, DT = 1e-3, 1e-5
 SOFT = NeoHookean(1e7, 0.45, 1000.0)
@@ -35,7 +35,7 @@ def large(monkeypatch):
 
 def in_memory():
     gc.collect()
-    return len(kept_factor._factors)
+    return len(factor._factors)
 
 
 def test_few_steps_factorise_and_all_lead_where_factors_of_their_own_do():

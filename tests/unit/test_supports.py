@@ -183,7 +183,7 @@ def test_a_scene_without_supports_eliminates_nothing(monkeypatch):
     def never(*arguments):
         raise AssertionError("eliminated")
 
-    monkeypatch.setattr(import_module("skmpm.step.regrid"), "eliminate", never)
+    monkeypatch.setattr(import_module("skmpm.step.derived"), "eliminate", never)
     scene = bar()
     step(scene, initial(scene), 1e-4)
     with pytest.raises(AssertionError, match="eliminated"):

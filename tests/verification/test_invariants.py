@@ -17,8 +17,9 @@ from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
+from skmpm.step.derived import bulk_of
 from skmpm.step.initial_state import initial
-from skmpm.step.regrid import bulk_of, regridded_state
+from skmpm.step.regrid import regridded_state
 
 SOFT, LINEAR = NeoHookean(1e6, 0.3, 1000.0), LinearElastic(1e6, 0.3, 1000.0)
 STIFF = NeoHookean(1e8, 0.3, 1000.0)

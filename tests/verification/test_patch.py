@@ -34,7 +34,8 @@ from skmpm import (
 )
 from skmpm.material import Anchored
 from skmpm.points import Points
-from skmpm.step.regrid import bulk_of, regridded_state
+from skmpm.step.derived import bulk_of
+from skmpm.step.regrid import regridded_state
 
 E, CELL = 1e6, 1 / 6
 CORNER = np.array([0.37, 0.21]) * CELL

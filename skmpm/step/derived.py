@@ -1,0 +1,104 @@
+"""What follows from a reference configuration: body grids, weights, supports; and the bulk energy on them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from skmpm import outline
+from skmpm.arrays import Array
+from skmpm.grid import BodyGrids, build_grids
+from skmpm.grid.assembly import prepare
+from skmpm.grid.moment_fitting import fitted_places, fitted_weights
+from skmpm.grid.supports import Elimination, eliminate
+from skmpm.material import bounded_modulus
+from skmpm.scene import Derived, Scene, State
+from skmpm.scheme import Scheme, averages_dilatation
+from skmpm.step.bulk import Bulk
+
+
+def derived_data(scene: Scene, scheme: Scheme, x: Array, volume: Array) -> Derived:
+    """Body grids in the reference configuration, and the data that depend only on it.
+
+    There the points have the positions `x` (2, n) [m] and the volumes `volume` (n,) [m2].
+    """
+    own = scene.deformable_points
+    grid = build_grids(x[:, own], scene.owner[own], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, own])
+    weights = volume[own]
+    if scheme.moment_fitting:
+        weights, grid = _fitted(scene, grid, weights, x)
+    modulus = ghost_moduli(scene, scheme, grid)
+    return Derived(
+        assembly=prepare(grid, weights, scene.masses[own], modulus),
+        ghost=modulus,
+        moment_fitting=scheme.moment_fitting,
+        supports=_supports(scene, grid),
+        supporting=scene.supporting,
+    )
+
+
+def _fitted(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> tuple[Array, BodyGrids]:
+    """Quadrature weights (n,) of the points by moment fitting, and the grids with the places where strains are taken.
+
+    Bodies without outline keep their volumes and places.
+    """
+    boundary = scene.outlines
+    bounded = scene.outlined[grid.cell_body][grid.cell_of_point]
+    if not bounded.any():
+        return volume, grid
+    moments = outline.cell_moments(boundary, x[:, boundary.point], scene.cell, grid.cell_index, grid.cell_body)[:3]
+    weights = np.where(bounded, fitted_weights(grid, volume, moments), volume)
+    places = np.where(bounded, fitted_places(grid, weights, moments), grid.local)
+    return weights, replace(grid, quadrature=places)
+
+
+def _supports(scene: Scene, grid: BodyGrids) -> Elimination | None:
+    """Elimination of the constraints N(c) v = prescribed velocity, for each prescribed component at every point c."""
+    if not scene.supports:
+        return None
+    number = np.cumsum(scene.deformable[scene.owner]) - 1
+    rows, columns = [], []
+    for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
+        at = grid.interpolation[number[supported.points]]
+        for axis in np.flatnonzero(~free).tolist():
+            rows.append(sp.kron(at, np.eye(2)[axis : axis + 1], format="csr"))
+            columns.append(np.full(supported.points.size, 2 * i + axis))
+    column = np.concatenate(columns)
+    B = sp.csr_array(
+        (np.ones(column.size), column, np.arange(column.size + 1)), shape=(column.size, 2 * len(scene.supports))
+    )
+    return eliminate(sp.csr_array(sp.vstack(rows)), B, grid.blocks, grid.rigid_motions)
+
+
+def ghost_moduli(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:
+    """Moduli of the ghost penalties of the cells, (cells,) [Pa]: of the softest material in each."""
+    modulus = scene.first_moduli[grid.cell_body]
+    if scene.composite.any():
+        modulus[scene.composite[grid.cell_body]] = np.inf
+        for material, points in scene.points_by_material:
+            cells = grid.cell_of_point[points]
+            modulus[cells] = np.minimum(modulus[cells], bounded_modulus(material))
+    return np.asarray(scheme.ghost * modulus)
+
+
+def inward_normals(scene: Scene, x: Array) -> Array:
+    """Inward normals of the boundary points, zero elsewhere, (2, n)."""
+    inward = np.zeros_like(x)
+    boundary = scene.outlines
+    if boundary.point.size:
+        inward[:, boundary.point] = -outline.normals(boundary, x[:, boundary.point])
+    return inward
+
+
+def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:
+    """The deformable bodies' energy, grouped by material."""
+    own, parts = scene.deformable_points, scene.points_by_material
+    F, stress = state.F_anchor[:, :, own], state.stress_anchor[:, :, own]
+    undeformed = bool((np.eye(2)[:, :, None] == F).all())
+    reference = (None if undeformed else F, stress if stress.any() else None)
+    averaged = tuple(averages_dilatation(scheme, material) for material, _ in parts)
+    internal = state.internal[:, own] if state.internal.size else None
+    mixed = bool(scene.composite.any())
+    return Bulk(state.grids.assembly, parts, *reference, averaged, mixed_cells=mixed, internal=internal)

@@ -1,0 +1,97 @@
+"""Walls that forces drive: their forces and pressures, and their motions as unknowns of a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from skmpm.arrays import Array
+from skmpm.contact import Constraints, acts_at_grid_nodes
+from skmpm.observe.regions import region
+from skmpm.scene import (
+    PrescribedVelocities,
+    Scene,
+    SceneError,
+    State,
+    normal_speeds,
+    with_normal_speeds,
+)
+from skmpm.scheme import Scheme
+from skmpm.step.scalar_unknowns import Interval, Unknowns
+
+
+def driving_forces(scene: Scene, walls: Array, t: float) -> Array:
+    """Driving forces at time t with walls through some points (walls, 2) [m], (p,) [N/m]."""
+    return scene.driving_forces(t, region(scene.normals, walls.T).length)
+
+
+def initial_points(scene: Scene) -> Array:
+    """Points of the walls at t = 0, (walls, 2) [m]."""
+    return np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2)
+
+
+def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
+    """Raise SceneError if a scheme cannot drive walls, or a pressure acts on a side that is not closed."""
+    if (scene.has_scalar_unknowns or scene.periodic is not None) and acts_at_grid_nodes(scheme.contact):
+        what = "the box is periodic"
+        if scene.free_rigid.size:
+            what = f"body {scene.free_rigid[0]} is a free rigid body"
+        if scene.driven_walls.size:
+            what = f"wall {scene.driven_walls[0]} is driven by a force"
+        raise SceneError(f"{name}: {what}, which contact = shared_grid cannot; use point_to_curve")
+    if scene.driven_walls.size == 0:
+        return
+    length = region(scene.normals, initial_points(scene).T).length
+    for i in scene.driven_walls.tolist():
+        if scene.walls[i].pressure is not None and not 0.0 < length[i] < np.inf:
+            raise SceneError(
+                f"{name}: wall {i} has a pressure, and other walls leave it a length of {length[i]:g} m; close the"
+                " box on both sides of it, or give a force"
+            )
+
+
+@dataclass(frozen=True)
+class DrivenWalls(Unknowns):
+    """The p walls of a scene that a force drives, in one step."""
+
+    scene: Scene
+    points: Array  # (walls, 2) of all walls at the start of the step [m]
+    velocity: Array  # (walls, 2) that are given [m/s]
+    start: float  # when the step begins [s]
+    t: float  # at which forces are taken [s]
+
+    @staticmethod
+    def in_step(scene: Scene, state: State, interval: Interval, first: int) -> DrivenWalls:
+        """The walls of a state in a step."""
+        v0 = normal_speeds(scene, state.wall_velocity)
+        inertia = interval.inertia(scene.wall_masses, v0)
+        velocity = scene.wall_velocities(state.t + 0.5 * interval.dt)
+        return DrivenWalls(inertia, interval.dt, first, scene, state.walls, velocity, state.t, interval.t)
+
+    @property
+    def names(self) -> list[str]:
+        """The walls."""
+        return [f"wall {i}" for i in self.scene.driven_walls]
+
+    def load(self, z: Array) -> Array:
+        """Forces towards the bodies, (p,) [N/m]: those of pressures act on lengths at the end of the step."""
+        ends = self.points + self.dt * with_normal_speeds(self.scene, self.velocity, z)
+        return driving_forces(self.scene, ends, self.t)
+
+    def load_at_start(self) -> Array:
+        """The forces when the step begins, (p,) [N/m]."""
+        return driving_forces(self.scene, self.points, self.start)
+
+    def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
+        """All prescribed velocities with those of the walls."""
+        walls, at_end = (with_normal_speeds(self.scene, prescribed.walls, v) for v in (z, end))
+        return replace(prescribed, walls=walls, walls_at_end=at_end)
+
+    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
+        """J (k, p) or (2 k, p): a wall that moves along its normal closes its contacts."""
+        contact, wall = np.nonzero(constraints.bodies[1][:, None] == -1 - self.scene.driven_walls)
+        step = 2 if constraints.tangential else 1
+        shape = (step * constraints.size, self.scene.driven_walls.size)
+        return sp.csr_array((np.full(contact.size, -1.0), (step * contact, wall)), shape=shape)
