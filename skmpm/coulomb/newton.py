@@ -36,7 +36,9 @@ FULL_STEP_GAIN = 1e-6
 # Full steps after which the number of contacts that change their states must have decreased: with 1, 2, 3, 5
 # problems of real runs, 165 in all, take 1,900, 1,760, 1,540, 1,690 Newton steps, without full steps 7,000.
 PATIENCE = 3
-POLISH = 1e-2  # residuals between this fraction of the tolerance and the tolerance are worth another step
+# Residuals between this fraction of the tolerance and the tolerance are worth another step: it gets what contacts bear
+# right to less than the tolerance (test_free_rigid), and is one of thirty.
+POLISH = 1e-2
 # A Krylov solver solves roughly while more than this fraction of the contacts change their states: of 3,000 in a
 # dense packing 200 change in the first step, 6 in the second, none in the third.
 MANY_CHANGES, ROUGH_TOLERANCE = 0.01, 1e-4

@@ -35,8 +35,6 @@ import scipy.sparse as sp
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import Constraints
 
-MIN_IMPULSE = 1e-3  # over the largest normal impulse: below it, the geometric stiffness of a contact is neglected
-
 
 @dataclass(frozen=True)
 class ContactStiffness:
@@ -120,14 +118,14 @@ def _compliance(
 
 
 def loaded(constraints: Constraints, r: Array) -> Ints:
-    """The contacts on curved surfaces with a normal impulse, tension or compression, above `MIN_IMPULSE`."""
+    """The contacts on curved surfaces with a normal impulse, tension or compression, above round-off."""
     pressed = _pressed(constraints, r)
     return np.asarray(pressed[constraints.curved[pressed]])
 
 
 def _pressed(constraints: Constraints, r: Array) -> Ints:
     size = np.abs(constraints.normal_part(r))
-    return np.flatnonzero(size > MIN_IMPULSE * size.max(initial=0.0))
+    return np.flatnonzero(size > ROUND_OFF * size.max(initial=0.0))
 
 
 def sticking(r: Array, friction: Array) -> Bools:
