@@ -135,7 +135,7 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--cell", type=float, default=0.19e-3, help="side of a grid cell [m]")
     options.add_argument("--spacing", type=float, default=0.14e-3, help="distance of material points [m]")
     options.add_argument("--speed", type=float, default=2.0, help="speed of the lid [m/s]")
-    options.add_argument("--dt", type=float, default=8e-6, help="time step [s]")
+    options.add_argument("--dt", type=float, default=13.3e-6, help="time step [s]")
     options.add_argument("--seed", type=int, default=0, help="random seed of the radii and the packing")
     options.add_argument("--start", type=float, default=0.70, help="nominal solid fraction of the packing")
     options.add_argument("--until", type=float, default=0.95, help="nominal solid fraction at the end")

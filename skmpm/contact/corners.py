@@ -13,10 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.outline import Curve
-
-PARALLEL_NORMALS = 1e-6  # corners whose mean normals differ by less point the same way and cannot touch
 
 
 def edges(curve: Curve, x: Array, c: Ints) -> tuple[Array, Array]:
@@ -67,7 +65,8 @@ def wedge(
     distance = np.maximum(np.hypot(across, above), 1e-300)
     normal = (above * m + across * np.stack([-m[1], m[0]])) / distance
     gap = distance - radius + (along - above) * above / distance
-    seen = (size > PARALLEL_NORMALS) & (half >= 0.0) & (np.abs(across) <= above * np.tan(half))
+    # Corners whose mean normals are the same point the same way and cannot touch.
+    seen = (size > ROUND_OFF) & (half >= 0.0) & (np.abs(across) <= above * np.tan(half))
     # The key changes beside the axis: corners that meet head-on keep it, and with it their impulses.
     beyond = across > -0.5 * radius * np.sin(half)
     return CornerContact(seen, normal, gap, np.where(beyond, keys[1], keys[0]), np.where(beyond, *keys))

@@ -36,8 +36,8 @@ FULL_STEP_GAIN = 1e-6
 # Full steps after which the number of contacts that change their states must have decreased: with 1, 2, 3, 5
 # problems of real runs, 165 in all, take 1,900, 1,760, 1,540, 1,690 Newton steps, without full steps 7,000.
 PATIENCE = 3
-# Residuals between this fraction of the tolerance and the tolerance are worth another step: it gets what contacts bear
-# right to less than the tolerance (test_free_rigid), and is one of thirty.
+# Residuals between this fraction of the tolerance and the tolerance are worth another step: one of thirty, with which
+# contacts bear weights to less than the tolerance (test_free_rigid).
 POLISH = 1e-2
 # A Krylov solver solves roughly while more than this fraction of the contacts change their states: of 3,000 in a
 # dense packing 200 change in the first step, 6 in the second, none in the third.

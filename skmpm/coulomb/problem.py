@@ -17,13 +17,14 @@ SLIP_SIGN = np.array([0.0, 0.0, 1.0, -1.0])  # sign of r_t for each state
 Matrix: TypeAlias = Any  # dense or CSR, with @
 Ints: TypeAlias = NDArray[np.integer]
 
-TINY = 1e-300  # keeps norms in denominators positive; residuals of problems with |q~| below it are relative to it
+TINY = float(
+    np.finfo(float).tiny
+)  # keeps norms in denominators positive; residuals of problems with |q~| below it are relative to it
 MAX_DENSE_ROWS = 200  # problems with more rows use sparse matrices; for smaller ones dense algebra is faster
 # Added to the unit diagonal of W~ in Newton steps: bounds the impulses of redundant contacts. Steps of 1e4 h / c
 # leave elastic eigenvalues of 1e-7; of 1e-6 to 1e-10, 1e-8 and 1e-9 take the fewest steps for 165 problems.
 REGULARISATION = 1e-8
-ZERO_ENTRY = 1e-14  # entries of W~, whose diagonal is one, below this are round-off
-LARGE_IMPULSE = 1e200  # exceeds mu r_n of every contact, so the contact slips
+LARGE_IMPULSE = float(np.finfo(float).max)  # exceeds mu r_n of every contact, so the contact slips
 
 
 def project(r: ArrayLike, mu: ArrayLike) -> Array:
@@ -263,7 +264,7 @@ def _slide(W: Matrix, response: Array, q: Array, contacts: int, k: int) -> Array
     largest = abs(W[rows]).max(axis=1)
     largest = largest.toarray().ravel() if is_sparse(W) else largest
     slide = np.zeros_like(q)
-    slide[rows] = np.where(largest < ZERO_ENTRY, -LARGE_IMPULSE * np.sign(q[rows]), 0.0)
+    slide[rows] = np.where(largest < EXACT, -LARGE_IMPULSE * np.sign(q[rows]), 0.0)
     return slide
 
 

@@ -29,10 +29,8 @@ from skmpm.step.scalar_unknowns import RESPONSE, driven
 # [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
 # closes from a larger gap is one in the next.
 MAX_CANDIDATE_GAP = 0.08
-# [cells] Largest penetration of a supported point, a fifth of what `step.acceptance` accepts at walls.
-MAX_SUPPORTED_PENETRATION = 0.01
+MAX_WALL_PENETRATION = 0.05  # [cells] of what cannot respond: walls, and points that supports hold
 BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
-ROUND_OFF_FACTOR = 5.0  # over the round-off of impulses: what counts as zero
 
 
 def active_constraints(
@@ -60,7 +58,7 @@ def active_constraints(
         return constraints
     movable = _movable(constraints, grid, supports, supported)
     movable |= driven(rows(constraints), constraints)
-    penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
+    penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_WALL_PENETRATION * grid.cell))
     if penetrating.size:
         bodies = constraints.bodies[:, penetrating[0]]
         raise StepRejected(pair(bodies), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
@@ -234,7 +232,7 @@ class ContactIterate:
         scale = self.known.scale
         if scale is None or scale.key.size == 0:
             return 0.0
-        return ROUND_OFF_FACTOR * float(np.linalg.norm(self.problem.speed_round_off / scale.diagonal[0]))
+        return float(np.linalg.norm(self.problem.speed_round_off / scale.diagonal[0]))
 
     def worst_pair(self) -> str:
         """The pair of bodies with the largest contact residual, as text."""

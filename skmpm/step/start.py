@@ -17,7 +17,9 @@ from skmpm.step.rigid_bodies import FreeBodies
 from skmpm.step.scalar_unknowns import RESPONSE, Interval, ScalarUnknowns, Unknowns
 from skmpm.step.terms import Configuration
 
-MAX_MOVE = 0.5  # [cells] motion of an unknown in one iteration without inertia
+# [cells] Motion of an unknown in one iteration without inertia: a box that nothing resists yet would become so long that
+# the search for neighbours takes all memory (test_periodic).
+MAX_MOVE = 0.5
 
 
 def configuration_at_start(scene: Scene, state: State, scheme: Scheme) -> Configuration:

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 STUDIES = {
-    "packing_ensemble": ("", "figures", "main_job"),
+    "packing_ensemble": ("", "figures", "main_job", "steps"),
     "work_precision": ("", "page", "promises"),
     "feature_cost": ("",),
     "periodic_shear": ("", "figures"),

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from skmpm import Body, NeoHookean, Scene, Scheme, disc, initial, linear
-from skmpm.step.regrid import bulk_of
+from skmpm.step.derived import bulk_of
 
 
 def seconds(solver: linear.Linear, A, grid) -> float:

@@ -1,0 +1,39 @@
+"""The table of what the step of the main job costs."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from examples import compaction
+from examples.studies.packing_ensemble import steps
+
+
+def written(place, factor):
+    """A run whose pressure is so many times the square of the nominal solid fraction."""
+    place.mkdir(parents=True)
+    (place / "stages.png").touch()
+    with (place / "observables.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, compaction.COLUMNS)
+        table.writeheader()
+        for phi in np.linspace(0.7, 0.95, 251):
+            values = dict.fromkeys(compaction.COLUMNS, 2.0)
+            table.writerow(values | {"solid_fraction_nominal": phi, "pressure": factor * phi**2})
+
+
+def test_deviations_and_scatter_are_those_of_the_runs(tmp_path, capsys):
+    """Two packings that differ by a fifth, and steps of 8 us that press a tenth more in both."""
+    for seed, packing in enumerate((0.9, 1.1)):
+        for dt, factor in zip(steps.STEPS, (1.0, 1.1, 1.0), strict=True):
+            written(tmp_path / f"{1e6 * dt:g}us_seed{seed}", packing * factor)
+    steps.main(steps.parser().parse_args(["--out", str(tmp_path), "--packings", "2"]))
+    rows = [line.split(" | ") for line in capsys.readouterr().out.splitlines()[2:]]
+    assert [row[2] for row in rows[:3]] == ["+10.0 / 10.0 %", "+0.0 / 0.0 %", "14.1 %"]
+    assert all(row[3] == "+0.0 / 0.0 %" for row in rows if "steps" in row[1])
+
+
+def test_a_step_is_run_by_the_main_example(tmp_path):
+    place = steps.run(tmp_path, 13.3e-6, 3, ["--discs", "5", "--until", "0.71"])
+    found = steps.curves(place)
+    assert found["solid_fraction_nominal"][-1] == pytest.approx(0.71, abs=1e-3)
+    assert steps.run(tmp_path, 13.3e-6, 3, ["--discs", "no number"]) == place
