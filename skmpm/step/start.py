@@ -17,8 +17,8 @@ from skmpm.step.rigid_bodies import FreeBodies
 from skmpm.step.scalar_unknowns import RESPONSE, Interval, ScalarUnknowns, Unknowns
 from skmpm.step.terms import Configuration
 
-# [cells] Motion of an unknown in one iteration without inertia: a box that nothing resists yet would become so long that
-# the search for neighbours takes all memory (test_periodic).
+# [cells] Motion of an unknown in one iteration without inertia: a box that nothing resists yet would become so long
+# that the search for neighbours takes all memory (test_periodic).
 MAX_MOVE = 0.5
 
 
