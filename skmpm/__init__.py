@@ -22,6 +22,7 @@ from skmpm.material import (
     Yeoh,
     check_material,
 )
+from skmpm.moduli import Moduli, moduli
 from skmpm.observe import (
     Network,
     Observables,
@@ -71,6 +72,7 @@ __all__ = [
     "Load",
     "Material",
     "MaterialWithMemory",
+    "Moduli",
     "MooneyRivlin",
     "NeoHookean",
     "Network",
@@ -113,6 +115,7 @@ __all__ = [
     "initial",
     "linear",
     "load",
+    "moduli",
     "network",
     "observe",
     "outline",

@@ -14,8 +14,8 @@ MAX_NORMALS_COSINE = -0.3  # largest cosine between outward normals of surfaces 
 MAX_EDGE_SINE, MAX_EDGE_DEPTH = 0.5, 0.1
 MAX_SLIDE = 0.95  # shift of a contact point that slides [segments]: the next boundary point has a contact of its own
 MIN_CURVATURE_FACTOR = 0.1  # of 1 - g kappa, which is zero for a point at the centre of curvature
-# [segments] A point beyond the end of a side by less is still in front of it. With 1e-9 boxes whose corners lie on each
-# other take 39 iterations instead of 30 (test_statics).
+# [segments] A point beyond the end of a side by less is still in front of it. With 1e-9 boxes whose corners lie on
+# each other take 39 iterations instead of 30 (test_statics).
 END_TOLERANCE = 1e-6
 
 

@@ -12,7 +12,8 @@ from scipy.spatial import Delaunay, QhullError
 from skmpm import outline
 from skmpm.arrays import Array, Ints
 from skmpm.outline import Polylines
-from skmpm.plot.fields import Field, Style, colour_map
+from skmpm.plot import fringes
+from skmpm.plot.fields import Field, Style
 from skmpm.plot.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def draw_bodies(axes: Axes, seen: Snapshot, field: Field, style: Style, offset: 
     faces = [COLOURS[b % len(COLOURS)] if seen.deformable[b] else RIGID for b in bodies.tolist()]
     if field.values is not None:
         soft = [path for path, b in zip(paths, bodies.tolist(), strict=True) if seen.deformable[b]]
-        _shade(axes, seen, x, boundary, soft, field.values, style)
+        _shade(axes, seen, x, boundary, soft, field, style)
         faces = ["none" if seen.deformable[b] else RIGID for b in bodies.tolist()]
     # Axes clip bodies. To ask how much room they take is to turn each triangle into a path.
     outlined = PathCollection(paths, facecolors=faces, edgecolors=EDGE, linewidths=EDGE_WIDTH, zorder=2.0)
@@ -121,10 +122,10 @@ def _shade(
     x: Array,
     boundary: Polylines,
     paths: list[Any],
-    values: Array,
+    field: Field,
     style: Style,
 ) -> None:
-    """Colour the bodies with these paths by values at the points (n,), which lie at x (2, n)."""
+    """Colour the bodies with these paths by a field of the points, which lie at x (2, n)."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
     from matplotlib.tri import Triangulation
@@ -132,9 +133,16 @@ def _shade(
     mesh = triangles(x, seen.owner, seen.boundary_points, boundary, np.flatnonzero(seen.deformable))
     if mesh.corners.size == 0:
         return
-    options: dict[str, Any] = {"cmap": colour_map(style.limits), "vmin": style.limits[0], "vmax": style.limits[1]}
+    corners, place = mesh.corners, mesh.x
+    if field.order is not None:
+        place, corners, order = fringes.divided(place, corners, np.stack([mesh.values(each) for each in field.order]))
+        values = fringes.light(order)
+    else:
+        assert field.values is not None
+        values = mesh.values(field.values)
+    options: dict[str, Any] = {"cmap": style.colours, "vmin": style.limits[0], "vmax": style.limits[1]}
     options |= {"shading": "gouraud", "zorder": 1.0, "rasterized": True}
-    shading: Any = axes.tripcolor(Triangulation(mesh.x[0], mesh.x[1], mesh.corners), mesh.values(values), **options)
+    shading: Any = axes.tripcolor(Triangulation(place[0], place[1], corners), values, **options)
     shading.set_in_layout(False)
     shading.set_clip_path(PathPatch(Path.make_compound_path(*paths), transform=axes.transData))
 
@@ -144,5 +152,5 @@ def _scatter(axes: Axes, x: Array, values: NDArray[Any], style: Style | None) ->
 
     options: dict[str, Any] = {"cmap": ListedColormap(COLOURS), "vmin": -0.5, "vmax": len(COLOURS) - 0.5}
     if style is not None:
-        options = {"cmap": colour_map(style.limits), "vmin": style.limits[0], "vmax": style.limits[1]}
+        options = {"cmap": style.colours, "vmin": style.limits[0], "vmax": style.limits[1]}
     axes.scatter(x[0], x[1], 4.0, values, zorder=2.0, **options)

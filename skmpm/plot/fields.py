@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.arrays import Array
+from skmpm.plot import fringes
 from skmpm.plot.snapshot import Snapshot
 from skmpm.representation import UNITS, prefixed
 from skmpm.scene import view_of
 
 Limits = tuple[float, float]
 
-SEQUENTIAL, DIVERGING = "viridis", "RdBu_r"
+SEQUENTIAL, DIVERGING, LIGHT = "viridis", "RdBu_r", "gray"
 OUTLIERS = 1.0  # [%] of points beyond each end of the colour scale: those beside corners would set it alone
 # Of compression: where tension is less, pressures have a sequential map, since a little tension is mostly noise.
 SIGNED = 0.25
@@ -27,7 +28,7 @@ NEEDS = {
     "von Mises stress": "; the equivalent stress needs `stress_zz` of the materials",
     "plastic strain": "; it needs a material that yields, as ElastoPlastic",
 }
-NAMES = ", ".join([*UNIT_OF, "body"])
+NAMES = ", ".join([*UNIT_OF, "body", "fringes"])
 View = tuple[Limits, Limits]
 
 
@@ -38,6 +39,7 @@ class Field:
     values: Array | None  # (n,)
     name: str
     unit: str
+    order: Array | None = None  # (2, n) of fringes, whose light the values are
 
     @property
     def by_body(self) -> bool:
@@ -45,8 +47,14 @@ class Field:
         return self.values is None
 
 
-def field_of(seen: Snapshot, colour: str | NDArray[np.floating], label: str = "") -> Field:
+def field_of(
+    seen: Snapshot, colour: str | NDArray[np.floating], label: str = "", fringe: float | None = None
+) -> Field:
     """The field that is named or given, by point (n,) or by body (bodies,)."""
+    if isinstance(colour, str) and colour == "fringes":
+        return _known(seen, _fringes(seen, fringe))
+    if fringe is not None:
+        raise ValueError(f"plot: fringe = {fringe!r} is for colour = 'fringes'; leave it out")
     if isinstance(colour, str):
         return _known(seen, _named(seen, colour))
     values, n, bodies = np.asarray(colour), seen.owner.size, seen.deformable.size
@@ -57,6 +65,20 @@ def field_of(seen: Snapshot, colour: str | NDArray[np.floating], label: str = ""
         )
     values = values.astype(np.float64)
     return _known(seen, Field(values if values.size == n else values[seen.owner], label, ""))
+
+
+def _fringes(seen: Snapshot, fringe: float | None) -> Field:
+    """The light of a photoelastic experiment; ValueError if the fringe value is not greater than zero."""
+    difference = fringes.stress_differences(seen)
+    if fringe is None or not (np.isfinite(fringe) and fringe > 0.0):
+        largest = float(np.hypot(*difference).max(initial=0.0))
+        raise ValueError(
+            f"plot: fringe = {fringe!r}; give the difference of principal stresses of one fringe [Pa], of which the"
+            f" largest in this state is {largest:.3g} Pa"
+        )
+    order = difference / fringe
+    scale, unit = prefixed("Pa", fringe)
+    return Field(fringes.light(order), f"light, a fringe for each {fringe / scale:.4g} {unit}", "", order)
 
 
 def _known(seen: Snapshot, field: Field) -> Field:
@@ -82,7 +104,7 @@ def limits_of(seen: Snapshot, fields: Sequence[Field]) -> Limits:
     own = seen.inside_deformable
     parts = [field.values[own] for field in fields if field.values is not None]
     values = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.zeros(0)
-    if values.size == 0:
+    if values.size == 0 or fields[0].order is not None:
         return 0.0, 1.0
     low, high = np.percentile(values, (OUTLIERS, 100.0 - OUTLIERS)).tolist()
     if (fields[0].unit and -SIGNED * high <= low <= 0.0 <= high) or fields[0].name in (
@@ -96,8 +118,10 @@ def limits_of(seen: Snapshot, fields: Sequence[Field]) -> Limits:
     return (low, high) if high > low else (low, low + (abs(low) or 1.0))
 
 
-def colour_map(limits: Limits) -> str:
-    """The colour map: diverging where the limits are those of signed values."""
+def _colour_map(field: Field, limits: Limits) -> str:
+    """The colour map: grey for light, diverging where the limits are those of signed values."""
+    if field.order is not None:
+        return LIGHT
     return DIVERGING if limits[0] == -limits[1] else SEQUENTIAL
 
 
@@ -114,6 +138,7 @@ class Style:
     """The scales and the view of a picture."""
 
     limits: Limits  # of the colours
+    colours: str  # the colour map
     largest_force: float | None  # [N/m] drawn with the widest line; None: no forces
     view: Array  # (2, 2) lower left and upper right corners [m]
     units: tuple[str, ...]  # multiples of units to be shown, as "mm"
@@ -139,7 +164,7 @@ def style_of(
         corners = np.stack([views[:, 0].min(axis=0), views[:, 1].max(axis=0)])
     else:
         corners = np.array([_checked(view[axis], "view") for axis in (0, 1)]).T
-    return Style(limits, largest, corners, names)
+    return Style(limits, _colour_map(fields[0], limits), largest, corners, names)
 
 
 def _shown(seen: Snapshot) -> Array:

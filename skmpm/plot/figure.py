@@ -16,7 +16,6 @@ from skmpm.plot.fields import (
     Style,
     View,
     beyond,
-    colour_map,
     field_of,
     in_multiples,
     scale_of,
@@ -45,6 +44,7 @@ def plot(
     units: Sequence[str] = (),
     legend: bool = True,
     label: str = "",
+    fringe: float | None = None,
 ) -> Axes:
     """Draw the bodies of a state, filled by a field, with walls and supports.
 
@@ -55,8 +55,8 @@ def plot(
     ----------
     scene, state : what is drawn
     colour : "pressure" or "mises" [Pa], both of elastic stress, without what viscosity adds; "displacement" since
-        t = 0 [m], "speed" [m/s], "plastic strain" (equivalent, of materials that yield), "body", or an array by point
-        (n,) or by body (bodies,)
+        t = 0 [m], "speed" [m/s], "plastic strain" (equivalent, of materials that yield), "fringes", "body", or an
+        array by point (n,) or by body (bodies,)
     forces : draw the contact network: lines between the centres of bodies that touch, or from a centre to a wall, as
         wide as their normal force
     axes : drawn into; by default those of a new figure
@@ -66,6 +66,8 @@ def plot(
     units : multiples of units on axes and legends, as ("mm", "kPa"); by default those that suit the values
     legend : add a colour bar and, with forces, a key of their lines
     label : of the colour bar of an array, with the unit in which its values are
+    fringe : difference of the principal stresses in the plane that makes one of the "fringes" [Pa]: those of a
+        photoelastic experiment between crossed circular polarisers, dark where the difference is a multiple of it
 
     Returns
     -------
@@ -76,8 +78,8 @@ def plot(
     ImportError
         if matplotlib is not installed
     ValueError
-        if colour is no name or array of these shapes, limits or a range of the view are not two ascending numbers, or
-        a unit is no multiple
+        if colour is no name or array of these shapes, fringes have no fringe value, limits or a range of the view are
+        not two ascending numbers, or a unit is no multiple
     SceneError
         if the state belongs to another scene
 
@@ -95,7 +97,7 @@ def plot(
     """
     check_fits(scene, state, "plot")
     seen = OfState.from_state(scene, state)
-    field = field_of(seen, colour, label)
+    field = field_of(seen, colour, label, fringe)
     style = style_of([seen], [field], forces=forces, limits=limits, view=view, units=units)
     axes = new_axes() if axes is None else axes
     draw(axes, seen, field, style)
@@ -143,7 +145,7 @@ def add_legend(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
 
     if field.values is not None:
         scale, name = scale_of(field, style)
-        colours = ScalarMappable(Normalize(*style.limits), colour_map(style.limits))
+        colours = ScalarMappable(Normalize(*style.limits), style.colours)
         picture: Any = axes.get_figure()
         _make_room(axes)
         place, ends = axes.inset_axes((1.03, 0.0, 0.035, 1.0)), beyond(seen, field, style.limits)

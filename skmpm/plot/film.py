@@ -30,6 +30,7 @@ def animate(
     view: View | None = None,
     units: Sequence[str] = (),
     label: str = "",
+    fringe: float | None = None,
     fps: int = 20,
     dpi: float = 120.0,
 ) -> Path:
@@ -40,7 +41,7 @@ def animate(
     states : states, or frames of a recording as of `read("run.vtkhdf")[::10]`; all are held in memory
     path : the file; its suffix .mp4 (needs ffmpeg), .gif or .html decides the format
     scene : the scene of the states; recordings need none
-    colour, forces, limits, view, units, label : as for `plot`
+    colour, forces, limits, view, units, label, fringe : as for `plot`
     fps : frames per second
     dpi : pixels per inch, of a figure of 6.4 by 4.8 inches
 
@@ -75,7 +76,7 @@ def animate(
     _check(path)
     pictures = _pictures(states, scene)
     writer, axes = _writer(path, fps), new_axes()
-    fields = [field_of(seen, colour, label) for seen in pictures]
+    fields = [field_of(seen, colour, label, fringe) for seen in pictures]
     style = style_of(pictures, fields, forces=forces, limits=limits, view=view, units=units)
     picture: Any = axes.get_figure()
     add_legend(axes, pictures[-1], fields[-1], style)

@@ -55,6 +55,20 @@ class Snapshot(ABC):
         """The field "pressure", "mises", "displacement", "speed" or "plastic strain", (n,); nan if unknown."""
 
     @abstractmethod
+    def deviator(self) -> Array:
+        """(s_xx - s_yy, 2 s_xy) of the elastic stress, (2, n) [Pa]; its length is that of principal stresses."""
+
+    @property
+    @abstractmethod
+    def volume(self) -> Array:
+        """Areas of the points, (n,) [m2]."""
+
+    @property
+    @abstractmethod
+    def cell(self) -> float:
+        """Size of cells that have some points each [m]."""
+
+    @abstractmethod
     def forces(self) -> tuple[Array, Array]:
         """Lines (k, 2, 2) [m] of the contact network and the normal forces (k,) [N/m] along them."""
 
@@ -95,6 +109,21 @@ class OfState(Snapshot):
             return plastic_strain(self.scene, state.internal) if state.internal.size else self.unknown
         return np.asarray(-0.5 * (state.stress[0, 0] + state.stress[1, 1]))
 
+    def deviator(self) -> Array:
+        """That of the state."""
+        stress = self.state.stress
+        return np.stack([stress[0, 0] - stress[1, 1], 2.0 * stress[0, 1]])
+
+    @property
+    def volume(self) -> Array:
+        """Those of the state."""
+        return self.state.volume
+
+    @property
+    def cell(self) -> float:
+        """That of the scene."""
+        return self.scene.cell
+
     def forces(self) -> tuple[Array, Array]:
         """The contact network of the state."""
         pairs = network(self.scene, self.state)
@@ -131,6 +160,21 @@ class OfFrame(Snapshot):
         if name == "plastic strain":
             return np.asarray(fields.get("plastic_strain", self.unknown), dtype=np.float64)
         return fields[name].astype(np.float64)
+
+    def deviator(self) -> Array:
+        """That of the recorded stress."""
+        stress = self.frame.points["stress"].astype(np.float64)
+        return np.stack([stress[0, 0] - stress[1, 1], 2.0 * stress[0, 1]])
+
+    @property
+    def volume(self) -> Array:
+        """The recorded ones."""
+        return self.frame.points["volume"].astype(np.float64)
+
+    @property
+    def cell(self) -> float:
+        """As wide as one and a third points, which is usual; recordings do not have that of the scene."""
+        return float(4.0 / 3.0 * np.sqrt(np.median(self.volume)))
 
     def forces(self) -> tuple[Array, Array]:
         """The recorded contact network."""

@@ -36,6 +36,7 @@ GROUPS = {
         "interpenetration": "Interpenetration",
         "hertz": "Hertz's contact",
         "contact_pressure": "Contact pressure",
+        "fringes": "Isochromatics",
         "contact_patch": "Contact patch test",
         "ironing": "Sliding over many cells",
         "corners": "Corners",

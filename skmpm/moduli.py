@@ -1,0 +1,152 @@
+"""`moduli`: the elastic moduli of a packing in a periodic box, by small static strains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skmpm.arrays import ROUND_OFF, Array
+from skmpm.observe import observe
+from skmpm.representation import with_shapes
+from skmpm.scene import Periodic, Scene, SceneError, State, at_rest, check_fits, check_scene
+from skmpm.scheme import Scheme
+from skmpm.step.algorithm import step
+
+# Stress differences are a hundred-thousandth of the moduli: solves are as much more accurate than in a run.
+STATIC = Scheme(inertia=False, newton_tol=1e-8, gap_tol=1e-9, contact_tol=1e-10)
+STRAIN = 1e-5  # by default: a contact of two discs opens or closes at strains of about the pressure over the modulus
+HELD = 1e3  # coefficient of friction with which no contact slides
+STRAINS = (((1.0, 0.0), (0.0, 0.0)), ((0.0, 0.0), (0.0, 1.0)), ((0.0, 0.5), (0.5, 0.0)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Moduli:
+    """The elastic moduli of a packing in the plane; `moduli` defines them.
+
+    Attributes
+    ----------
+    tensor : (2, 2, 2, 2) C, stress [i, j] over strain [k, l] [Pa]
+    bulk : K = (C_xxxx + C_xxyy + C_yyxx + C_yyyy) / 4 [Pa]
+    shear : G = C_xyxy [Pa]; of anisotropic packings that of a simple shear along the box
+    shear_pure : (C_xxxx - C_xxyy - C_yyxx + C_yyyy) / 4 [Pa], that of a compression in x with an extension in y
+    stress : (2, 2) of the packing at rest, tension positive [Pa]
+    rattlers : (bodies,) whether contacts do not hold a body at rest: it bears nothing
+    """
+
+    __repr__ = with_shapes
+
+    tensor: Array
+    stress: Array
+    rattlers: Array
+
+    @property
+    def bulk(self) -> float:
+        """The bulk modulus [Pa]."""
+        C = self.tensor
+        return float(C[0, 0, 0, 0] + C[0, 0, 1, 1] + C[1, 1, 0, 0] + C[1, 1, 1, 1]) / 4.0
+
+    @property
+    def shear(self) -> float:
+        """The shear modulus along the box [Pa]."""
+        return float(self.tensor[0, 1, 0, 1])
+
+    @property
+    def shear_pure(self) -> float:
+        """The shear modulus at 45 degrees to the box [Pa]."""
+        C = self.tensor
+        return float(C[0, 0, 0, 0] - C[0, 0, 1, 1] - C[1, 1, 0, 0] + C[1, 1, 1, 1]) / 4.0
+
+
+def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = False) -> Moduli:
+    """Measure the elastic moduli of a packing in a periodic box.
+
+    The packing comes to static equilibrium in the box of the state, which stays. From there the box takes three small
+    strains, each in a static step from the same state. The moduli are the differences of the mean stress of the
+    contact forces over the strain. Contacts may slide, open and close in these steps.
+
+    Parameters
+    ----------
+    scene, state : a packing in a `Periodic` box. Its rate and stress do not matter, nor do velocities
+    strain : of each step; smaller than the pressure over Young's modulus, so that hardly a contact opens or closes,
+        or about as large, if those that open and close are to count
+    held : whether no contact slides, whatever its friction: moduli of the packing as a network. Else friction is that
+        of the scene
+
+    Returns
+    -------
+    the moduli, with the stress and the rattlers of the packing at rest
+
+    Raises
+    ------
+    SceneError
+        if the scene has no periodic box, the state belongs to another scene, or the packing bears no pressure
+    ValueError
+        if the strain is not between 1e-8 and 0.01
+    StepFailed
+        if there is no equilibrium near the state
+
+    Notes
+    -----
+    The packing is stressed at rest. C is the change of Cauchy stress by the displacement gradient, without the terms
+    that would make it symmetric, which are of the size of the stress. Compare O'Hern, Silbert, Liu & Nagel,
+    Phys. Rev. E 68 (2003) 011306. The boundary points that touch stay the same in small strains, so that the modulus
+    of a contact of few of them is up to a tenth too large or too small; in a packing contacts differ, and the mean is
+    better.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> gel = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000)
+    >>> grid = [(x, y) for x in (1e-3, 3e-3) for y in (1e-3, 3e-3)]
+    >>> bodies = [skmpm.Body(skmpm.disc(x, 1e-3, spacing=2e-4), gel) for x in grid]
+    >>> box = skmpm.Periodic(4e-3, 4e-3, rate=((-0.01, 0), (0, -0.01)))
+    >>> scene = skmpm.Scene(bodies, cell=4e-4, periodic=box)
+    >>> *_, state = skmpm.simulate(scene, dt=1.0, until=2.0, scheme=skmpm.Scheme(inertia=False))
+    >>> found = skmpm.moduli(scene, state)
+    >>> 1e5 < found.bulk < 1e6, abs(found.shear) < 1e-2 * found.bulk
+    (True, True)
+    """
+    check_scene("moduli", scene)
+    check_fits(scene, state, "moduli")
+    if state.box is None:
+        raise SceneError("moduli: the scene has no periodic box; give Scene(..., periodic=Periodic(width, height))")
+    if not 1e-8 <= strain <= 1e-2:
+        raise ValueError(f"moduli: strain = {strain!r}; give a small number, between 1e-8 and 0.01")
+    if held:
+        scene = _held(scene)
+    rest = step(_strained(scene, np.zeros((2, 2))), at_rest(scene, state), 1.0, scheme=STATIC)
+    seen = observe(scene, rest)
+    if not seen.pressure > ROUND_OFF * scene.first_moduli.max():
+        raise SceneError(
+            f"moduli: the packing bears no pressure ({seen.pressure:.3g} Pa) in the box of the state; compress it"
+            " until contacts hold the bodies"
+        )
+    columns = [(stress - _symmetric(seen.stress)) / strain for stress in _stresses(scene, rest, strain)]
+    tensor = np.stack([np.stack([columns[0], columns[2]], axis=-1), np.stack([columns[2], columns[1]], axis=-1)], -1)
+    rattlers = np.isnan(seen.bodies.coordination_without_rattlers)
+    return Moduli(tensor, _symmetric(seen.stress), rattlers)
+
+
+def _stresses(scene: Scene, rest: State, strain: float) -> Iterator[Array]:
+    """The stresses (2, 2) [Pa] after each of the strains, from rest."""
+    for each in STRAINS:
+        after = step(_strained(scene, strain * np.array(each)), rest, 1.0, scheme=STATIC)
+        yield _symmetric(observe(scene, after).stress)
+
+
+def _strained(scene: Scene, gradient: ArrayLike) -> Scene:
+    """The scene with a box that takes a displacement gradient (2, 2) in a second."""
+    assert scene.periodic is not None
+    return replace(scene, periodic=Periodic(scene.periodic.width, scene.periodic.height, rate=gradient))
+
+
+def _held(scene: Scene) -> Scene:
+    """The scene with so much friction that no contact slides."""
+    return replace(scene, bodies=[replace(body, friction=None) for body in scene.bodies], friction=HELD)
+
+
+def _symmetric(stress: Array) -> Array:
+    return 0.5 * (stress + stress.T)
