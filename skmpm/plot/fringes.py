@@ -52,7 +52,7 @@ def _smooth(seen: Snapshot, values: Array) -> Array:
         return out
     grid = build_grids(seen.x[:, soft], seen.owner[soft], seen.cell, seen.deformable.size)
     to_points, weight = grid.interpolation, seen.volume[soft]
-    total = (to_points.T @ weight)[:, None]
+    total = np.maximum(to_points.T @ weight, np.finfo(float).tiny)[:, None]
     given = values[:, soft].T
     found = np.zeros_like(given)
     for _ in range(2):

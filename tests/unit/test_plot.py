@@ -37,8 +37,9 @@ from skmpm import (
     record,
     simulate,
 )
+from skmpm.plot import fringes
 from skmpm.plot.bodies import body_paths, triangles
-from skmpm.plot.snapshot import OfState
+from skmpm.plot.snapshot import OfFrame, OfState
 from skmpm.representation import prefixed
 from skmpm.scene import view_of, wall_lines
 
@@ -219,6 +220,45 @@ def test_the_equivalent_stress_of_a_uniaxial_strain():
     assert np.asarray(mesh.get_array()) == pytest.approx(np.full(mesh.get_array().size, expected), rel=1e-12)
 
 
+def test_fringes_are_the_light_of_the_stress_difference():
+    """Under a uniform stress all points have the same light, between them too; 1.25 orders give sin^2(1.25 pi)."""
+    scene = Scene([Body(box((0, 0), (R, R), spacing=R / 5), GEL)], cell=R / 4)
+    state = initial(scene)
+    stress = np.zeros_like(state.stress)
+    stress[0, 0], stress[0, 1], stress[1, 0] = 3e4, 2e4, 2e4  # s1 - s2 = sqrt(3^2 + 4^2) 1e4 Pa
+    state = type(state)(**{**vars(state), "stress": stress})
+    (mesh,) = drawn(plot(scene, state, "fringes", fringe=4e4), TriMesh)
+    light = np.asarray(mesh.get_array())
+    assert light == pytest.approx(np.full(light.size, np.sin(1.25 * np.pi) ** 2), rel=1e-9)
+    assert mesh.get_clim() == (0.0, 1.0) and mesh.get_cmap().name == "gray"
+    axes = plot(scene, state, "fringes", fringe=4e4)
+    assert axes.child_axes[0].get_ylabel() == "light, a fringe for each 40 kPa"
+
+
+def test_fringes_of_a_recording_are_those_of_its_states(squeezed, tmp_path):
+    scene, (*_, state) = squeezed
+    with record(tmp_path / "run.vtkhdf", scene) as series:
+        series.write(state)
+    (frame,) = read(tmp_path / "run.vtkhdf")
+    recorded, seen = OfFrame.from_frame(frame), OfState.from_state(scene, state)
+    np.testing.assert_allclose(
+        recorded.deviator(), seen.deviator(), rtol=1e-5, atol=1e-5 * np.abs(state.stress).max()
+    )
+    assert recorded.cell == pytest.approx(4.0 / 3.0 * R / 6, rel=0.1)
+    assert animate([frame], tmp_path / "film.gif", colour="fringes", fringe=1e5, dpi=30).exists()
+
+
+@given(st.integers(0, 50))
+def test_divided_triangles_fill_the_whole_ones_with_linear_values(seed):
+    x, gradient = np.random.default_rng(seed).normal(size=(2, 3)), np.random.default_rng(seed + 1).normal(size=(2, 2))
+    place, corners, values = fringes.divided(x, np.array([[0, 1, 2]]), gradient @ x)
+    (ax, ay), (bx, by) = (place[:, corners[:, k]] - place[:, corners[:, 0]] for k in (1, 2))
+    areas, (sides, more) = ax * by - ay * bx, (x[:, k] - x[:, 0] for k in (1, 2))
+    assert len(corners) == fringes.PARTS**2
+    assert areas == pytest.approx(np.full(areas.size, (sides[0] * more[1] - sides[1] * more[0]) / areas.size))
+    np.testing.assert_allclose(values, gradient @ place, atol=1e-12)
+
+
 def test_signed_values_have_a_map_with_its_middle_at_zero(squeezed):
     scene, (*_, state) = squeezed
     (mesh,) = drawn(plot(scene, state, np.array([-1.0, 3.0])), TriMesh)
@@ -305,6 +345,15 @@ def test_multiples_of_units_lie_between_1_and_1000(size):
 def test_what_cannot_be_drawn_is_refused(squeezed, colour, limits, message):
     with pytest.raises(ValueError, match=message):
         plot(squeezed[0], squeezed[1][-1], colour, limits=limits)
+
+
+def test_fringes_need_a_fringe_value_and_nothing_else_does(squeezed):
+    scene, (*_, state) = squeezed
+    for fringe in (None, 0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match=r"fringe = .*; give the difference of principal stresses of one fringe"):
+            plot(scene, state, "fringes", fringe=fringe)
+    with pytest.raises(ValueError, match=r"fringe = 1\.0 is for colour = 'fringes'; leave it out"):
+        plot(scene, state, fringe=1.0)
 
 
 def test_a_state_of_another_scene_is_refused(squeezed):
