@@ -68,7 +68,7 @@ class Scheme:
     gap_tol: float = 1e-5
     linear: Linear = field(default=_linear.default)
     max_newton: int = 60
-    threads: int | None = None
+    threads: int | None = field(default=None, compare=False)  # no result depends on it
 
     def __post_init__(self) -> None:
         limits = {

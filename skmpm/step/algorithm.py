@@ -83,6 +83,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         check_parts_apart(scene, state, scheme)
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
             factor, delassus = take(scene, state, increment)
+            timer.lap("factorisation")
             problem_of = partial(_contact_problem, scene, increment, motions, timer, delassus)
             if scheme.inertia:
                 solution = advance(increment, problem_of(state), factor, timer)

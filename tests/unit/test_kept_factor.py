@@ -76,6 +76,14 @@ def test_runs_side_by_side_have_the_bits_of_each_alone():
     assert in_memory() == before
 
 
+def test_a_step_with_other_threads_uses_the_factor_in_memory(monkeypatch):
+    scene, made = squeezed(), []
+    *_, state = run(scene, initial(scene), 10)
+    monkeypatch.setattr(factor, "factorise", lambda *_, **__: made.append(0))
+    after = step(scene, state, DT, scheme=Scheme(threads=1))
+    assert after.report.factorisations == 0 and not made
+
+
 def test_of_small_problems_every_step_has_a_factor_of_its_own(monkeypatch):
     monkeypatch.undo()
     scene = squeezed()

@@ -92,7 +92,7 @@ def timed(
 
 
 def steps(scene: skmpm.Scene, state: skmpm.State, repeats: int) -> tuple[skmpm.State, Result]:
-    """Medians over `repeats` steps, each beside an LU of the same matrix."""
+    """Medians over `repeats` steps, with one and with all threads in turn, each beside an LU of the same matrix."""
     *_, state = skmpm.simulate(scene, dt=scenes.DT, until=state.t + WARM * scenes.DT, start=state)
     memory = peak() - IMPORTED
     recorder = Recorder(linear.default)
@@ -101,7 +101,8 @@ def steps(scene: skmpm.Scene, state: skmpm.State, repeats: int) -> tuple[skmpm.S
     recorder.matrices, recorder.made = [], []
     threaded = []
     for _ in range(repeats):
-        threaded.append(timed(scene, state, scenes.DT, skmpm.Scheme())[1]["wall"])
+        state, times, _ = timed(scene, state, scenes.DT, skmpm.Scheme())
+        threaded.append(times["wall"])
         state, times, phases = timed(scene, state, scenes.DT, skmpm.Scheme(threads=1))
         spent.append({**times, **(lu(A) if A.shape[0] <= LARGEST_LU else {})})
         laps.append(phases)
