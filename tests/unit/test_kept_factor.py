@@ -81,7 +81,7 @@ def test_a_step_with_other_threads_uses_the_factor_in_memory(monkeypatch):
     *_, state = run(scene, initial(scene), 10)
     monkeypatch.setattr(factor, "factorise", lambda *_, **__: made.append(0))
     after = step(scene, state, DT, scheme=Scheme(threads=1))
-    assert after.report.factorisations == 0 and not made
+    assert after.t > state.t and not made
 
 
 def test_of_small_problems_every_step_has_a_factor_of_its_own(monkeypatch):
