@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,12 +11,13 @@ from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.observe import observe
 from skmpm.representation import line, quantity
 from skmpm.scene import Periodic, Scene, SceneError, State, StepFailed, at_rest, check_fits, check_scene
+from skmpm.scene.values import number
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
 
 # Stress differences are a hundred-thousandth of the moduli: solves are as much more accurate than in a run.
-STATIC = Scheme(inertia=False, newton_tol=1e-8, gap_tol=1e-9, contact_tol=1e-10)
-STRAIN = 1e-5  # by default: a contact of two discs opens or closes at strains of about the pressure over the modulus
+STATIC = Scheme(inertia=False, newton_tol=1e-8, gap_tol=1e-9, contact_tol=1e-9)
+STRAIN, SMALLEST, LARGEST = 1e-5, 1e-7, 1e-2  # by default, and the range in which solves are accurate enough
 HELD = 1e3  # coefficient of friction with which no contact slides
 STRAINS = (((1.0, 0.0), (0.0, 0.0)), ((0.0, 0.0), (0.0, 1.0)), ((0.0, 0.5), (0.5, 0.0)))
 
@@ -30,8 +30,8 @@ class Moduli:
     ----------
     tensor : (2, 2, 2, 2) C, stress [i, j] over strain [k, l] [Pa]
     bulk : K = (C_xxxx + C_xxyy + C_yyxx + C_yyyy) / 4 [Pa]
-    shear : G = C_xyxy [Pa]; of anisotropic packings that of a simple shear along the box
-    shear_pure : (C_xxxx - C_xxyy - C_yyxx + C_yyyy) / 4 [Pa], that of a compression in x with an extension in y
+    shear : G = C_xyxy [Pa], stress over twice the strain e_xy; that along the box, without rotation
+    shear_pure : (C_xxxx - C_xxyy - C_yyxx + C_yyyy) / 4 [Pa], the same at 45 degrees to the box
     stress : (2, 2) of the packing at rest, tension positive [Pa]
     rattlers : (bodies,) whether contacts do not hold a body at rest: it bears nothing
 
@@ -78,15 +78,15 @@ class Moduli:
 def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = False) -> Moduli:
     """Measure the elastic moduli of a packing in a periodic box.
 
-    The packing comes to static equilibrium in the box of the state, which stays. From there the box takes three small
-    strains, each in a static step from the same state. The moduli are the differences of the mean stress of the
-    contact forces over the strain. Contacts may slide, open and close in these steps.
+    The packing comes to static equilibrium in the box of the state, which stays. From there the box takes small
+    strains e_xx, e_yy and e_xy = e_yx, of both signs, each in a static step from the same state. The moduli are the
+    differences of the mean stress of the contact forces over those of the strain. Contacts may slide, open and close
+    in these steps; where they do so in one sense only, moduli are the mean of both.
 
     Parameters
     ----------
-    scene, state : a packing at rest in a `Periodic` box, whose rate and stress do not matter
-    strain : of each step; smaller than the pressure over Young's modulus, so that hardly a contact opens or closes,
-        or about as large, if those that open and close are to count
+    scene, state : a packing in a `Periodic` box; rate and stress of the box and velocities do not matter
+    strain : of each step; another one tells whether contacts that slide, open or close matter
     held : whether no contact slides, whatever its friction: moduli of the packing as a network. Else friction is that
         of the scene
 
@@ -97,19 +97,19 @@ def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = F
     Raises
     ------
     SceneError
-        if the scene has no periodic box, the state belongs to another scene, or the packing bears no pressure
-    ValueError
-        if the strain is not between 1e-8 and 0.01
+        if the scene has no periodic box, the state belongs to another scene, the packing bears no pressure, or the
+        strain is no number between 1e-7 and 0.01
     StepFailed
-        if there is no equilibrium near the state, as while the packing moves
+        if there is no equilibrium near the state
 
     Notes
     -----
-    The packing is stressed at rest. C is the change of Cauchy stress by the displacement gradient, without the terms
-    that would make it symmetric, which are of the size of the stress. Compare O'Hern, Silbert, Liu & Nagel,
-    Phys. Rev. E 68 (2003) 011306. The boundary points that touch stay the same in small strains, so that the modulus
-    of a contact of few of them is up to a tenth too large or too small; in a packing contacts differ, and the mean is
-    better.
+    The packing is stressed at rest. C is the change of Cauchy stress by a strain without rotation. It lacks the terms
+    that would make it symmetric, C_xxyy = C_yyxx, which are of the size of the stress. Compare O'Hern, Silbert, Liu
+    & Nagel, Phys. Rev. E 68 (2003) 011306.
+
+    The boundary points that touch stay the same in small strains, so that the modulus of a contact of few of them is
+    up to a tenth too large or too small. In a packing contacts differ, and the mean is better.
 
     Examples
     --------
@@ -127,39 +127,42 @@ def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = F
     check_fits(scene, state, "moduli")
     if state.box is None:
         raise SceneError("moduli: the scene has no periodic box; give Scene(..., periodic=Periodic(width, height))")
-    if not 1e-8 <= strain <= 1e-2:
-        raise ValueError(f"moduli: strain = {strain!r}; give a small number, between 1e-8 and 0.01")
-    if held:
-        scene = _held(scene)
-    rest = _at_rest(scene, state)
-    seen = observe(scene, rest)
+    remedy = f"give a strain between {SMALLEST:g} and {LARGEST:g}, as {STRAIN:g}"
+    if not SMALLEST <= number("moduli: strain", strain, remedy) <= LARGEST:
+        raise SceneError(f"moduli: strain = {strain!r}; {remedy}")
+    still = _strained(_held(scene) if held else scene, np.zeros((2, 2)))
+    rest = _at_rest(still, state)
+    seen = observe(still, rest)
     if not seen.pressure > ROUND_OFF * scene.first_moduli.max():
         raise SceneError(
-            f"moduli: the packing bears no pressure ({seen.pressure:.3g} Pa) in the box of the state; compress it"
-            " until contacts hold the bodies"
+            f"moduli: the packing bears no pressure ({seen.pressure:.3g} Pa) in the box of the state; give a packing"
+            " under pressure"
         )
-    columns = [(stress - _symmetric(seen.stress)) / strain for stress in _stresses(scene, rest, strain)]
-    tensor = np.stack([np.stack([columns[0], columns[2]], axis=-1), np.stack([columns[2], columns[1]], axis=-1)], -1)
+    changes = [_change(still, rest, strain * np.array(each)) / (2.0 * strain) for each in STRAINS]
+    tensor = np.stack([np.stack([changes[0], changes[2]], axis=-1), np.stack([changes[2], changes[1]], axis=-1)], -1)
     rattlers = np.isnan(seen.bodies.coordination_without_rattlers)
     return Moduli(tensor, _symmetric(seen.stress), rattlers)
 
 
-def _at_rest(scene: Scene, state: State) -> State:
-    """The equilibrium in the box of a state."""
+def _at_rest(still: Scene, state: State) -> State:
+    """The equilibrium in a box that stays: the second, to which contacts have come closer than in the first."""
     try:
-        return step(_strained(scene, np.zeros((2, 2))), at_rest(scene, state), 1.0, scheme=STATIC)
+        first = step(still, at_rest(still, state), 1.0, scheme=STATIC)
+        return step(still, first, 1.0, scheme=STATIC)
     except StepFailed as error:
-        remedy = "let the packing come to rest before, as by `simulate` in a box of rate zero"
+        remedy = "let it come to rest before, as by `simulate` in a box of rate zero"
         raise StepFailed(
             f"moduli: no equilibrium was found near the state; {remedy} ({error})", error.state, retryable=False
         ) from error
 
 
-def _stresses(scene: Scene, rest: State, strain: float) -> Iterator[Array]:
-    """The stresses (2, 2) [Pa] after each of the strains, from rest."""
-    for each in STRAINS:
-        after = step(_strained(scene, strain * np.array(each)), rest, 1.0, scheme=STATIC)
-        yield _symmetric(observe(scene, after).stress)
+def _change(still: Scene, rest: State, strain: Array) -> Array:
+    """Stress (2, 2) [Pa] after a strain less that after the opposite one: what a step changes anyway cancels."""
+    after, before = (
+        _symmetric(observe(still, step(_strained(still, sign * strain), rest, 1.0, scheme=STATIC)).stress)
+        for sign in (1.0, -1.0)
+    )
+    return after - before
 
 
 def _strained(scene: Scene, gradient: ArrayLike) -> Scene:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,10 +54,11 @@ def field_of(
     """The field that is named or given, by point (n,) or by body (bodies,)."""
     if isinstance(colour, str) and colour == "fringes":
         return _known(seen, _fringes(seen, fringe))
+    named = _named(seen, colour) if isinstance(colour, str) else None
     if fringe is not None:
         raise ValueError(f"plot: fringe = {fringe!r} is for colour = 'fringes'; leave it out")
-    if isinstance(colour, str):
-        return _known(seen, _named(seen, colour))
+    if named is not None:
+        return _known(seen, named)
     values, n, bodies = np.asarray(colour), seen.owner.size, seen.deformable.size
     if values.shape not in ((n,), (bodies,)) or values.dtype.kind not in "fiub":
         raise ValueError(
@@ -67,18 +69,18 @@ def field_of(
     return _known(seen, Field(values if values.size == n else values[seen.owner], label, ""))
 
 
-def _fringes(seen: Snapshot, fringe: float | None) -> Field:
+def _fringes(seen: Snapshot, fringe: object) -> Field:
     """The light of a photoelastic experiment; ValueError if the fringe value is not greater than zero."""
     difference = fringes.stress_differences(seen)
-    if fringe is None or not (np.isfinite(fringe) and fringe > 0.0):
+    if not isinstance(fringe, Real) or not 0.0 < float(fringe) < np.inf:
         largest = float(np.hypot(*difference).max(initial=0.0))
         raise ValueError(
             f"plot: fringe = {fringe!r}; give the difference of principal stresses of one fringe [Pa], of which the"
             f" largest in this state is {largest:.3g} Pa"
         )
-    order = difference / fringe
-    scale, unit = prefixed("Pa", fringe)
-    return Field(fringes.light(order), f"light, a fringe for each {fringe / scale:.4g} {unit}", "", order)
+    value = float(fringe)
+    (scale, unit), order = prefixed("Pa", value), difference / value
+    return Field(fringes.light(order), f"light, a fringe for each {value / scale:.4g} {unit}", "", order)
 
 
 def _known(seen: Snapshot, field: Field) -> Field:

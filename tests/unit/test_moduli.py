@@ -8,12 +8,14 @@ import pytest
 
 from skmpm import (
     Body,
+    LinearElastic,
     NeoHookean,
     Periodic,
     Scene,
     SceneError,
     Scheme,
     Wall,
+    box,
     disc,
     initial,
     moduli,
@@ -89,6 +91,25 @@ def test_moduli_do_not_depend_on_the_strain_or_on_velocities():
     np.testing.assert_allclose(finer.tensor, usual.tensor, atol=0.02 * usual.bulk)
 
 
+def test_moduli_do_not_depend_on_how_the_box_moves():
+    """That of the scene is left out: the packing rests in the box of the state."""
+    scene, state = compressed("hexagonal")
+    shearing = replace(scene, periodic=replace(scene.periodic, rate=((-0.1, 0.3), (0.0, -4.0))))
+    np.testing.assert_array_equal(moduli(shearing, state).tensor, moduli(scene, state).tensor)
+
+
+def test_a_body_that_fills_the_box_has_the_moduli_of_its_material():
+    """A square of a linear elastic material, pressed by its images: plane strain."""
+    E, nu = 1e6, 0.3
+    body = Body(box((0.0, 0.0), (R, R), spacing=R / 12), LinearElastic(E, nu, 1000.0))
+    periodic = Periodic(R, R, rate=-1e-3 * np.eye(2))
+    scene = Scene([body], cell=R / 8, periodic=periodic, friction=1.0)
+    *_, state = simulate(scene, dt=1.0, until=2.0, scheme=STATIC)
+    found = moduli(scene, state)
+    assert found.bulk == pytest.approx(E / (2.0 * (1.0 + nu) * (1.0 - 2.0 * nu)), rel=0.01)
+    assert found.shear == pytest.approx(E / (2.0 * (1.0 + nu)), rel=0.01)
+
+
 def test_a_disc_that_touches_nothing_is_a_rattler():
     scene, state = compressed("hexagonal")
     loose = Body(disc((R, 0.5 * ROW), 0.3 * R, spacing=0.1 * R), GEL)
@@ -107,8 +128,8 @@ def test_what_has_no_moduli_is_refused():
         moduli(walls, initial(walls))
     with pytest.raises(SceneError, match=r"moduli: the packing bears no pressure \(.* Pa\) in the box"):
         moduli(scene, initial(scene))
-    for strain in (0.0, 0.1, np.nan):
-        with pytest.raises(ValueError, match=r"moduli: strain = .*; give a small number"):
+    for strain in (0.0, 0.1, np.nan, "small"):
+        with pytest.raises(SceneError, match=r"moduli: strain = .* give a strain between 1e-07 and 0.01"):
             moduli(scene, state, strain=strain)
     with pytest.raises(SceneError, match=r"moduli"):
         moduli(compressed("square")[0], state)

@@ -349,9 +349,11 @@ def test_what_cannot_be_drawn_is_refused(squeezed, colour, limits, message):
 
 def test_fringes_need_a_fringe_value_and_nothing_else_does(squeezed):
     scene, (*_, state) = squeezed
-    for fringe in (None, 0.0, -1.0, np.nan):
+    for fringe in (None, 0.0, -1.0, np.nan, "2e5"):
         with pytest.raises(ValueError, match=r"fringe = .*; give the difference of principal stresses of one fringe"):
             plot(scene, state, "fringes", fringe=fringe)
+    with pytest.raises(ValueError, match="colour = 'fringe'; use one of"):
+        plot(scene, state, "fringe", fringe=1.0)
     with pytest.raises(ValueError, match=r"fringe = 1\.0 is for colour = 'fringes'; leave it out"):
         plot(scene, state, fringe=1.0)
 
