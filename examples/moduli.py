@@ -1,5 +1,5 @@
 """Moduli and photoelastic picture
-==============================
+===============================
 
 How stiff is a packing? Bulk and shear moduli from small static strains, and the fringes of a photoelastic experiment.
 
