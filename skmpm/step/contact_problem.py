@@ -27,7 +27,8 @@ from skmpm.step.errors import StepRejected, pair
 from skmpm.step.scalar_unknowns import RESPONSE, driven
 
 # [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
-# closes from a larger gap is one in the next.
+# closes from a larger gap is one in the next. Twice of it gives packings of 300 discs 1.1 to 1.35 times as many rows;
+# they take as many iterations with twice and with half of it.
 MAX_CANDIDATE_GAP = 0.08
 MAX_WALL_PENETRATION = 0.05  # [cells] of what cannot respond: walls, and points that supports hold
 BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
