@@ -54,9 +54,15 @@ class Snapshot(ABC):
     def values(self, name: str) -> Array:
         """The field "pressure", "mises", "displacement", "speed" or "plastic strain", (n,); nan if unknown."""
 
+    @property
     @abstractmethod
+    def stress(self) -> Array:
+        """Elastic Cauchy stress at the points, its components in the plane first, (2, 2, n) or (3, 3, n) [Pa]."""
+
     def deviator(self) -> Array:
-        """(s_xx - s_yy, 2 s_xy) of the elastic stress, (2, n) [Pa]; its length is that of principal stresses."""
+        """(s_xx - s_yy, 2 s_xy), (2, n) [Pa]; its length is the difference of the principal stresses in the plane."""
+        stress = self.stress
+        return np.stack([stress[0, 0] - stress[1, 1], 2.0 * stress[0, 1]])
 
     @property
     @abstractmethod
@@ -109,10 +115,10 @@ class OfState(Snapshot):
             return plastic_strain(self.scene, state.internal) if state.internal.size else self.unknown
         return np.asarray(-0.5 * (state.stress[0, 0] + state.stress[1, 1]))
 
-    def deviator(self) -> Array:
+    @property
+    def stress(self) -> Array:
         """That of the state."""
-        stress = self.state.stress
-        return np.stack([stress[0, 0] - stress[1, 1], 2.0 * stress[0, 1]])
+        return self.state.stress
 
     @property
     def volume(self) -> Array:
@@ -155,16 +161,16 @@ class OfFrame(Snapshot):
         if name in ("displacement", "speed"):
             return np.asarray(np.hypot(*fields["velocity" if name == "speed" else name]), dtype=np.float64)
         if name == "mises":
-            stress = fields["stress"].astype(np.float64)
+            stress = self.stress
             return mises(stress, stress[2, 2])
         if name == "plastic strain":
             return np.asarray(fields.get("plastic_strain", self.unknown), dtype=np.float64)
         return fields[name].astype(np.float64)
 
-    def deviator(self) -> Array:
-        """That of the recorded stress."""
-        stress = self.frame.points["stress"].astype(np.float64)
-        return np.stack([stress[0, 0] - stress[1, 1], 2.0 * stress[0, 1]])
+    @property
+    def stress(self) -> Array:
+        """The recorded one."""
+        return self.frame.points["stress"].astype(np.float64)
 
     @property
     def volume(self) -> Array:

@@ -10,11 +10,11 @@ from skmpm.contact import acts_at_grid_nodes
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
-from skmpm.step.contact_problem import MAX_WALL_PENETRATION
 from skmpm.step.errors import StepRejected, pair
 from skmpm.step.statics import TOO_FAR
 from skmpm.step.terms import Budget
 
+MAX_WALL_PENETRATION = 0.05  # [cells]
 UNRESOLVED_FOLD = 2.0  # [cells] of outline between crossing segments: a shorter fold is hardly resolved by the grid
 FOLDS = "it folds there: use smaller loads, a finer cell or rounder corners"
 PASSES = "use a smaller dt, or a smaller cell if these parts were less than a cell apart at the start"

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.arrays import EXACT, Array, Ints
+from skmpm.arrays import Array, Ints
 from skmpm.grid.assembly import Assembly, Selection
 from skmpm.material import (
     Anchored,
@@ -26,6 +26,8 @@ from skmpm.material import (
 from skmpm.step.terms import Budget, Configuration, Path, Term
 
 Matrices = tuple[Selection, Array]  # k cells, and matrices (k, 64) by blocks [Pa]
+
+STRAIN_ROUND_OFF = 100.0 * float(np.finfo(float).eps)  # energies of such strains are round-off
 
 
 class Group(NamedTuple):
@@ -159,7 +161,7 @@ class Bulk(Term):
             elastic=np.array([start, end - plastic]),
             plastic=plastic,
             rounding=float(np.finfo(float).eps) * modulus,  # a strain energy is a small difference of terms as large
-            noise=EXACT**2 * modulus,
+            noise=STRAIN_ROUND_OFF**2 * modulus,
             swing=swing,
         )
 

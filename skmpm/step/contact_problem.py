@@ -30,7 +30,8 @@ from skmpm.step.scalar_unknowns import RESPONSE, driven
 # closes from a larger gap is one in the next. Twice of it gives packings of 300 discs 1.1 to 1.35 times as many rows;
 # they take as many iterations with twice and with half of it.
 MAX_CANDIDATE_GAP = 0.08
-MAX_WALL_PENETRATION = 0.05  # [cells] of what cannot respond: walls, and points that supports hold
+# [cells] Largest penetration of a supported point, a fifth of what `step.acceptance` accepts at walls.
+MAX_SUPPORTED_PENETRATION = 0.01
 BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
 
 
@@ -59,7 +60,7 @@ def active_constraints(
         return constraints
     movable = _movable(constraints, grid, supports, supported)
     movable |= driven(rows(constraints), constraints)
-    penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_WALL_PENETRATION * grid.cell))
+    penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
     if penetrating.size:
         bodies = constraints.bodies[:, penetrating[0]]
         raise StepRejected(pair(bodies), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)

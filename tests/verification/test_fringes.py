@@ -3,8 +3,8 @@
 Problem: a disc between 2, 3, 4 or 6 smooth plates, linear elastic, quasi-static, pressed by 0.01 R. Reference: each
 force P gives radial stresses -2 P cos(theta) / (pi r), and the forces of a disc in equilibrium together a uniform
 tension, which no fringe shows (Timoshenko & Goodier, Theory of Elasticity, section 41). Two loads give a difference
-of principal stresses of 4 P / (pi R) at the centre, to which errors
-are relative. They are those of what `plot` draws.
+of principal stresses of 4 P / (pi R) at the centre, to which errors are relative. They
+are those of what `plot` draws.
 """
 
 from functools import cache
