@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from skmpm.arrays import Array
-from skmpm.compiled import compiled
+from skmpm.compiled import compiled, compiled_in_order
 
 Ints = NDArray[np.integer]
 
@@ -79,10 +79,11 @@ def _eliminate(indptr: Ints, indices: Ints, data: Array, diagonal: Ints) -> bool
             for r in range(4):
                 own[r] /= data[diagonal[k]]
             a, b, c, d = own[0], own[1], own[2], own[3]
-            for f in range(diagonal[k] + 1, indptr[k + 1]):
-                at = place[indices[f]]
+            right, values = indices[diagonal[k] + 1 : indptr[k + 1]], data[diagonal[k] + 1 : indptr[k + 1]]
+            for f in range(right.size):
+                at = place[right[f]]
                 if at >= 0:
-                    value, row = data[f], rows[at]
+                    value, row = values[f], rows[at]
                     row[0] -= a * value
                     row[1] -= b * value
                     row[2] -= c * value
@@ -122,14 +123,16 @@ def _same_columns(indptr: Ints, indices: Ints, first: int) -> int:
 def _solve(indptr: Ints, indices: Ints, data: Array, diagonal: Ints, b: Array, x: Array) -> None:
     """Write the solution for these factors to x."""
     for i in range(b.size):
+        own, values = indices[indptr[i] : diagonal[i]], data[indptr[i] : diagonal[i]]
         total = b[i]
-        for e in range(indptr[i], diagonal[i]):
-            total -= data[e] * x[indices[e]]
+        for e in range(own.size):
+            total -= values[e] * x[own[e]]
         x[i] = total
     for i in range(b.size - 1, -1, -1):
+        own, values = indices[diagonal[i] + 1 : indptr[i + 1]], data[diagonal[i] + 1 : indptr[i + 1]]
         total = x[i]
-        for e in range(diagonal[i] + 1, indptr[i + 1]):
-            total -= data[e] * x[indices[e]]
+        for e in range(own.size):
+            total -= values[e] * x[own[e]]
         x[i] = total / data[diagonal[i]]
 
 
