@@ -125,8 +125,11 @@ def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = F
     """
     check_scene("moduli", scene)
     check_fits(scene, state, "moduli")
-    if state.box is None:
-        raise SceneError("moduli: the scene has no periodic box; give Scene(..., periodic=Periodic(width, height))")
+    if state.box is None or state.box.shape[1] == 1:
+        raise SceneError(
+            "moduli: the scene has no box that is periodic in both directions; give Scene(...,"
+            " periodic=Periodic(width, height))"
+        )
     remedy = f"give a strain between {SMALLEST:g} and {LARGEST:g}, as {STRAIN:g}"
     if not SMALLEST <= number("moduli: strain", strain, remedy) <= LARGEST:
         raise SceneError(f"moduli: strain = {strain!r}; {remedy}")

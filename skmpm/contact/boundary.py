@@ -199,7 +199,8 @@ class _Detection:
         """
         surfaces, dt, x, points = near.surfaces, motion.dt, near.start.x + moved, velocity.shape[1]
         at = np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own])
-        first, second = (surfaces.lattice[:, np.maximum(body, 0)] for body in found.bodies)
+        on_wall = found.bodies[1] < 0
+        first, second = (surfaces.lattice[:, body] for body in (found.bodies[0], np.where(on_wall, *found.bodies)))
         before, image, home = (
             motion.lattice_vectors(k, end) for k, end in ((second - first, 0), (second - first, 1), (first, 1))
         )
@@ -207,7 +208,6 @@ class _Detection:
         columns = np.concatenate([found.own, found.stencil])
         relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), points)
         moving = (before - image) / dt
-        on_wall = found.bodies[1] < 0
         moving[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
         now = np.einsum("ik,ki->k", found.normal, relative @ velocity.T)
         allowed = np.maximum(np.minimum(self.kept * found.before, -found.kept), np.minimum(found.before, 0.0))

@@ -28,7 +28,6 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.contact.constraints import lookup
 from skmpm.contact.feet import foot_of, nearest_of_group
-from skmpm.contact.keys import wall_keys
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import MAX_DEPTH
 from skmpm.contact.rows import among, joined
@@ -96,13 +95,13 @@ class _Minima:
 
 def _on_wall(scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics, reference: Array) -> _Minima:
     """Minima of the gap to wall i at `point` (2,) [m]."""
-    curve, boundary, normal = near.curve, near.curve.outlines, scene.normals[:, i]
-    found, values = np.empty(boundary.size, dtype=np.int64), np.empty((4, boundary.size))
+    curve, boundary, normal, own = near.curve, near.curve.outlines, scene.normals[:, i], near.own_points
+    found, values = np.empty(own, dtype=np.int64), np.empty((4, own))
     size = _minima_on_wall(
         normal,
         point,
         near.reach,
-        scene.movable[boundary.body],
+        scene.movable[boundary.body[:own]],
         ahead.x,
         ahead.c,
         curve.loops,
@@ -111,7 +110,7 @@ def _on_wall(scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics
         values,
     )
     c, (*slope, turn, length) = found[:size], values[:, :size]
-    key = wall_keys(curve, i, np.stack([c, boundary.next[c]]))
+    key = near.wall_keys(i, np.stack([c, boundary.next[c]]))
     bodies = np.stack([boundary.body[c], np.full(size, -1 - i)])
     return _Minima(key, bodies, np.stack(slope), turn, length, scene.compliance[bodies[0]])
 

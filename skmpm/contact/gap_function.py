@@ -9,7 +9,7 @@ import numpy as np
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled_in_order
 from skmpm.contact import feet
-from skmpm.contact.keys import guard_keys, wall_keys
+from skmpm.contact.keys import guard_keys
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import foot_points, project, tangent_shares
 from skmpm.contact.shifts import guarded
@@ -78,12 +78,12 @@ def contacts_with_wall(
 ) -> ContactPairs:
     """Contact pairs of boundary points with wall i, which moves from `point` by `step`, both (2,) [m]."""
     curve, boundary = near.curve, near.curve.outlines
-    normal = scene.normals[:, i]
-    before, gap, c = np.empty(boundary.size), np.empty(boundary.size), np.empty(boundary.size, dtype=np.int64)
-    movable = scene.movable[boundary.body]
-    kept = near.tension.holds(wall_keys(curve, i, np.arange(boundary.size)))
+    normal, points = scene.normals[:, i], near.own_points
+    before, gap, c = np.empty(points), np.empty(points), np.empty(points, dtype=np.int64)
+    movable = scene.movable[boundary.body[:points]]
+    kept = near.tension.holds(near.wall_keys(i, np.arange(points)))
     c = c[: _wall_gaps(normal, start, point, moved, step, movable, kept, near.reach, before, gap, c)]
-    key = wall_keys(curve, i, c)
+    key = near.wall_keys(i, c)
     shift, travel = near.shifts.at_keys(key), near.shifts.travel_of(key)
     now = curve.through(start + moved) if travel.any() else None
     if now is not None:

@@ -10,18 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.arrays import Ints
-from skmpm.outline import Curve
-
-
-def wall_keys(curve: Curve, i: int, c: Ints) -> Ints:
-    """Identities of the contacts of boundary points c (k,) with wall i."""
-    return np.asarray(curve.outlines.size * (curve.sides + i) + c)
 
 
 def lattice_code(k: Ints) -> Ints:
-    """Number of a lattice vector k (2, c) modulo three, (c,), zero for k = 0."""
-    i, j = k % 3
-    return np.asarray(3 * i + j)
+    """Number of a lattice vector k (edges, c) modulo three, (c,), zero for k = 0."""
+    return np.asarray(3 ** np.arange(len(k))[::-1] @ (k % 3))
 
 
 def recut_keys(key: Ints, pairs: int, change: Ints) -> Ints:

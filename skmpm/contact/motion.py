@@ -26,7 +26,7 @@ class Motion:
     dt: float  # [s]
     points: Array  # (2, m) displacements of the boundary points of rigid bodies, zero for others [m]
     walls: Array  # (2, walls, 2) points of the walls at the start, and their displacements [m]
-    box: tuple[Array, Array] | None  # edges (2, 2) of the periodic box at the start and at the end [m]
+    box: tuple[Array, Array] | None  # edges (2, 1) or (2, 2) of the periodic box at the start and at the end [m]
 
     @staticmethod
     def prescribed(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> Motion:
@@ -48,9 +48,9 @@ class Motion:
     def largest(self, moved: Array, start: Array) -> float:
         """The largest displacement of boundary points, from `start` by `moved` (2, m) [m].
 
-        In a periodic box it is relative to the box and to the mean, since images move with the bodies.
+        In a periodic box without walls it is relative to the box and to the mean, since images move with the bodies.
         """
-        if self.box is not None and moved.size:
+        if self.box is not None and moved.size and not self.walls.size:
             moved = moved - self._stretch(*self.box) @ start
             moved = moved - moved.mean(axis=1, keepdims=True)
         return float(np.abs(moved).max(initial=0.0))
@@ -58,11 +58,11 @@ class Motion:
     @staticmethod
     def _stretch(before: Array, after: Array) -> Array:
         """Displacement gradient (2, 2) of the periodic box in the step."""
-        return np.asarray((after - before) @ np.linalg.inv(before))
+        return np.asarray((after - before) @ np.linalg.pinv(before))
 
     def lattice_vectors(self, k: Ints, end: int) -> Array:
-        """Lattice vectors (2, c) [m] at the start (0) or the end (1) of the step; zero without a periodic box."""
-        return np.zeros(k.shape) if self.box is None else np.asarray(self.box[end] @ k)
+        """Vectors (2, c) [m] of k (edges, c) at the start (0) or the end (1) of the step; zero without a box."""
+        return np.zeros((2, k.shape[1])) if self.box is None else np.asarray(self.box[end] @ k)
 
     def of_surfaces(self, surfaces: Images, moved: Array) -> Array:
         """Displacements of all surfaces, images included, from those of the boundary points of bodies (2, m) [m]."""

@@ -107,13 +107,27 @@ class Neighbours:
         In a periodic box they are those of the points and sides of the bodies, and of the lattice vector between
         these modulo three, which distinguishes neighbouring images.
         """
-        curve, surfaces = self.curve, self.surfaces
+        curve, surfaces, sides = self.curve, self.surfaces, self._sides
         if surfaces.none:
-            return np.asarray(point * curve.sides + curve.side[segment])
-        boundary, own = surfaces.boundary, int(np.searchsorted(curve.outlines.body, surfaces.bodies))
-        sides, body = int(curve.side[:own].max()) + 1, curve.outlines.body
+            return np.asarray(point * sides + curve.side[segment])
+        boundary, body = surfaces.boundary, curve.outlines.body
         pair = boundary[point] * sides + curve.side[boundary[segment]]  # the bodies come before their images
-        return np.asarray(lattice_code(surfaces.between(body[point], body[segment])) * own * sides + pair)
+        return np.asarray(lattice_code(surfaces.between(body[point], body[segment])) * self.own_points * sides + pair)
+
+    def wall_keys(self, i: int, c: Ints) -> Ints:
+        """Identities of the contacts of boundary points c (k,) of bodies with wall i, beyond those of `keys`."""
+        codes = 3 ** len(self.surfaces.lattice)
+        return np.asarray(self.own_points * (codes * self._sides + i) + c)
+
+    @cached_property
+    def own_points(self) -> int:
+        """Number of the boundary points of bodies, which come before those of their images."""
+        return int(np.searchsorted(self.curve.outlines.body, self.surfaces.bodies))
+
+    @cached_property
+    def _sides(self) -> int:
+        """Number of the sides of bodies."""
+        return int(self.curve.side[: self.own_points].max(initial=-1)) + 1
 
 
 def neighbours(

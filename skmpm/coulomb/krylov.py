@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from skmpm.arrays import Array
-from skmpm.compiled import compiled, compiled_in_order
+from skmpm.compiled import compiled
 
 Ints = NDArray[np.integer]
 

@@ -215,9 +215,11 @@ def _walls(state: State) -> PolyData:
 
 
 def _box(box: Array) -> PolyData:
-    """The periodic box as a closed line."""
-    corners = np.stack([np.zeros(2), box[:, 0], box.sum(axis=1), box[:, 1]], axis=1)
-    return PolyData(_in_space(corners), {"Lines": [np.array([0, 1, 2, 3, 0])]}, {}, {})
+    """The periodic box as a closed line, its edge if it has only one."""
+    a, b = box[:, 0], box[:, 1:].sum(axis=1)
+    every = [0.0 * a, a, a + b, b][: 2 * box.shape[1]]
+    line = np.arange(len(every))
+    return PolyData(_in_space(np.stack(every, axis=1)), {"Lines": [np.append(line, 0)]}, {}, {})
 
 
 def _in_space(vectors: Array) -> Array:

@@ -29,7 +29,8 @@ class Frame:
     outlines : the smooth boundaries, loops of points (2, k) [m]; holes are loops of their own
     bodies : fields by loop: body, velocity (2, loops), and observables of the body, as `record` lists them
     contacts : fields by pair of bodies that touch, as `record` lists them, and lines (k, 2, 2) [m] between them
-    box : (2, 2) edges of the periodic box as columns [m], None without one; bodies are those with centres in it
+    box : (2, 2) or (2, 1) edges of the periodic box as columns [m], None without one; bodies are
+        those with centres in it
     walls : wall (k,), point and normal (2, k) of the walls near the bodies, and their lines (k, 2, 2) [m]
     deformable : (bodies,) whether bodies deform
     boundary_points, held_points : indices of the material points on the outlines, loop after loop, and of those held
@@ -81,7 +82,7 @@ class Recording(Sequence[Frame]):
             boundary, _, bodies, loops = _step(vtk["bodies"], k)
             ends, _, contacts, _ = _step(vtk["contacts"], k)
             corners, _, walls, _ = _step(vtk["walls"], k)
-            box = _step(vtk["box"], k)[0][:, [1, 3]] if "box" in vtk else None
+            box = _step(vtk["box"], k)[0][:, 1::2] if "box" in vtk else None
         order = np.argsort([loop[0] for loop in loops])  # as in the scene, where holes do not come first
         closed = [loop[:-1] if loop[0] == loop[-1] else loop for loop in loops]
         outlines = tuple(boundary[:, closed[i]] for i in order)

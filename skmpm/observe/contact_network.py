@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from skmpm import outline
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.scene import Contacts
 
@@ -42,20 +43,19 @@ class Pairs:
     """
 
     bodies: Ints  # (2, pairs) sorted
-    lattice: Ints  # (2, pairs) k of the lattice vector H k to the image of the second body; zero without a box
+    lattice: Ints  # (edges, pairs) k of the lattice vector H k to the image of the second body; zero without a box
     of: Ints  # (contacts,) the pair of each contact
     same: Bools  # (contacts,) whether the first body of a contact is that of its pair
 
 
 def pairs_of(contacts: Contacts, box: Array | None) -> Pairs:
-    """The pairs of all contacts, with the edges (2, 2) of the periodic box [m]."""
+    """The pairs of all contacts, with the edges (2, 1) or (2, 2) of the periodic box [m]."""
     bodies, lattice = contacts.bodies, np.zeros_like(contacts.bodies)
     if box is not None:
-        lattice = np.rint(np.linalg.solve(box, contacts.image)).astype(np.int64)
+        lattice = np.rint(np.linalg.pinv(box) @ contacts.image).astype(np.int64)
     most = int(bodies.max(initial=0))
     number = np.where(bodies < 0, most - bodies, bodies)  # walls follow the bodies
-    backward = np.where(lattice[1] == 0, lattice[0] < 0, lattice[1] < 0)
-    same = np.where(number[0] == number[1], ~backward, number[0] < number[1])
+    same = np.where(number[0] == number[1], ~outline.first_half(-lattice), number[0] < number[1])
     names = np.concatenate([np.where(same, number, number[::-1]), np.where(same, lattice, -lattice)])
     names, of = np.unique(names, axis=1, return_inverse=True)
     return Pairs(np.where(names[:2] > most, most - names[:2], names[:2]), names[2:], of.ravel(), same)

@@ -10,7 +10,7 @@ from skmpm import outline
 from skmpm.arrays import Array
 from skmpm.observe.bodies import PerBody, away_from_walls, per_body
 from skmpm.observe.contact_network import half_branches, moments
-from skmpm.observe.regions import Region, area_inside, contains, periodic_region, region, share_inside
+from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
 from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, check_fits
@@ -81,11 +81,11 @@ class Observables:
 def observe(scene: Scene, state: State, *, interior: bool = False) -> Observables:
     """Compute the observables of a packing.
 
-    The box is the intersection of the walls, or the periodic box. If it is not closed, the solid fractions, the
-    stress and the pressures (except those of each body) are nan. In a periodic box nothing is near a wall: `interior`
-    changes nothing, branches lead to the images that are touched, and velocities are relative to the motion of the
-    box. Grains are the bodies that forces move, deformable and free rigid ones. Observables of outlines are nan if
-    one of them has none.
+    The box is the intersection of the walls, the periodic box, or one period between walls. If it is not closed, the
+    solid fractions, the stress and the pressures (except those of each body) are nan. In a periodic box branches lead
+    to the images that are touched, and velocities are relative to the motion of the box; without walls `interior`
+    changes nothing. Grains are the bodies that forces move, deformable and free rigid ones. Observables of outlines
+    are nan if one of them has none.
 
     - solid fractions: area inside the smooth outlines (`outline.curve`; nominal: initial volumes) over the
       area of the box; only the part of rigid bodies in the box counts.
@@ -154,9 +154,8 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
 
 def _box(scene: Scene, state: State, bodies: PerBody, interior: bool) -> Region:
     normal, point = scene.normals, state.walls.T
-    if state.box is not None:
-        return periodic_region(state.box)
-    return region(normal, point + away_from_walls(scene, bodies.diameter) * normal if interior else point)
+    inner = point + away_from_walls(scene, bodies.diameter) * normal if interior else point
+    return region(normal, inner, state.box)
 
 
 def _fractions(
@@ -188,9 +187,7 @@ def _stress(scene: Scene, state: State, bodies: PerBody, box: Region, interior: 
     """Stress of the contact forces in the box, (2, 2) [Pa]."""
     if not np.isfinite(box.area):
         return np.full((2, 2), np.nan)
-    # A periodic box has no outside: what holds a body in it is a part of the packing.
-    ends = scene.movable | (scene.periodic is not None)
-    branches = half_branches(state.contacts, bodies.centre, ends)
+    branches = half_branches(state.contacts, bodies.centre, scene.inside)
     weight = share_inside(box, branches.centre, branches.x) if interior else 1.0
     return np.asarray(moments(branches, weight, scene.free_to_turn).sum(axis=2) / box.area)
 

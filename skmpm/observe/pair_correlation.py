@@ -7,8 +7,9 @@ import reprlib
 import numpy as np
 from scipy.spatial import cKDTree
 
+from skmpm import outline
 from skmpm.arrays import Array
-from skmpm.observe.regions import contains, periodic_region, region
+from skmpm.observe.regions import contains, region
 from skmpm.scene import Scene, SceneError, State, centres, check_fits
 
 DIAMETERS = 4.0  # mean diameters up to which the function is computed by default
@@ -66,12 +67,9 @@ def pair_correlation(
         area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]
         largest = DIAMETERS * float(2.0 * np.sqrt(area / np.pi).mean())
     centre, normal = centres(state.x, state.mass, state.body)[:, own], scene.normals
-    if state.box is not None:
-        inner, every = periodic_region(state.box), _images(centre, state.box, largest)
-        chosen = np.ones(centre.shape[1], dtype=bool)
-    else:
-        inner, every = region(normal, state.walls.T + largest * normal), centre
-        chosen = contains(inner, centre)
+    inner = region(normal, state.walls.T + largest * normal, state.box)
+    every = centre if state.box is None else _images(centre, state.box, largest)
+    chosen = contains(inner, centre)
     if not (np.isfinite(inner.area) and chosen.any()):
         raise SceneError(
             f"pair_correlation: no centre of a body is farther than largest = {largest:.3g} m from all walls; give a"
@@ -87,9 +85,7 @@ def pair_correlation(
 
 def _images(centre: Array, box: Array, largest: float) -> Array:
     """The centres (2, n) [m] with all images that may be closer than `largest` [m] to one of them, (2, k)."""
-    k = np.linalg.solve(box, centre)
-    height = abs(float(np.linalg.det(box))) / np.hypot(*box)[::-1]
-    most = np.ceil(largest / height + np.ptp(k, axis=1)).astype(np.int64)
-    i, j = np.meshgrid(*(np.arange(-n, n + 1) for n in most), indexing="ij")
-    shifts = box @ np.stack([i.ravel(), j.ravel()])
+    k = np.linalg.pinv(box) @ centre
+    most = np.ceil(largest / outline.heights(box) + np.ptp(k, axis=1)).astype(np.int64)
+    shifts = box @ outline.lattice_vectors(most)
     return np.asarray((centre[:, :, None] + shifts[:, None]).reshape(2, -1))

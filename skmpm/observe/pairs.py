@@ -204,7 +204,7 @@ def force_lines(scene: Scene, state: State, pairs: Network) -> Array:
 def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:
     """Ends of the branches at bodies (k,): their centres of mass, or `centre` (2, k) at what is prescribed.
 
-    A periodic box has no outside, so all bodies in it have their centres there.
+    A box that is periodic in both directions has no outside: all bodies in it have their centres there.
     """
-    own = (body >= 0) & (scene.movable[np.maximum(body, 0)] | (scene.periodic is not None))
+    own = (body >= 0) & scene.inside[np.maximum(body, 0)]
     return np.where(own, centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)], centre)

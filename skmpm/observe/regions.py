@@ -1,4 +1,4 @@
-"""Convex regions between walls: sides, area, and the parts of segments and outlines inside."""
+"""Convex regions between walls, and periodic boxes: sides, area, and the parts of segments and outlines inside."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skmpm.scene import State
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The intersection of the half-planes normal . (x - point) >= 0."""
+    """The intersection of the half-planes normal . (x - point) >= 0, where it is periodic one period of it."""
 
     normal: Array  # (2, w) unit, inwards
     point: Array  # (2, w) [m]
@@ -21,28 +21,32 @@ class Region:
     area: float  # [m2]; nan if the region is not closed or empty
 
 
-def region(normal: Array, point: Array) -> Region:
-    """The region of half-planes through `point` (2, w) [m] with inward unit `normal` (2, w)."""
-    length = _lengths(normal, point)
+def region(normal: Array, point: Array, box: Array | None = None) -> Region:
+    """The region of half-planes through `point` (2, w) [m] with inward unit `normal` (2, w).
+
+    Of a periodic box with edges (2, 1) or (2, 2) [m], sides and area are those of one period.
+    """
+    sides, at = _sides(np.zeros((2, 0)) if box is None else box)
+    every, through = np.concatenate([normal, sides], axis=1), np.concatenate([point, at], axis=1)
+    length, w = _lengths(every, through), normal.shape[1]
     if length.size == 0 or not np.isfinite(length).all() or not length.any():
-        return Region(normal, point, length, float("nan"))
+        return Region(normal, point, length[:w], float("nan"))
     # Green's theorem: twice the area is the sum of sides times distances of their lines from any point.
-    distance = np.einsum("iw,iw->w", normal, point.mean(axis=1)[:, None] - point)
+    distance = np.einsum("iw,iw->w", every, through.mean(axis=1)[:, None] - through)
     area = float(length @ distance) / 2.0
-    return Region(normal, point, length, area if area > 0.0 else float("nan"))
+    return Region(normal, point, length[:w], area if area > 0.0 else float("nan"))
 
 
-def periodic_region(box: Array) -> Region:
-    """A periodic box of edges (2, 2) [m]: all of the plane, with the area of one box."""
-    none = np.zeros((2, 0))
-    return Region(none, none, none[0], abs(float(np.linalg.det(box))))
+def _sides(box: Array) -> tuple[Array, Array]:
+    """Inward unit normals of the opposite sides that the edges (2, n) of a periodic box join, and points on them."""
+    across = np.linalg.pinv(box).T
+    across /= np.hypot(*across)
+    return np.concatenate([across, -across], axis=1), np.concatenate([0.0 * box, box], axis=1)
 
 
 def box_area(state: State) -> float:
-    """Area of the periodic box or of the intersection of the walls of a state [m2]; nan if it is not closed."""
-    if state.box is not None:
-        return periodic_region(state.box).area
-    return region(state.wall_normals.T, state.walls.T).area
+    """Area of the periodic box or of the region between the walls of a state [m2]; nan if it is not closed."""
+    return region(state.wall_normals.T, state.walls.T, state.box).area
 
 
 def _lengths(normal: Array, point: Array) -> Array:

@@ -6,7 +6,7 @@ In every function `x` (2, m) [m] holds the current positions of the boundary poi
 from skmpm.outline.crossings import apart, crossings, depth, folded, turns
 from skmpm.outline.cubics import Loops, foot, place, seen, tangent
 from skmpm.outline.curve import Cubics, Curve, curve
-from skmpm.outline.images import Images, images, reduced, without_images
+from skmpm.outline.images import Images, first_half, heights, images, lattice_vectors, reduced, without_images
 from skmpm.outline.measures import (
     TURNED_AWAY,
     area,
@@ -52,13 +52,16 @@ __all__ = [
     "dimensions",
     "distance_to_segment",
     "facing",
+    "first_half",
     "folded",
     "foot",
     "half_segments",
+    "heights",
     "images",
     "inclined_thickness",
     "inside",
     "joined",
+    "lattice_vectors",
     "normals",
     "outlines",
     "overlap",

@@ -4,7 +4,8 @@ The plane is tiled by the box, whose edges are the columns h_1 and h_2 of a matr
 H k for all pairs k of integers. Bodies are first moved into one box, each by a lattice vector. Two of them meet, or a
 body meets itself, where one meets an image of the other; since with k, -k of the other one is the same meeting, only
 half of the vectors k are needed, and of the images only those whose bounding boxes come close to one of the bodies.
-The edges are replaced by the shortest ones of the same lattice (Lagrange and Gauss), however slanted the box is.
+The edges are replaced by the shortest ones of the same lattice (Lagrange and Gauss), however slanted the box is. A
+box that is periodic in one direction has one edge: H is a column, and k one integer.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.outline.curve import Cubics
 from skmpm.outline.near import penetration
 from skmpm.outline.overlaps import box_pairs, boxes, overlap
@@ -30,7 +31,7 @@ class Images:
     outlines: Outlines  # m boundary points; bodies 0, ..., n - 1, then a number for each image
     boundary: Ints  # (m,) the boundary point of a body that each one is an image of
     body: Ints  # (n + images,) the body that each one is an image of
-    lattice: Ints  # (2, n + images) k of the lattice vector H k by which each one is displaced
+    lattice: Ints  # (edges, n + images) k of the lattice vector H k by which each one is displaced; 0 edges without
     bodies: int  # n
 
     @property
@@ -44,13 +45,13 @@ class Images:
         return self.body[self.outlines.body]
 
     def at(self, x: Array, box: Array | None) -> Array:
-        """Positions (2, m) [m], from those x of the boundary points of the bodies and H (2, 2) [m]."""
+        """Positions (2, m) [m], from those x of the boundary points of the bodies and H (2, edges) [m]."""
         if box is None or self.none:
             return x
         return np.asarray(x[:, self.boundary] + (box @ self.lattice)[:, self.outlines.body])
 
     def between(self, first: Ints, second: Ints) -> Ints:
-        """The lattice vectors k (2, c) from bodies `second` to the images of them that `first` meet, both (c,)."""
+        """Lattice vectors k (edges, c) from bodies `second` to the images of them that `first` meet, both (c,)."""
         return np.asarray(self.lattice[:, second] - self.lattice[:, first])
 
     def overlap(self, x: Array) -> tuple[Ints, Array]:
@@ -79,7 +80,7 @@ class Images:
 def without_images(outlines: Outlines, bodies: int) -> Images:
     """The bodies alone, where they are."""
     each = np.arange(bodies)
-    return Images(outlines, np.arange(outlines.size), each, np.zeros((2, bodies), dtype=np.int64), bodies)
+    return Images(outlines, np.arange(outlines.size), each, np.zeros((0, bodies), dtype=np.int64), bodies)
 
 
 def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: float) -> Images:
@@ -88,7 +89,7 @@ def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: 
     Parameters
     ----------
     x : (2, m) positions of the boundary points [m]
-    box : (2, 2) edges of the periodic box, as columns [m]; None without one
+    box : (2, 1) or (2, 2) edges of the periodic box, as columns [m]; None without one
     """
     if box is None:
         return without_images(outlines, bodies)
@@ -96,8 +97,8 @@ def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: 
     edges = box @ reduction
     low, high = boxes(outlines, x, bodies)
     real = np.flatnonzero(low[0] <= high[0])
-    home = np.zeros((2, bodies), dtype=np.int64)
-    home[:, real] = -np.floor(np.linalg.solve(edges, 0.5 * (low + high)[:, real])).astype(np.int64)
+    home = np.zeros((edges.shape[1], bodies), dtype=np.int64)
+    home[:, real] = -np.floor(np.linalg.pinv(edges) @ (0.5 * (low + high)[:, real])).astype(np.int64)
     low, high = low + edges @ home, high + edges @ home
     steps = _half_plane(edges, float((high - low)[:, real].max(initial=0.0)) + reach)
     body, lattice = _near(low, high, real, edges, steps, reach)
@@ -121,9 +122,9 @@ def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: 
 
 
 def reduced(box: Array) -> Ints:
-    """The unimodular matrix (2, 2) that turns edges into the shortest ones of the same lattice, by columns."""
-    change = np.eye(2, dtype=np.int64)
-    while True:
+    """The unimodular matrix that turns one or two edges into the shortest ones of the same lattice, by columns."""
+    change = np.eye(box.shape[1], dtype=np.int64)
+    while box.shape[1] > 1:
         a, b = (box @ change).T
         if a @ a > b @ b:
             change = np.stack([change[:, 1], -change[:, 0]], axis=1)  # keeps the orientation
@@ -132,22 +133,62 @@ def reduced(box: Array) -> Ints:
         if times == 0:
             return change
         change[:, 1] -= times * change[:, 0]
+    return change
+
+
+def heights(box: Array) -> Array:
+    """Distances between the opposite sides of a box of one or two edges (2, edges) [m], (edges,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmpm import outline
+    >>> outline.heights(np.array([[2.0, 5.0], [0.0, 1.0]])).round(3).tolist()
+    [0.392, 1.0]
+    """
+    return np.asarray(1.0 / np.sqrt((np.linalg.pinv(box) ** 2).sum(axis=1)))
+
+
+def lattice_vectors(most: Ints) -> Ints:
+    """All vectors k of integers between -most and most (edges,), (edges, s).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmpm import outline
+    >>> outline.lattice_vectors(np.array([1])).tolist()
+    [[-1, 0, 1]]
+    """
+    return np.stack(np.meshgrid(*(np.arange(-n, n + 1) for n in most), indexing="ij")).reshape(most.size, -1)
 
 
 def _half_plane(edges: Array, size: float) -> Ints:
-    """One of k and -k of each lattice vector that may lie between boxes of bodies in one periodic box, (2, s).
+    """One of k and -k of each lattice vector that may lie between boxes of bodies in one periodic box, (edges, s).
 
     `size` [m] is the largest side of these boxes.
     """
-    height = abs(float(np.linalg.det(edges))) / np.hypot(*edges)[::-1]
-    most = 1 + (size / height).astype(np.int64)
-    i, j = np.meshgrid(np.arange(-most[0], most[0] + 1), np.arange(most[1] + 1), indexing="ij")
-    k = np.stack([i.ravel(), j.ravel()])
-    return k[:, (k[1] > 0) | (k[0] > 0)]
+    k = lattice_vectors(1 + (size / heights(edges)).astype(np.int64))
+    return k[:, first_half(k)]
+
+
+def first_half(k: Ints) -> Bools:
+    """Of lattice vectors k and -k (edges, s) that whose last component that is not zero is positive, (s,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmpm import outline
+    >>> outline.first_half(np.array([[1, -1, 0], [0, 2, 0]])).tolist()
+    [True, True, False]
+    """
+    found = k[0] > 0
+    for row in k[1:]:
+        found = (row > 0) | ((row == 0) & found)
+    return np.asarray(found)
 
 
 def _near(low: Array, high: Array, real: Ints, edges: Array, steps: Ints, reach: float) -> tuple[Ints, Ints]:
-    """The bodies (c,) and lattice vectors (2, c) of the images whose boxes come closer than `reach` to a body's."""
+    """Bodies (c,) and lattice vectors (edges, c) of the images whose boxes come closer than `reach` to a body's."""
     body, lattice = np.tile(real, steps.shape[1]), np.repeat(steps, real.size, axis=1)
     grown = [low[:, real] - 0.5 * reach, high[:, real] + 0.5 * reach]
     moved = [a[:, np.tile(np.arange(real.size), steps.shape[1])] + edges @ lattice for a in grown]

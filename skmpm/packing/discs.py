@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm import coulomb
-from skmpm.arrays import Array
+from skmpm.arrays import Array, Bools
 
 Ints = NDArray[np.intp]
 
@@ -31,23 +31,20 @@ class Box:
     """The box, in mean radii."""
 
     size: Array  # (2,)
-    periodic: bool
+    periodic: Bools  # (2,) along x and y
 
     def pairs(self, x: Array, distance: float) -> tuple[Ints, Ints, Array]:
         """Pairs of centres x (2, N) closer than a distance, and the vectors (2, pairs) from second to first."""
-        if not self.periodic:
-            a, b = cKDTree(x.T).query_pairs(distance, output_type="ndarray").T
-            return a, b, x[:, a] - x[:, b]
+        period = np.where(self.periodic, self.size, 0.0)  # zero for none, as cKDTree has it
         within = np.minimum(np.mod(x.T, self.size), np.nextafter(self.size, 0.0))  # mod may return the size itself
-        a, b = cKDTree(within, boxsize=self.size).query_pairs(distance, output_type="ndarray").T
+        at = np.where(self.periodic, within, x.T)
+        a, b = cKDTree(at, boxsize=period).query_pairs(distance, output_type="ndarray").T
         apart = x[:, a] - x[:, b]
-        return a, b, apart - self.size[:, None] * np.rint(apart / self.size[:, None])
+        return a, b, apart - period[:, None] * np.rint(apart / self.size[:, None])
 
     def walls(self, x: Array, R: Array) -> Array:
-        """Gaps between discs and the left, bottom, right and top wall, (4 N,), where there are walls."""
-        if self.periodic:
-            return np.zeros(0)
-        return np.concatenate([x - R, self.size[:, None] - x - R]).ravel()
+        """Gaps between discs and the left, bottom, right and top wall, of which there may be less, (walls N,)."""
+        return np.concatenate([x - R, self.size[:, None] - x - R])[np.tile(~self.periodic, 2)].ravel()
 
 
 def scatter(R: Array, box: Box, rng: np.random.Generator) -> Array:
@@ -56,7 +53,7 @@ def scatter(R: Array, box: Box, rng: np.random.Generator) -> Array:
     rows = -(-R.size // columns)
     cell = rng.permutation(rows * columns)[: R.size]
     place = np.array(np.divmod(cell, rows)) + rng.uniform(size=(2, R.size))
-    inner = 0.0 * R if box.periodic else START * R
+    inner = np.where(box.periodic[:, None], 0.0, START * R)
     return np.asarray(inner + place / [[columns], [rows]] * (box.size[:, None] - 2.0 * inner), dtype=float)
 
 
@@ -93,7 +90,7 @@ def contacts_of(x: Array, R: Array, box: Box) -> Contacts:
     near = gap < MARGIN
     wall_gap = box.walls(x, R)
     wall, disc = np.divmod(np.flatnonzero(wall_gap < MARGIN), R.size)
-    inward = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])[:, wall]
+    inward = np.concatenate([np.eye(2), -np.eye(2)], axis=1)[:, np.tile(~box.periodic, 2)][:, wall]
     between, first = (apart / distance)[:, near], np.concatenate([a[near], disc])
     normal = np.hstack([between, inward])
     gaps = np.concatenate([gap[near], wall_gap[wall_gap < MARGIN]])

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.arrays import Array
+from skmpm.arrays import Array, Bools
 from skmpm.linear import one_thread
 from skmpm.packing import discs, shapes
 from skmpm.points import Points
@@ -44,7 +44,7 @@ class PackingError(ValueError):
 
 @dataclass(frozen=True)
 class Packing:
-    """Discs or other shapes in the box [0, width] x [0, height], which may be periodic.
+    """Discs or other shapes in the box [0, width] x [0, height], which may be periodic in one direction or both.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def packing(
     *,
     solid_fraction: float = 0.70,
     friction: float = 0.0,
-    periodic: bool = False,
+    periodic: bool | Sequence[bool] = False,
     seed: int = 0,
 ) -> Packing:
     """Pack rigid discs or other convex shapes at random, without overlap, in a box of given width and fraction.
@@ -98,7 +98,8 @@ def packing(
     shapes : radii of discs (N,) [m], or a list of `Points` with convex outlines: ellipses, capsules, polygons, ...
     width : of the box [m]; its height is the area of the bodies over (width solid_fraction)
     friction : coefficient between bodies during packing, zero at the walls; it lowers the solid fraction at jamming
-    periodic : whether the box is periodic (`Periodic(width, height)`) instead of closed by walls
+    periodic : whether the box is periodic (`Periodic(width, height)`) instead of closed by walls; or two answers, for
+        its width and its height, as ``(True, False)`` for `Periodic(width, None)` between a floor and a lid
     seed : of the random numbers; the same seed gives the same packing in any unit of length
 
     Raises
@@ -121,14 +122,18 @@ def packing(
     >>> len(bodies)
     4
     """
+    along = np.asarray(periodic)
+    if along.dtype != np.bool_ or along.shape not in ((), (2,)):
+        raise PackingError(f"periodic = {periodic!r}: give True, False, or two of them, for width and height")
+    along = np.broadcast_to(along, 2)
     if isinstance(shapes, Sequence) and len(shapes) and all(isinstance(shape, Points) for shape in shapes):
-        return _of_shapes(shapes, width, solid_fraction, friction, periodic, seed)  # type: ignore[arg-type]
+        return _of_shapes(shapes, width, solid_fraction, friction, along, seed)  # type: ignore[arg-type]
     R = np.array(_numbers(shapes), dtype=float)
     _check(R, width, solid_fraction, friction)
     unit = R.mean()
     scaled = np.round(R / unit, 10)  # so that rounding in other units of length cannot change the packing
     height = float(np.pi * (R**2).sum() / (width * solid_fraction))
-    box = discs.Box(np.round([width / unit, height / unit], 10), periodic)
+    box = discs.Box(np.round([width / unit, height / unit], 10), along)
     if box.size.min() <= 2.0 * scaled.max():
         raise PackingError(
             f"the box is {width:g} x {height:g} m but the largest disc has a radius of {R.max():g} m; "
@@ -146,7 +151,7 @@ def packing(
 
 
 def _of_shapes(
-    clouds: Sequence[Points], width: float, solid_fraction: float, friction: float, periodic: bool, seed: int
+    clouds: Sequence[Points], width: float, solid_fraction: float, friction: float, periodic: Bools, seed: int
 ) -> Packing:
     """A packing of shapes: positions and angles (3, N)."""
     area = np.array([cloud.volume.sum() for cloud in clouds])
@@ -159,7 +164,7 @@ def _of_shapes(
         raise PackingError(f"shapes: {error}") from error
     height = float(area.sum() / (width * solid_fraction))
     rng, box = np.random.default_rng(seed), discs.Box(np.round([width / unit, height / unit], 10), periodic)
-    if periodic and box.size.min() < 4.0 * forms.reach.max():
+    if box.size[periodic].min(initial=np.inf) < 4.0 * forms.reach.max():
         raise PackingError(
             f"the periodic box is {width:g} x {height:g} m, less than twice the largest shape, which is up to"
             f" {2.0 * forms.reach.max() * unit:.4g} m long; change the width, lower solid_fraction or use more shapes"
@@ -209,7 +214,7 @@ def _check_reachable(R: Array, box: discs.Box, solid_fraction: float) -> None:
     Boxes in which lattices may fit are tried: periodic and narrow ones, and all up to the fraction of a square one.
     """
     jam = _jams_at(R, box)
-    fit = box.periodic or box.size.min() < _NARROW or solid_fraction <= _SQUARE
+    fit = box.periodic.any() or box.size.min() < _NARROW or solid_fraction <= _SQUARE
     if not fit and solid_fraction > jam + _EXCESS / np.sqrt(R.size):
         raise PackingError(
             f"{R.size} discs between walls jam at a solid fraction of about {jam:.2f}, below the requested"
@@ -219,7 +224,7 @@ def _check_reachable(R: Array, box: discs.Box, solid_fraction: float) -> None:
 
 def _denser(box: discs.Box) -> str:
     """How to reach a higher solid fraction."""
-    return ("" if box.periodic else "use periodic=True, ") + "or compress soft bodies further by moving walls"
+    return ("" if box.periodic.all() else "use periodic=True, ") + "or compress soft bodies further by moving walls"
 
 
 def _jams_at(R: Array, box: discs.Box) -> float:
@@ -229,7 +234,7 @@ def _jams_at(R: Array, box: discs.Box) -> float:
     """
     spread = float(R.var())
     jam = _JAMMED + _JAMMED * (1.0 - _JAMMED) * spread / (1.0 + spread)
-    return jam if box.periodic else jam * float(np.prod(1.0 - 2.0 * _LAYER / box.size))
+    return jam * float(np.prod((1.0 - 2.0 * _LAYER / box.size)[~box.periodic]))
 
 
 def _grow(x: Array, separate: Separate, limit: float, rng: np.random.Generator) -> tuple[Array, float]:

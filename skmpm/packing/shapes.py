@@ -123,7 +123,7 @@ def _near_pairs(x: Array, reach: Array, box: Box) -> tuple[Ints, Ints, Array]:
     """
     a, b, apart = box.pairs(x, 2.0 * float(reach.max()) + MARGIN)
     near = np.hypot(*apart) < reach[a] + reach[b] + MARGIN
-    image = x[:, a] - x[:, b] - apart if box.periodic else np.zeros_like(apart)
+    image = np.where(box.periodic[:, None], x[:, a] - x[:, b] - apart, 0.0)
     return a[near].astype(np.int64), b[near].astype(np.int64), image[:, near]
 
 
@@ -140,11 +140,11 @@ def _with_images(offsets: Ints, v: Array, skin: Array, second: Ints, image: Arra
 
 def _at_walls(shapes: Shapes, v: Array, skin: Array, box: Box) -> tuple[Ints, Array, Array, Array]:
     """Shapes, normals, points, gaps of the nearest and the outermost nearly as close vertices at the four walls."""
-    if box.periodic:
+    if box.periodic.all():
         return np.zeros(0, dtype=np.int64), np.zeros((2, 0)), np.zeros((2, 0)), np.zeros(0)
     shape = np.repeat(np.arange(skin.size), np.diff(shapes.offsets))
     found = []
-    for axis, sign in ((0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0)):
+    for axis, sign in ((axis, sign) for sign in (1.0, -1.0) for axis in np.flatnonzero(~box.periodic).tolist()):
         gap = (v[axis] if sign > 0.0 else box.size[axis] - v[axis]) - skin[shape]
         least = np.minimum.reduceat(gap, shapes.offsets[:-1])
         close = np.flatnonzero((gap < MARGIN) & (gap <= least[shape] + NEARLY))

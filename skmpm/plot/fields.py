@@ -16,7 +16,7 @@ from skmpm.arrays import Array
 from skmpm.plot import fringes
 from skmpm.plot.snapshot import Snapshot
 from skmpm.representation import UNITS, prefixed
-from skmpm.scene import view_of
+from skmpm.scene import box_corners, view_of
 
 Limits = tuple[float, float]
 
@@ -173,7 +173,7 @@ def _shown(seen: Snapshot) -> Array:
     """Positions (2, k) [m] that are in the view: those of the points, of a periodic box its corners."""
     if seen.box is None:
         return seen.x
-    return np.stack([np.zeros(2), *seen.box.T, seen.box.sum(axis=1)], axis=1)
+    return box_corners(seen.box, seen.x)
 
 
 def _checked(limits: Limits, name: str) -> Limits:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skmpm import outline
 from skmpm.arrays import Array
 from skmpm.plot.fields import Style
 from skmpm.plot.snapshot import Snapshot
 from skmpm.representation import prefixed
-from skmpm.scene import wall_lines
+from skmpm.scene import box_corners, wall_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,8 +84,8 @@ def offsets(seen: Snapshot, view: Array) -> list[Array]:
     if seen.box is None:
         return [here]
     low, high = seen.x.min(axis=1), seen.x.max(axis=1)
-    around = [seen.box @ (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
-    return [here, *(k for k in around if (low + k < view[1]).all() and (high + k > view[0]).all())]
+    around = (seen.box @ outline.lattice_vectors(np.ones(seen.box.shape[1], dtype=np.int64))).T
+    return [here, *(k for k in around if k.any() and (low + k < view[1]).all() and (high + k > view[0]).all())]
 
 
 def draw_box(axes: Axes, seen: Snapshot, view: Array) -> None:
@@ -94,8 +95,9 @@ def draw_box(axes: Axes, seen: Snapshot, view: Array) -> None:
 
     if seen.box is None:
         return
-    a, b = seen.box.T
-    edges, (low, high) = np.array([0.0 * a, a, a + b, b, 0.0 * a]), view
+    low, high = view
+    at = box_corners(seen.box, view.T).T
+    edges = np.concatenate([at, at[:1]])
     around = np.array([low, (low[0], high[1]), high, (high[0], low[1]), low])
     outside = Path.make_compound_path(Path(around, closed=True), Path(edges, closed=True))
     axes.add_patch(PathPatch(outside, facecolor="white", edgecolor="none", alpha=FADED, zorder=3.8))

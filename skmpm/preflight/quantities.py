@@ -273,10 +273,14 @@ def _gentle(normals: Array, gravity: Array) -> Bools:
 
 
 def endless_fall(m: SceneMetrics) -> Reading | None:
-    """Gravity in a periodic box that holds nothing."""
+    """Gravity along the directions of a periodic box in which nothing holds bodies: no walls, or smooth ones."""
     scene, (x, y) = m.scene, gravity_of(m.scene)
-    held = scene.periodic is None or scene.supports or scene.springs or not scene.movable.all()
-    return None if held or x == y == 0.0 else Reading(["periodic"], facts={"x": x, "y": y})
+    if scene.periodic is None or scene.supports or scene.springs or not scene.movable.all():
+        return None
+    free = scene.periodic.box.T @ (x, y) if scene.walls else np.array([x, y])
+    if (scene.frictions.at_walls > 0.0).any() or not free.any():
+        return None
+    return Reading(["periodic"], facts={"x": x, "y": y})
 
 
 def tension(m: SceneMetrics) -> Reading | None:

@@ -200,7 +200,12 @@ def _bodies(scene: Scene) -> str:
 def _around(scene: Scene) -> str:
     """What acts on bodies: numbers of walls or the periodic box, numbers of supports, loads and springs."""
     box, springs = scene.periodic, f", springs {len(scene.springs)}" if scene.springs else ""
-    walls = f"walls {len(scene.walls)}" if box is None else f"periodic box {box.width:.4g} x {box.height:.4g} m"
+    walls = f"walls {len(scene.walls)}"
+    if box is not None:
+        sides = [
+            f"{name} {length:.4g} m" for name, length in (("width", box.width), ("height", box.height)) if length
+        ]
+        walls = f"periodic box, {' and '.join(sides)}" + (f", {walls}" if scene.walls else "")
     return f"{walls}, supports {len(scene.supports)}, loads {len(scene.loads)}{springs}"
 
 

@@ -5,7 +5,7 @@ from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
 from skmpm.scene.model import initial_internal, material_at, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
 from skmpm.scene.out_of_plane import mises, stress_zz
-from skmpm.scene.periodic import Periodic, deformed, into_box, recut
+from skmpm.scene.periodic import Periodic, box_corners, deformed, into_box, recut
 from skmpm.scene.point_sets import Ends, stiffness_of
 from skmpm.scene.prescribed import (
     PrescribedVelocities,
@@ -51,6 +51,7 @@ __all__ = [
     "Wall",
     "at_rest",
     "between_bodies",
+    "box_corners",
     "centres",
     "check_fits",
     "check_initial_positions",

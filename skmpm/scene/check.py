@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import ROUND_OFF, Array, Ints
 from skmpm.material import ElastoPlastic, Isotropic, Rigid, lacking
 from skmpm.outline import curve
 from skmpm.points import Points
@@ -65,11 +65,20 @@ def _check_periodic(scene: Model) -> None:
         raise SceneError(
             f"periodic is a {type(scene.periodic).__name__}; use skmpm.Periodic(width, height), or None without a box"
         )
-    if scene.walls:
-        raise SceneError(
-            f"periodic: the scene also has {len(scene.walls)} walls; leave them out, or give no periodic box"
-        )
     scene.periodic.check()
+    edges = scene.periodic.box
+    if edges.shape[1] == 2 and scene.walls:
+        raise SceneError(
+            f"periodic: the scene also has {len(scene.walls)} walls; leave them out, or make the box periodic in one"
+            " direction, Periodic(width, None) or Periodic(None, height)"
+        )
+    inclined = np.flatnonzero(np.abs(edges.T @ scene.normals).max(axis=0, initial=0.0) > ROUND_OFF * edges.max())
+    if inclined.size:
+        i, along = int(inclined[0]), (0, 1) if edges[0].any() else (1, 0)
+        raise SceneError(
+            f"periodic: wall {i} with the normal {tuple(scene.normals[:, i].tolist())} crosses the edge of the box;"
+            f" walls lie along it, with normals like {along}"
+        )
 
 
 def _check_body(name: str, body: Body) -> None:

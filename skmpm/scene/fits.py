@@ -37,9 +37,12 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
     ):
         if found != wanted:
             raise SceneError(f"{name}: the state has {found} {what}, the scene {wanted}; {_ITS_OWN}")
-    if (state.box is None) != (scene.periodic is None):
-        what = "no periodic box, the scene has one" if state.box is None else "a periodic box, the scene none"
-        raise SceneError(f"{name}: the state has {what}; {_ITS_OWN}")
+    boxes = state.box, None if scene.periodic is None else scene.periodic.box
+    edges = [0 if box is None else box.shape[1] for box in boxes]
+    if edges[0] != edges[1]:
+        raise SceneError(
+            f"{name}: the state is periodic in {edges[0]} directions, the scene in {edges[1]}; {_ITS_OWN}"
+        )
     if state.derived is not None and state.derived.assembly.grid.cell != scene.cell:
         of_state = state.derived.assembly.grid.cell
         raise SceneError(

@@ -86,6 +86,14 @@ class Layout(Input):
         return movable
 
     @cached_property
+    def inside(self) -> Bools:
+        """Which bodies are parts of the packing, (bodies,): those that forces move, and all where nothing is outside.
+
+        A box that is periodic in both directions has no outside: what holds a body in it is a part of the packing.
+        """
+        return np.asarray(self.movable | (self.periodic is not None and self.periodic.box.shape[1] == 2))
+
+    @cached_property
     def materials(self) -> tuple[Material, ...]:
         """The deformable materials, in order of appearance."""
         return tuple(dict.fromkeys(material for body in self.bodies for material in body.materials))
@@ -155,7 +163,7 @@ class Layout(Input):
         return outlines([body.points.outline for body in self.bodies], self.offsets)
 
     def images(self, x: Array, box: Array | None, reach: float) -> Images:
-        """Outlines with boundary points at x (2, m), and their images within reach [m] in a box of edges (2, 2)."""
+        """Outlines with boundary points at x (2, m), and their images within reach [m] in a box of edges (2, n)."""
         return images(self.outlines, x, len(self.bodies), box, reach)
 
     @property

@@ -1,4 +1,4 @@
-"""The periodic box: its motion, prescribed by a velocity gradient or found from a stress.
+"""The periodic box: its edges, and its motion, prescribed by a velocity gradient or found from a stress.
 
 The edges of the box are the columns of H. With the mean velocity gradient L of a step of length dt, they become
 exp(dt L) H at its end, so that a constant gradient is followed exactly. Components of L that a stress determines
@@ -28,9 +28,12 @@ COMPONENTS = np.array([[0, 1, 0], [0, 1, 1]])  # of L that a stress may determin
 class Periodic:
     """A periodic box of rectangular shape at t = 0: what leaves it on one side enters it on the other.
 
+    With ``Periodic(width, None)`` or ``Periodic(None, height)`` it is periodic in one direction, and walls along that
+    direction may close it in the other, as in a plane shear cell. Then it keeps its length, and the walls move.
+
     Parameters
     ----------
-    width, height : at t = 0 [m]
+    width, height : at t = 0 [m]; one of them None where it is not periodic
     rate : velocity gradient (2, 2) of the box, [i, j] = dv_i / dx_j [1/s], or a function of time t -> (2, 2), taken
         at the middle of each step; zero by default
     stress : mean stress (2, 2) of the packing [Pa], tension positive, or a function of time, taken at t + theta dt
@@ -49,18 +52,23 @@ class Periodic:
     >>> state = skmpm.step(scene, skmpm.initial(scene), 1e-3)
     >>> state.box.round(6).tolist()
     [[0.003, 3e-06], [0.0, 0.003]]
+    >>> plates = [skmpm.Wall((0, -1e-3), (0, 1)), skmpm.Wall((0, 1e-3), (0, -1), pressure=1e3, velocity=(0.1, 0))]
+    >>> cell = skmpm.Scene([body], cell=4e-4, walls=plates, friction=0.5, periodic=skmpm.Periodic(3e-3, None))
+    >>> skmpm.initial(cell).box.tolist()
+    [[0.003], [0.0]]
     """
 
-    width: float
-    height: float
+    width: float | None
+    height: float | None
     rate: Tensor = field(default=((0.0, 0.0), (0.0, 0.0)), kw_only=True)
     stress: Tensor | None = field(default=None, kw_only=True)
     mass: float | None = field(default=None, kw_only=True)
 
     @property
     def box(self) -> Array:
-        """The edges at t = 0 as columns, (2, 2) [m]."""
-        return np.diag([float(self.width), float(self.height)])
+        """The one or two edges at t = 0 as columns, (2, 1) or (2, 2) [m]."""
+        given = [length is not None for length in (self.width, self.height)]
+        return np.diag([0.0 if length is None else float(length) for length in (self.width, self.height)])[:, given]
 
     def rate_at(self, t: float) -> Array:
         """The prescribed velocity gradient at time t, (2, 2) [1/s]; zero where a stress determines it."""
@@ -102,8 +110,13 @@ class Periodic:
 
     def check(self) -> None:
         """Raise SceneError for the first error."""
-        positive("periodic: width", self.width, "a length in metres")
-        positive("periodic: height", self.height, "a length in metres")
+        if self.width is None and self.height is None:
+            raise SceneError("periodic: width and height are None; give one of them, or no periodic box")
+        for name, length in (("width", self.width), ("height", self.height)):
+            if length is not None:
+                positive(f"periodic: {name}", length, "a length in metres, or None where it is not periodic")
+        if self.box.shape[1] == 1:
+            self._check_still()
         if self.mass is not None:
             positive("periodic: mass", self.mass, "a mass per metre of thickness in kg/m, or None")
         if self.stress is not None:
@@ -119,6 +132,15 @@ class Periodic:
             raise SceneError(f"periodic: mass = {self.mass} without a stress; give one, or no mass")
         self.rate_at(0.0)
 
+    def _check_still(self) -> None:
+        """A box that is periodic in one direction keeps its length."""
+        for name, given in (("rate", self.rate), ("stress", self.stress), ("mass", self.mass)):
+            if callable(given) or (given is not None and np.any(np.asarray(given) != 0.0)):
+                raise SceneError(
+                    f"periodic: {name} = {given!r} in a box that is periodic in one direction, whose length stays;"
+                    " move its walls instead, by Wall(velocity=...) or Wall(pressure=...)"
+                )
+
 
 def _tensor(name: str, value: Tensor, t: float) -> Array:
     """A tensor (2, 2), or the value at time t of a function of time; entries may be nan."""
@@ -132,7 +154,7 @@ def _tensor(name: str, value: Tensor, t: float) -> Array:
 
 
 def deformed(box: Array, rate: Array, dt: float, components: Ints, found: Array) -> Array:
-    """The edges (2, 2) [m] after a step, by the prescribed gradient and the unknown components (q,) [1/s]."""
+    """The edges [m] after a step, by the prescribed gradient and the unknown components (q,) [1/s]."""
     after = expm(dt * rate) @ box
     if components.size == 0:
         return np.asarray(after)
@@ -142,11 +164,25 @@ def deformed(box: Array, rate: Array, dt: float, components: Ints, found: Array)
     return np.asarray((1.0 + dt * np.diag(L))[:, None] * (shear @ after))
 
 
+def box_corners(box: Array, x: Array) -> Array:
+    """Corners of a box, (2, 4) [m].
+
+    They are those of the strip over which positions x (2, k) [m] extend if the box is periodic in one direction.
+    """
+    first, edges = np.zeros(2), box
+    if box.shape[1] == 1:
+        across = np.array([-box[1, 0], box[0, 0]]) / np.hypot(*box[:, 0])
+        reach = across @ x
+        first, edges = across * reach.min(), np.stack([box[:, 0], across * np.ptp(reach)], axis=1)
+    a, b = edges.T
+    return np.stack([first, first + a, first + a + b, first + b], axis=1)
+
+
 def into_box(centres: Array, box: Array | None) -> Array:
     """Displacements (2, bodies) [m] that bring centres (2, bodies) [m] into the box; zero without one."""
     if box is None:
         return np.zeros_like(centres)
-    return np.asarray(-box @ np.floor(np.linalg.solve(box, centres)))
+    return np.asarray(-box @ np.floor(np.linalg.pinv(box) @ centres))
 
 
 def recut(box: Array) -> tuple[Array, Ints]:

@@ -101,8 +101,8 @@ class PrescribedVelocities:
     supports: Array  # (2 supports,) zero where free
     walls_at_end: Array  # (walls, 2) the same as `walls`, but for driven walls
     dt: float  # of the step [s]
-    box: Array | None = None  # (2, 2) edges of the periodic box at the end of the step [m]
-    box_at_start: Array | None = None  # (2, 2) the same at its start [m]
+    box: Array | None = None  # (2, 1) or (2, 2) edges of the periodic box at the end of the step [m]
+    box_at_start: Array | None = None  # the same at its start [m]
 
     @property
     def fastest(self) -> float:
@@ -122,7 +122,7 @@ class PrescribedVelocities:
     def _gradient(self, edges: Array | None) -> Array | None:
         if self.box is None or self.box_at_start is None or edges is None:
             return None
-        return np.asarray((self.box - self.box_at_start) @ np.linalg.inv(edges) / self.dt)
+        return np.asarray((self.box - self.box_at_start) @ np.linalg.pinv(edges) / self.dt)
 
 
 def prescribed_velocities(scene: Model, t: float, dt: float, box: Array | None = None) -> PrescribedVelocities:

@@ -102,7 +102,8 @@ class Scene(Model):
     cohesion_range : largest gap [m] that cohesion pulls, also at walls; zero for closed ones only. Flat surfaces come
         off at c whatever the range. Round ones need one that several boundary points are within, or the force that
         separates them is that of one boundary point and proportional to the spacing
-    periodic : a periodic box instead of walls; bodies may lie across its edges, or outside of it
+    periodic : a periodic box instead of walls, or beside those along the one direction in which it is periodic;
+        bodies may lie across its edges, or outside of it
     overlap : largest overlap of bodies at the start that is meant [m], as of interference fits, up to a quarter of a
         cell. A step removes a fifth of it: 30 steps without inertia leave 0.1 %. Others are refused from 1e-3 cells
     gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n), taken at t + theta dt of

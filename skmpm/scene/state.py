@@ -132,8 +132,9 @@ class State:
     wall_force : (walls, 2) exerted by the bodies in the last step [N/m]
     wall_velocity : (walls, 2) of walls that a force drives; of others in the last step [m/s]
     support_force : (supports, 2) the same on each support [N/m]
-    box : (2, 2) edges of the periodic box as columns [m]; None without one. The second one is replaced by that of the
-        same lattice that leans least, so a shear strain follows from `box_rate`, not from the edges
+    box : (2, 2) edges of the periodic box as columns [m], (2, 1) of one that is periodic in one direction; None
+        without one. The second one is replaced by that of the same lattice that leans least, so a shear strain
+        follows from `box_rate`, not from the edges
     box_rate : (2, 2) its velocity gradient at the end of the last step [1/s], whose deformation gradient is
         (1 - dt box_rate)^-1 whatever its length; None without one
     contacts : those at the end of the last step, `Contacts`

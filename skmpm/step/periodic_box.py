@@ -39,9 +39,9 @@ def velocity_of_box(state: State, gradient: Array | None) -> Array:
 
 
 def recut_box(scene: Scene, box: Array | None, contacts: Contacts) -> tuple[Array | None, Contacts]:
-    """The least slanted edges (2, 2) [m] of the same lattice, and the contacts with keys that belong to them."""
-    if box is None:
-        return None, contacts
+    """The least slanted edges [m] of the same lattice, and the contacts with keys that belong to them."""
+    if box is None or box.shape[1] == 1:
+        return box, contacts
     upright, change = recut(box)
     if not change[0, 1]:
         return box, contacts

@@ -99,7 +99,7 @@ def test_a_jam_says_at_which_fraction():
 def jam(R, solid_fraction, periodic, seed):
     """The solid fraction at which one attempt to reach a higher one ends, and the estimate of it; in a square box."""
     R = R / R.mean()
-    box = Box(np.full(2, np.sqrt(np.pi * (R**2).sum() / solid_fraction)), periodic)
+    box = Box(np.full(2, np.sqrt(np.pi * (R**2).sum() / solid_fraction)), np.full(2, periodic))
     rng = np.random.default_rng(seed)
     _, size = generator._grow(scatter(R, box, rng), partial(grown, R=R, box=box), 1.0, rng)
     return solid_fraction * size**2, generator._jams_at(R, box)
@@ -140,10 +140,10 @@ def test_what_jams_before_is_refused_at_once(count, solid_fraction, jammed):
 def test_crystals_are_not_refused(count):
     """Equal discs fill a square box up to pi / 4 on a lattice, narrow ones in rows, periodic ones up to 0.9069."""
     size = 2.0 * np.sqrt(count) * np.ones(2)
-    generator._check_reachable(np.ones(count), Box(size, periodic=False), 0.785)
+    generator._check_reachable(np.ones(count), Box(size, np.full(2, False)), 0.785)
     rows = np.array([2.0 + np.sqrt(3.0), count + 1.0])  # two, staggered
-    generator._check_reachable(np.ones(count), Box(rows, periodic=False), 0.84)
-    generator._check_reachable(np.ones(count), Box(size, periodic=True), 0.9)
+    generator._check_reachable(np.ones(count), Box(rows, np.full(2, False)), 0.84)
+    generator._check_reachable(np.ones(count), Box(size, np.full(2, True)), 0.9)
 
 
 def test_soft_discs_are_packed_more_densely_by_walls():
@@ -183,7 +183,7 @@ def test_threads_of_blas_do_not_matter():
 def test_two_discs_that_turn_as_one_do_not_slide():
     """A rigid rotation of a touching pair about any point has no relative velocity in its contact."""
     x, R = np.array([[5.0, 6.2], [5.0, 6.6]]), np.array([0.8, 1.2])
-    contacts = contacts_of(x, R, Box(np.array([20.0, 20.0]), periodic=False))
+    contacts = contacts_of(x, R, Box(np.array([20.0, 20.0]), np.full(2, False)))
     normal, tangent = contacts.normal, contacts.normal[::-1] * [[-1.0], [1.0]]
     H = np.vstack([rows(contacts, d, 2).toarray() for d in (normal, tangent)])
     turn = np.concatenate([-(x[1] - 3.0), x[0] + 7.0, np.ones(2)])

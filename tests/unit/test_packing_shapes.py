@@ -106,7 +106,7 @@ def test_gaps_change_as_the_rows_say():
     rng, clouds = np.random.default_rng(0), mixture(4)[1:]
     shapes = shapes_of(clouds, R)
     x = np.array([[3.0, 5.2, 4.1], [3.0, 3.2, 5.0], [0.3, 1.1, 2.0]])
-    big = Box(np.array([50.0, 50.0]), periodic=False)
+    big = Box(np.array([50.0, 50.0]), np.full(2, False))
     d = 1e-6 * rng.normal(size=x.shape)
     start, plus, minus = (_contacts(shapes, at, 1.0, big) for at in (x, x + d, x - d))
     assert start.gap.size == plus.gap.size == minus.gap.size > 2
