@@ -33,7 +33,7 @@ class Motion:
         """The motion by prescribed velocities, or by those found for what forces drive."""
         box = None if state.box is None or motions.box is None else (state.box, motions.box)
         walls = np.stack([state.walls, dt * motions.walls])
-        return Motion(dt, dt * _rigid_velocities(scene, state, motions.rigid, dt), walls, box)
+        return Motion(dt, dt * rigid_velocities(scene, state, motions.rigid, dt), walls, box)
 
     def change_of_box_velocity(self, state: State) -> Array | float:
         """What a change of the rate of the periodic box adds to velocities in this step, (2, n) [m/s].
@@ -69,7 +69,7 @@ class Motion:
         return surfaces.at(moved, None if self.box is None else self.box[1] - self.box[0])
 
 
-def _rigid_velocities(scene: Scene, state: State, rigid: Array, dt: float) -> Array:
+def rigid_velocities(scene: Scene, state: State, rigid: Array, dt: float) -> Array:
     """Mean velocities of the boundary points of rigid bodies in the step, zero for others, (2, m) [m/s]."""
     boundary = scene.outlines
     if scene.deformable.all():

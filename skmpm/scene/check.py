@@ -154,10 +154,11 @@ def _check_motion(name: str, body: Body) -> None:
         return
     if not rigid:
         raise SceneError(f"{name}: motion of a deformable body; give velocity and spin at t = 0, or a Support")
-    for what, given in (("velocity", np.any(np.asarray(body.velocity))), ("spin", spinning)):
+    held = ~np.isnan(rigid_motion(body, 0.0, name))
+    moving = np.asarray(body.velocity, dtype=float) != 0.0
+    for what, given in (("velocity", (moving & held[:2]).any()), ("spin", spinning and held[2])):
         if given:
             raise SceneError(f"{name}: {what} = {getattr(body, what)} and motion; give one of them")
-    rigid_motion(body, 0.0, name)
 
 
 def _check_wall(name: str, wall: Wall) -> None:

@@ -73,10 +73,19 @@ class Layout(Input):
         return np.array([not isinstance(body.material, Rigid) for body in self.bodies], dtype=bool)
 
     @cached_property
+    def held_components(self) -> Bools:
+        """Which components of the motion of bodies are prescribed, vx, vy and spin, (3, bodies)."""
+        held = np.zeros((3, len(self.bodies)), dtype=bool)
+        for b, body in enumerate(self.bodies):
+            if body.motion is not None:
+                given: Any = body.motion(0.0) if callable(body.motion) else body.motion
+                held[:, b] = [component is not None for component in given]
+        return held
+
+    @cached_property
     def free_rigid(self) -> Ints:
-        """The rigid bodies that forces move, (n,)."""
-        held = np.array([body.motion is not None for body in self.bodies], dtype=bool)
-        return np.flatnonzero(~self.deformable & ~held)
+        """The rigid bodies that forces move, in some components at least, (n,)."""
+        return np.flatnonzero(~self.deformable & ~self.held_components.all(axis=0))
 
     @cached_property
     def movable(self) -> Bools:

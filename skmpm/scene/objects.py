@@ -38,7 +38,9 @@ class Body:
     spin : angular velocity about the centre of mass at t = 0 [rad/s], counter-clockwise
     motion : of a `Rigid` body that is not free: (vx, vy, spin) [m/s, m/s, rad/s], velocity of the centre of mass and
         angular velocity about it, or a function of time t -> (3,), taken at the middle of each step; (0, 0, 0) holds
-        it. Without it, a rigid body moves by the forces on it, with the mass and moment of inertia of its points
+        it. A component None is free: (0, 0, None) is a wheel on a fixed axle, (v, None, 0) a plate that is drawn
+        along and settles. Without it, a rigid body moves by the forces on it, with the mass and moment of inertia of
+        its points
     friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
         of the scene
     name : of its surface in a table of friction; several bodies may have the same
@@ -52,13 +54,18 @@ class Body:
     >>> wheel = skmpm.Body(skmpm.disc((0, 3e-3), 1e-3, spacing=2e-4), skmpm.Rigid(density=2000), spin=10.0)
     >>> wheel.spin
     10.0
+    >>> idler = skmpm.Body(skmpm.disc((0, 3e-3), 1e-3, spacing=2e-4), skmpm.Rigid(2000.0), motion=(0, 0, None))
+    >>> idler.motion[2] is None
+    True
     """
 
     points: Points
     material: Material | MaterialWithMemory | Rigid | Mapping[str, Material | MaterialWithMemory]
     velocity: ArrayLike | Callable[..., ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
     spin: float = field(default=0.0, kw_only=True)
-    motion: ArrayLike | Motion | None = field(default=None, kw_only=True)
+    motion: Components | ArrayLike | Callable[[float], Components | ArrayLike] | None = field(
+        default=None, kw_only=True
+    )
     friction: float | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
 

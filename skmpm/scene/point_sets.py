@@ -69,7 +69,7 @@ def matching(scene: Layout, name: str, where: Callable[[Array], ArrayLike], bodi
     if untouched.size:
         raise SceneError(
             f"{name} is true at points of body {untouched[0]}, a free rigid body, on which only a Load acts; let it"
-            " leave that body out, or give the body a `motion`"
+            " leave that body out, or prescribe all of its `motion`"
         )
     return np.flatnonzero(inside & own[scene.owner])
 

@@ -6,6 +6,7 @@ forces drive have a velocity that is unknown along their normals and given acros
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,18 +31,27 @@ def gravity_at(scene: Input, X: Array, t: float) -> Array:
 def rigid_motion(body: Body, t: float, name: str) -> Array:
     """Prescribed velocity of the centre of mass and angular velocity of a rigid body at time t, (3,) [m/s, rad/s].
 
-    Those at t = 0 of a free one.
+    Components that are free are nan.
     """
     if body.motion is None:
-        return np.append(motion(body.velocity, t, f"{name}: velocity"), body.spin)
+        return np.full(3, np.nan)
     called = callable(body.motion)
     name = f"{name}: motion at t = {t:.6g} s" if called else f"{name}: motion"
-    remedy = "give three finite numbers (vx, vy, spin), or no motion for a body that forces move"
+    remedy = "give (vx, vy, spin), each a finite number or None, or no motion for a body that forces move"
     value = body.motion(t) if callable(body.motion) else body.motion
-    array = numbers(name, value, remedy)
+    if not isinstance(value, Sequence | np.ndarray) or len(value) != 3:
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    free = np.array([v is None for v in value])
+    array = numbers(name, [0.0 if v is None else v for v in value], remedy)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise SceneError(f"{name} = {value!r}; {remedy}")
-    return array
+    return np.where(free, np.nan, array)
+
+
+def initial_rigid_motion(body: Body) -> Array:
+    """Velocity of the centre of mass and angular velocity of a rigid body at t = 0, (3,) [m/s, rad/s]."""
+    given = rigid_motion(body, 0.0, "body")
+    return np.where(np.isnan(given), np.append(motion(body.velocity, 0.0, "body: velocity"), body.spin), given)
 
 
 def velocity_at(arm: Array, motions: Array) -> Array:
@@ -96,7 +106,9 @@ class PrescribedVelocities:
     """
 
     walls: Array  # (walls, 2)
-    rigid: Array  # (3, bodies) of rigid bodies, with angular velocity [rad/s]; zero for deformable and free ones
+    rigid: (
+        Array  # (3, bodies) of rigid bodies, with angular velocity [rad/s]; zero where they are free, and of others
+    )
     rigid_at_end: Array  # (3, bodies) the same at the end of the step
     supports: Array  # (2 supports,) zero where free
     walls_at_end: Array  # (walls, 2) the same as `walls`, but for driven walls
@@ -156,9 +168,14 @@ def prescribed_motions(scene: Input) -> list[Any]:
 
 def _rigid(scene: Model, t: float) -> Array:
     velocity = np.zeros((3, len(scene.bodies)))
-    for b in np.flatnonzero(~scene.movable).tolist():
+    for b in np.flatnonzero(scene.held_components.any(axis=0)).tolist():
         velocity[:, b] = rigid_motion(scene.bodies[b], t, f"body {b}")
-    return velocity
+        if (np.isnan(velocity[:, b]) == scene.held_components[:, b]).any():
+            raise SceneError(
+                f"body {b}: motion at t = {t:.6g} s is {velocity[:, b]} (nan: None), with other components than at"
+                " t = 0; a component is free always or never"
+            )
+    return np.nan_to_num(velocity)
 
 
 def _supports(scene: Model, t: float, dt: float) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from skmpm.arrays import ROUND_OFF, Array
 from skmpm.contact import Constraints, acts_at_grid_nodes
+from skmpm.contact.motion import rigid_velocities
 from skmpm.scene import (
     PrescribedVelocities,
     Scene,
@@ -81,13 +82,11 @@ def kinetic_energy(mass: Array, v: Array) -> float:
 
 
 def _counted(increment: Increment) -> Array:
-    """The masses (n,) [kg/m] but those of the edges of a periodic box, which are not of bodies."""
-    mass, scalars = increment.mass, increment.scalars
-    if scalars.carrier is None:
-        return mass
-    own = mass.copy()
-    increment.of_scalars(own)[scalars.carrier.own] = 0.0
-    return own
+    """The masses (n,) [kg/m] but those of the edges of a periodic box, and of prescribed motions of rigid bodies."""
+    mass = increment.mass.copy()
+    for kind in increment.scalars.kinds:
+        increment.of_scalars(mass)[kind.own] = kind.counted
+    return mass
 
 
 def _of_contacts(increment: Increment, contact: ContactIterate) -> Budget:
@@ -112,8 +111,8 @@ def work_at_contacts(scene: Scene, state: State, increment: Increment, contact: 
     """Work at contacts in the step, by its impulses [J/m]."""
     constraints, held = contact.constraints, contact.constraints
     if scene.free_rigid.size:
-        prescribed = ~scene.movable[scene.outlines.body]
-        held = replace(constraints, rigid=constraints.rigid * prescribed[:, None])
+        given = end.motions.rigid * scene.held_components
+        held = replace(constraints, rigid=rigid_velocities(scene, state, given, increment.dt).T)
     relative = constraints.components(held.prescribed)
     if scene.driven_walls.size:
         relative = relative + constraints.components(_of_driven_walls(scene, end.motions, constraints))
@@ -135,7 +134,7 @@ def _passing(scene: Scene, state: State, increment: Increment, constraints: Cons
     Their material points move along the chords of their arcs. Contacts stay in place while these pass, so their work
     is that of the velocities at the end of the step.
     """
-    turning = ~scene.deformable & ~scene.movable & (end.motions.rigid[2] != 0.0)
+    turning = scene.held_components[2] & (end.motions.rigid[2] != 0.0)
     if not turning.any() or constraints.size == 0:
         return 0.0
     boundary, dt = scene.outlines, increment.dt
@@ -161,7 +160,7 @@ def _surface_velocity(scene: Scene, state: State, motions: PrescribedVelocities,
     contacts = state.contacts
     body = contacts.bodies[side]
     arm = contacts.at(side) - centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)]
-    prescribed = np.where(scene.movable, 0.0, motions.rigid)
+    prescribed = motions.rigid * scene.held_components
     of_bodies, walls = velocity_at(arm, prescribed[:, np.maximum(body, 0)]), np.zeros_like(contacts.x)
     if motions.walls.size:
         still = with_normal_speeds(scene, motions.walls, np.zeros(scene.driven_walls.size))

@@ -99,7 +99,7 @@ def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[t
             yield f"{kind} {i}", speed
     for i, body in enumerate(scene.bodies):
         if body.motion is not None:
-            vx, vy, spin = rigid_motion(body, t, f"body {i}").tolist()
+            vx, vy, spin = np.nan_to_num(rigid_motion(body, t, f"body {i}")).tolist()
             x = body.points.x
             reach = float(np.hypot(*(x - np.average(x, axis=1, weights=body.points.volume)[:, None])).max())
             yield f"rigid body {i}", float(np.hypot(vx, vy) + abs(spin) * reach)

@@ -22,9 +22,9 @@ from skmpm.scene import (
     check_walls_at_start,
     field_values,
     initial_internal,
+    initial_rigid_motion,
     normal_speeds,
     prescribed_velocities,
-    rigid_motion,
     velocity_at,
 )
 from skmpm.scheme import Scheme
@@ -32,6 +32,7 @@ from skmpm.step.budget import kinetic_energy
 from skmpm.step.driven_walls import check_driven
 from skmpm.step.periodic_box import velocity_of_box
 from skmpm.step.regrid import regridded_state
+from skmpm.step.rigid_bodies import rigid_state
 from skmpm.step.scene_forces import springs_of
 
 
@@ -102,12 +103,11 @@ def _initial_energy(scene: Scene, state: State, nodal: Array) -> Energy:
     """Energy of bodies with nodal velocities (2 nodes,) [m/s], relative to a periodic box, and of springs, walls."""
     kinetic = kinetic_energy(state.grids.assembly.mass, nodal - velocity_of_box(state, state.box_rate))
     springs = sum(each.stored(state.displacement, 0.0) for each in springs_of(scene, state, (0.0, 0.0), 1.0))
-    own, v = np.isin(state.body, scene.free_rigid), state.v
-    if state.box_rate is not None:
-        v = v - (state.box_rate @ centres(state.x, state.mass, state.body))[:, state.body]
-    walls = normal_speeds(scene, state.wall_velocity)
-    rigid = 0.5 * float(state.mass[own] @ (v[:, own] ** 2).sum(axis=0) + scene.wall_masses @ walls**2)
-    return Energy(kinetic=kinetic + rigid, springs=springs)
+    kinetic += kinetic_energy(scene.wall_masses, normal_speeds(scene, state.wall_velocity))
+    if scene.free_rigid.size:
+        bodies = rigid_state(scene, state)
+        kinetic += sum(kinetic_energy(bodies.mass, v) for v in bodies.relative(state.box_rate) * bodies.free)
+    return Energy(kinetic=kinetic, springs=springs)
 
 
 def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
@@ -147,7 +147,7 @@ def initial_motion(scene: Scene) -> tuple[Array, Array]:
         x, weight = body.points.x, body.points.volume
         if isinstance(body.material, Rigid):
             arm = x - (x @ weight / weight.sum())[:, None]
-            v.append(velocity_at(arm, rigid_motion(body, 0.0, "body")[:, None]))
+            v.append(velocity_at(arm, initial_rigid_motion(body)[:, None]))
             C.append(np.zeros((2, 2, x.shape[1])))
             continue
         field, gradient = _field(body.velocity, x, 1e-4 * scene.cell)

@@ -41,8 +41,9 @@ def _of_free_rigid_bodies(scene: Scene, increment: Increment, after: State) -> f
     if scene.free_rigid.size == 0:
         return 0.0
     at = after.t - (1.0 - increment.scheme.theta) * increment.dt
-    loads = rigid_state(scene, after).loads(scene, after, at).resultant
-    return float(np.hypot(*(loads + after.body_force[:, scene.free_rigid])).max())
+    bodies = rigid_state(scene, after)
+    resultant = bodies.loads(scene, after, at).resultant + after.body_force[:, scene.free_rigid]
+    return float(np.hypot(*(resultant * bodies.free[:2])).max())
 
 
 def report_of(

@@ -1,6 +1,7 @@
 """Free rigid bodies: three unknowns each, velocity of the centre of mass and spin times radius of gyration.
 
-Position, motion and inertia are those of their material points.
+Position, motion and inertia are those of their material points. Components that are prescribed begin with their
+values in the step, and nothing changes them: no load or contact acts on them, and their energy is not counted.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import Constraints
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, fitted_motions
 from skmpm.step.scalar_unknowns import Interval, Unknowns
@@ -41,6 +42,13 @@ class RigidState:
     radius: Array  # (n,) of gyration [m]
     centre: Array  # (2, n) of mass [m]
     velocity: Array  # (3, n) of the centre, and spin times radius of gyration [m/s]
+    free: Bools  # (3, n) components that are not prescribed
+
+    def relative(self, gradient: Array | None) -> Array:
+        """The velocities (3, n) less those of a periodic box with a velocity gradient (2, 2) [m/s]."""
+        if gradient is None:
+            return self.velocity.copy()
+        return np.asarray(self.velocity - np.concatenate([gradient @ self.centre, np.zeros((1, self.bodies.size))]))
 
     def loads(self, scene: Scene, state: State, t: float) -> DeadLoads:
         """Gravity and dead loads of time t."""
@@ -60,7 +68,8 @@ def rigid_state(scene: Scene, state: State) -> RigidState:
     square = ((state.x - centre[:, owner]) ** 2).sum(axis=0)
     radius = np.sqrt(np.bincount(owner, mass * square) / total)
     velocity = fitted_motions(state.x, state.v, mass, owner) * np.stack([np.ones_like(radius)] * 2 + [radius])
-    return RigidState(bodies, total[bodies], radius[bodies], centre[:, bodies], velocity[:, bodies])
+    free = ~scene.held_components[:, bodies]
+    return RigidState(bodies, total[bodies], radius[bodies], centre[:, bodies], velocity[:, bodies], free)
 
 
 def _sums(body: Ints, values: Array, bodies: int) -> Array:
@@ -76,6 +85,7 @@ class FreeBodies(Unknowns):
     start: RigidState  # at the start of the step
     loads: DeadLoads  # as the bodies are at the start
     first_loads: DeadLoads | None  # those when a step without inertia begins
+    at_end: Array  # (3, n) prescribed components at the end of the step [m/s]; zero where free
 
     @staticmethod
     def in_step(
@@ -86,20 +96,21 @@ class FreeBodies(Unknowns):
         Without inertia they begin at rest.
         """
         start, dt = rigid_state(scene, state), interval.dt
-        velocity, gradient = start.velocity.copy(), motions.gradient
-        if state.box_rate is not None:
-            velocity[:2] -= state.box_rate @ start.centre
+        velocity, gradient = start.relative(state.box_rate), motions.gradient
         if not interval.inertial:
             velocity[:] = 0.0
         if gradient is not None:
             velocity[:2] += gradient @ start.centre
+        scale = np.stack([np.ones_like(start.radius)] * 2 + [start.radius])
+        given, at_end = (scale * each[:, start.bodies] for each in (motions.rigid, motions.rigid_at_end))
+        velocity = np.where(start.free, velocity, given)
         loads = start.loads(scene, state, interval.t)
         at_start = None if interval.inertial else start.loads(scene, state, state.t)
         inertia = interval.inertia(np.repeat(start.mass, 3), velocity.T.ravel())
         response = inertia.response.reshape(-1, 3).copy()  # with the stiffness of loads where they resist turning
         response[:, 2] += (interval.theta * dt) ** 2 * np.maximum(loads.along, 0.0) / start.radius
         return FreeBodies(
-            replace(inertia, response=response.ravel()), dt, first, scene.free_rigid, start, loads, at_start
+            replace(inertia, response=response.ravel()), dt, first, scene.free_rigid, start, loads, at_start, at_end
         )
 
     @property
@@ -109,17 +120,28 @@ class FreeBodies(Unknowns):
 
     def load(self, z: Array) -> Array:
         """Forces of gravity and loads, (3 n,) [N/m], with the bodies turned as they are at t + theta dt."""
-        return self.loads.turned(self.inertia.theta[2::3] * self.dt * self._with_spins(z)[2])
+        return self._free * self.loads.turned(self.inertia.theta[2::3] * self.dt * self._with_spins(z)[2])
 
     def load_at_start(self) -> Array:
         """The forces when a step without inertia begins, (3 n,) [N/m]."""
         assert self.first_loads is not None
-        return self.first_loads.turned(np.zeros(self.bodies.size))
+        return self._free * self.first_loads.turned(np.zeros(self.bodies.size))
+
+    @property
+    def _free(self) -> Bools:
+        """Which of the unknowns are not prescribed, (3 n,)."""
+        return self.start.free.T.ravel()
+
+    @property
+    def counted(self) -> Array:
+        """Masses (3 n,) [kg/m], zero of what is prescribed."""
+        return np.asarray(self.inertia.mass * self._free)
 
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with those of the bodies."""
         rigid, at_end = prescribed.rigid.copy(), prescribed.rigid_at_end.copy()
-        for table, values in ((rigid, z), (at_end, end)):
+        last = np.where(self._free, end, self.at_end.T.ravel())
+        for table, values in ((rigid, z), (at_end, last)):
             table[:, self.bodies] = self._with_spins(values)
         return replace(prescribed, rigid=rigid, rigid_at_end=at_end)
 
@@ -131,7 +153,7 @@ class FreeBodies(Unknowns):
     def carried(self, translation: Array) -> Array:
         """The velocities (2, bodies) at their centres, (3 n,)."""
         own = translation[:, self.bodies]
-        return np.stack([*own, np.zeros_like(own[0])], axis=1).ravel()
+        return np.asarray(self._free * np.stack([*own, np.zeros_like(own[0])], axis=1).ravel())
 
     def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
         """J (k, 3 n) or (2 k, 3 n), about the centres at the end of the step, where the contacts are."""
@@ -149,7 +171,7 @@ class FreeBodies(Unknowns):
             arm = (at - centre[:, body[k]]) / self.start.radius[body[k]]
             for i, direction in enumerate(directions):
                 d = direction[:, k]
-                each = np.stack([d[0], d[1], arm[0] * d[1] - arm[1] * d[0]])
+                each = np.stack([d[0], d[1], arm[0] * d[1] - arm[1] * d[0]]) * self.start.free[:, body[k]]
                 row.append(np.tile(len(directions) * k + i, 3))
                 column.append((3 * body[k] + np.arange(3)[:, None]).ravel())
                 data.append(sign * each.ravel())

@@ -88,6 +88,11 @@ class Unknowns(Term):
         return slice(self.first, self.first + self.inertia.v0.size)
 
     @property
+    def counted(self) -> Array:
+        """Masses whose kinetic energy is counted, (p,) [kg/m]."""
+        return self.inertia.mass
+
+    @property
     @abstractmethod
     def names(self) -> Sequence[str]:
         """What each of them moves, for messages (p,)."""
@@ -131,7 +136,12 @@ class Unknowns(Term):
 
 
 class Carrier(Unknowns):
-    """Unknowns that carry bodies."""
+    """Unknowns that carry bodies; their masses are not of bodies."""
+
+    @property
+    def counted(self) -> Array:
+        """Zero (p,)."""
+        return np.zeros_like(self.inertia.mass)
 
     @abstractmethod
     def translation(self, z: Array) -> Array:

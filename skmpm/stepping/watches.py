@@ -7,13 +7,12 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array
 from skmpm.material import youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
-from skmpm.stepping.functions_of_time import values_at
+from skmpm.stepping.functions_of_time import Function, values_at
 from skmpm.stepping.loading import SLOPE, strongest_gravity
 
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
@@ -150,7 +149,7 @@ class Floor(NamedTuple):
     """What may shake under a body."""
 
     name: str
-    velocity: Callable[[float], ArrayLike]
+    velocity: Function
     carries: Callable[[State], bool]  # whether something rests on it
 
 
@@ -181,7 +180,7 @@ class ShakingWatch:
         for floor in self._floors:
             if share == 0.0 or not floor.carries(state):
                 continue
-            change = np.subtract(floor.velocity(middle + short), floor.velocity(middle - short))
+            change = np.diff(values_at(floor.velocity, middle + short * np.array([-1.0, 1.0])), axis=0)[0]
             acceleration = float(np.hypot(*change[:2])) / (2.0 * short)
             if share * acceleration > MAX_JOLT * self._weight:
                 off = share * acceleration / self._weight
@@ -209,7 +208,8 @@ def _rigid_bodies(scene: Scene, gravity: Array) -> Iterator[Floor]:
     """Rigid bodies whose motion is a function of time; what rests on one presses it along gravity."""
     for b, body in enumerate(scene.bodies):
         if callable(body.motion):
-            yield Floor(f"body {b}", body.motion, partial(_body_carries, b, gravity))
+            motion: Any = body.motion  # components that are free are None
+            yield Floor(f"body {b}", motion, partial(_body_carries, b, gravity))
 
 
 def _body_carries(b: int, gravity: Array, state: State) -> bool:

@@ -143,11 +143,11 @@ def test_the_fill_of_a_drum_slides_at_the_angle_of_friction(mu):
         ),
         (
             lambda: Body(FAR.points, Rigid(1.0), motion=(0, 1)),
-            r"body 0: motion = \(0, 1\); give three finite numbers",
+            r"body 0: motion = \(0, 1\); give \(vx, vy, spin\), each a finite number or None",
         ),
         (
             lambda: Body(FAR.points, Rigid(1.0), motion=lambda t: (0, 0, np.nan)),
-            "body 0: motion at t = 0 s = .*three",
+            "body 0: motion at t = 0 s = .*each a finite number or None",
         ),
     ],
 )

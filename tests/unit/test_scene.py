@@ -103,7 +103,7 @@ BAD = {
     ),
     "motion of Rigid": (
         lambda: scene(others=[Body(at(3), Rigid(1.0), motion=lambda t: (t, np.inf, 0.0))]),
-        "body 1: motion at t = 0 s.*three finite numbers",
+        "body 1: motion at t = 0 s.*each a finite number or None",
     ),
     "spin nan": (lambda: scene(spin=np.nan), "body 0: spin = nan.*rad/s"),
     "spin text": (lambda: scene(spin="left"), "body 0: spin = 'left'.*rad/s"),
