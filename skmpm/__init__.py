@@ -35,7 +35,7 @@ from skmpm.observe import (
 )
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
-from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, polygon
+from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, joined, polygon, ring, row
 from skmpm.preflight import Preflight, PreflightWarning, Suggestion, preflight, suggest
 from skmpm.run import simulate
 from skmpm.scene import (
@@ -113,6 +113,7 @@ __all__ = [
     "ellipse",
     "from_mesh",
     "initial",
+    "joined",
     "linear",
     "load",
     "moduli",
@@ -126,6 +127,8 @@ __all__ = [
     "preflight",
     "read",
     "record",
+    "ring",
+    "row",
     "save",
     "simulate",
     "spring_forces",

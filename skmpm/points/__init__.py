@@ -1,7 +1,8 @@
 """Material points: quadrature rules with positive weights and points on the boundary."""
 
 from skmpm.points.cloud import Points, check
+from skmpm.points.composed import joined, ring, row
 from skmpm.points.mesh import from_mesh
 from skmpm.points.shapes import box, capsule, disc, ellipse, polygon
 
-__all__ = ["Points", "box", "capsule", "check", "disc", "ellipse", "from_mesh", "polygon"]
+__all__ = ["Points", "box", "capsule", "check", "disc", "ellipse", "from_mesh", "joined", "polygon", "ring", "row"]

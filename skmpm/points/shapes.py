@@ -55,7 +55,7 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     edges = R * np.linspace(0.0, 1.0, max(1, round(R / h)) + 1)
     area = np.pi * np.diff(edges**2)
     radii = np.sqrt((edges[1:] ** 2 + edges[:-1] ** 2) / 2)
-    inner, boundary, share = _radau_ring(edges[-2], R)
+    inner, boundary, share = radau_ring(edges[-2], R)
     radii = np.append(radii[:-1], (inner, boundary))
     area = np.append(area[:-1], area[-1] * np.array((1 - share, share)))
     counts = np.maximum(np.rint(2 * np.pi * radii / h).astype(np.int64), 4)
@@ -68,8 +68,8 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     return Points(x, np.repeat(area / counts, counts), (np.arange(position.size - counts[-1], position.size),))
 
 
-def _radau_ring(r0: float, R: float) -> tuple[float, float, float]:
-    """Inner and outer radius of the Radau rule of the ring [r0, R], and the share of the area at R."""
+def radau_ring(r0: float, R: float) -> tuple[float, float, float]:
+    """Other radius and R of the Radau rule of the ring between r0 and R with a point at R, and the share there."""
     m1 = 2 / 3 * (R**2 + R * r0 + r0**2) / (R + r0)
     m2 = (R**2 + r0**2) / 2
     r2 = (m2 - m1 * R) / (m1 - R)

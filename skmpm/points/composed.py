@@ -1,0 +1,132 @@
+"""Rings, and points that are composed of others: rows of grains or teeth as rough walls, frames, funnels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skmpm.arrays import Array, Ints
+from skmpm.points.cloud import Points
+from skmpm.points.shapes import point, positive, radau_ring
+
+
+def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Points:
+    """Return the points of a ring, or of a tube in its cross-section: rings of equal thickness.
+
+    Points of a ring lie at its root mean square radius and share its exact area equally. The innermost and the
+    outermost ring have Radau rules with points on the boundaries. Area, centroid and second moments are exact. The
+    outline has two loops, that of the hole clockwise.
+
+    Parameters
+    ----------
+    centre : (2,) [m]
+    inner, outer : radii [m]
+    spacing : approximate distance between neighbouring points [m]
+
+    Raises
+    ------
+    ValueError
+        If a radius or the spacing is not positive, inner is not below outer, or the centre is not a finite point.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> points = skmpm.ring((0, 0), 1e-3, 2e-3, spacing=2e-4)
+    >>> len(points.outline)
+    2
+    >>> round(float(1e6 * points.volume.sum()), 3)
+    9.425
+    """
+    c, a, b, h = (
+        point("centre", centre),
+        positive("inner", inner),
+        positive("outer", outer),
+        positive("spacing", spacing),
+    )
+    if a >= b:
+        raise ValueError(f"inner is {a:g} and outer {b:g}; give an inner radius below the outer one")
+    edges = np.linspace(a, b, max(2, round((b - a) / h)) + 1)
+    area = np.pi * np.diff(edges**2)
+    radii = np.sqrt((edges[1:] ** 2 + edges[:-1] ** 2) / 2.0)
+    within, hole, share_of_hole = radau_ring(edges[1], a)
+    beside, boundary, share = radau_ring(edges[-2], b)
+    radii = np.concatenate([[hole, within], radii[1:-1], [beside, boundary]])
+    first, last = (area[k] * np.array([s, 1.0 - s]) for k, s in ((0, share_of_hole), (-1, share)))
+    area = np.concatenate([first, area[1:-1], last[::-1]])
+    counts = np.maximum(np.rint(2.0 * np.pi * radii / h).astype(np.int64), 8)
+    starts = np.append(0, np.cumsum(counts))
+    number = np.arange(starts[-1]) - np.repeat(starts[:-1], counts)
+    angle = 2.0 * np.pi * (number + np.repeat(0.5 * (np.arange(counts.size) % 2), counts)) / np.repeat(counts, counts)
+    x = c[:, None] + np.repeat(radii, counts) * np.stack([np.cos(angle), np.sin(angle)])
+    loops = np.arange(starts[-2], starts[-1]), np.arange(starts[1])[::-1]
+    return Points(x, np.repeat(area / counts, counts), loops)
+
+
+def joined(parts: Sequence[Points]) -> Points:
+    """Return the points of all parts as those of one body, as of a funnel or a frame of `Rigid` bars.
+
+    Parts may not overlap. A rigid body of them moves as one. A deformable one is joined only where parts share cells
+    of its grid: make it from one mesh instead (`from_mesh`).
+
+    Parameters
+    ----------
+    parts : one or more; if one has groups, all have
+
+    Raises
+    ------
+    ValueError
+        If there is no part, or some have groups and some have none.
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> left = skmpm.box((-3e-3, 0), (2e-3, 5e-4), spacing=2e-4)
+    >>> right = skmpm.box((1e-3, 0), (2e-3, 5e-4), spacing=2e-4)
+    >>> gate = skmpm.Body(skmpm.joined([left, right]), skmpm.Rigid(2000.0), motion=(0, 0, 0))
+    >>> len(gate.points.outline)
+    2
+    """
+    every = list(parts)
+    if not every or not all(isinstance(part, Points) for part in every):
+        raise ValueError(f"joined: {parts!r} is not a list of Points; give one or more, as [disc(...), box(...)]")
+    named = [part.group is not None for part in every]
+    if any(named) and not all(named):
+        raise ValueError(f"joined: part {named.index(False)} has no groups, others have; give all of them groups")
+    starts = np.append(0, np.cumsum([part.size for part in every]))
+    loops: list[Ints] = [loop + start for part, start in zip(every, starts, strict=False) for loop in part.outline]
+    group = np.concatenate([part.group for part in every if part.group is not None]) if all(named) else None
+    x: Array = np.concatenate([part.x for part in every], axis=1)
+    return Points(x, np.concatenate([part.volume for part in every]), tuple(loops), group)
+
+
+def row(part: Points, count: int, step: ArrayLike) -> Points:
+    """Return the points of several copies of a part in a row as those of one body: a rough wall of grains or teeth.
+
+    Parameters
+    ----------
+    part : the first of them, as a disc or a tooth
+    count : number of copies
+    step : (2,) from each to the next [m]
+
+    Raises
+    ------
+    ValueError
+        If count is not a positive integer, or the step is not a finite vector.
+
+    Examples
+    --------
+    A rough lid of grains that is drawn along a periodic cell, and settles under a load:
+
+    >>> import skmpm
+    >>> grains = skmpm.row(skmpm.disc((5e-4, 8e-3), 4.8e-4, spacing=1.5e-4), count=8, step=(1e-3, 0))
+    >>> lid = skmpm.Body(grains, skmpm.Rigid(1000.0), motion=(0.1, None, 0))
+    >>> len(lid.points.outline)
+    8
+    """
+    if not (isinstance(count, int | np.integer) and count >= 1):
+        raise ValueError(f"count is {count!r}; give an integer of one or more")
+    apart = point("step", step)[:, None]
+    return joined([replace(part, x=part.x + k * apart) for k in range(int(count))])
