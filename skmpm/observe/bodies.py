@@ -124,22 +124,22 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
 
 def away_from_walls(scene: Scene, diameter: Array) -> float:
     """Return the distance of the interior from the walls [m]; `diameter` (bodies,) of all bodies."""
-    own = diameter[scene.movable]
+    own = diameter[scene.grains]
     return MARGIN * float(own.mean()) if own.size else np.inf
 
 
 def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interior: bool) -> Bools:
     if not interior:
-        return scene.movable
+        return scene.grains
     normal, walls = scene.normals, state.walls.T
     distance = normal.T @ centre - np.einsum("iw,iw->w", normal, walls)[:, None]
     inside: Bools = (distance >= away_from_walls(scene, diameter)).all(axis=0)
-    return inside & scene.movable
+    return inside & scene.grains
 
 
 def _without_rattlers(scene: Scene, pairs: Ints) -> Array:
     """Coordination among the bodies that are no rattlers and the walls, (bodies,); nan for rattlers."""
-    loose = rattlers(pairs, scene.frictions.between(pairs), scene.movable)
+    loose = rattlers(pairs, scene.frictions.between(pairs), scene.grains)
     held = ~np.any((pairs >= 0) & loose[np.maximum(pairs, 0)], axis=0)
     return np.where(loose, np.nan, neighbours(pairs[:, held], loose.size))
 

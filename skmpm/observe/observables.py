@@ -84,8 +84,8 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     The box is the intersection of the walls, the periodic box, or one period between walls. If it is not closed, the
     solid fractions, the stress and the pressures (except those of each body) are nan. In a periodic box branches lead
     to the images that are touched, and velocities are relative to the motion of the box; without walls `interior`
-    changes nothing. Grains are the bodies that forces move, deformable and free rigid ones. Observables of outlines
-    are nan if one of them has none.
+    changes nothing. Grains are the bodies that forces move in all components, deformable and free rigid ones.
+    Observables of outlines are nan if one of them has none.
 
     - solid fractions: area inside the smooth outlines (`outline.curve`; nominal: initial volumes) over the
       area of the box; only the part of rigid bodies in the box counts.
@@ -217,7 +217,7 @@ def _wall_pressure(scene: Scene, state: State, box: Region) -> Array:
 
 
 def _overlap(scene: Scene, bodies: PerBody, interior: bool) -> float:
-    chosen = bodies.counted if interior else scene.movable | np.isfinite(bodies.area)
+    chosen = bodies.counted if interior else scene.grains | np.isfinite(bodies.area)
     # Half of a shared area belongs to each of the two bodies.
     return _mean(bodies.overlap[chosen], bodies.area[chosen]) / 2.0
 

@@ -62,7 +62,7 @@ def pair_correlation(
     check_fits(scene, state, "pair_correlation")
     remedy = f"a radius in metres above zero, or None for {DIAMETERS:g} mean diameters"
     check_bins("pair_correlation", bins, 1.0 if largest is None else largest, remedy)
-    own = scene.movable
+    own = scene.grains
     if largest is None:
         area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]
         largest = DIAMETERS * float(2.0 * np.sqrt(area / np.pi).mean())

@@ -95,12 +95,17 @@ class Layout(Input):
         return movable
 
     @cached_property
+    def grains(self) -> Bools:
+        """Which bodies forces move in all components, (bodies,)."""
+        return np.asarray(self.movable & ~self.held_components.any(axis=0))
+
+    @cached_property
     def inside(self) -> Bools:
-        """Which bodies are parts of the packing, (bodies,): those that forces move, and all where nothing is outside.
+        """Which bodies are parts of the packing, (bodies,): grains, and all where nothing is outside.
 
         A box that is periodic in both directions has no outside: what holds a body in it is a part of the packing.
         """
-        return np.asarray(self.movable | (self.periodic is not None and self.periodic.box.shape[1] == 2))
+        return np.asarray(self.grains | (self.periodic is not None and self.periodic.box.shape[1] == 2))
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:

@@ -1,0 +1,1 @@
+"""Plane shear of soft discs between rough walls at constant pressure."""
