@@ -10,6 +10,7 @@ import logging
 from skmpm import contact, coulomb, linear, outline
 from skmpm.grid import transfer
 from skmpm.io import CheckpointError, load, read, record, save
+from skmpm.jam import Jam, jam
 from skmpm.material import (
     ElastoPlastic,
     LinearElastic,
@@ -68,6 +69,7 @@ __all__ = [
     "Body",
     "CheckpointError",
     "ElastoPlastic",
+    "Jam",
     "LinearElastic",
     "Load",
     "Material",
@@ -113,6 +115,7 @@ __all__ = [
     "ellipse",
     "from_mesh",
     "initial",
+    "jam",
     "joined",
     "linear",
     "load",

@@ -123,17 +123,11 @@ def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = F
     >>> f"{found.bulk:.1e}", f"{found.shear:.1e}"
     ('2.9e+05', '1.7e+05')
     """
-    check_scene("moduli", scene)
-    check_fits(scene, state, "moduli")
-    if state.box is None or state.box.shape[1] == 1:
-        raise SceneError(
-            "moduli: the scene has no box that is periodic in both directions; give Scene(...,"
-            " periodic=Periodic(width, height))"
-        )
+    check_packing("moduli", scene, state)
     remedy = f"give a strain between {SMALLEST:g} and {LARGEST:g}, as {STRAIN:g}"
     if not SMALLEST <= number("moduli: strain", strain, remedy) <= LARGEST:
         raise SceneError(f"moduli: strain = {strain!r}; {remedy}")
-    still = _strained(_held(scene) if held else scene, np.zeros((2, 2)))
+    still = strained(_held(scene) if held else scene, np.zeros((2, 2)))
     rest = _at_rest(still, state)
     seen = observe(still, rest)
     if not seen.pressure > ROUND_OFF * scene.first_moduli.max():
@@ -145,6 +139,17 @@ def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = F
     tensor = np.stack([np.stack([changes[0], changes[2]], axis=-1), np.stack([changes[2], changes[1]], axis=-1)], -1)
     rattlers = np.isnan(seen.bodies.coordination_without_rattlers)
     return Moduli(tensor, _symmetric(seen.stress), rattlers)
+
+
+def check_packing(name: str, scene: Scene, state: State) -> None:
+    """Raise SceneError unless a state is that of a packing in a box that is periodic in both directions."""
+    check_scene(name, scene)
+    check_fits(scene, state, name)
+    if state.box is None or state.box.shape[1] == 1:
+        raise SceneError(
+            f"{name}: the scene has no box that is periodic in both directions; give Scene(...,"
+            " periodic=Periodic(width, height))"
+        )
 
 
 def _at_rest(still: Scene, state: State) -> State:
@@ -162,13 +167,13 @@ def _at_rest(still: Scene, state: State) -> State:
 def _change(still: Scene, rest: State, strain: Array) -> Array:
     """Stress (2, 2) [Pa] after a strain less that after the opposite one: what a step changes anyway cancels."""
     after, before = (
-        _symmetric(observe(still, step(_strained(still, sign * strain), rest, 1.0, scheme=STATIC)).stress)
+        _symmetric(observe(still, step(strained(still, sign * strain), rest, 1.0, scheme=STATIC)).stress)
         for sign in (1.0, -1.0)
     )
     return after - before
 
 
-def _strained(scene: Scene, gradient: ArrayLike) -> Scene:
+def strained(scene: Scene, gradient: ArrayLike) -> Scene:
     """The scene with a box that takes a displacement gradient (2, 2) in a second."""
     assert scene.periodic is not None
     return replace(scene, periodic=Periodic(scene.periodic.width, scene.periodic.height, rate=gradient))
