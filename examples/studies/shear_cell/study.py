@@ -65,6 +65,7 @@ def row(discs: int, rate: float, cell: skmpm.Scene, state: skmpm.State) -> Row:
     width = COLUMNS * D
     floor, lid = state.body_force[:, discs] / width, state.body_force[:, discs + 1] / width
     top = float(np.average(state.x[1, state.body == discs + 1], weights=state.mass[state.body == discs + 1]))
+    speed = float(state.v[0, state.body == discs + 1].mean())
     grains = state.body < discs
     height, area = top + 0.485 * D, state.volume[grains].sum()
     layer = np.clip((LAYERS * state.x[1, grains] / (top - 0.48 * D)).astype(int), 0, LAYERS - 1)
@@ -85,7 +86,7 @@ def row(discs: int, rate: float, cell: skmpm.Scene, state: skmpm.State) -> Row:
         "newton": state.report.newton,
         "overlap": state.report.overlap,
         "seconds": sum(state.report.seconds.values()),
-        **{f"layer_{k}": float(v) for k, v in enumerate(mean / (rate * (height - 0.5 * D)))},
+        **{f"layer_{k}": float(v) for k, v in enumerate(mean / max(speed, 1e-300))},
     }
 
 
