@@ -14,6 +14,7 @@ STUDIES = {
     "work_precision": ("", "page", "promises"),
     "feature_cost": ("",),
     "periodic_shear": ("", "figures"),
+    "shear_cell": ("", "figures"),
     "benchmark": ("", "crossover", "large"),
 }
 HELP = """
