@@ -6,7 +6,7 @@ from skmpm.scene.model import initial_internal, material_at, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, box_corners, deformed, into_box, recut
-from skmpm.scene.point_sets import Ends, stiffness_of
+from skmpm.scene.point_sets import Ends, stiffness_of, support_angle, support_arms, support_rotations
 from skmpm.scene.prescribed import (
     PrescribedVelocities,
     centres,
@@ -80,6 +80,9 @@ __all__ = [
     "rigid_motion",
     "stiffness_of",
     "stress_zz",
+    "support_angle",
+    "support_arms",
+    "support_rotations",
     "velocity_at",
     "view_of",
     "wall_lines",

@@ -14,8 +14,8 @@ from skmpm.scene.layout import Input
 from skmpm.scene.model import Model
 from skmpm.scene.objects import TURNING, Body, Load, Pressure, Spring, Support, Wall, prescribed_components
 from skmpm.scene.periodic import Periodic
-from skmpm.scene.point_sets import PointSet, stiffness_of
-from skmpm.scene.values import SceneError
+from skmpm.scene.point_sets import PointSet, stiffness_of, support_angle
+from skmpm.scene.values import SceneError, vector
 
 Given = Iterator[tuple[str, object, str]]
 
@@ -68,7 +68,7 @@ def _given(scene: Input) -> Given:
 FUNCTIONS: dict[type, dict[str, str]] = {
     Body: {"velocity": POSITIONS, "motion": TIME},
     Wall: {"velocity": TIME, "force": TIME, "pressure": TIME},
-    Support: {"where": POSITIONS, "velocity": TIME, "displacement": TIME},
+    Support: {"where": POSITIONS, "velocity": TIME, "displacement": TIME, "rotation": TIME},
     Load: {"where": POSITIONS, "force": TIME},
     Pressure: {"where": POSITIONS, "value": TIME},
     Spring: {"where": POSITIONS, "to": POSITIONS, "rest": TIME},
@@ -112,6 +112,7 @@ def check_supports(scene: Model) -> None:
         if not isinstance(support, Support):
             raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
         _check_displacement(f"support {i}", support)
+        _check_rotation(f"support {i}", support, i)
     holder = np.full((2, scene.offsets[-1]), -1)
     for i, (prescribed, supported) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
         hint = "; `motion` holds rigid ones"
@@ -129,6 +130,21 @@ def check_supports(scene: Model) -> None:
                     f" {scene.initial_positions[:, taken[0]]}; let `where` of one leave it out"
                 )
             holder[axis, supported.points] = i
+
+
+def _check_rotation(name: str, support: Support, i: int) -> None:
+    if support.rotation is None:
+        if support.centre is not None:
+            raise SceneError(f"{name}: centre = {support.centre!r} without a rotation; give one, or no centre")
+        return
+    if not callable(support.rotation):
+        raise SceneError(f"{name}: rotation = {support.rotation!r}; give a function of time t -> angle [rad]")
+    if (angle := support_angle(support, 0.0, i)) != 0.0:
+        raise SceneError(f"{name}: rotation at t = 0 is {angle:g}; give the angle since then, zero at t = 0")
+    if support.centre is not None:
+        vector(f"{name}: centre", support.centre)
+    if np.isnan(prescribed_components(support, 0.0, name)).any():
+        raise SceneError(f"{name}: a component is None beside a rotation, whose centre moves as given; give both")
 
 
 def _check_displacement(name: str, support: Support) -> None:

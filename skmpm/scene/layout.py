@@ -212,6 +212,11 @@ class Layout(Input):
         return cohesion
 
     @cached_property
+    def turning(self) -> Ints:
+        """The supports that turn, (n,)."""
+        return np.flatnonzero([support.rotation is not None for support in self.supports])
+
+    @cached_property
     def normals(self) -> Array:
         """Unit normals of the walls, (2, walls)."""
         normals = np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T

@@ -14,7 +14,7 @@ from skmpm.material import Material, MaterialWithMemory, Rigid
 from skmpm.points import Points
 from skmpm.scene.values import SceneError, numbers
 
-TURNING = "to turn points, a Spring with a rest at each"
+TURNING = "to turn points, give `rotation`"
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
 Components = Sequence[float | None]  # of a support's velocity; None is free
 Part = tuple[Material, Ints | slice]  # a material and its points
@@ -155,9 +155,14 @@ class Support:
     displacement : instead of a velocity, a function of time t -> (2,) [m], zero at t = 0; it holds at the ends of
         steps, whatever their length. A support that a later stage adds moves its points by what the function changes
         from then on
+    rotation : a function of time t -> angle [rad], counter-clockwise and zero at t = 0, by which the points turn
+        about `centre`, as a hub or a clamp does; it holds at the ends of steps. They move with the velocity or
+        displacement besides, which then has no free component. `State.support_moment` is the moment
+    centre : (2,) at t = 0 [m]; by default the mean of the points
 
     Examples
     --------
+    >>> import numpy as np
     >>> import skmpm
     >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
     >>> hold = skmpm.Support(lambda x: x[1] > 0)
@@ -166,6 +171,13 @@ class Support:
     >>> weight = 9.81 * state.mass.sum()
     >>> round(float(state.support_force[0, 1] / weight), 2)
     -1.0
+    >>> tube = skmpm.Body(skmpm.ring((0, 0), 1e-3, 2e-3, spacing=1.5e-4), body.material)
+    >>> rim, hub = lambda x: np.hypot(*x) > 1.99e-3, lambda x: np.hypot(*x) < 1.01e-3
+    >>> turned = [skmpm.Support(rim), skmpm.Support(hub, rotation=lambda t: 0.01 * t)]
+    >>> scene = skmpm.Scene([tube], cell=2e-4, supports=turned)
+    >>> state = skmpm.step(scene, skmpm.initial(scene), 1.0, scheme=skmpm.Scheme(inertia=False))
+    >>> bool(state.support_moment[1] < 0)  # the body resists
+    True
     """
 
     where: Where
@@ -173,6 +185,8 @@ class Support:
         default=(0.0, 0.0), kw_only=True
     )
     displacement: Callable[[float], Components | ArrayLike] | None = field(default=None, kw_only=True)
+    rotation: Callable[[float], float] | None = field(default=None, kw_only=True)
+    centre: ArrayLike | None = field(default=None, kw_only=True)
 
     @property
     def prescribed(self) -> Components | ArrayLike | Callable[[float], Components | ArrayLike]:

@@ -117,6 +117,34 @@ def support_velocities(scene: Layout, t: float, dt: float | None = None) -> Arra
     return each
 
 
+def support_rotations(scene: Layout, t: float, dt: float | None = None) -> Array:
+    """Rates of cosine and sine of the angles of supports that turn, (2, n) [1/s], as `support_velocities`.
+
+    Raises
+    ------
+    SceneError
+        if an angle is no finite number
+    """
+    interval = scene.cell / scene.fastest_wave if dt is None else dt
+    each = np.empty((2, scene.turning.size))
+    for k, i in enumerate(scene.turning.tolist()):
+        start, end = (support_angle(scene.supports[i], time, i) for time in (t, t + interval))
+        each[:, k] = np.array([np.cos(end) - np.cos(start), np.sin(end) - np.sin(start)]) / interval
+    return each
+
+
+def support_angle(support: Support, t: float, i: int) -> float:
+    """The angle of support i at time t [rad]; SceneError if it is no finite number."""
+    assert support.rotation is not None
+    return scalar(support.rotation(t), t, f"support {i}: rotation at t = {t:.6g} s")
+
+
+def support_arms(scene: Layout, i: int, points: Ints) -> Array:
+    """Arms (2, k) [m] of the points of support i from its centre, at t = 0."""
+    x, given = scene.initial_positions[:, points], scene.supports[i].centre
+    return x - (x.mean(axis=1) if given is None else vector(f"support {i}: centre", given))[:, None]
+
+
 class Ends(NamedTuple):
     """The points that a spring acts on."""
 

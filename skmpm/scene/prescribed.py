@@ -17,7 +17,7 @@ from skmpm.scene.layout import Input, Layout
 from skmpm.scene.model import Model
 from skmpm.scene.objects import Body
 from skmpm.scene.periodic import deformed
-from skmpm.scene.point_sets import support_velocities
+from skmpm.scene.point_sets import support_rotations, support_velocities
 from skmpm.scene.values import SceneError, field_values, motion, numbers
 
 
@@ -110,7 +110,7 @@ class PrescribedVelocities:
         Array  # (3, bodies) of rigid bodies, with angular velocity [rad/s]; zero where they are free, and of others
     )
     rigid_at_end: Array  # (3, bodies) the same at the end of the step
-    supports: Array  # (2 supports,) zero where free
+    supports: Array  # (2 supports,) zero where free; then rates of cosine and sine [1/s] of those that turn
     walls_at_end: Array  # (walls, 2) the same as `walls`, but for driven walls
     dt: float  # of the step [s]
     box: Array | None = None  # (2, 1) or (2, 2) edges of the periodic box at the end of the step [m]
@@ -163,7 +163,8 @@ def prescribed_motions(scene: Input) -> list[Any]:
     box = [each if callable(each) else np.ravel(np.asarray(each, dtype=float)) for each in rate]
     motions = [body.motion for body in scene.bodies if body.motion is not None]
     walls, supports = [wall.velocity for wall in scene.walls], [support.prescribed for support in scene.supports]
-    return [*motions, *walls, *supports, *box]
+    rotations = [support.rotation for support in scene.supports if support.rotation is not None]
+    return [*motions, *walls, *supports, *rotations, *box]
 
 
 def _rigid(scene: Model, t: float) -> Array:
@@ -186,4 +187,4 @@ def _supports(scene: Model, t: float, dt: float) -> Array:
             f"support {changed[0]}: velocity at t = {t + 0.5 * dt:.6g} s is {velocity[changed[0]]}, at t = 0"
             f" {support_velocities(scene, 0.0)[changed[0]]} (nan: None); a component is free always or never"
         )
-    return np.nan_to_num(velocity).ravel()
+    return np.concatenate([np.nan_to_num(velocity).ravel(), support_rotations(scene, t, dt).T.ravel()])

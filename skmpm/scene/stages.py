@@ -13,6 +13,7 @@ from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.fits import STAYS_RIGID, check_fits
 from skmpm.scene.objects import Body, Wall
+from skmpm.scene.point_sets import support_arms, support_rotations
 from skmpm.scene.prescribed import centres, normal_speeds, with_normal_speeds
 from skmpm.scene.report import StepControl
 from skmpm.scene.scene import Scene
@@ -70,6 +71,7 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
         wall_force=force,
         wall_velocity=velocity,
         support_force=_support_forces(scene, state, new_scene),
+        support_moment=_support_moments(scene, state, new_scene),
         contacts=_with_walls(scene, state.contacts, former),
         step_control=StepControl(),
     )
@@ -107,6 +109,10 @@ def at_rest(scene: Scene, state: State) -> State:
     v = np.where(scene.movable[scene.owner], with_box, state.v)
     for place, velocity in zip(scene.supported, scene.support_velocities(state.t), strict=True):
         v[:, place.points] = np.where(np.isnan(velocity)[:, None], v[:, place.points], velocity[:, None])
+    for i, (cosine, sine) in zip(scene.turning.tolist(), support_rotations(scene, state.t).T, strict=True):
+        points = scene.supported[i].points
+        x, y = support_arms(scene, i, points)
+        v[:, points] += cosine * np.stack([x, y]) + sine * np.stack([-y, x])
     return replace(
         state,
         v=v,
@@ -126,6 +132,16 @@ def _support_forces(scene: Scene, state: State, new_scene: Scene) -> Array:
                 same = scene.supported[former[0]].points.size == place.points.size
                 forces[i, axis] = state.support_force[former[0], axis] if same else 0.0
     return forces
+
+
+def _support_moments(scene: Scene, state: State, new_scene: Scene) -> Array:
+    """Moments on the supports of the new scene that turn the same points as an old one."""
+    moments = np.zeros(len(new_scene.supports))
+    for i in new_scene.turning.tolist():
+        for former in scene.turning.tolist():
+            if np.array_equal(scene.supported[former].points, new_scene.supported[i].points):
+                moments[i] = state.support_moment[former]
+    return moments
 
 
 def _check_bodies(scene: Scene, new_scene: Scene) -> None:

@@ -132,6 +132,7 @@ class State:
     wall_force : (walls, 2) exerted by the bodies in the last step [N/m]
     wall_velocity : (walls, 2) of walls that a force drives; of others in the last step [m/s]
     support_force : (supports, 2) the same on each support [N/m]
+    support_moment : (supports,) the same about the centres of supports that turn, zero for others [N]
     box : (2, 2) edges of the periodic box as columns [m], (2, 1) of one that is periodic in one direction; None
         without one. The second one is replaced by that of the same lattice that leans least, so a shear strain
         follows from `box_rate`, not from the edges
@@ -177,6 +178,7 @@ class State:
     support_force: Array
     contacts: Contacts
     report: Report
+    support_moment: Array = field(default_factory=lambda: np.zeros(0))
     nodal_velocity: Array = field(default_factory=lambda: np.zeros(0))
     step_control: StepControl = field(default_factory=StepControl)
     box: Array | None = None

@@ -19,6 +19,7 @@ from skmpm.scene import (
     State,
     centres,
     mean_velocity,
+    support_angle,
     velocity_at,
     with_normal_speeds,
 )
@@ -147,7 +148,11 @@ def _passing(scene: Scene, state: State, increment: Increment, constraints: Cons
 
 def work_at_start(scene: Scene, state: State, increment: Increment, motions: PrescribedVelocities) -> float:
     """Work of supports and at contacts in the step, with their forces at its start [J/m]."""
-    contacts, of_supports = state.contacts, -float(state.support_force.ravel() @ increment.prescribed)
+    contacts, moved = state.contacts, increment.prescribed[: state.support_force.size]
+    of_supports = -float(state.support_force.ravel() @ moved)
+    for i in scene.turning.tolist():
+        start, end = (support_angle(scene.supports[i], t, i) for t in (state.t, state.t + increment.dt))
+        of_supports -= float(state.support_moment[i]) * (end - start) / increment.dt
     relative = _surface_velocity(scene, state, motions, 0) - _surface_velocity(scene, state, motions, 1)
     gradient = motions.gradient
     if gradient is not None:

@@ -14,7 +14,7 @@ from skmpm.grid.assembly import prepare
 from skmpm.grid.moment_fitting import fitted_places, fitted_weights
 from skmpm.grid.supports import Elimination, eliminate
 from skmpm.material import bounded_modulus
-from skmpm.scene import Derived, Scene, State
+from skmpm.scene import Derived, Scene, State, support_arms
 from skmpm.scheme import Scheme, averages_dilatation
 from skmpm.step.bulk import Bulk
 
@@ -58,17 +58,20 @@ def _supports(scene: Scene, grid: BodyGrids) -> Elimination | None:
     """Elimination of the constraints N(c) v = prescribed velocity, for each prescribed component at every point c."""
     if not scene.supports:
         return None
-    number = np.cumsum(scene.deformable[scene.owner]) - 1
-    rows, columns = [], []
+    number, count = np.cumsum(scene.deformable[scene.owner]) - 1, len(scene.supports)
+    rows, parts = [], []
     for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
         at = grid.interpolation[number[supported.points]]
         for axis in np.flatnonzero(~free).tolist():
             rows.append(sp.kron(at, np.eye(2)[axis : axis + 1], format="csr"))
-            columns.append(np.full(supported.points.size, 2 * i + axis))
-    column = np.concatenate(columns)
-    B = sp.csr_array(
-        (np.ones(column.size), column, np.arange(column.size + 1)), shape=(column.size, 2 * len(scene.supports))
-    )
+            part = np.zeros((supported.points.size, 2 * (count + scene.turning.size)))
+            part[:, 2 * i + axis] = 1.0
+            if i in scene.turning:
+                first = 2 * (count + int(np.searchsorted(scene.turning, i)))
+                x, y = support_arms(scene, i, supported.points)
+                part[:, first : first + 2] = np.stack([(x, y)[axis], (-y, x)[axis]], axis=1)
+            parts.append(sp.csr_array(part))
+    B = sp.csr_array(sp.vstack(parts))
     return eliminate(sp.csr_array(sp.vstack(rows)), B, grid.blocks, grid.rigid_motions)
 
 

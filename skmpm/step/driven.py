@@ -14,6 +14,8 @@ from skmpm.scene import (
     centres,
     fitted_motions,
     rigid_motion,
+    support_arms,
+    support_rotations,
     with_normal_speeds,
 )
 from skmpm.step.driven_walls import driving_forces, initial_points
@@ -97,6 +99,9 @@ def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[t
     for kind, velocities in (("wall", walls), ("support", np.nan_to_num(scene.support_velocities(t)))):
         for i, speed in enumerate(np.hypot(*velocities.T).tolist()):
             yield f"{kind} {i}", speed
+    for i, rates in zip(scene.turning.tolist(), support_rotations(scene, t).T, strict=True):
+        reach = float(np.hypot(*support_arms(scene, i, scene.supported[i].points)).max())
+        yield f"the rotation of support {i}", float(np.hypot(*rates)) * reach
     for i, body in enumerate(scene.bodies):
         if body.motion is not None:
             vx, vy, spin = np.nan_to_num(rigid_motion(body, t, f"body {i}")).tolist()

@@ -84,6 +84,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         wall_force=np.zeros((len(scene.walls), 2)),
         wall_velocity=scene.wall_velocities(0.0),
         support_force=np.zeros((len(scene.supports), 2)),
+        support_moment=np.zeros(len(scene.supports)),
         contacts=Contacts.none(),
         report=Report(),
         box=None if scene.periodic is None else scene.periodic.box,

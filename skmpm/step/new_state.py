@@ -18,6 +18,7 @@ from skmpm.scene import (
     State,
     centres,
     mean_velocity,
+    support_angle,
     velocity_at,
 )
 from skmpm.step.end import End
@@ -67,13 +68,26 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         walls=state.walls + dt * motions.walls,
         wall_force=wall_force,
         wall_velocity=motions.walls_at_end,
-        support_force=end.reaction.reshape(-1, 2) / dt,
+        support_force=end.reaction[: 2 * len(scene.supports)].reshape(-1, 2) / dt,
+        support_moment=_support_moments(scene, state.t + dt, end.reaction / dt),
         contacts=contacts,
         box=box,
         box_rate=motions.gradient_at_end,
         factored=keep(scene, increment, solution.factor, solution.contact),
         derived=_reusable(scene, state, increment, configuration),
     )
+
+
+def _support_moments(scene: Scene, t: float, reaction: Array) -> Array:
+    """Moments on supports that turn about their centres, zero for others, (supports,) [N].
+
+    Reactions to cosine and sine are sums of scalar and vector products of the arms at t = 0 with the forces.
+    """
+    moments = np.zeros(len(scene.supports))
+    for i, (along, across) in zip(scene.turning.tolist(), reaction[2 * moments.size :].reshape(-1, 2), strict=True):
+        angle = support_angle(scene.supports[i], t, i)
+        moments[i] = np.cos(angle) * across - np.sin(angle) * along
+    return moments
 
 
 def _with_points(old: Array, own: Bools | slice, new: Array) -> Array:

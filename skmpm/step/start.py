@@ -67,7 +67,12 @@ def _continued(scene: Scene, state: State, motions: PrescribedVelocities, scheme
 def _prescribed(scene: Scene, state: State, motions: PrescribedVelocities) -> Iterator[tuple[Array, Array]]:
     """Velocities in this step and in the last one of what has a prescribed motion [m/s]."""
     yield motions.walls.ravel(), state.wall_velocity.ravel()
-    each = zip(scene.supported, motions.supports.reshape(-1, 2), scene.free_components, strict=True)
+    each = zip(
+        scene.supported,
+        motions.supports[: 2 * len(scene.supports)].reshape(-1, 2),
+        scene.free_components,
+        strict=True,
+    )
     for place, velocity, free in each:
         yield velocity[~free], state.v[:, place.points].mean(axis=1)[~free]
     held = np.flatnonzero(~scene.movable).tolist()

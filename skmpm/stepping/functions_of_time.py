@@ -43,7 +43,7 @@ class FunctionsOfTime:
         def with_size(functions: Iterable[Any]) -> tuple[tuple[Function, Array], ...]:
             return tuple((f, np.abs(values_at(f, times)).max(axis=0)) for f in functions if callable(f))
 
-        displacements = [support.displacement for support in scene.supports]
+        displacements = [f for each in scene.supports for f in (each.displacement, each.rotation)]
         velocities = [f for f in prescribed_motions(scene) if not any(f is each for each in displacements)]
         on_bodies, driving = with_size(_on_bodies(scene)), with_size(_driving(scene))
         others = with_size(velocities), with_size(displacements)

@@ -178,7 +178,7 @@ def test_functions_of_other_arguments_are_refused(name):
     ) as refused:
         FUNCTIONS[name]()
     turning = name.startswith("support") and arguments == "t)"
-    assert str(refused.value).endswith("; to turn points, a Spring with a rest at each") == turning
+    assert str(refused.value).endswith("; to turn points, give `rotation`") == turning
 
 
 @pytest.mark.parametrize(("make", "message"), BAD.values(), ids=BAD.keys())
