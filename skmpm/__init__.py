@@ -38,7 +38,6 @@ from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
 from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, joined, polygon, ring, row
 from skmpm.preflight import Preflight, PreflightWarning, Suggestion, preflight, suggest
-from skmpm.run import simulate
 from skmpm.scene import (
     Body,
     Load,
@@ -55,6 +54,7 @@ from skmpm.scene import (
     continued,
 )
 from skmpm.scheme import Scheme
+from skmpm.simulation import run, simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 from skmpm.sweep import Run, Sweep, SweepError, sweep
@@ -132,6 +132,7 @@ __all__ = [
     "record",
     "ring",
     "row",
+    "run",
     "save",
     "simulate",
     "spring_forces",

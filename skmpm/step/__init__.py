@@ -1,6 +1,6 @@
 """One implicit step of all bodies: Newton's method on the incremental potential with frictional contact.
 
-`initial` makes the first state, `step` advances it (`algorithm`); `skmpm.run` has the loop around `step`.
+`initial` makes the first state, `step` advances it (`algorithm`); `skmpm.simulation` has the loop around `step`.
 
 The unknown w (n,) is the velocity that moves the points, w = theta v1 + (1 - theta) v0: of the nodes, then of what
 has no grid (`scalar_unknowns`). Without contact it minimises

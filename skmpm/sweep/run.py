@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skmpm.observe import observe
-from skmpm.run import simulate as run_scene
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate as run_scene
 
 Value = float | int | bool | str
 Row = Mapping[str, Value]

@@ -13,7 +13,7 @@ from uuid import uuid4
 
 from skmpm.parallel import available
 from skmpm.progress import Line, eta
-from skmpm.run import exit_at_sigterm
+from skmpm.simulation import exit_at_sigterm
 from skmpm.sweep import directory
 from skmpm.sweep.directory import SweepError
 from skmpm.sweep.execution import Build, Outcome, Task

@@ -11,9 +11,9 @@ from skmpm.contact import closest_points, point_to_curve
 from skmpm.contact.shifts import MIN_SHIFT
 from skmpm.material import NeoHookean, Rigid
 from skmpm.points import Points, box, capsule, disc, polygon
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 
 R, CELL, DT = 1e-3, 0.2e-3, 1e-6

@@ -12,9 +12,9 @@ from skmpm.io import load, save
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import observe
 from skmpm.points import Points, box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.contact_scale import contact_scale
 from skmpm.step.initial_state import initial

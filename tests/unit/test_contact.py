@@ -13,9 +13,9 @@ from skmpm.contact.constraints import lookup
 from skmpm.contact.projection import CORNER_DISC_DEPTH
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 

@@ -11,9 +11,9 @@ import skmpm
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.forces import DeadLoad
 from skmpm.step.gauge import gauge_condition

@@ -13,9 +13,9 @@ from skfem.io.meshio import to_meshio
 import skmpm
 from skmpm import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc, from_mesh
-from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, Support, Wall, mises, stress_zz
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.derived import bulk_of
 from skmpm.step.initial_state import initial

@@ -13,9 +13,9 @@ from skmpm.observe.regions import area_inside, contains, region, share_inside
 from skmpm.outline import outlines
 from skmpm.points import Points, disc
 from skmpm.points import box as block
-from skmpm.run import simulate
 from skmpm.scene import Body, Contacts, Pressure, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 

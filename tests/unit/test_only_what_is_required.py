@@ -18,9 +18,9 @@ from skmpm.contact import shared_grid
 from skmpm.grid import loops as assembly_loops
 from skmpm.material import ElastoPlastic, LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 

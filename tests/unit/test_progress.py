@@ -10,8 +10,8 @@ import pytest
 from skmpm.material import LinearElastic
 from skmpm.points import disc
 from skmpm.progress import WIDTH, Progress
-from skmpm.run import simulate
 from skmpm.scene import Body, Energy, Scene, Wall
+from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 
 SCENE = Scene([Body(disc((0, 0), 1.0, spacing=0.5), LinearElastic(1e6, 0.3, 1e3), velocity=(1, 0))], cell=0.5)

@@ -5,9 +5,9 @@ import pytest
 
 from skmpm.material import NeoHookean, Rigid
 from skmpm.points import box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 
 

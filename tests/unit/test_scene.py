@@ -11,9 +11,9 @@ from skmpm.linear import Banded
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.preflight import preflight
-from skmpm.run import simulate
 from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, Spring, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 

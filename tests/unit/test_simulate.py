@@ -7,12 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import skmpm
 from skmpm.io import load, save
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 
@@ -281,7 +282,7 @@ def test_a_checkpoint_is_written_at_the_end_and_now_and_then(tmp_path, monkeypat
     assert written == (0,) * 6
     identical(load(path), states[-1])
     path.unlink()
-    monkeypatch.setattr(import_module("skmpm.run"), "CHECKPOINT_EVERY", 0.0)
+    monkeypatch.setattr(import_module("skmpm.simulation"), "CHECKPOINT_EVERY", 0.0)
     _, written = zip(*run(), strict=True)
     assert written == (1, 2, 3, 4, 5, 6)
 
@@ -484,3 +485,15 @@ def test_a_run_does_not_end_with_a_sliver_of_a_step(dt, ends):
     *others, last = simulate(scene, dt=dt, until=ends[1])
     assert last.report.dt == pytest.approx(0.5 * dt) and others[-1].report.dt == pytest.approx(0.5 * dt)
     assert last.report.energy.kinetic < 2.0 * state.report.energy.kinetic
+
+
+def test_run_returns_the_last_state():
+    """That of `simulate`, of `start` where no step leads to `until`, and the first one at t = 0."""
+    scene = free(velocity=(1.0, 0.0))
+    *_, last = simulate(scene, dt=DT, until=3 * DT)
+    found = skmpm.run(scene, until=3 * DT, dt=DT)
+    assert np.array_equal(found.x, last.x) and found.t == last.t
+    assert skmpm.run(scene, until=found.t, dt=DT, start=found) is found
+    assert skmpm.run(scene, until=0.0).t == 0.0
+    with pytest.raises(TypeError, match="speed"):
+        skmpm.run(scene, until=DT, speed=1.0)

@@ -12,9 +12,9 @@ import scipy.sparse as sp
 import skmpm
 from skmpm import LinearElastic, NeoHookean, Spring, coulomb, linear, spring_forces
 from skmpm.points import box, disc, from_mesh
-from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 from skmpm.step.scene_forces import springs_of

@@ -25,7 +25,7 @@ from skmpm import (
     load,
     save,
 )
-from skmpm.run import simulate
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 from skmpm.step.scene_forces import equilibrium_depends_on_dt

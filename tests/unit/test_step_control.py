@@ -20,9 +20,9 @@ from skmpm.io import load, save
 from skmpm.material import NeoHookean
 from skmpm.points import Points, disc
 from skmpm.preflight import preflight
-from skmpm.run import simulate
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 
@@ -316,7 +316,7 @@ def test_a_killed_run_loses_at_most_the_steps_since_its_last_checkpoint(tmp_path
 import sys
 sys.path.insert(0, {str(__file__.rpartition("/")[0])!r})
 from importlib import import_module
-import_module("skmpm.run").CHECKPOINT_EVERY = 0.0
+import_module("skmpm.simulation").CHECKPOINT_EVERY = 0.0
 from test_simulate import DT, simulate, squeeze
 for state in simulate(squeeze(), dt=DT, until=4000 * DT, checkpoint={str(path)!r}):
     print(round(state.t / DT), flush=True)

@@ -12,7 +12,6 @@ from skmpm.io import load, save
 from skmpm.material import NeoHookean, Rigid
 from skmpm.points import box, disc
 from skmpm.preflight import preflight
-from skmpm.run import simulate
 from skmpm.scene import (
     Body,
     Load,
@@ -27,6 +26,7 @@ from skmpm.scene import (
     continued,
 )
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 from skmpm.stepping.functions_of_time import FunctionsOfTime
 from skmpm.stepping.loading import loading_of

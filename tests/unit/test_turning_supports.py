@@ -29,7 +29,7 @@ def ring(angle, **options):
 
 
 def test_a_body_turns_without_strain():
-    """All of a boundary turned by a radian about a point outside: positions are those of a rotation, to 1e-9 cells."""
+    """All of a boundary turned by a radian about a point outside: positions as of a rotation, to 1e-9 cells."""
     disc, centre = skmpm.Body(skmpm.disc((0, 0), A, spacing=0.7 * CELL), GEL), np.array([2 * A, A])
     scene = skmpm.Scene(
         [disc], cell=CELL, supports=[Support(lambda x: np.hypot(*x) > 0.0, rotation=lambda t: t, centre=centre)]

@@ -21,9 +21,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step as advance
 from skmpm.step.initial_state import initial
 

@@ -18,9 +18,9 @@ from test_dynamics import angular_momentum
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 
 end_of_step = import_module("skmpm.step.end")

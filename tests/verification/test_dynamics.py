@@ -12,9 +12,9 @@ from skmpm import linear
 from skmpm.grid.transfer import nodal_velocity
 from skmpm.material import Anchored, LinearElastic, NeoHookean
 from skmpm.points import box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Support
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}

@@ -16,9 +16,9 @@ from placements import ALIGNED, Placement, at_random
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean
 from skmpm.points import Points, box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 
 G, DENSITY, SLOPE = 10.0, 1000.0, np.radians(30.0)

@@ -15,9 +15,9 @@ from ledger import Row, numbers
 from skmpm import linear, outline
 from skmpm.material import NeoHookean
 from skmpm.points import disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}
 SEED = NeoHookean(10e6, 0.45, 990.0)

@@ -13,9 +13,9 @@ import pytest
 from skmpm import linear
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import box, disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
 from skmpm.step.derived import bulk_of
 from skmpm.step.initial_state import initial

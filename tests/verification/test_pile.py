@@ -10,9 +10,9 @@ from ledger import Row, numbers
 from skmpm import linear
 from skmpm.material import NeoHookean
 from skmpm.points import disc
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, StepFailed, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 
 G, R, DENSITY = 10.0, 0.1, 1000.0

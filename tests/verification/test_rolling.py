@@ -16,9 +16,9 @@ from skfem import MeshTri
 
 from skmpm.material import NeoHookean, Rigid
 from skmpm.points import Points, disc, from_mesh
-from skmpm.run import simulate
 from skmpm.scene import Body, Scene, Support, Wall
 from skmpm.scheme import Scheme
+from skmpm.simulation import simulate
 
 R, DENSITY, G, FRICTION = 1e-3, 1000.0, 9.81, 0.5
 DT, SETTLED, END = 1e-4, 0.01, 0.03

@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import current_thread, main_thread
 from time import perf_counter
 from types import FrameType
+from typing import Any
 
 import numpy as np
 
@@ -137,6 +138,37 @@ def simulate(
     began = first.step_control.began
     pace = pace_of(scene, scheme, began, until, max_dt=max_dt, waves=waves) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))
+
+
+def run(scene: Scene, *, until: float, start: State | None = None, **options: Any) -> State:
+    """Return the last state of a simulation, for which the states between do not matter.
+
+    Parameters
+    ----------
+    scene, until, start : as for `simulate`
+    options : all others of `simulate`: dt, max_dt, waves, scheme, progress, checkpoint, warn
+
+    Returns
+    -------
+    the state at `until`; that of `start`, or the first, if no step leads there
+
+    Raises
+    ------
+    StepFailed, SceneError, ValueError
+        as `simulate`
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
+    >>> round(float(skmpm.run(scene, until=3e-3, dt=1e-3).v[1].mean()), 5)
+    -0.02943
+    """
+    state = start
+    for state in simulate(scene, until=until, start=start, **options):  # noqa: B007
+        pass
+    return initial(scene, scheme=options.get("scheme", Scheme())) if state is None else state
 
 
 def _velocities_of_statics(scene: Scene, state: State) -> str | None:
