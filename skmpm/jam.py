@@ -98,17 +98,20 @@ def jam(
     state : with which the search begins; by default that at t = 0
     pressure : mean pressure of the contact forces that the packing is to bear [Pa]; None for the jamming point
     increment : change of the nominal solid fraction at first
-    tolerance : of the nominal solid fraction. Under a pressure a deviation of 1e-3 of it suffices, too
+    tolerance : of the nominal solid fraction, at most the increment. Under a pressure a deviation of 1e-3 of it
+        suffices, too
 
     Returns
     -------
-    the packing with its solid fraction, coordination and pressure, and the way there
+    the packing with its solid fraction, coordination and pressure, and the way there; the time of its state is later
+    by a second for each static step, which means nothing
 
     Raises
     ------
     SceneError
-        if the scene has no box that is periodic in both directions, the state belongs to another scene, a number is
-        wrong, or no packing up to a nominal solid fraction of 1.2 bears the pressure
+        if the scene has no box that is periodic in both directions, other forces than those of repulsive contact, or
+        something that moves, the state belongs to another scene, a number is wrong, or no packing up to a nominal
+        solid fraction of 1.2 bears the pressure
     StepFailed
         if there is no equilibrium nearby, though the change of solid fraction was halved six times
 
@@ -125,11 +128,14 @@ def jam(
     remedy = "give a number between 1e-6 and 0.05"
     if not 1e-6 <= number("jam: increment", increment, remedy) <= 0.05:
         raise SceneError(f"jam: increment = {increment!r}; {remedy}")
-    positive("jam: tolerance", tolerance, "a difference of solid fractions")
+    remedy = "give a number between 1e-9 and the increment"
+    if not 1e-9 <= number("jam: tolerance", tolerance, remedy) <= increment:
+        raise SceneError(f"jam: tolerance = {tolerance!r}; {remedy}")
     if pressure is not None:
         positive("jam: pressure", pressure, "a pressure in Pa, or None for the jamming point")
     start = initial(scene, scheme=STATIC) if state is None else state
     check_packing("jam", scene, start)
+    _check_contact_alone(scene)
     search = _Search(strained(scene, np.zeros((2, 2))), pressure)
     less = more = search.at_rest(start)
     while more.pressure < search.wanted:
@@ -151,6 +157,23 @@ def jam(
         np.isnan(seen.bodies.coordination_without_rattlers),
         {name: np.array([row[name] for row in search.rows]) for name in search.rows[0]},
     )
+
+
+def _check_contact_alone(scene: Scene) -> None:
+    """Raise SceneError if other forces than those of repulsive contact act on bodies."""
+    given = {
+        "gravity": callable(scene.gravity) or bool(np.any(scene.gravity)),
+        "loads": bool(scene.loads),
+        "springs": bool(scene.springs),
+        "supports": bool(scene.supports),
+        "cohesion": scene.cohesive,
+    }
+    found = [name for name, acts in given.items() if acts]
+    if found:
+        raise SceneError(
+            f"jam: the scene has {found[0]}, and jamming is that of repulsive contact alone; leave it out, as by"
+            " dataclasses.replace(scene, ...)"
+        )
 
 
 @dataclass(frozen=True)
@@ -184,7 +207,7 @@ class _Search:
             if packing.fraction + length > DENSEST:
                 raise SceneError(
                     f"jam: the packing bears {packing.pressure:.3g} Pa at a nominal solid fraction of"
-                    f" {packing.fraction:.4g}; give a pressure below {self.wanted:.3g} Pa"
+                    f" {packing.fraction:.4g}, where the search ends; give a pressure below that"
                 )
             try:
                 packing = self._solved(strained(self.still, -0.5 * growth * np.eye(2)), packing.state)

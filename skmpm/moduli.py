@@ -14,6 +14,7 @@ from skmpm.scene import Periodic, Scene, SceneError, State, StepFailed, at_rest,
 from skmpm.scene.values import number
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
+from skmpm.step.driven import driven
 
 # Stress differences are a hundred-thousandth of the moduli: solves are as much more accurate than in a run.
 STATIC = Scheme(inertia=False, newton_tol=1e-8, gap_tol=1e-9, contact_tol=1e-9)
@@ -150,6 +151,9 @@ def check_packing(name: str, scene: Scene, state: State) -> None:
             f"{name}: the scene has no box that is periodic in both directions; give Scene(...,"
             " periodic=Periodic(width, height))"
         )
+    for what, speed in driven(strained(scene, np.zeros((2, 2))), state.t):
+        if speed > 0.0:
+            raise SceneError(f"{name}: {what} moves at {speed:.3g} m/s in a packing that is to rest; hold or free it")
 
 
 def _at_rest(still: Scene, state: State) -> State:

@@ -138,7 +138,7 @@ def _check_crossings(x: Array, outline: Sequence[Ints]) -> str | None:
     if not outline:
         return None
     start, end = np.concatenate(outline), np.concatenate([np.roll(loop, -1) for loop in outline])
-    a, b = x[:, start], x[:, end]
+    a, b, ends = x[:, start], x[:, end], np.cumsum([loop.size for loop in outline])
     rows = max(1, ROWS // start.size)
     for first in range(0, start.size, rows):
         p, q = a[:, first : first + rows, None], b[:, first : first + rows, None]
@@ -147,6 +147,9 @@ def _check_crossings(x: Array, outline: Sequence[Ints]) -> str | None:
         if crossed.any():
             k, j = np.argwhere(crossed)[0] + (first, 0)
             edges = f"{start[k]}-{end[k]} and {start[j]}-{end[j]}"
+            one, other = (int(np.searchsorted(ends, edge, side="right")) for edge in (k, j))
+            if one != other:
+                return f"outline loops {one} and {other} cross: edges {edges} (points); move these parts apart"
             return f"the outline crosses itself: edges {edges} (points); list the boundary points in order"
     return None
 

@@ -68,8 +68,8 @@ def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Po
 def joined(parts: Sequence[Points]) -> Points:
     """Return the points of all parts as those of one body, as of a funnel or a frame of `Rigid` bars.
 
-    Parts may not overlap. A rigid body of them moves as one. A deformable one is joined only where parts share cells
-    of its grid: make it from one mesh instead (`from_mesh`).
+    Parts may not overlap. They are for a `Rigid` body, which moves as one; a deformable body has one piece, as from a
+    mesh (`from_mesh`).
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def joined(parts: Sequence[Points]) -> Points:
     >>> len(gate.points.outline)
     2
     """
-    every = list(parts)
+    every = list(parts) if isinstance(parts, Sequence) else []
     if not every or not all(isinstance(part, Points) for part in every):
         raise ValueError(f"joined: {parts!r} is not a list of Points; give one or more, as [disc(...), box(...)]")
     named = [part.group is not None for part in every]
@@ -103,7 +103,7 @@ def joined(parts: Sequence[Points]) -> Points:
 
 
 def row(part: Points, count: int, step: ArrayLike) -> Points:
-    """Return the points of several copies of a part in a row as those of one body: a rough wall of grains or teeth.
+    """Return the points of several copies of a part in a row as those of one `Rigid` body, a rough wall.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def row(part: Points, count: int, step: ArrayLike) -> Points:
     Raises
     ------
     ValueError
-        If count is not a positive integer, or the step is not a finite vector.
+        If the part is no Points, count is not a positive integer, or the step is not a finite vector other than zero.
 
     Examples
     --------
@@ -126,7 +126,13 @@ def row(part: Points, count: int, step: ArrayLike) -> Points:
     >>> len(lid.points.outline)
     8
     """
+    if not isinstance(part, Points):
+        raise ValueError(f"row: part is a {type(part).__name__}; give Points, as disc(...)")
     if not (isinstance(count, int | np.integer) and count >= 1):
         raise ValueError(f"count is {count!r}; give an integer of one or more")
     apart = point("step", step)[:, None]
+    if not apart.any():
+        raise ValueError(
+            f"step is {step!r}; give the vector from each copy to the next, so long that they do not overlap"
+        )
     return joined([replace(part, x=part.x + k * apart) for k in range(int(count))])

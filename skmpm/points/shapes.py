@@ -129,7 +129,10 @@ def positive(name: str, value: float) -> float:
 
 def point(name: str, value: ArrayLike) -> Array:
     """The value as an array (2,); ValueError if it is not two finite numbers."""
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
     if array.shape != (2,) or not np.isfinite(array).all():
         raise ValueError(f"{name} is {value!r}; give two finite numbers")
     return array

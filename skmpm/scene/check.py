@@ -158,7 +158,9 @@ def _check_motion(name: str, body: Body) -> None:
     moving = np.asarray(body.velocity, dtype=float) != 0.0
     for what, given in (("velocity", (moving & held[:2]).any()), ("spin", spinning and held[2])):
         if given:
-            raise SceneError(f"{name}: {what} = {getattr(body, what)} and motion; give one of them")
+            raise SceneError(
+                f"{name}: {what} = {getattr(body, what)} and motion; give one of them for each component"
+            )
 
 
 def _check_wall(name: str, wall: Wall) -> None:
@@ -210,6 +212,11 @@ def _check_overlaps(scene: Model) -> None:
     pairs, _, depth = overlaps(scene, scene.initial_positions[:, boundary.point], box)
     if depth.max(initial=0.0) > max(TOUCHING * scene.cell, 1.01 * scene.overlap):
         a, b = pairs[:, np.argmax(depth)]
+        if a == b:
+            raise SceneError(
+                f"body {a} overlaps its own image in the periodic box by {depth.max():.3g} m; make the box wider, or"
+                " the body shorter"
+            )
         raise SceneError(
             f"bodies {a} and {b} overlap at the start: a boundary point lies {depth.max():.3g} m inside;"
             " move them apart or shrink them, or give Scene(overlap=...), up to a quarter of a cell, if it is meant"

@@ -40,7 +40,7 @@ class Body:
         angular velocity about it, or a function of time t -> (3,), taken at the middle of each step; (0, 0, 0) holds
         it. A component None is free: (0, 0, None) is a wheel on a fixed axle, (v, None, 0) a plate that is drawn
         along and settles. Without it, a rigid body moves by the forces on it, with the mass and moment of inertia of
-        its points
+        its points. A component is free always or never
     friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
         of the scene
     name : of its surface in a table of friction; several bodies may have the same

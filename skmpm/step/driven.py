@@ -75,7 +75,7 @@ def loaded_bodies(scene: Scene) -> Ints:
 
 def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:
     """What a force or a stress drives, with the speed P / (rho c) that it gives to a wave in bodies at t [m/s]."""
-    if not (scene.driven_walls.size or scene.periodic is not None):
+    if not (scene.driven_walls.size or scene.periodic is not None or (scene.loaded and scene.free_rigid.size)):
         return
     x = scene.initial_positions
     impedance = float(min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in scene.materials))
@@ -83,6 +83,13 @@ def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]
     for i, force in zip(scene.driven_walls.tolist(), forces.tolist(), strict=True):
         width = float(np.ptp(scene.normals[0, i] * x[1] - scene.normals[1, i] * x[0]))
         yield f"wall {i} by its force", force / width / impedance
+    for loaded, load in zip(scene.loaded, scene.forces(t), strict=True):
+        for b in np.intersect1d(scene.owner[loaded.points], scene.free_rigid).tolist():
+            own = scene.owner[loaded.points] == b
+            force, (dx, dy) = load * loaded.share[own].sum(), np.ptp(x[:, scene.owner == b], axis=1)
+            if size := float(np.hypot(*force)):
+                width = (abs(force[0]) * dy + abs(force[1]) * dx) / size
+                yield f"body {b} by its load", size / width / impedance
     if scene.periodic is not None and scene.periodic.components.size:
         yield "the periodic box by its stress", float(np.abs(scene.periodic.stress_at(t)).max()) / impedance
 

@@ -74,6 +74,10 @@ def test_groups_are_joined():
         (lambda: skmpm.ring((0, 0), 0.0, 1e-3, spacing=1e-4), "inner is 0.0"),
         (lambda: skmpm.joined([]), "joined"),
         (lambda: skmpm.joined([1]), "not a list of Points"),
+        (lambda: skmpm.joined(skmpm.disc((0, 0), 1e-3, spacing=2e-4)), "not a list of Points"),
+        (lambda: skmpm.row((0, 0), 2, (1, 0)), "part is a tuple"),
+        (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 2, (0, 0)), r"step is \(0, 0\)"),
+        (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 2, ("a", 0)), "step is"),
         (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 0, (1, 0)), "count is 0"),
         (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 2, 1.0), "step is 1.0"),
     ],
@@ -81,3 +85,11 @@ def test_groups_are_joined():
 def test_bad_arguments_are_named(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def test_parts_that_overlap_are_named():
+    """By their loops, not as points in a wrong order."""
+    row = skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 3, (1.9e-3, 0))
+    far = skmpm.Body(skmpm.disc((0, 9e-3), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    with pytest.raises(skmpm.SceneError, match=r"body 0: outline loops 0 and 1 cross.*move these parts apart"):
+        skmpm.Scene([skmpm.Body(row, skmpm.Rigid(1000.0)), far], cell=4e-4)

@@ -1,6 +1,7 @@
 """Packings at their jamming point and under a pressure: against lattices, counts of constraints and themselves."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -117,12 +118,36 @@ def test_it_shows_what_was_found():
         ({"increment": 0.2}, "between 1e-6 and 0.05"),
         ({"increment": None}, "between 1e-6 and 0.05"),
         ({"tolerance": 0.0}, "jam: tolerance"),
-        ({"pressure": 1e9}, "give a pressure below"),
+        ({"tolerance": 0.01}, "between 1e-9 and the increment"),
+        ({"pressure": 1e9}, "where the search ends; give a pressure below that"),
     ],
 )
 def test_what_is_wrong_is_refused(options, words):
     with pytest.raises((skmpm.SceneError, skmpm.StepFailed), match=words):
         skmpm.jam(lattice("square", 0.004), **options)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"gravity": (0.0, -9.81)}, "jam: the scene has gravity"),
+        ({"loads": [skmpm.Load(lambda x: x[0] > 0, (1.0, 0.0))]}, "jam: the scene has loads"),
+        ({"supports": [skmpm.Support(lambda x: x[0] > 0)]}, "jam: the scene has supports"),
+        ({"cohesion": 10.0}, "jam: the scene has cohesion"),
+    ],
+)
+def test_other_forces_than_contact_are_refused(changes, words):
+    with pytest.raises(skmpm.SceneError, match=words):
+        skmpm.jam(replace(lattice("square", 0.004), **changes))
+
+
+@pytest.mark.parametrize("measure", [skmpm.jam, lambda scene: skmpm.moduli(scene, skmpm.initial(scene))])
+def test_what_moves_is_refused(measure):
+    """A rigid body that is drawn along moved by its speed in every static step, and the search never ended."""
+    drawn = skmpm.Body(skmpm.disc((3 * R, 3 * R), R, spacing=0.74 * H), skmpm.Rigid(1000.0), motion=(0.1, None, 0))
+    scene = skmpm.Scene([disc((0, 0)), drawn], cell=H, periodic=skmpm.Periodic(6 * R, 6 * R))
+    with pytest.raises(skmpm.SceneError, match=r"rigid body 1 moves at 0.1 m/s in a packing that is to rest"):
+        measure(scene)
 
 
 def test_a_box_is_needed():

@@ -108,6 +108,15 @@ def test_bad_components_are_refused(motion):
         plate_on_idler(plate=motion)
 
 
+def test_a_rigid_plate_under_a_load_takes_as_few_steps_as_a_wall():
+    """Some twenty, where every swing of it cost a hundred: losses are allowed as for what a force drives."""
+    grain = Body(skmpm.disc((0.0, R), R, spacing=R / 5), GEL)
+    plate = Body(skmpm.box((-2 * R, 2 * R), (4 * R, 0.6 * R), spacing=R / 5), Rigid(RHO), motion=(0.0, None, 0.0))
+    load = Load(lambda x: x[1] > 2.05 * R, (0.0, -20.0))
+    scene = skmpm.Scene([grain, plate], cell=R / 4, walls=[Wall((0, 0), (0, 1))], loads=[load])
+    assert sum(1 for _ in skmpm.simulate(scene, until=4e-3)) < 40
+
+
 def test_a_velocity_may_be_given_where_no_motion_is():
     body = Body(IDLER, Rigid(RHO), motion=(None, 0.0, 0.0), velocity=(0.2, 0.0))
     scene = skmpm.Scene([body, FAR], cell=R / 4)

@@ -384,7 +384,7 @@ SHIFTED = np.concatenate((SQUARE * 3, SQUARE + 2.5), axis=1)
         (Points(*GOOD, [[3, 2, 1, 0]]), "outer loop.*counter-clockwise"),
         (Points(*GOOD, [[0, 2, 1, 3]]), "crosses itself"),
         (Points(RING, np.ones(8), [[0, 1, 2, 3], [4, 5, 6, 7]]), "loop 1 is a hole.* clockwise"),
-        (Points(SHIFTED, np.ones(8), [[0, 1, 2, 3], [7, 6, 5, 4]]), "crosses"),
+        (Points(SHIFTED, np.ones(8), [[0, 1, 2, 3], [7, 6, 5, 4]]), "loops 0 and 1 cross"),
     ],
 )
 def test_check_says_what_is_wrong(points, words):

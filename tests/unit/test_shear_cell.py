@@ -185,6 +185,17 @@ def test_packings_that_are_periodic_in_one_direction(shapes, along):
     assert (x[axis] < 0.0).any() or (x[axis] > size[axis]).any()
 
 
+def test_a_body_longer_than_the_period_is_named():
+    with pytest.raises(skmpm.SceneError, match=r"body 0 overlaps its own image.*make the box wider"):
+        cell([(R, R)], 1.9 * R, plates(2.0 * R))
+
+
+def test_a_region_without_walls_has_no_pair_correlation():
+    scene = cell([(R, R), (3 * R, R)], 4.2 * R, [])
+    with pytest.raises(skmpm.SceneError, match="no walls or periodic box close the region"):
+        skmpm.pair_correlation(scene, skmpm.initial(scene))
+
+
 def test_no_answer_for_packings_is_refused():
     with pytest.raises(skmpm.PackingError, match="True, False, or two"):
         skmpm.packing([R] * 4, width=9 * R, periodic="x")
