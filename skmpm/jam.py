@@ -9,7 +9,7 @@ import numpy as np
 
 from skmpm.arrays import Array, Bools
 from skmpm.moduli import check_packing, strained
-from skmpm.observe import observe
+from skmpm.observe import Observables, observe
 from skmpm.representation import line, quantity
 from skmpm.scene import Scene, SceneError, State, StepFailed, at_rest
 from skmpm.scene.values import number, positive
@@ -145,7 +145,7 @@ def jam(
     while more.fraction - less.fraction > tolerance and not search.close(more):
         found = search.further(less, 0.5 * (more.fraction - less.fraction))
         less, more = (found, more) if found.pressure < search.wanted else (less, found)
-    seen = observe(search.still, more.state)
+    seen = more.seen
     return Jam(
         search.still,
         more.state,
@@ -181,8 +181,17 @@ class _Packing:
     """A packing at rest."""
 
     state: State
-    fraction: float  # nominal
-    pressure: float  # [Pa]
+    seen: Observables
+
+    @property
+    def fraction(self) -> float:
+        """The nominal solid fraction."""
+        return self.seen.solid_fraction_nominal
+
+    @property
+    def pressure(self) -> float:
+        """The mean pressure of the contact forces [Pa]."""
+        return self.seen.pressure
 
 
 class _Search:
@@ -240,4 +249,4 @@ class _Search:
                 "unbalanced": after.report.unbalanced,
             }
         )
-        return _Packing(after, seen.solid_fraction_nominal, seen.pressure)
+        return _Packing(after, seen)

@@ -18,7 +18,7 @@ from skmpm import outline
 from skmpm.arrays import Array, Ints
 from skmpm.material import determinant
 from skmpm.observe import force_lines, network, observe
-from skmpm.scene import Scene, State, centres, into_box, plastic_strain, stress_zz, view_of, wall_lines
+from skmpm.scene import Scene, State, box_corners, centres, into_box, plastic_strain, stress_zz, view_of, wall_lines
 
 VERSION = np.array([2, 3])
 KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # in the order of the format's offsets, and of data of cells
@@ -216,10 +216,8 @@ def _walls(state: State) -> PolyData:
 
 def _box(box: Array) -> PolyData:
     """The periodic box as a closed line, its edge if it has only one."""
-    a, b = box[:, 0], box[:, 1:].sum(axis=1)
-    every = [0.0 * a, a, a + b, b][: 2 * box.shape[1]]
-    line = np.arange(len(every))
-    return PolyData(_in_space(np.stack(every, axis=1)), {"Lines": [np.append(line, 0)]}, {}, {})
+    corners = box_corners(box, np.zeros((2, 1)))[:, : 2 * box.shape[1]]
+    return PolyData(_in_space(corners), {"Lines": [np.append(np.arange(corners.shape[1]), 0)]}, {}, {})
 
 
 def _in_space(vectors: Array) -> Array:

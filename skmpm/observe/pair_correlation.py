@@ -70,11 +70,11 @@ def pair_correlation(
     inner = region(normal, state.walls.T + largest * normal, state.box)
     every = centre if state.box is None else _images(centre, state.box, largest)
     chosen = contains(inner, centre)
-    if not np.isfinite(region(normal, state.walls.T, state.box).area):
-        raise SceneError(
-            "pair_correlation: no walls or periodic box close the region of the packing; it has no density"
-        )
     if not (np.isfinite(inner.area) and chosen.any()):
+        if not np.isfinite(region(normal, state.walls.T, state.box).area):
+            raise SceneError(
+                "pair_correlation: no walls or periodic box close the region of the packing; it has no density"
+            )
         raise SceneError(
             f"pair_correlation: no centre of a body is farther than largest = {largest:.3g} m from all walls; give a"
             " smaller one"

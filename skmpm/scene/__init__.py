@@ -3,7 +3,7 @@
 from skmpm.scene.check import MAX_OVERLAP, TOUCHING, check_walls_at_start, overlaps
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
 from skmpm.scene.model import initial_internal, material_at, plastic_strain
-from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
+from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, rigid_motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, box_corners, deformed, into_box, recut
 from skmpm.scene.point_sets import Ends, stiffness_of, support_angle, support_arms, support_rotations
@@ -17,7 +17,6 @@ from skmpm.scene.prescribed import (
     normal_speeds,
     prescribed_motions,
     prescribed_velocities,
-    rigid_motion,
     velocity_at,
     with_normal_speeds,
 )

@@ -15,9 +15,9 @@ from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
 from skmpm.scene.check_parts import check_functions, check_groups, check_loads, check_springs, check_supports
 from skmpm.scene.model import Model
-from skmpm.scene.objects import Body, Wall
+from skmpm.scene.objects import Body, Wall, rigid_motion
 from skmpm.scene.periodic import Periodic
-from skmpm.scene.prescribed import gravity_at, rigid_motion
+from skmpm.scene.prescribed import gravity_at
 from skmpm.scene.values import SceneError, field_values, motion, not_negative, number, positive, scalar, vector
 
 MAX_AREA_RATIO = 1.5  # of the points' volume and the area in their outline, which may exclude half a spacing
@@ -208,8 +208,7 @@ def _check_overlaps(scene: Model) -> None:
     boundary = scene.outlines
     if boundary.point.size == 0:
         return
-    box = None if scene.periodic is None else scene.periodic.box
-    pairs, _, depth = overlaps(scene, scene.initial_positions[:, boundary.point], box)
+    pairs, _, depth = overlaps(scene, scene.initial_positions[:, boundary.point], scene.initial_box)
     if depth.max(initial=0.0) > max(TOUCHING * scene.cell, 1.01 * scene.overlap):
         a, b = pairs[:, np.argmax(depth)]
         if a == b:

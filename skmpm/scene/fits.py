@@ -37,8 +37,7 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
     ):
         if found != wanted:
             raise SceneError(f"{name}: the state has {found} {what}, the scene {wanted}; {_ITS_OWN}")
-    boxes = state.box, None if scene.periodic is None else scene.periodic.box
-    edges = [0 if box is None else box.shape[1] for box in boxes]
+    edges = [0 if box is None else box.shape[1] for box in (state.box, scene.initial_box)]
     if edges[0] != edges[1]:
         raise SceneError(
             f"{name}: the state is periodic in {edges[0]} directions, the scene in {edges[1]}; {_ITS_OWN}"

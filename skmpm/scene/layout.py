@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import Material, Rigid, initial_state, wave_speed
 from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
-from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
+from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, rigid_motion
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.values import motion, scalar
 
@@ -75,12 +75,8 @@ class Layout(Input):
     @cached_property
     def held_components(self) -> Bools:
         """Which components of the motion of bodies are prescribed, vx, vy and spin, (3, bodies)."""
-        held = np.zeros((3, len(self.bodies)), dtype=bool)
-        for b, body in enumerate(self.bodies):
-            if body.motion is not None:
-                given: Any = body.motion(0.0) if callable(body.motion) else body.motion
-                held[:, b] = [component is not None for component in given]
-        return held
+        each = [rigid_motion(body, 0.0, f"body {b}") for b, body in enumerate(self.bodies)]
+        return ~np.isnan(np.stack(each, axis=1))
 
     @cached_property
     def free_rigid(self) -> Ints:
@@ -170,6 +166,11 @@ class Layout(Input):
     def outlined(self) -> Bools:
         """Which bodies have an outline, (bodies,)."""
         return np.array([bool(body.points.outline) for body in self.bodies], dtype=bool)
+
+    @property
+    def initial_box(self) -> Array | None:
+        """The edges of the periodic box at t = 0, (2, 1) or (2, 2) [m]; None without one."""
+        return None if self.periodic is None else self.periodic.box
 
     @cached_property
     def outlines(self) -> Outlines:

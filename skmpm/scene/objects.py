@@ -294,10 +294,31 @@ def prescribed_components(support: Support, t: float, name: str) -> Array:
         if it is not two components, each a finite number or None
     """
     value = support.prescribed(t) if callable(support.prescribed) else support.prescribed
-    remedy = f"give two components (x, y), each a finite number or None; {TURNING}"
-    if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
+    return _components(name, value, 2, f"give two components (x, y), each a finite number or None; {TURNING}")
+
+
+def rigid_motion(body: Body, t: float, name: str) -> Array:
+    """Prescribed velocity of the centre of mass and angular velocity of a rigid body at time t, (3,) [m/s, rad/s].
+
+    Components that are free are nan.
+
+    Raises
+    ------
+    SceneError
+        if it is not three components, each a finite number or None
+    """
+    if body.motion is None:
+        return np.full(3, np.nan)
+    name = f"{name}: motion at t = {t:.6g} s" if callable(body.motion) else f"{name}: motion"
+    remedy = "give (vx, vy, spin), each a finite number or None, or no motion for a body that forces move"
+    return _components(name, body.motion(t) if callable(body.motion) else body.motion, 3, remedy)
+
+
+def _components(name: str, value: object, count: int, remedy: str) -> Array:
+    """Components (count,), nan where they are None; SceneError if they are no finite numbers or None."""
+    if not isinstance(value, Sequence | np.ndarray) or len(value) != count:
         raise SceneError(f"{name} = {value!r}; {remedy}")
     filled = numbers(name, [0.0 if v is None else v for v in value], remedy)
-    if filled.shape != (2,) or not np.isfinite(filled).all():
+    if filled.shape != (count,) or not np.isfinite(filled).all():
         raise SceneError(f"{name} = {value!r}; {remedy}")
     return np.where([v is None for v in value], np.nan, filled)

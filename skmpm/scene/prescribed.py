@@ -6,7 +6,6 @@ forces drive have a velocity that is unknown along their normals and given acros
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,10 +14,10 @@ import numpy as np
 from skmpm.arrays import Array, Ints
 from skmpm.scene.layout import Input, Layout
 from skmpm.scene.model import Model
-from skmpm.scene.objects import Body
+from skmpm.scene.objects import Body, rigid_motion
 from skmpm.scene.periodic import deformed
 from skmpm.scene.point_sets import support_rotations, support_velocities
-from skmpm.scene.values import SceneError, field_values, motion, numbers
+from skmpm.scene.values import SceneError, field_values, motion
 
 
 def gravity_at(scene: Input, X: Array, t: float) -> Array:
@@ -26,26 +25,6 @@ def gravity_at(scene: Input, X: Array, t: float) -> Array:
     if not callable(scene.gravity):
         return np.broadcast_to(np.asarray(scene.gravity, dtype=float)[:, None], X.shape)
     return field_values(f"gravity(X, t) at t = {t:.6g} s", scene.gravity(X.copy(), t), X)  # it may work in place
-
-
-def rigid_motion(body: Body, t: float, name: str) -> Array:
-    """Prescribed velocity of the centre of mass and angular velocity of a rigid body at time t, (3,) [m/s, rad/s].
-
-    Components that are free are nan.
-    """
-    if body.motion is None:
-        return np.full(3, np.nan)
-    called = callable(body.motion)
-    name = f"{name}: motion at t = {t:.6g} s" if called else f"{name}: motion"
-    remedy = "give (vx, vy, spin), each a finite number or None, or no motion for a body that forces move"
-    value = body.motion(t) if callable(body.motion) else body.motion
-    if not isinstance(value, Sequence | np.ndarray) or len(value) != 3:
-        raise SceneError(f"{name} = {value!r}; {remedy}")
-    free = np.array([v is None for v in value])
-    array = numbers(name, [0.0 if v is None else v for v in value], remedy)
-    if array.shape != (3,) or not np.isfinite(array).all():
-        raise SceneError(f"{name} = {value!r}; {remedy}")
-    return np.where(free, np.nan, array)
 
 
 def initial_rigid_motion(body: Body) -> Array:
@@ -106,9 +85,7 @@ class PrescribedVelocities:
     """
 
     walls: Array  # (walls, 2)
-    rigid: (
-        Array  # (3, bodies) of rigid bodies, with angular velocity [rad/s]; zero where they are free, and of others
-    )
+    rigid: Array  # (3, bodies) of rigid bodies, with angular velocity [rad/s]; zero where free, and of others
     rigid_at_end: Array  # (3, bodies) the same at the end of the step
     supports: Array  # (2 supports,) zero where free; then rates of cosine and sine [1/s] of those that turn
     walls_at_end: Array  # (walls, 2) the same as `walls`, but for driven walls

@@ -59,19 +59,21 @@ def _supports(scene: Scene, grid: BodyGrids) -> Elimination | None:
     if not scene.supports:
         return None
     number, count = np.cumsum(scene.deformable[scene.owner]) - 1, len(scene.supports)
-    rows, parts = [], []
+    rows, entries, size = [], [], 0
     for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
         at = grid.interpolation[number[supported.points]]
         for axis in np.flatnonzero(~free).tolist():
             rows.append(sp.kron(at, np.eye(2)[axis : axis + 1], format="csr"))
-            part = np.zeros((supported.points.size, 2 * (count + scene.turning.size)))
-            part[:, 2 * i + axis] = 1.0
+            fields = {2 * i + axis: np.ones(supported.points.size)}
             if i in scene.turning:
                 first = 2 * (count + int(np.searchsorted(scene.turning, i)))
                 x, y = support_arms(scene, i, supported.points)
-                part[:, first : first + 2] = np.stack([(x, y)[axis], (-y, x)[axis]], axis=1)
-            parts.append(sp.csr_array(part))
-    B = sp.csr_array(sp.vstack(parts))
+                fields |= {first: (x, y)[axis], first + 1: (-y, x)[axis]}
+            own = size + np.arange(supported.points.size)
+            entries += [(values, own, np.full(own.size, column)) for column, values in fields.items()]
+            size += own.size
+    values, row, column = (np.concatenate(part) for part in zip(*entries, strict=True))
+    B = sp.csr_array((values, (row, column)), shape=(size, 2 * (count + scene.turning.size)))
     return eliminate(sp.csr_array(sp.vstack(rows)), B, grid.blocks, grid.rigid_motions)
 
 

@@ -24,8 +24,7 @@ from skmpm.step.scalar_unknowns import Interval, Unknowns
 
 def driving_forces(scene: Scene, walls: Array, t: float) -> Array:
     """Driving forces at time t with walls through some points (walls, 2) [m], (p,) [N/m]."""
-    box = None if scene.periodic is None else scene.periodic.box
-    return scene.driving_forces(t, region(scene.normals, walls.T, box).length)
+    return scene.driving_forces(t, region(scene.normals, walls.T, scene.initial_box).length)
 
 
 def initial_points(scene: Scene) -> Array:
@@ -44,8 +43,7 @@ def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
         raise SceneError(f"{name}: {what}, which contact = shared_grid cannot; use point_to_curve")
     if scene.driven_walls.size == 0:
         return
-    box = None if scene.periodic is None else scene.periodic.box
-    length = region(scene.normals, initial_points(scene).T, box).length
+    length = region(scene.normals, initial_points(scene).T, scene.initial_box).length
     for i in scene.driven_walls.tolist():
         if scene.walls[i].pressure is not None and not 0.0 < length[i] < np.inf:
             raise SceneError(

@@ -87,7 +87,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         support_moment=np.zeros(len(scene.supports)),
         contacts=Contacts.none(),
         report=Report(),
-        box=None if scene.periodic is None else scene.periodic.box,
+        box=scene.initial_box,
         box_rate=rate,
     )
     state, _ = regridded_state(scene, state, scheme)
