@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "studies"
@@ -22,3 +24,16 @@ def filled(text: str, parts: dict[str, str], page: str) -> str:
         inner = part.strip("\n")
         text = between.sub(lambda found, inner=inner: f"{found[1]}\n{inner}\n\n{found[2]}", text)
     return text
+
+
+def table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A table of a page."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *lines))
+
+
+def parser_of_figures(description: str | None, study: Path) -> argparse.ArgumentParser:
+    """Options of a command that draws figures and writes a page from the results of a study."""
+    options = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--study", type=Path, default=study, help="directory of the study")
+    options.add_argument("--docs", type=Path, default=DOCS, help="directory of the page")
+    return options

@@ -17,7 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import skmpm
-from examples.studies.pages import DOCS, put
+from examples.studies.pages import parser_of_figures, put, table
 from examples.studies.periodic_shear import study
 from examples.studies.provenance import made
 from skmpm.sweep import Member
@@ -99,9 +99,11 @@ def write(out: Path, docs: Path) -> None:
     if not len(found):
         raise SystemExit(f"{out}: no member has finished; run the study first")
     draw(found, docs / "periodic_shear")
-    rows = [HEAD, ("---",) * len(HEAD), *(line(member) for member in found)]
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    put(docs / "periodic_shear.md", {"made": made(ran, "examples.studies.periodic_shear"), "members": table})
+    lines = [line(member) for member in found]
+    put(
+        docs / "periodic_shear.md",
+        {"made": made(ran, "examples.studies.periodic_shear"), "members": table(HEAD, lines)},
+    )
 
 
 def main(options: argparse.Namespace) -> None:
@@ -111,7 +113,4 @@ def main(options: argparse.Namespace) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """Options."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--study", type=Path, default=Path("out/shear"), help="directory of the study")
-    options.add_argument("--docs", type=Path, default=DOCS, help="directory of the page")
-    return options
+    return parser_of_figures(__doc__, Path("out/shear"))

@@ -17,7 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import skmpm
-from examples.studies.pages import DOCS, put
+from examples.studies.pages import parser_of_figures, put, table
 from examples.studies.provenance import made
 from examples.studies.shear_cell import study
 from skmpm.sweep import Member
@@ -106,9 +106,8 @@ def write(out: Path, docs: Path) -> None:
     if not len(found):
         raise SystemExit(f"{out}: no member has finished; run the study first")
     draw(found, docs / "shear_cell")
-    rows = [HEAD, ("---",) * len(HEAD), *(line(*group) for group in groups(found).items())]
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    put(docs / "shear_cell.md", {"made": made(ran, "examples.studies.shear_cell"), "members": table})
+    lines = [line(*group) for group in groups(found).items()]
+    put(docs / "shear_cell.md", {"made": made(ran, "examples.studies.shear_cell"), "members": table(HEAD, lines)})
 
 
 def main(options: argparse.Namespace) -> None:
@@ -118,7 +117,4 @@ def main(options: argparse.Namespace) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """Options."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--study", type=Path, default=Path("out/shear_cell"), help="directory of the study")
-    options.add_argument("--docs", type=Path, default=DOCS, help="directory of the page")
-    return options
+    return parser_of_figures(__doc__, Path("out/shear_cell"))
