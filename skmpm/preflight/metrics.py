@@ -17,7 +17,7 @@ from skmpm.material import Material
 from skmpm.outline import chord_sagitta, slit_width
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
-from skmpm.step.derived import derived_data, inward_normals
+from skmpm.step.derived import derived_data
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.equations import LONG
 from skmpm.step.initial_state import initial, initial_motion
@@ -182,7 +182,7 @@ class SceneMetrics:
         if scene.supports:
             return _supported_grid(scene, self.scheme)
         soft = scene.deformable[scene.owner]
-        inward = inward_normals(scene, x)[:, soft]
+        inward = scene.inward_normals(x)[:, soft]
         grid = build_grids(x[:, soft], scene.owner[soft], scene.cell, len(scene.bodies), inward)
         facets, _ = ghost_facets(grid, volume[soft])
         node = np.arange(grid.nodes)

@@ -10,7 +10,6 @@ from skmpm.grid.forms import reference_gradient
 from skmpm.grid.moment_fitting import fitted_places, fitted_weights
 from skmpm.outline import cell_moments
 from skmpm.scene import Scene
-from skmpm.step.derived import inward_normals
 
 COMPLIANCE = 3.0 / 8.0  # of a node: one over 4 (2/3), the diagonal entry of the Laplacian of Q1 elements
 
@@ -51,7 +50,7 @@ def _grid(scene: Scene, chosen: Bools) -> tuple[BodyGrids, Array]:
     A point inside a body that lies on a grid line to round-off belongs to the upper cell, in any unit of length.
     """
     x = scene.initial_positions
-    inward = inward_normals(scene, x)
+    inward = scene.inward_normals(x)
     inward[:, (inward == 0.0).all(axis=0)] = 1.0
     grid = build_grids(x[:, chosen], scene.owner[chosen], scene.cell, len(scene.bodies), inward[:, chosen])
     return grid, scene.initial_volumes[chosen]

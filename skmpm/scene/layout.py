@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import Material, Rigid, initial_state, wave_speed
 from skmpm.outline import Images, Outlines, folded, images, outlines, thickness
@@ -176,6 +177,13 @@ class Layout(Input):
     def outlines(self) -> Outlines:
         """The outlines of all bodies, as indices into the arrays of a state."""
         return outlines([body.points.outline for body in self.bodies], self.offsets)
+
+    def inward_normals(self, x: Array) -> Array:
+        """Inward normals of the boundary points among points at x (2, n), zero at others, (2, n)."""
+        inward, boundary = np.zeros_like(x), self.outlines
+        if boundary.point.size:
+            inward[:, boundary.point] = -outline.normals(boundary, x[:, boundary.point])
+        return inward
 
     def images(self, x: Array, box: Array | None, reach: float) -> Images:
         """Outlines with boundary points at x (2, m), and their images within reach [m] in a box of edges (2, n)."""

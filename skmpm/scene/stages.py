@@ -1,4 +1,4 @@
-"""Stages: a state continues in another scene of the same bodies."""
+"""Stages: a state continues in another scene of the same bodies, or of some of them."""
 
 from __future__ import annotations
 
@@ -8,27 +8,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.fits import STAYS_RIGID, check_fits
 from skmpm.scene.objects import Body, Wall
 from skmpm.scene.point_sets import support_arms, support_rotations
 from skmpm.scene.prescribed import centres, normal_speeds, with_normal_speeds
+from skmpm.scene.renumbered import of_bodies, renumbered
 from skmpm.scene.report import StepControl
 from skmpm.scene.scene import Scene
-from skmpm.scene.state import Contacts, State
+from skmpm.scene.state import State
 from skmpm.scene.values import SceneError
+
+KEEP = "stages keep bodies as they are, in their order, and the cell; dataclasses.replace(scene, walls=...) does"
 
 
 def continued(scene: Scene, state: State, new_scene: Scene) -> State:
-    """The state of a scene as a start in a new scene of the same bodies: `simulate(new_scene, start=continued(...))`.
+    """The state of a scene as a start in a new scene of its bodies: `simulate(new_scene, start=continued(...))`.
 
     Walls, supports, loads, springs, friction, cohesion, gravity, moduli, the `motion` of rigid bodies, and rate and
     stress of a periodic box may differ. Bodies go on with the velocities of the state. A wall with the `point` and
     the `normal` of a wall of the old scene is that wall, and goes on from where it is; any other is new and begins at
-    its `point`. Walls that the new scene lacks are removed, with their contacts. Supports, loads and springs act on
-    the points where `where(x)` is true at t = 0, as always. Time goes on, so functions of time are taken at the time
+    its `point`. Walls and bodies that the new scene lacks, as grains that have left, are removed with their contacts;
+    the other bodies keep their order. Supports, loads and springs act on the points where `where(x)` is true at
+    t = 0, as always. Time goes on, so functions of time are taken at the time
     of the state.
 
     Raises
@@ -51,8 +55,13 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     (0.005, -0.02943)
     """
     check_fits(scene, state, "continued")
-    _check_bodies(scene, new_scene)
+    bodies = _former_bodies(scene, new_scene)
+    _check_bodies(scene, new_scene, bodies)
     former = _former_walls(scene, new_scene)
+    support_force, support_moment = _of_supports(scene, state, new_scene, np.isin(scene.owner, bodies))
+    contacts = renumbered(scene, new_scene, state.contacts, bodies, former)
+    if bodies.size < len(scene.bodies):
+        state = of_bodies(scene, new_scene, state, bodies)
     kept = former >= 0
     walls = np.array([wall.point for wall in new_scene.walls], dtype=float).reshape(-1, 2)
     walls[kept] = state.walls[former[kept]]
@@ -70,9 +79,9 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
         wall_normals=new_scene.normals.T.copy(),
         wall_force=force,
         wall_velocity=velocity,
-        support_force=_support_forces(scene, state, new_scene),
-        support_moment=_support_moments(scene, state, new_scene),
-        contacts=_with_walls(scene, state.contacts, former),
+        support_force=support_force,
+        support_moment=support_moment,
+        contacts=contacts,
         step_control=StepControl(),
     )
 
@@ -122,56 +131,76 @@ def at_rest(scene: Scene, state: State) -> State:
     )
 
 
-def _support_forces(scene: Scene, state: State, new_scene: Scene) -> Array:
-    """Forces on the supports of the new scene that hold the same components of the same points as old ones."""
-    forces = np.zeros((len(new_scene.supports), 2))
+def _of_supports(scene: Scene, state: State, new_scene: Scene, kept: Bools) -> tuple[Array, Array]:
+    """Forces (supports, 2) and moments (supports,) on supports of a scene that hold what old ones held.
+
+    `kept` (n,) are the points that the new scene has. A force goes on where a support holds a component of as many
+    points as one before, a moment where it turns the same points.
+    """
+    forces, moments = np.zeros((len(new_scene.supports), 2)), np.zeros(len(new_scene.supports))
+    supporting, number = scene.supporting[:, kept], np.cumsum(kept) - 1
     for i, place in enumerate(new_scene.supported):
-        for axis, (held, holds) in enumerate(zip(scene.supporting, new_scene.supporting, strict=True)):
+        for axis, (held, holds) in enumerate(zip(supporting, new_scene.supporting, strict=True)):
             former = np.unique(held[place.points])
             if former.size == 1 and former[0] >= 0 and holds[place.points[0]] == i:
                 same = scene.supported[former[0]].points.size == place.points.size
                 forces[i, axis] = state.support_force[former[0], axis] if same else 0.0
-    return forces
-
-
-def _support_moments(scene: Scene, state: State, new_scene: Scene) -> Array:
-    """Moments on the supports of the new scene that turn the same points as an old one."""
-    moments = np.zeros(len(new_scene.supports))
     for i in new_scene.turning.tolist():
-        for former in scene.turning.tolist():
-            if np.array_equal(scene.supported[former].points, new_scene.supported[i].points):
-                moments[i] = state.support_moment[former]
-    return moments
+        for old in scene.turning.tolist():
+            points = scene.supported[old].points
+            if kept[points].all() and np.array_equal(number[points], new_scene.supported[i].points):
+                moments[i] = state.support_moment[old]
+    return forces, moments
 
 
-def _check_bodies(scene: Scene, new_scene: Scene) -> None:
-    """Raise SceneError where the new scene has other bodies, or another cell."""
-    remedy = "stages keep the bodies, their order and the cell; dataclasses.replace(scene, walls=...) does"
-    if len(new_scene.bodies) != len(scene.bodies):
+def _former_bodies(scene: Scene, new_scene: Scene) -> Ints:
+    """For each body of the new scene its index in the old one, ascending, (bodies,)."""
+    if len(new_scene.bodies) >= len(scene.bodies):
+        return np.arange(len(scene.bodies))
+    former, old = np.empty(len(new_scene.bodies), dtype=np.int64), 0
+    for b, body in enumerate(new_scene.bodies):
+        while old < len(scene.bodies) and not _same_points(scene.bodies[old], body):
+            old += 1
+        if old == len(scene.bodies):
+            raise SceneError(
+                f"continued: body {b} of the new scene is none of the {len(scene.bodies)} bodies of the old one, or"
+                f" in another order; {KEEP}"
+            )
+        former[b], old = old, old + 1
+    return former
+
+
+def _same_points(old: Body, new: Body) -> bool:
+    return old.points is new.points or (
+        np.array_equal(old.points.x, new.points.x) and np.array_equal(old.points.volume, new.points.volume)
+    )
+
+
+def _check_bodies(scene: Scene, new_scene: Scene, former: Ints) -> None:
+    """Raise SceneError where bodies of the new scene differ from the old ones, `former` (bodies,), or its cell."""
+    if len(new_scene.bodies) > len(scene.bodies):
         raise SceneError(
-            f"continued: the new scene has {len(new_scene.bodies)} bodies, the old one {len(scene.bodies)}; {remedy}"
+            f"continued: the new scene has {len(new_scene.bodies)} bodies, the old one {len(scene.bodies)}; {KEEP}"
         )
     if new_scene.cell != scene.cell:
-        raise SceneError(f"continued: the new scene has cell = {new_scene.cell}, the old one {scene.cell}; {remedy}")
+        raise SceneError(f"continued: the new scene has cell = {new_scene.cell}, the old one {scene.cell}; {KEEP}")
     if (new_scene.periodic is None) != (scene.periodic is None):
         which = "new" if scene.periodic is None else "old"
-        raise SceneError(f"continued: only the {which} scene has a periodic box; {remedy}")
+        raise SceneError(f"continued: only the {which} scene has a periodic box; {KEEP}")
     boxes = [(box.width, box.height) for box in (scene.periodic, new_scene.periodic) if box is not None]
     if len(set(boxes)) > 1:
         raise SceneError(
             f"continued: the periodic box of the new scene is {boxes[1]} m at t = 0, that of the old one"
             f" {boxes[0]} m; keep it, or give it a rate"
         )
-    for b, (old, new) in enumerate(zip(scene.bodies, new_scene.bodies, strict=True)):
-        same = old.points is new.points or (
-            np.array_equal(old.points.x, new.points.x) and np.array_equal(old.points.volume, new.points.volume)
-        )
-        own = slice(scene.offsets[b], scene.offsets[b + 1])
-        if not same or not np.array_equal(scene.densities[own], new_scene.densities[own]):
+    for b, (i, new) in enumerate(zip(former.tolist(), new_scene.bodies, strict=True)):
+        old, same = scene.bodies[i], _same_points(scene.bodies[i], new)
+        was, now = (slice(each.offsets[k], each.offsets[k + 1]) for each, k in ((scene, i), (new_scene, b)))
+        if not same or not np.array_equal(scene.densities[was], new_scene.densities[now]):
             what = "another density" if same else "other points"
-            raise SceneError(f"continued: body {b} of the new scene has {what}; {remedy}")
-        if scene.deformable[b] != new_scene.deformable[b]:
-            rigid, other = ("new", "old") if scene.deformable[b] else ("old", "new")
+            raise SceneError(f"continued: body {b} of the new scene has {what}; {KEEP}")
+        if scene.deformable[i] != new_scene.deformable[b]:
+            rigid, other = ("new", "old") if scene.deformable[i] else ("old", "new")
             raise SceneError(
                 f"continued: body {b} is Rigid in the {rigid} scene and deformable in the {other} one; {STAYS_RIGID}"
             )
@@ -224,26 +253,3 @@ def _index(scene: Scene, wall: Wall) -> int:
         if np.array_equal(old.point, wall.point) and np.array_equal(old.normal, wall.normal):
             return i
     return -1
-
-
-def _with_walls(scene: Scene, contacts: Contacts, former: Ints) -> Contacts:
-    """The contacts without those of removed walls, and with the new indices of the others."""
-    index = np.full(len(scene.walls), -1)
-    index[former[former >= 0]] = np.flatnonzero(former >= 0)
-    wall = -1 - contacts.bodies[1]
-    on_wall = wall >= 0
-    now = np.where(on_wall, index[np.maximum(wall, 0)] if index.size else -1, 0)
-    stay = np.flatnonzero(~on_wall | (now >= 0))
-    shift = np.where(on_wall, now - wall, 0) * scene.outlines.size  # keys number the boundary points wall by wall
-    return replace(
-        contacts,
-        bodies=np.stack([contacts.bodies[0], np.where(on_wall, -1 - now, contacts.bodies[1])])[:, stay],
-        x=contacts.x[:, stay],
-        normal=contacts.normal[:, stay],
-        force=contacts.force[:, stay],
-        gap=contacts.gap[stay],
-        key=np.where(contacts.key >= 0, contacts.key + shift, contacts.key - shift)[stay],
-        point=contacts.point[stay],
-        image=contacts.image[:, stay],
-        lasting_force=contacts.lasting_force[stay],
-    )

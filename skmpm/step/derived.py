@@ -25,7 +25,7 @@ def derived_data(scene: Scene, scheme: Scheme, x: Array, volume: Array) -> Deriv
     There the points have the positions `x` (2, n) [m] and the volumes `volume` (n,) [m2].
     """
     own = scene.deformable_points
-    grid = build_grids(x[:, own], scene.owner[own], scene.cell, len(scene.bodies), inward_normals(scene, x)[:, own])
+    grid = build_grids(x[:, own], scene.owner[own], scene.cell, len(scene.bodies), scene.inward_normals(x)[:, own])
     weights = volume[own]
     if scheme.moment_fitting:
         weights, grid = _fitted(scene, grid, weights, x)
@@ -86,15 +86,6 @@ def ghost_moduli(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:
             cells = grid.cell_of_point[points]
             modulus[cells] = np.minimum(modulus[cells], bounded_modulus(material))
     return np.asarray(scheme.ghost * modulus)
-
-
-def inward_normals(scene: Scene, x: Array) -> Array:
-    """Inward normals of the boundary points, zero elsewhere, (2, n)."""
-    inward = np.zeros_like(x)
-    boundary = scene.outlines
-    if boundary.point.size:
-        inward[:, boundary.point] = -outline.normals(boundary, x[:, boundary.point])
-    return inward
 
 
 def bulk_of(scene: Scene, state: State, scheme: Scheme) -> Bulk:

@@ -22,7 +22,9 @@ from skmpm import (
     continued,
     disc,
     initial,
+    load,
     preflight,
+    save,
     simulate,
     step,
 )
@@ -162,8 +164,8 @@ def test_supports_that_are_described_anew_go_on():
     ("change", "message"),
     [
         (
-            lambda s: replace(s, bodies=s.bodies[:1]),
-            "continued: the new scene has 1 bodies, the old one 2",
+            lambda s: replace(s, walls=[], bodies=[*s.bodies, Body(disc((9 * R, R), R, spacing=R / 5), GEL)]),
+            "continued: the new scene has 3 bodies, the old one 2",
         ),
         (lambda s: replace(s, cell=R / 3), "continued: the new scene has cell = 0.000333.*, the old one 0.000285"),
         (
@@ -298,3 +300,44 @@ def test_a_new_wall_that_cuts_a_free_rigid_body_is_refused():
         continued(scene, step(scene, initial(scene), DT), cut)
     with pytest.raises(SceneError, match="wall 1 cuts body 1"):
         initial(cut)
+
+
+def crossing():
+    """Discs on two floors, far apart and in contact with each other in each group, one of them rigid; a box last."""
+    places = [(x, y) for y in (R, 9 * R) for x in (R, 2.98 * R)]
+    bodies = [Body(disc(place, R, spacing=R / 5), GEL) for place in places]
+    bodies.insert(1, Body(disc((6 * R, R), R, spacing=R / 5), Rigid(1000.0)))
+    bodies.append(Body(box((5 * R, 8 * R), (7 * R, 9 * R), spacing=R / 5), GEL, velocity=(0.1, 0.0)))
+    return Scene(bodies, cell=R / 3.5, walls=[FLOOR, LEFT], friction=0.2, overlap=0.03 * R)
+
+
+@pytest.mark.parametrize("from_file", [False, True])
+def test_a_body_that_leaves_changes_nothing_for_those_that_it_does_not_touch(from_file, tmp_path):
+    """The others go on as with it: grids, velocities, contacts and their keys are theirs, whatever their numbers."""
+    scene = crossing()
+    *_, state = simulate(scene, dt=DT, until=8 * DT)
+    if from_file:
+        save(tmp_path / "state", state)
+        state = load(tmp_path / "state")
+    left = [0, 1, 2, 5]  # without the two discs above
+    smaller = replace(scene, bodies=[scene.bodies[b] for b in left])
+    begun = continued(scene, state, smaller)
+    kept = np.isin(state.body, left)
+    assert begun.x.shape[1] == kept.sum() and 0 < begun.contacts.gap.size < state.contacts.gap.size
+    after, expected = step(smaller, begun, DT), step(scene, state, DT)
+    assert after.report.newton == expected.report.newton
+    np.testing.assert_allclose(after.x, expected.x[:, kept], atol=1e-11 * R)
+    np.testing.assert_allclose(after.v, expected.v[:, kept], atol=1e-8 * R / DT)
+    same = np.isin(expected.contacts.bodies[0], left) & np.isin(expected.contacts.bodies[1], [-2, -1, *left])
+    np.testing.assert_allclose(after.contacts.force, expected.contacts.force[:, same], atol=1e-6 * state.mass.sum())
+    shared = np.isin(begun.contacts.key, after.contacts.key).sum()
+    assert shared == np.isin(state.contacts.key, expected.contacts.key[same]).sum() > 4
+    touching = np.isin(state.contacts.bodies[0], left) & np.isin(state.contacts.bodies[1], [-2, -1, *left])
+    np.testing.assert_array_equal(begun.x[:, begun.contacts.point], state.x[:, state.contacts.point[touching]])
+
+
+def test_grains_that_leave_are_named_where_they_are_none_of_the_scene(run):
+    scene, state = run
+    other = Body(disc((9 * R, R), R, spacing=R / 5), GEL)
+    with pytest.raises(SceneError, match="body 0 of the new scene is none of the 2 bodies"):
+        continued(scene, state, replace(scene, bodies=[other]))

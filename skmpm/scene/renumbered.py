@@ -1,0 +1,93 @@
+"""A state without some bodies, and contacts numbered anew when bodies or walls go."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from skmpm import outline
+from skmpm.arrays import Ints
+from skmpm.grid import build_grids
+from skmpm.scene.scene import Scene
+from skmpm.scene.state import Contacts, State
+
+PER_POINT = (
+    *("x", "v", "F", "C", "stress", "mass", "volume", "weight"),
+    *("x_anchor", "F_anchor", "stress_anchor"),
+)
+GONE = np.iinfo(np.int64).min
+
+
+def of_bodies(scene: Scene, new_scene: Scene, state: State, bodies: Ints) -> State:
+    """The points and grids of the bodies (k,) of a scene that a new one keeps, numbered as there.
+
+    Bodies have grids of their own, so that they stay as they are when others go.
+    """
+    points, unknowns = np.isin(state.body, bodies), np.repeat(np.isin(_nodes(scene, state), bodies), 2)
+    return replace(
+        state,
+        **{name: getattr(state, name)[..., points] for name in PER_POINT},
+        internal=state.internal[: new_scene.internal_variables, points],
+        body=new_scene.owner,
+        displacement=state.displacement[unknowns[: state.displacement.size]],
+        nodal_velocity=state.nodal_velocity[unknowns[: state.nodal_velocity.size]],
+        factored=None,
+        derived=None,
+    )
+
+
+def _nodes(scene: Scene, state: State) -> Ints:
+    """The body of each grid node of a state, (nodes,)."""
+    if state.derived is not None:
+        return state.derived.assembly.grid.node_body
+    own, x = scene.deformable_points, state.x_anchor
+    inward = scene.inward_normals(x)[:, own]
+    return build_grids(x[:, own], scene.owner[own], scene.cell, len(scene.bodies), inward).node_body
+
+
+def renumbered(scene: Scene, new_scene: Scene, contacts: Contacts, bodies: Ints, walls: Ints) -> Contacts:
+    """The contacts of the bodies and walls that a new scene keeps, with their numbers in it.
+
+    `bodies` (bodies,) and `walls` (walls,) are those of the new scene by their numbers in the old one, walls that are
+    new -1.
+    """
+    number = np.full(len(scene.bodies) + len(scene.walls), GONE)  # those of walls at the end, as they are negative
+    number[bodies] = np.arange(bodies.size)
+    number[-1 - walls[walls >= 0]] = -1 - np.flatnonzero(walls >= 0)
+    both, point = number[contacts.bodies], np.cumsum(np.isin(scene.owner, bodies)) - 1
+    at_points = contacts.point >= 0
+    key = np.where(at_points, _keys(scene, new_scene, contacts, bodies, both[1]), contacts.key)
+    now = replace(contacts, bodies=both, point=np.where(at_points, point[contacts.point], -1), key=key)
+    stay = (both != GONE).all(axis=0)
+    return Contacts(*(getattr(now, f.name)[..., stay] for f in fields(Contacts)))
+
+
+def _keys(scene: Scene, new_scene: Scene, contacts: Contacts, bodies: Ints, second: Ints) -> Ints:
+    """The keys of contacts (k,) in the new scene, where their second bodies are `second` (k,).
+
+    They number the pairs of boundary points and sides of bodies, by lattice vectors of a periodic box; then those of
+    boundary points and walls (`contact.neighbours`).
+    """
+    kept = np.isin(scene.outlines.body, bodies)
+    codes = 1 if (box := scene.initial_box) is None else 3 ** box.shape[1]
+    if not kept.size:
+        return contacts.key
+    (was, sides), (now, new_sides) = (_sides(each) for each in (scene, new_scene))
+    point, side = np.cumsum(kept) - 1, np.zeros(sides, dtype=np.int64)
+    side[was[kept]] = now
+    guard, size = contacts.key < 0, now.size
+    plain = np.where(guard, -1 - contacts.key, contacts.key)
+    code, pair = np.divmod(plain, was.size * sides)
+    i, on = np.divmod(pair, sides)
+    between = (code * size + point[i]) * new_sides + side[on]
+    at_wall = size * (codes * new_sides - 1 - second) + point[plain % was.size]
+    key = np.where(contacts.bodies[1] < 0, at_wall, between)
+    return np.asarray(np.where(guard, -1 - key, key))
+
+
+def _sides(scene: Scene) -> tuple[Ints, int]:
+    """The side that each boundary segment belongs to, (m,), and how many numbers there are."""
+    boundary = scene.outlines
+    side = outline.curve(boundary, scene.initial_positions[:, boundary.point]).side
+    return side, int(side.max(initial=-1)) + 1
