@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from typing import Any
 
@@ -16,7 +16,7 @@ from skmpm.material import Material, has_memory, poisson_ratio
 NEARLY_INCOMPRESSIBLE = 0.4
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Scheme:
     """How a scene is solved; the defaults are `Scheme.balanced()`, the optimum of docs/studies/work_precision.md.
 
@@ -111,6 +111,11 @@ class Scheme:
                 f"Scheme: contact = shared_grid with anchor = {self.anchor}; bodies share nodes only where"
                 " body grids are rebuilt at every step: use anchor = 0"
             )
+
+    def __repr__(self) -> str:
+        chosen = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
+        shown = (f"{name}={getattr(value, '__name__', repr(value))}" for name, value in chosen.items())
+        return f"Scheme({', '.join(shown)})"
 
     @property
     def keeps_nodal_velocities(self) -> bool:

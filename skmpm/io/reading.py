@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.io.blocks import KINDS
 from skmpm.io.recording import open_file
+from skmpm.optional import optional
 from skmpm.representation import with_shapes
+
+# Of scalars, vectors and tensors, by the number of dimensions of their arrays.
+DIMENSIONS: dict[int, tuple[str, ...]] = {1: (), 2: ("axis",), 3: ("row", "column")}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,6 +96,54 @@ class Recording(Sequence[Frame]):
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))
+
+    def to_xarray(self) -> Any:
+        """All frames as one `xarray.Dataset` over time ``t``, in memory.
+
+        Fields of points have the dimension ``point`` and the coordinate ``body``. Fields by loop of the outlines are
+        ``body_...`` with the dimension ``loop``. Contacts and walls, whose number changes, are ``contact_...`` and
+        ``wall_...``, those of all frames one after the other; ``contact_t`` and ``wall_t`` are their times.
+
+        Raises
+        ------
+        ImportError
+            if xarray is not installed
+        ValueError
+            if the recording has no frames
+        """
+        xarray, frames = optional("xarray", "to_xarray", "tables"), list(self)
+        if not frames:
+            raise ValueError(f"{self.path}: the recording has no frames yet; write states first")
+        data: dict[str, Any] = {"position": (("t", "axis", "point"), np.stack([frame.x for frame in frames]))}
+        for prefix, kind, last in (("", "points", "point"), ("body_", "bodies", "loop")):
+            for name, first in getattr(frames[0], kind).items():
+                values = np.stack([getattr(frame, kind)[name] for frame in frames])
+                data[prefix + name] = (("t", *DIMENSIONS[first.ndim], last), values)
+        for prefix, kind in (("contact", "contacts"), ("wall", "walls")):
+            parts = [getattr(frame, kind) for frame in frames]
+            for name in (name for name in parts[0] if name != "lines"):
+                values = np.concatenate([part[name] for part in parts], axis=-1)
+                data[f"{prefix}_{name}"] = ((*DIMENSIONS[values.ndim], prefix), values)
+            data[f"{prefix}_t"] = (prefix, np.repeat(self.t, [len(part["lines"]) for part in parts]))
+        if boxes := [frame.box for frame in frames if frame.box is not None]:
+            data["box"] = (("t", "axis", "edge"), np.stack(boxes))
+        data["wall_index"] = data.pop("wall_wall")
+        data["body_index"], data["body"] = ("loop", data.pop("body_body")[1][0]), ("point", data["body"][1][0])
+        return xarray.Dataset(data, {"t": self.t, "axis": ["x", "y"]}).set_coords(["body", "contact_t", "wall_t"])
+
+    def to_pyvista(self, k: int = -1) -> Any:
+        """Frame k as a `pyvista.MultiBlock` of points, bodies, contacts, walls and box.
+
+        Raises
+        ------
+        ImportError
+            if pyvista is not installed
+        IndexError
+            if there is no such frame
+        """
+        reader = optional("pyvista", "to_pyvista", "tables").get_reader(str(self.path))
+        reader.reader.SetStep(range(len(self))[k])
+        return reader.read()
 
     def __repr__(self) -> str:
         return f"Recording({str(self.path)!r}, {len(self)} frames)"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from skmpm.io.blocks import VERSION, Block, blocks_of
 from skmpm.io.checkpoint import writable
+from skmpm.optional import optional
 from skmpm.scene import Scene, State, check_scene
 
 CONSTANT = ("points", "bodies")  # blocks whose cells do not change
@@ -110,7 +111,7 @@ class Recorder:
         for name, data in blocks_of(self._scene, state).items():
             if name not in self._blocks:
                 self._blocks[name] = Block.create(self._vtk, name, data, constant=name in CONSTANT)
-                self._vtk["Assembly"][name] = h5().SoftLink(f"/VTKHDF/{name}")
+                self._vtk["Assembly"][name] = optional("h5py", "record", "io").SoftLink(f"/VTKHDF/{name}")
             self._blocks[name].append(k, state.t, data)
         values.resize(k + 1, axis=0)
         values[k] = state.t
@@ -135,18 +136,9 @@ class Recorder:
         self._earlier, self._t = self._earlier[:0], t
 
 
-def h5() -> Any:
-    """The module h5py; ImportError, with the remedy, if it is not installed."""
-    try:
-        import h5py
-    except ImportError as error:
-        raise ImportError('record needs h5py; install it with: pip install "skmpm[io]"') from error
-    return h5py
-
-
 def open_file(path: Path, mode: str) -> Any:
     """An open HDF5 file; ValueError if it is none."""
-    h5py = h5()
+    h5py = optional("h5py", "record", "io")
     try:
         # No lock: ParaView can read the file while it grows.
         return h5py.File(path, mode, locking=False)

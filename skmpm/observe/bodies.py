@@ -18,6 +18,7 @@ from skmpm.observe.contact_network import (
     touching_pairs,
 )
 from skmpm.observe.sides import contact_length, contact_lengths
+from skmpm.optional import data_frame
 from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State, centres
@@ -77,6 +78,8 @@ class PerBody:
         """Half the difference of the principal values of `stress`, (bodies,) [Pa]."""
         (xx, xy), (yx, yy) = self.stress
         return np.asarray(np.hypot(0.5 * (xx - yy), 0.5 * (xy + yx)))
+
+    to_pandas = data_frame
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Columns (bodies,) by name, as `pandas.DataFrame` takes them."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from skmpm.arrays import Array
 from skmpm.observe.bodies import PerBody, away_from_walls, per_body
 from skmpm.observe.contact_network import half_branches, moments
 from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
+from skmpm.optional import optional
 from skmpm.outline import Outlines
-from skmpm.representation import with_shapes
+from skmpm.representation import line, quantity, table
 from skmpm.scene import Scene, State, check_fits
 
 
@@ -53,8 +55,6 @@ class Observables:
     [1.0]
     """
 
-    __repr__ = with_shapes
-
     solid_fraction: float
     solid_fraction_nominal: float
     coordination: float
@@ -76,6 +76,26 @@ class Observables:
         row = {f.name: getattr(self, f.name) for f in fields(self)}
         row |= {f"stress_{a}{b}": float(self.stress[i, j]) for i, a in enumerate("xy") for j, b in enumerate("xy")}
         return {name: value for name, value in row.items() if isinstance(value, float)}
+
+    def __repr__(self) -> str:
+        numbers = {
+            "solid fraction": self.solid_fraction,
+            "coordination": self.coordination,
+            "without rattlers": self.coordination_without_rattlers,
+            "contact surface": self.contact_surface,
+            "anisotropy": self.anisotropy,
+            "aspect ratio": self.aspect_ratio,
+            "overlap": self.overlap,
+        }
+        facts = {name: f"{value:.3g}" for name, value in numbers.items()}
+        return line("Observables", facts | {"pressure": quantity(self.pressure, "Pa")})
+
+    def _repr_html_(self) -> str:
+        return table("Observables", {name: f"{value:.4g}" for name, value in self.table().items()})
+
+    def to_pandas(self) -> Any:
+        """The table as a `pandas.Series`; ImportError if pandas is not installed."""
+        return optional("pandas", "to_pandas", "tables").Series(self.table())
 
 
 def observe(scene: Scene, state: State, *, interior: bool = False) -> Observables:

@@ -11,7 +11,8 @@ from skmpm.arrays import Array, Ints
 from skmpm.observe.contact_network import among, between, pairs_of, touching
 from skmpm.observe.pair_correlation import check_bins
 from skmpm.observe.sides import contact_lengths
-from skmpm.representation import with_shapes
+from skmpm.optional import data_frame
+from skmpm.representation import line, quantity
 from skmpm.scene import Scene, State, centres, check_fits
 
 
@@ -53,8 +54,6 @@ class Network:
     >>> bool((pairs.force[0] > 0).all())
     True
     """
-
-    __repr__ = with_shapes
 
     bodies: Ints
     normal: Array
@@ -109,6 +108,14 @@ class Network:
         if force.size == 0:
             return centre, np.full(bins, np.nan)
         return centre, np.histogram(force / force.mean(), edges)[0] / (force.size * np.diff(edges))
+
+    def __repr__(self) -> str:
+        pressing = self.force[0][self.force[0] > 0.0]
+        facts = {"pairs": self.size, "with walls": int((self.bodies[1] < 0).sum())}
+        forces = {"mean": pressing.mean(), "largest": pressing.max()} if pressing.size else {}
+        return line("Network", facts | {f"{name} normal force": quantity(f, "N/m") for name, f in forces.items()})
+
+    to_pandas = data_frame
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Columns (k,) by name, as `pandas.DataFrame` takes them."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skmpm.optional import optional
 from skmpm.plot.bodies import draw_bodies
 from skmpm.plot.fields import (
     Field,
@@ -114,10 +114,7 @@ def new_axes() -> Axes:
 
 def matplotlib_module(name: str) -> Any:
     """A module of matplotlib; ImportError, with the remedy, if it is not installed."""
-    try:
-        return import_module(f"matplotlib.{name}")
-    except ImportError as error:
-        raise ImportError('plot needs matplotlib; install it with: pip install "skmpm[plot]"') from error
+    return optional(f"matplotlib.{name}", "plot", "plot")
 
 
 def draw(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:

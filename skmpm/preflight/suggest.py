@@ -14,6 +14,7 @@ from skmpm.points import Points
 from skmpm.preflight.limits import LIMITS
 from skmpm.preflight.metrics import disc_radii
 from skmpm.preflight.quantities import ceiled, shares_cells
+from skmpm.representation import line, quantity
 from skmpm.scene import Body, Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
@@ -57,7 +58,7 @@ LAWS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Suggestion:
     """Cell, spacing of points and time step for a wanted error, and the kind of the scene; printed as a sentence.
 
@@ -89,6 +90,10 @@ class Suggestion:
     dt: float | None
     kind: str
     why: str
+
+    def __repr__(self) -> str:
+        facts = {"": self.kind, "cell": quantity(self.cell, "m"), "spacing": quantity(self.spacing, "m")}
+        return line("Suggestion", facts | {"dt": "any" if self.dt is None else quantity(self.dt, "s")})
 
     def __str__(self) -> str:
         """The suggestion as a sentence."""

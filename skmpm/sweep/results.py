@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from skmpm.io import load
+from skmpm.optional import data_frame
 from skmpm.representation import line
 from skmpm.scene import State
 from skmpm.sweep.directory import MANIFEST, SweepError, plain, read_manifest, same
@@ -121,6 +122,8 @@ class Sweep:
             return all(name in own and same(own[name], value) for name, value in wanted.items())
 
         return Sweep(tuple(member for member in self.members if chosen(member.parameters)))
+
+    to_pandas = data_frame
 
     def table(self) -> dict[str, Column]:
         """Columns (rows,) of all members below each other by name, as `pandas.DataFrame` takes them.

@@ -428,6 +428,35 @@ def test_pyvista_reads_what_was_written(tmp_path, states):
         assert blocks["bodies"].n_cells == 2 and blocks["walls"].n_cells == 2
 
 
+def test_a_frame_is_handed_to_pyvista(tmp_path, states):
+    write(tmp_path / "run.vtkhdf", discs(), states)
+    recording = read(tmp_path / "run.vtkhdf")
+    for k in (0, -1):
+        np.testing.assert_array_equal(recording.to_pyvista(k)["points"].points[:, :2].T, states[k].x)
+    with pytest.raises(IndexError):
+        recording.to_pyvista(len(states))
+
+
+def test_a_run_is_one_dataset(tmp_path, states):
+    """Fields by time and point as in the frames; contacts of all frames with their times."""
+    write(tmp_path / "s", discs(), states)
+    recording = read(tmp_path / "s")
+    run = recording.to_xarray()
+    last = run.sel(t=states[-1].t)
+    np.testing.assert_array_equal(last.position, states[-1].x)
+    np.testing.assert_allclose(last.velocity.sel(axis="y"), states[-1].v[1], rtol=1e-6, atol=1e-30)
+    assert run.stress.dims == ("t", "row", "column", "point")
+    np.testing.assert_array_equal(run.body, states[0].body)
+    assert run.body_pressure.shape == (len(states), 2) and run.body_index.values.tolist() == [0, 1]
+    for frame in recording:
+        at = run.contact_t == frame.t
+        np.testing.assert_array_equal(run.contact_normal_force[at], frame.contacts["normal_force"])
+        np.testing.assert_array_equal(run.wall_point[:, run.wall_t == frame.t], frame.walls["point"])
+    write(tmp_path / "none", discs(), [])
+    with pytest.raises(ValueError, match="no frames yet"):
+        read(tmp_path / "none").to_xarray()
+
+
 def test_walls_are_lines_that_move(tmp_path, states):
     """One to the left of the discs, which moves, and one below, each to the end of the other."""
     write(tmp_path / "s", discs(), states)
@@ -696,3 +725,20 @@ def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):
     with pytest.raises(ImportError, match=r'pip install "skmpm\[io\]"'), record(tmp_path / "s", discs()):
         pass
     assert not list(tmp_path.iterdir())
+
+
+def test_a_library_that_is_not_installed_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    pairs = network(discs(), initial(discs()))
+    with pytest.raises(ImportError, match=r'to_pandas needs pandas; install it with: pip install "skmpm\[tables\]"'):
+        pairs.to_pandas()
+
+
+def test_tables_become_data_frames(states):
+    pairs, found = network(discs(), states[-1]), observe(discs(), states[-1])
+    for of in (pairs, found.bodies):
+        frame = of.to_pandas()
+        assert frame.columns.tolist() == list(of.table())
+        for name, column in of.table().items():
+            np.testing.assert_array_equal(frame[name], column)
+    assert found.to_pandas()["aspect_ratio"] == found.aspect_ratio

@@ -1,9 +1,26 @@
 """What a prompt and a notebook show of an object: a line, and a small table."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from skmpm import Body, LinearElastic, NeoHookean, Scene, Support, Wall, box, disc, initial, observe, step
+from skmpm import (
+    Body,
+    LinearElastic,
+    NeoHookean,
+    Scene,
+    Scheme,
+    Support,
+    Wall,
+    box,
+    disc,
+    initial,
+    network,
+    observe,
+    step,
+    suggest,
+)
 from skmpm.representation import prefixed, quantity
 
 R = 1e-3
@@ -35,7 +52,6 @@ def test_arrays_are_shown_by_their_shapes(pressed):
     scene, state = pressed
     k = state.contacts.gap.size
     assert f"force=<float64 (2, {k})>" in repr(state.contacts)
-    assert "coordination=" in repr(observe(scene, state)) and len(repr(observe(scene, state))) < 1200
     points = scene.bodies[2].points
     assert repr(points) == f"Points({points.size} points, 1 loops)"
 
@@ -59,3 +75,31 @@ def test_quantities_have_prefixes(value, unit, text):
 
 def test_multiples_of_lengths_and_times_stop_at_the_unit():
     assert prefixed("m", 5e4) == (1.0, "m") and prefixed("s", 7e3) == (1.0, "s")
+
+
+def test_results_say_their_numbers(pressed):
+    """By the numbers themselves: a prompt shows what a reader would look up."""
+    scene = replace(pressed[0], gravity=(0.0, -9.81))
+    state = step(scene, initial(scene), 8e-6)
+    found, pairs = observe(scene, state), network(scene, state)
+    on_walls = (pairs.bodies[1] < 0).sum()
+    assert repr(pairs).startswith(f"Network(pairs {pairs.size}, with walls {on_walls}, mean normal force ")
+    assert repr(pairs).endswith(f"largest normal force {quantity(pairs.force[0].max(), 'N/m')})")
+    assert f"coordination {found.coordination:.3g}, " in repr(found) and len(repr(found)) < 250
+    assert f"<td>contact_surface</td><td>{found.contact_surface:.4g}</td>" in found._repr_html_()
+    assert repr(network(pressed[0], initial(pressed[0]))).endswith(")")
+
+
+def test_a_scheme_shows_what_is_chosen():
+    assert repr(Scheme()) == "Scheme()"
+    chosen = Scheme.nezamabadi2017()
+    assert repr(chosen) == "Scheme(anchor=0.0, contact=SharedGrid(), moment_fitting=False, mean_dilatation=False)"
+    assert eval(repr(Scheme(inertia=False, newton_tol=1e-6))) == Scheme(inertia=False, newton_tol=1e-6)
+
+
+def test_a_suggestion_is_one_line(pressed):
+    found = suggest(pressed[0], error=0.05)
+    assert repr(found) == (
+        f"Suggestion({found.kind}, cell {quantity(found.cell, 'm')}, spacing {quantity(found.spacing, 'm')},"
+        f" dt {quantity(found.dt, 's')})"
+    )
