@@ -1,11 +1,9 @@
-"""A progress line on a terminal or in a notebook; no output elsewhere."""
+"""How far a run is, on a terminal or in a notebook; no output elsewhere."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
-from time import perf_counter
-from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 
@@ -13,78 +11,71 @@ from skmpm.observe import box_area
 from skmpm.representation import quantity
 from skmpm.scene import Scene, State
 
-WIDTH = 110  # characters; the line before is overwritten
+EVERY = 0.2  # [s] between two drawings
 SLOW = 0.01  # kinetic over elastic energy below which the motion counts as quasi-static
 
 
-class Line:
-    """A line that is written over the one before, on a terminal or in a notebook; no output elsewhere."""
+class Bar:
+    """A bar of tqdm, if `shown` and where it can be drawn over the one before; else nothing.
 
-    def __init__(self, *, shown: bool) -> None:
-        self._shown = shown and (sys.stderr.isatty() or "ipykernel" in sys.modules)
-        self._begun, self._drawn = False, 0.0
+    `total` is the amount of work.
+    """
+
+    def __init__(self, total: float, *, shown: bool) -> None:
+        self._bar: Any = None
+        if shown and total > 0.0 and (sys.stderr.isatty() or "ipykernel" in sys.modules):
+            from tqdm.auto import tqdm  # imported only where it is used, since it takes a tenth of a second
+
+            shape = "{desc}{percentage:5.1f} % |{bar}| {elapsed}, {remaining} left{postfix}"
+            self._bar = tqdm(total=total, bar_format=shape, miniters=0, mininterval=EVERY, delay=1e-9)
 
     @property
-    def due(self) -> bool:
-        """Whether it is shown, and was not drawn in the last fifth of a second."""
-        return self._shown and perf_counter() - self._drawn >= 0.2
+    def shown(self) -> bool:
+        """Whether there is one."""
+        return self._bar is not None
 
-    def draw(self, parts: Iterable[str]) -> None:
-        """Write the line."""
-        if self._shown:
-            self._begun, self._drawn = True, perf_counter()
-            sys.stderr.write("\r" + "  ".join(parts).ljust(WIDTH)[:WIDTH])
-            sys.stderr.flush()
+    def show(self, done: float, *facts: str) -> None:
+        """Draw what is done of the work, and facts beside it."""
+        if self.shown:
+            self._bar.set_postfix_str("  ".join(facts), refresh=False)
+            self._bar.update(done - self._bar.n)
 
-    def end(self) -> None:
-        """Leave it; what is written next stands below."""
-        if self._begun:
-            self._begun = False
-            sys.stderr.write("\n")
+    def make_room(self) -> None:
+        """Clear the line for what is printed next."""
+        if self.shown:
+            self._bar.clear()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self.shown:
+            self._bar.close()
 
 
-def eta(seconds: float, share: float) -> str:
-    """The time that is left in minutes and seconds, where a share of the work has taken so many."""
-    left = seconds * (1.0 - share) / max(share, 1e-9)
-    return f"ETA {int(left // 60)}:{int(left % 60):02d}"
-
-
-class Progress:
-    """Shows how far a running simulation is, if `shown` and where a line can be overwritten.
+class Progress(Bar):
+    """How far a simulation is.
 
     Step, time, ETA, whether the motion is quasi-static, the nominal solid fraction or else the stroke of the walls,
     and retries.
     """
 
     def __init__(self, scene: Scene, start: State, until: float, *, shown: bool) -> None:
-        self._scene, self._start, self._until = scene, start, until
-        self._line = Line(shown=shown)
-        self._steps, self._retries, self._began = 0, 0, perf_counter()
+        super().__init__(until - start.t, shown=shown)
+        self._scene, self._start = scene, start
+        self._steps, self._retries = 0, 0
 
-    def __enter__(self) -> Progress:
-        return self
-
-    def show(self, state: State) -> None:
-        """Redraw the line, at most five times a second."""
+    def show_state(self, state: State) -> None:
+        """Draw how far a state is."""
         self._steps, self._retries = self._steps + 1, self._retries + state.report.retries
-        if not self._line.due:
-            return
-        done = (state.t - self._start.t) / (self._until - self._start.t)
-        parts = [
-            f"step {self._steps}",
-            f"t = {quantity(state.t, 's')}",
-            f"{100.0 * done:5.1f} %",
-            eta(perf_counter() - self._began, done),
-            *_motion(self._scene, self._start, state),
-        ]
-        if self._retries:
-            parts.append(f"retries {self._retries}")
-        self._line.draw(parts)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._line.end()
+        if self.shown:
+            facts = [
+                f"step {self._steps}",
+                f"t = {quantity(state.t, 's')}",
+                *_motion(self._scene, self._start, state),
+            ]
+            retries = [f"retries {self._retries}"] if self._retries else []
+            self.show(state.t - self._start.t, *facts, *retries)
 
 
 def _motion(scene: Scene, start: State, state: State) -> list[str]:

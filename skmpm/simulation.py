@@ -228,7 +228,7 @@ def _run(
                 if checkpoint is not None and perf_counter() - saved > CHECKPOINT_EVERY:
                     save(checkpoint, state)
                     saved = perf_counter()
-                bar.show(state)
+                bar.show_state(state)
                 yield state
     except StepFailed as failure:
         retried = retried.given_up(failure)

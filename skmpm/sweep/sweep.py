@@ -7,12 +7,11 @@ import sys
 from collections.abc import Iterable, Mapping
 from contextlib import closing, nullcontext
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 from uuid import uuid4
 
 from skmpm.parallel import available
-from skmpm.progress import Line, eta
+from skmpm.progress import Bar
 from skmpm.simulation import exit_at_sigterm
 from skmpm.sweep import directory
 from skmpm.sweep.directory import SweepError
@@ -92,8 +91,9 @@ def sweep(
             exit_at_sigterm(wanted=True),
             workers.local_client(count) if client is None else nullcontext(client) as used,
             closing(workers.run_tasks(used, function, left, threads=threads, lasting=client is not None)) as news,
+            Bar(len(tasks), shown=progress) as bar,
         ):
-            ended = follow(news, left, len(tasks), Line(shown=progress))
+            ended = follow(news, left, len(tasks), bar)
     return Sweep(tuple(read_member(task.folder, *ended.get(task.folder, ())) for task in tasks))
 
 
@@ -136,28 +136,22 @@ def _left(tasks: list[Task]) -> list[Task]:
 
 
 def follow(
-    news: Iterable[tuple[dict[Path, Outcome], dict[Path, float]]], tasks: list[Task], total: int, line: Line
+    news: Iterable[tuple[dict[Path, Outcome], dict[Path, float]]], tasks: list[Task], total: int, bar: Bar
 ) -> dict[Path, Outcome]:
-    """How the members ended; until then a line shows how far they are, and the log how each ends."""
-    began, earlier = perf_counter(), total - len(tasks)
+    """How the members ended; until then a bar shows how far they are, and the log how each ends."""
+    earlier, failed = total - len(tasks), 0
     ended: dict[Path, Outcome] = {}
-    try:
-        for new, shares in news:
-            for folder, outcome in new.items():
-                ended[folder] = outcome
-                level = logging.INFO
-                if outcome.status == "failed":
-                    level = logging.WARNING
-                    line.end()
-                error = f": {outcome.error}" if outcome.error else ""
-                done = earlier + len(ended)
-                _log.log(level, "sweep: %s %s%s (%d of %d)", folder.name, outcome.status, error, done, total)
-            if new or line.due:
-                failed = sum(outcome.status == "failed" for outcome in ended.values())
-                work = (len(ended) + sum(shares.values())) / len(tasks)
-                parts = [f"{earlier + len(ended)} of {total} members", *([f"{failed} failed"] if failed else [])]
-                parts += [eta(perf_counter() - began, work)] if work > 0.0 else []
-                line.draw([*parts, *(f"{folder.name} {100.0 * share:.0f} %" for folder, share in shares.items())])
-    finally:
-        line.end()
+    for new, shares in news:
+        for folder, outcome in new.items():
+            ended[folder] = outcome
+            level = logging.INFO
+            if outcome.status == "failed":
+                level, failed = logging.WARNING, failed + 1
+                bar.make_room()
+            error = f": {outcome.error}" if outcome.error else ""
+            done = earlier + len(ended)
+            _log.log(level, "sweep: %s %s%s (%d of %d)", folder.name, outcome.status, error, done, total)
+        done = earlier + len(ended)
+        facts = [f"{done} of {total} members", *([f"{failed} failed"] if failed else [])]
+        bar.show(done + sum(shares.values()), *facts, *(f"{f.name} {100.0 * s:.0f} %" for f, s in shares.items()))
     return ended

@@ -23,7 +23,7 @@ import pytest
 from ensembles import DT, STEPS
 
 import skmpm
-from skmpm.progress import Line
+from skmpm.progress import Bar
 from skmpm.sweep import directory, execution, records, run, workers
 from skmpm.sweep.directory import MANIFEST
 from skmpm.sweep.sweep import follow
@@ -730,24 +730,23 @@ def test_rows_between_steps():
     assert np.flatnonzero(due).tolist() == list(range(2, 30, 3))
 
 
-def test_the_line_of_progress(capsys, monkeypatch, caplog):
-    """Members that have ended, those that run with their share, and what is left of the time."""
-    clock, first, second = [0.0], Path("speed=1.0"), Path("speed=2.0")
-    monkeypatch.setattr("skmpm.progress.perf_counter", lambda: clock[0])
-    monkeypatch.setattr(sys.modules["skmpm.sweep.sweep"], "perf_counter", lambda: clock[0])
-    monkeypatch.setattr("skmpm.progress.sys", SimpleNamespace(stderr=sys.stderr, modules={"ipykernel": None}))
+def test_the_bar_of_a_sweep(capsys, monkeypatch, caplog):
+    """Members that have ended, and those that run with their share; a failure leaves its line alone."""
+    first, second = Path("speed=1.0"), Path("speed=2.0")
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setattr("skmpm.progress.EVERY", 0.0)
 
     def news():
-        clock[0] = 30.0
         yield {first: execution.Outcome("failed", "KeyError: 'a'")}, {second: 0.5}
-        yield {}, {second: 0.6}  # too soon
         yield {second: execution.Outcome("finished")}, {}
 
     tasks = [replace(TASK, folder=folder) for folder in (first, second)]
-    ended = follow(news(), tasks, 4, Line(shown=True))
+    with Bar(4, shown=True) as bar:
+        ended = follow(news(), tasks, 4, bar)
     assert [outcome.status for outcome in ended.values()] == ["failed", "finished"]
-    lines = [line.rstrip() for line in capsys.readouterr().err.split("\r")]
-    assert lines[1:] == ["3 of 4 members  1 failed  ETA 0:10  speed=2.0 50 %", "4 of 4 members  1 failed  ETA 0:00"]
+    lines = [line.rstrip() for line in capsys.readouterr().err.split("\r") if "%" in line]
+    assert lines[0].startswith(" 87.5 %") and lines[0].endswith("3 of 4 members  1 failed  speed=2.0 50 %")
+    assert lines[-1].startswith("100.0 %") and lines[-1].endswith("4 of 4 members  1 failed")
     assert "sweep: speed=1.0 failed: KeyError: 'a' (3 of 4)" in caplog.text
 
 
