@@ -13,7 +13,6 @@ ROOT = Path(__file__).parents[2]
 MEAN, LONGEST = 25.0, 45
 
 NOT_YET = {  # pages that do not meet it yet; none may be added
-    "CHANGELOG.md",
     "README.md",
     "docs/developers/architecture.md",
     "docs/how_to/loading.md",
@@ -110,7 +109,7 @@ def test_a_page_can_be_read_once(page):
 
 
 def test_the_list_of_other_pages_only_shrinks():
-    assert set(pages()) >= NOT_YET and len(NOT_YET) <= 28
+    assert set(pages()) >= NOT_YET and len(NOT_YET) <= 27
 
 
 def table():
