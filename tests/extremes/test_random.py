@@ -1,8 +1,8 @@
 """Small scenes with all parameters random: each ends with a right result or one clear error.
 
 Problem: bodies in free fall, colliding, squeezed by a lid or crushed, for a few steps; any material, grid, unit,
-order, direction and scheme. Reference and tolerances: the limits of `checks.py`. 50 examples here, the same at every
-run; 500 new ones by `pytest tests/extremes/test_random.py --hypothesis-profile=nightly` (tests/conftest.py).
+order, direction and scheme. Reference and tolerances: the limits of `checks.py`. 33 examples here, the same at every
+run; 333 new ones by `pytest tests/extremes/test_random.py --hypothesis-profile=nightly` (tests/conftest.py).
 """
 
 import logging
