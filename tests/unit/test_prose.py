@@ -15,7 +15,6 @@ MEAN, LONGEST = 25.0, 45
 NOT_YET = {  # pages that do not meet it yet; none may be added
     "README.md",
     "docs/developers/architecture.md",
-    "docs/how_to/loading.md",
     "docs/how_to/measures.md",
     "docs/how_to/own_material.md",
     "docs/how_to/preflight.md",
@@ -107,7 +106,7 @@ def test_a_page_can_be_read_once(page):
 
 
 def test_the_list_of_other_pages_only_shrinks():
-    assert set(pages()) >= NOT_YET and len(NOT_YET) <= 25
+    assert set(pages()) >= NOT_YET and len(NOT_YET) <= 24
 
 
 def table():
