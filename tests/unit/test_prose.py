@@ -14,7 +14,6 @@ MEAN, LONGEST = 25.0, 45
 
 NOT_YET = {  # pages that do not meet it yet; none may be added
     "README.md",
-    "docs/developers/architecture.md",
     "docs/how_to/measures.md",
     "docs/how_to/own_material.md",
     "docs/studies/how_large.md",
@@ -103,7 +102,7 @@ def test_a_page_can_be_read_once(page):
 
 
 def test_the_list_of_other_pages_only_shrinks():
-    assert set(pages()) >= NOT_YET and len(NOT_YET) <= 21
+    assert set(pages()) >= NOT_YET and len(NOT_YET) <= 20
 
 
 def table():
