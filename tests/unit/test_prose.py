@@ -15,14 +15,9 @@ MEAN, LONGEST = 25.0, 45
 NOT_YET = {  # pages that do not meet it yet; none may be added
     "README.md",
     "docs/how_to/measures.md",
-    "docs/how_to/own_material.md",
     "docs/studies/how_large.md",
-    "docs/studies/index.md",
     "docs/studies/packing_ensemble.md",
-    "docs/studies/results.md",
     "docs/studies/work_precision.md",
-    "docs/theory/index.md",
-    "docs/theory/method.md",
     "docs/verification/contact_pressure.md",
     "docs/verification/contact_solver.md",
     "docs/verification/corners.md",
@@ -102,7 +97,7 @@ def test_a_page_can_be_read_once(page):
 
 
 def test_the_list_of_other_pages_only_shrinks():
-    assert set(pages()) >= NOT_YET and len(NOT_YET) <= 20
+    assert set(pages()) >= NOT_YET and len(NOT_YET) <= 15
 
 
 def table():
