@@ -95,7 +95,7 @@ def test_the_stress_of_a_slow_step_is_twice_viscosity_times_the_rate_of_deformat
 
 @pytest.mark.parametrize("e", [0.014, 0.0036])
 def test_the_error_of_the_stress_is_of_first_order_in_the_strain_of_a_step(e):
-    """2.5 e in uniaxial strain; of simple shear normal stresses eta rate e and twice that. `docs/limits.md`."""
+    """2.5 e in uniaxial strain; of simple shear normal stresses eta rate e and twice that (`own_material.md`)."""
 
     def cauchy(F):
         return product(Viscous(RESISTANCE, np.eye(2)[:, :, None], linear=False).stress(F), F.swapaxes(0, 1))[..., 0]
