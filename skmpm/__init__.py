@@ -33,6 +33,7 @@ from skmpm.observe import (
     observe,
     pair_correlation,
     spring_forces,
+    wetted,
 )
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
@@ -140,4 +141,5 @@ __all__ = [
     "suggest",
     "sweep",
     "transfer",
+    "wetted",
 ]

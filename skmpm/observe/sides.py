@@ -71,6 +71,12 @@ class Placed:
     share: Array  # (k,) of the force of the contact
     sign: Array  # (k,) 1 where the body is the first of the pair, else -1
 
+    def with_middles(self, segments: Ints) -> Placed:
+        """The places with the middles of segments (s,), which are of no contact."""
+        added = (np.full(segments.size, -1), segments, np.full(segments.size, 0.5), *2 * (np.ones(segments.size),))
+        both = zip((self.contact, self.segment, self.t, self.share, self.sign), added, strict=True)
+        return Placed(*(np.append(old, new) for old, new in both))
+
 
 def place(contacts: Contacts, outlines: Outlines, corner: Bools, x: Array, body: int, cell: float) -> Placed:
     """Place the contacts of a body where they are closest to the polygon of its boundary points x (2, m) [m].

@@ -119,6 +119,11 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
     check_fits(scene, state, "contact_pressure")
     length = scene.cell if length is None else length
     _check(scene, state, body, length)
+    return traction(scene, state, body, np.zeros(scene.outlines.size), length)
+
+
+def traction(scene: Scene, state: State, body: int, pressure: Array, length: float) -> Traction:
+    """Recover the traction of contacts and of pressures (m,) [Pa] on the boundary segments of a body."""
     boundary = scene.outlines
     x = state.x[:, boundary.point]
     corner = outline.curve(boundary, scene.initial_positions[:, boundary.point]).corner
@@ -126,11 +131,17 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
     vectors, inward = state.contacts.vectors, np.abs(state.contacts.force[0]) * state.contacts.normal
     loads = (placed.sign * placed.share) * np.concatenate([vectors, inward])[:, placed.contact]
     lattice = _in_the_grid(scene, state, body, x, placed)
+    segments = np.flatnonzero((pressure > 0.0) & (boundary.body == body))
+    if segments.size:
+        along = x[:, boundary.next[segments]] - x[:, segments]
+        push = pressure[segments] * np.stack([-along[1], along[0]])
+        loads = np.concatenate([loads, np.concatenate([push, push])], axis=1)
+        placed = placed.with_middles(segments)
     own = sides(boundary, corner, x, body)
     found = [recover(side, placed, loads, lattice, length, scene.cell) for side in own]
     spread, error = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
     c, weight = np.concatenate([side.point for side in own]), np.concatenate([side.weight for side in own])
-    traction = spread[:2]
+    force = spread[:2]
     normal = _normals(spread[2:], np.concatenate([_side_normals(side, x) for side in own], axis=1))
     return Traction(
         body=body,
@@ -140,9 +151,9 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
         x=x[:, c],
         length=weight,
         normal=normal,
-        traction=traction,
-        pressure=-(traction * normal).sum(axis=0),
-        shear=normal[0] * traction[1] - normal[1] * traction[0],
+        traction=force,
+        pressure=-(force * normal).sum(axis=0),
+        shear=normal[0] * force[1] - normal[1] * force[0],
         error=error,
     )
 

@@ -175,6 +175,8 @@ def check_loads(scene: Model) -> None:
         if not isinstance(load, Load | Pressure):
             what = "skmpm.Load(where, force) or skmpm.Pressure(where, value)"
             raise SceneError(f"load {i} is a {type(load).__name__}; use {what}")
+        if isinstance(load, Pressure) and load.penetrates not in (False, True):
+            raise SceneError(f"load {i}: penetrates = {load.penetrates!r}; use True or False")
     scene.forces(0.0)
     scene.pressure_values(0.0)
     dead = [i for i, load in enumerate(scene.loads) if isinstance(load, Load)]

@@ -228,11 +228,17 @@ class Pressure:
     It acts on the segments between boundary points at both of which `where` is true; at points of free rigid
     bodies it may not be.
 
+    The pressure of a fluid that `penetrates` acts where it gets to along the boundaries of these bodies, from the
+    points where `where` is true: up to points that a support holds, and up to contacts that press more than it does,
+    by `contact_pressure` at the start of each step. It leaves contacts that close again; what has got through a leak
+    stays. `wetted` returns where it acts. It does not press on walls and other bodies.
+
     Parameters
     ----------
     where : positions (2, n) [m] -> (n,) bool
     value : [Pa], or a function of time t -> a number, taken at t + theta dt of each step from t on; negative for
         suction
+    penetrates : whether it follows contact
 
     Examples
     --------
@@ -247,6 +253,7 @@ class Pressure:
 
     where: Where
     value: float | Callable[[float], float]
+    penetrates: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ def of_bodies(scene: Scene, new_scene: Scene, state: State, bodies: Ints) -> Sta
         body=new_scene.owner,
         displacement=state.displacement[unknowns[: state.displacement.size]],
         nodal_velocity=state.nodal_velocity[unknowns[: state.nodal_velocity.size]],
+        wetted=state.wetted[:, np.isin(scene.outlines.body, bodies)] if state.wetted.size else state.wetted,
         factored=None,
         derived=None,
     )

@@ -140,6 +140,8 @@ class State:
         (1 - dt box_rate)^-1 whatever its length; None without one
     contacts : those at the end of the last step, `Contacts`
     report : cost and residuals of the last step, a `Report`
+    wetted : (pressures, segments) whether each `Pressure` acted on the boundary segments in the last step; (0, 0)
+        where none penetrates
     step_control : what `simulate` continues with
     factored : of the matrix that later steps use again, `Factored`; None if it is made anew
     derived : cached data that follow from the rest
@@ -180,6 +182,7 @@ class State:
     report: Report
     support_moment: Array = field(default_factory=lambda: np.zeros(0))
     nodal_velocity: Array = field(default_factory=lambda: np.zeros(0))
+    wetted: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
     step_control: StepControl = field(default_factory=StepControl)
     box: Array | None = None
     box_rate: Array | None = None

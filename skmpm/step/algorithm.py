@@ -12,6 +12,7 @@ import numpy as np
 from skmpm.arrays import Array, Bools
 from skmpm.contact import with_largest_forces
 from skmpm.linear import Delassus, one_thread
+from skmpm.observe import with_fluids
 from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities
 from skmpm.scene.report import Timer
@@ -73,6 +74,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
+    state = with_fluids(scene, state)
     motions = prescribed_velocities(scene, state.t, dt, state.box)
     unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
     motions = unknowns.motions(motions, unknowns.inertia.v0)
