@@ -69,8 +69,8 @@ axes.set(xlabel="stroke [mm]", ylabel="force [kN/m]")
 # %%
 # Does it seal?
 # -------------
-# A seal holds a fluid as long as the peak of the contact pressure exceeds the pressure of the
-# fluid. `contact_pressure` gives it along the boundary.
+# A seal that keeps its shape holds a fluid as long as the peak of the contact pressure exceeds the
+# pressure of the fluid. `contact_pressure` gives it along the boundary.
 
 axes = plt.figure(figsize=(6, 3), layout="constrained").add_subplot()
 for k in (29, 59, 89):
@@ -82,3 +82,39 @@ for k in (29, 59, 89):
     )
 axes.set(xlabel="x [mm]", ylabel="pressure on the plate [MPa]")
 axes.legend()
+
+# %%
+# A fluid that finds its way
+# --------------------------
+# The fluid also pushes on the seal. A `Pressure` that `penetrates` acts on the boundary from where
+# it begins up to contacts that press more than it does. `wetted` says how far it has come. Here it
+# begins at the left side and rises until it has passed the plate. Steps have inertia, since a seal
+# that gives way has no equilibrium near.
+
+from dataclasses import replace
+
+soft = replace(rubber, viscosity=2e3)
+figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), layout="constrained")
+for axis, k in zip(axes, (29, 59, 89), strict=True):
+    begin = states[k].t
+    fluid = skmpm.Pressure(
+        lambda x: x[0] < -4.0 * MM, lambda t, begin=begin: 4e5 * (t - begin), penetrates=True
+    )
+    flooded = replace(
+        scene,
+        bodies=[skmpm.Body(points, soft)],
+        walls=[replace(scene.walls[0], velocity=(0.0, 0.0))],
+        loads=[fluid],
+    )
+    start = skmpm.at_rest(flooded, skmpm.continued(scene, states[k], flooded))
+    for state in skmpm.simulate(flooded, until=begin + 1.0, start=start, warn=False):
+        (wet,) = skmpm.wetted(flooded, state)
+        if wet.size and state.x[0, wet].max() > 4.0 * MM:
+            break
+    skmpm.plot(flooded, state, "mises", axes=axis, limits=(0.0, 1.5e6), legend=k == 89)
+    axis.plot(*state.x[:, wet], "c.", zorder=10)
+    axis.set_title(f"{3.6 * begin:.1f} mm: leaks at {1e-6 * fluid.value(state.t):.2f} MPa")
+
+# %%
+# The fluid pushes the hollow seal aside long before it exceeds the peak of the contact pressure.
+# More compression helps. The wetted boundary is drawn in blue.
