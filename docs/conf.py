@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+import docstrings
 import modules
 from run_examples import arguments
 
@@ -16,27 +17,39 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.napoleon",
+    "sphinx.ext.intersphinx",
+    "sphinx.ext.viewcode",
     "sphinx-mathjax-offline",
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "tutorials"]
+exclude_patterns = ["_build", "templates", "tutorials"]
+templates_path = ["templates"]
 suppress_warnings = ["config.cache"]  # the gallery's functions
 nitpicky = True
-# Types of other libraries, whose pages a build without a network cannot link, and internal ones.
+# Names of other libraries that their inventories here lack, and internal ones.
 nitpick_ignore_regex = [("py:.*", r"(?!skmpm).*"), ("py:.*", r"skmpm\..*\.(BodyGrids|Derived|PrescribedVelocities)")]
 
 default_role = "autolink"
 rst_prolog = ".. currentmodule:: skmpm"
-autosummary_generate = False
+autosummary_filename_map = docstrings.filenames()
+autosummary_context = {"shown": docstrings.SHOWN}
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
-autodoc_typehints = "none"  # docstrings say shapes and units, which the types do not
-napoleon_use_rtype = False
-napoleon_attr_annotations = False
-napoleon_custom_sections = [("Attributes", "params_style")]
+autodoc_typehints = "none"  # `docstrings` reads them
+# What docstrings link to, in texts of lines "name type page" that are extended by hand: a build needs no network.
+intersphinx_mapping = {
+    name: (url, f"inventories/{name}.inv")
+    for name, url in {
+        "matplotlib": "https://matplotlib.org/stable/",
+        "numpy": "https://numpy.org/doc/stable/",
+        "pandas": "https://pandas.pydata.org/docs/",
+        "python": "https://docs.python.org/3/",
+        "scikit-fem": "https://scikit-fem.readthedocs.io/en/latest/",
+        "scipy": "https://docs.scipy.org/doc/scipy/",
+    }.items()
+}
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
@@ -73,7 +86,8 @@ sphinx_gallery_conf = {
     "min_reported_time": 1e9,
     "show_memory": False,
     "reference_url": {"skmpm": None},
-    "backreferences_dir": None,
+    "backreferences_dir": "generated/backreferences",
+    "doc_module": ("skmpm",),
     "plot_gallery": True,
 }
 
@@ -81,20 +95,9 @@ sphinx_gallery_conf = {
 def setup(app):
     """Read docstrings as they are written here, link classes by their public names, write the table of modules."""
     app.connect("builder-inited", lambda app: modules.write())
-    app.connect("autodoc-process-docstring", _described, priority=400)  # before napoleon
+    app.connect("autodoc-process-docstring", docstrings.described)
+    app.connect("autodoc-process-signature", docstrings.signed)
     app.connect("missing-reference", _public)
-
-
-def _described(app, what, name, obj, options, lines):
-    """Turn what follows "name : " in lists of parameters, and what is returned, into descriptions."""
-    sections = re.split(r"^(?=.+\n-+$)", "\n".join(lines), flags=re.MULTILINE)
-    for k, section in enumerate(sections):
-        if section.startswith(("Parameters\n", "Attributes\n")):
-            sections[k] = re.sub(r"^([\w, *]+?) : ", r"\1\n    ", section, flags=re.MULTILINE)
-        elif section.startswith("Returns\n"):
-            head, rule, *text = section.split("\n")
-            sections[k] = "\n".join([head, rule, ":", *(f"    {line.strip()}" if line else "" for line in text)])
-    lines[:] = "".join(sections).split("\n")
 
 
 def _public(app, env, node, content):
