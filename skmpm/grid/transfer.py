@@ -46,9 +46,19 @@ def nodal_velocity(assembly: Assembly, mass: Array, v: Array, C: Array, *, known
 
 
 def to_points(grid: BodyGrids, nodal: Array) -> tuple[Array, Array]:
-    """Velocities (2, n) [m/s] of points and their gradients C (2, 2, n) [1/s], from nodal velocities (2 nodes,).
+    """Velocities of points and their gradients from nodal velocities, by APIC.
 
-    APIC: Jiang et al., ACM ToG 34 (2015); for Q1 shape functions their B D^-1 is the gradient of the nodal velocity
-    field. So angular momentum is conserved.
+    Jiang et al., ACM ToG 34 (2015); for Q1 shape functions their B D^-1 is the gradient of the nodal velocity field.
+    So angular momentum is conserved.
+
+    Parameters
+    ----------
+    grid : body grids of the points
+    nodal : (2 nodes,) velocities of the nodes [m/s]
+
+    Returns
+    -------
+    v : (2, n) velocities [m/s]
+    C : (2, 2, n) their gradients [1/s]
     """
     return grid.at_points(nodal), grid.gradient_at_points(nodal)

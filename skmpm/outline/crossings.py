@@ -19,15 +19,19 @@ JUST_OUTSIDE = 1e-6  # [segments] from a boundary point along its normal
 
 
 def crossings(outlines: Outlines, x: Array, chosen: Ints) -> Ints:
-    """Find pairs (2, k) of segments of one body that intersect, for the bodies `chosen`; the first < the second.
+    """Pairs of segments of one body that intersect.
 
     Only bodies whose outlines turn backward by more than `MAX_BACKWARD_TURN` in total, or forward by more than
     `MAX_FORWARD_TURN`, are searched, which excludes convex bodies.
 
     Parameters
     ----------
-    x : (2, m) positions of the boundary points [m]
-    chosen : indices of bodies
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    chosen : indices of the bodies to be searched
+
+    Returns
+    -------
+    (2, k) segments, the first < the second
     """
     segment = np.flatnonzero(np.isin(outlines.body, np.intersect1d(folded(outlines, x), chosen)))
     if segment.size == 0:
@@ -43,16 +47,34 @@ def crossings(outlines: Outlines, x: Array, chosen: Ints) -> Ints:
 
 
 def folded(outlines: Outlines, x: Array) -> Ints:
-    """Bodies whose outlines turn so far that they may meet or cross themselves; convex ones never do."""
+    """Bodies whose outlines turn so far that they may meet or cross themselves; convex ones never do.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+
+    Returns
+    -------
+    indices of the bodies
+    """
     forward, backward = turns(outlines, x)
     return np.flatnonzero((backward > MAX_BACKWARD_TURN) | (forward > MAX_FORWARD_TURN))
 
 
 def depth(outlines: Outlines, x: Array, body: int) -> Array:
-    """Depths (k,) [m] of the boundary points of a body that lie inside it, below the surface that they penetrate.
+    """Depths at which boundary points of a body lie inside it, below the surface that they penetrate.
 
     A point lies inside if the outline winds around a place just outside the outline there. Its depth is the distance
     of the nearest segment whose outward normal opposes that of the point.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    body : index of the body
+
+    Returns
+    -------
+    (k,) [m], of the points that lie inside
     """
     own = np.flatnonzero(outlines.body == body)
     along = x[:, outlines.next[own]] - x[:, own]
@@ -67,7 +89,16 @@ def depth(outlines: Outlines, x: Array, body: int) -> Array:
 
 
 def turns(outlines: Outlines, x: Array) -> tuple[Array, Array]:
-    """Total left and right turns along the outline of each body, (bodies,) [rad]."""
+    """Total left and right turns along the outline of each body.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+
+    Returns
+    -------
+    left, right : (bodies,) [rad]
+    """
     left, right = np.zeros((2, int(outlines.body.max(initial=-1)) + 1))
     _turns(x, outlines.previous, outlines.next, outlines.body, left, right)
     return left, right
@@ -100,7 +131,17 @@ def _upward(x: float, y: float) -> bool:
 
 
 def apart(outlines: Outlines, x: Array, i: Ints, j: Ints) -> Array:
-    """Arc length between segments i and j of one outline, the shorter of both (k,) [m]; inf between two loops."""
+    """Arc length between two segments of one outline, the shorter of both ways.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    i, j : (k,) segments
+
+    Returns
+    -------
+    (k,) [m]; inf between two loops
+    """
     length = np.hypot(*(x[:, outlines.next] - x))
     begins = outlines.previous >= np.arange(outlines.size)
     loop, before = np.cumsum(begins) - 1, np.cumsum(length) - length

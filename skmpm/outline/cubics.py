@@ -14,23 +14,45 @@ STRAIGHT = 1e-4  # turns [rad] that are not told from none
 
 
 class Loops(NamedTuple):
-    """What compiled loops need to know of the segments (m,) of a curve, in which each begins at a boundary point."""
+    """Segments (m,) of a curve for compiled loops; each begins at a boundary point.
+
+    Attributes
+    ----------
+    previous : (m,) segment before
+    following : (m,) segment after
+    corner : (m,) whether the segment begins at a corner
+    convex : (m,) whether at one that is convex now
+    sharp : (m,) as `Curve.sharp`
+    low : (m,) smallest parameter
+    high : (m,) largest parameter
+    """
 
     previous: Ints
     following: Ints
     corner: Bools
     convex: Bools
     sharp: Bools
-    low: Array  # smallest and largest parameters
+    low: Array
     high: Array
 
 
 @compiled
 def foot(y: tuple[float, float], segment: int, s: float, c: Array, loops: Loops) -> tuple[int, float]:
-    """Closest-point projection of y on cubics c (m, 4, 2): segment and parameter, from an initial guess.
+    """Closest-point projection on the curve.
 
-    Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from
-    below; iterates move on to adjacent segments and stop at corners.
+    Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from below;
+    iterates move on to adjacent segments and stop at corners.
+
+    Parameters
+    ----------
+    y : (2,) position [m]
+    segment, s : initial guess of segment and parameter
+    c : (m, 4, 2) coefficients of the cubics of the segments [m], as `Cubics.c`
+    loops : of the curve
+
+    Returns
+    -------
+    i, t : segment and parameter of the closest point
     """
     i, t = segment, s
     for _ in range(MAX_NEWTON_STEPS):
@@ -56,7 +78,17 @@ def foot(y: tuple[float, float], segment: int, s: float, c: Array, loops: Loops)
 
 @compiled
 def place(c: Array, i: int, t: float) -> tuple[float, float]:
-    """The point of the cubics c (m, 4, 2) at parameter t of segment i."""
+    """Point of the curve.
+
+    Parameters
+    ----------
+    c : (m, 4, 2) coefficients of the cubics of the segments [m], as `Cubics.c`
+    i, t : segment, and parameter in [0, 1] on it
+
+    Returns
+    -------
+    x, y : position [m]
+    """
     x = c[i, 0, 0] + t * (c[i, 1, 0] + t * (c[i, 2, 0] + t * c[i, 3, 0]))
     y = c[i, 0, 1] + t * (c[i, 1, 1] + t * (c[i, 2, 1] + t * c[i, 3, 1]))
     return x, y
@@ -64,7 +96,18 @@ def place(c: Array, i: int, t: float) -> tuple[float, float]:
 
 @compiled
 def tangent(c: Array, i: int, t: float) -> tuple[float, float, float]:
-    """The unit tangent there, and the length of the derivative by t."""
+    """Unit tangent of the curve at a point.
+
+    Parameters
+    ----------
+    c : (m, 4, 2) coefficients of the cubics of the segments [m], as `Cubics.c`
+    i, t : segment, and parameter in [0, 1] on it
+
+    Returns
+    -------
+    x, y : components of the tangent
+    speed : length of the derivative by t [m]
+    """
     x = c[i, 1, 0] + t * (2.0 * c[i, 2, 0] + 3.0 * t * c[i, 3, 0])
     y = c[i, 1, 1] + t * (2.0 * c[i, 2, 1] + 3.0 * t * c[i, 3, 1])
     speed = max(np.sqrt(x**2 + y**2), 1e-300)
@@ -73,7 +116,20 @@ def tangent(c: Array, i: int, t: float) -> tuple[float, float, float]:
 
 @compiled
 def seen(y: tuple[float, float], c: Array, i: int, t: float) -> tuple[float, float, float, float]:
-    """The unit outward normal there, and where y lies: in front by a distance, and along by so many segments."""
+    """Unit outward normal of the curve at a point, and where a position lies relative to it.
+
+    Parameters
+    ----------
+    y : (2,) position [m]
+    c : (m, 4, 2) coefficients of the cubics of the segments [m], as `Cubics.c`
+    i, t : segment, and parameter in [0, 1] on it
+
+    Returns
+    -------
+    nx, ny : components of the normal
+    gap : distance in front of the curve [m], negative behind it
+    along : distance along the tangent [segments]
+    """
     along_x, along_y, speed = tangent(c, i, t)
     x = place(c, i, t)
     apart_x, apart_y = y[0] - x[0], y[1] - x[1]

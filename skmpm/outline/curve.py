@@ -27,15 +27,26 @@ NOTCH_EXTENSION = 0.5  # [segments] extension of a side beyond a notch
 
 @dataclass(frozen=True)
 class Curve:
-    """Tangents of the cubics as combinations of boundary points; topology and knots are those of the reference."""
+    """Tangents of the cubics as combinations of boundary points; topology and knots are those of the reference.
+
+    Attributes
+    ----------
+    outlines : boundary points (m,) in closed loops
+    corner : (m,) whether the boundary point is a corner of the reference outline
+    convex : (m,) whether it is a corner that is convex in the current configuration
+    sharp : (m,) convex corners and boundary points that deformation has made as sharp
+    side : (m,) the side that each segment belongs to
+    first : (3, m) tangent at the start of segment i -> next[i]: weights of previous[i], i, next[i]
+    last : (3, m) tangent at its end: weights of i, next[i], next[next[i]]
+    """
 
     outlines: Outlines
-    corner: Bools  # (m,) whether the boundary point is a corner of the reference outline
-    convex: Bools  # (m,) whether it is a corner that is convex in the current configuration
-    sharp: Bools  # (m,) convex corners and boundary points that deformation has made as sharp
-    side: Ints  # (m,) the side that each segment belongs to
-    first: Array  # (3, m) tangent at the start of segment i -> next[i]: weights of previous[i], i, next[i]
-    last: Array  # (3, m) tangent at its end: weights of i, next[i], next[next[i]]
+    corner: Bools
+    convex: Bools
+    sharp: Bools
+    side: Ints
+    first: Array
+    last: Array
 
     @property
     def sides(self) -> int:
@@ -80,9 +91,17 @@ class Curve:
 
 
 def curve(outlines: Outlines, x: Array, now: Array | None = None) -> Curve:
-    """The curve with corners and knots of the reference positions x (2, m) [m].
+    """Smooth curve through boundary points, with the corners and knots of reference positions.
 
-    The positions `now` (2, m) [m], by default x, decide which corners are convex, because a corner may fold inwards.
+    Parameters
+    ----------
+    outlines : closed loops of the boundary points
+    x : (2, m) reference positions [m]
+    now : (2, m) positions [m], by default x, that decide which corners are convex, because a corner may fold inwards
+
+    Returns
+    -------
+    the curve, of which `Curve.through` gives the cubics at any positions
     """
     corner, convex, sharp = np.empty((3, outlines.size), dtype=np.bool_)
     first, last = np.empty((2, 3, outlines.size))
@@ -192,11 +211,18 @@ def _hermite(s: float, derivative: int) -> tuple[float, float, float, float]:
 
 @dataclass(frozen=True)
 class Cubics:
-    """The cubics X(s) = c0 + c1 s + c2 s^2 + c3 s^3 of the segments, 0 <= s <= 1."""
+    """The cubics X(s) = c0 + c1 s + c2 s^2 + c3 s^3 of the segments, 0 <= s <= 1.
+
+    Attributes
+    ----------
+    curve : tangents as combinations of boundary points
+    x : (2, m) boundary points [m]
+    c : (m, 4, 2) coefficients [m]
+    """
 
     curve: Curve
-    x: Array  # (2, m) boundary points [m]
-    c: Array  # (m, 4, 2) [m]
+    x: Array
+    c: Array
 
     def at(self, segment: Ints, s: Array, derivative: int = 0) -> Array:
         """Points of the curve (2, k) [m] or their derivatives with respect to s."""

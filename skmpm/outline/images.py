@@ -26,13 +26,22 @@ NO_AREA = 1e-14  # of the area of a polygon's overlap, over that of the box arou
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """Outlines of n bodies, moved into one box, and of those images that come close to them."""
+    """Outlines of n bodies, moved into one box, and of those images that come close to them.
 
-    outlines: Outlines  # m boundary points; bodies 0, ..., n - 1, then a number for each image
-    boundary: Ints  # (m,) the boundary point of a body that each one is an image of
-    body: Ints  # (n + images,) the body that each one is an image of
-    lattice: Ints  # (edges, n + images) k of the lattice vector H k by which each one is displaced; 0 edges without
-    bodies: int  # n
+    Attributes
+    ----------
+    outlines : m boundary points; bodies 0, ..., n - 1, then a number for each image
+    boundary : (m,) the boundary point of a body that each one is an image of
+    body : (n + images,) the body that each one is an image of
+    lattice : (edges, n + images) k of the lattice vector H k by which each one is displaced; 0 edges without
+    bodies : n
+    """
+
+    outlines: Outlines
+    boundary: Ints
+    body: Ints
+    lattice: Ints
+    bodies: int
 
     @property
     def none(self) -> bool:
@@ -78,18 +87,34 @@ class Images:
 
 
 def without_images(outlines: Outlines, bodies: int) -> Images:
-    """The bodies alone, where they are."""
+    """Images of bodies without a periodic box: the bodies alone, where they are.
+
+    Parameters
+    ----------
+    outlines : of the bodies
+    bodies : number of bodies
+
+    Returns
+    -------
+    the images
+    """
     each = np.arange(bodies)
     return Images(outlines, np.arange(outlines.size), each, np.zeros((0, bodies), dtype=np.int64), bodies)
 
 
 def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: float) -> Images:
-    """The bodies in one box, and their images whose bounding boxes come closer than `reach` [m] to one of a body.
+    """Bodies moved into one box, and their images whose bounding boxes come close to one of a body.
 
     Parameters
     ----------
-    x : (2, m) positions of the boundary points [m]
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
     box : (2, 1) or (2, 2) edges of the periodic box, as columns [m]; None without one
+    reach : distance of the bounding boxes [m]
+
+    Returns
+    -------
+    bodies and images
     """
     if box is None:
         return without_images(outlines, bodies)
@@ -122,7 +147,16 @@ def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: 
 
 
 def reduced(box: Array) -> Ints:
-    """The unimodular matrix that turns one or two edges into the shortest ones of the same lattice, by columns."""
+    """Unimodular matrix that turns the edges of a box into the shortest ones of the same lattice.
+
+    Parameters
+    ----------
+    box : (2, edges) one or two edges of the box, as columns [m]
+
+    Returns
+    -------
+    (edges, edges), to be multiplied from the right
+    """
     change = np.eye(box.shape[1], dtype=np.int64)
     while box.shape[1] > 1:
         a, b = (box @ change).T
@@ -137,7 +171,15 @@ def reduced(box: Array) -> Ints:
 
 
 def heights(box: Array) -> Array:
-    """Distances between the opposite sides of a box of one or two edges (2, edges) [m], (edges,).
+    """Distances between the opposite sides of a box.
+
+    Parameters
+    ----------
+    box : (2, edges) one or two edges of the box, as columns [m]
+
+    Returns
+    -------
+    (edges,) [m]
 
     Examples
     --------
@@ -150,7 +192,15 @@ def heights(box: Array) -> Array:
 
 
 def lattice_vectors(most: Ints) -> Ints:
-    """All vectors k of integers between -most and most (edges,), (edges, s).
+    """All vectors of integers up to a largest value.
+
+    Parameters
+    ----------
+    most : (edges,) largest component, of either sign
+
+    Returns
+    -------
+    (edges, s)
 
     Examples
     --------
@@ -172,7 +222,15 @@ def _half_plane(edges: Array, size: float) -> Ints:
 
 
 def first_half(k: Ints) -> Bools:
-    """Of lattice vectors k and -k (edges, s) that whose last component that is not zero is positive, (s,).
+    """Which of the lattice vectors k and -k: that whose last component that is not zero is positive.
+
+    Parameters
+    ----------
+    k : (edges, s) lattice vectors
+
+    Returns
+    -------
+    (s,)
 
     Examples
     --------

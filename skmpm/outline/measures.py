@@ -15,7 +15,16 @@ GAUSS_POINTS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)  # two, on [0, 1]: exa
 
 
 def area(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the area of each body (bodies,) [m2]; 0 for a body without outline.
+    """Area enclosed by the polygons of each body, without its holes.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    (bodies,) [m2]; 0 for a body without outline
 
     Examples
     --------
@@ -41,7 +50,16 @@ def _areas(x: Array, following: Ints, body: Ints, first: Ints, areas: Array) -> 
 
 
 def centroid(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the centroid of each body (2, bodies) [m]; nan for a body without area.
+    """Centroid of each body.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    (2, bodies) [m]; nan for a body without area
 
     Examples
     --------
@@ -56,12 +74,31 @@ def centroid(outlines: Outlines, x: Array, bodies: int) -> Array:
 
 
 def second_moments(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the integral of (x - c)(x - c)^T, c the centroid, (2, 2, bodies) [m4]; nan without area."""
+    """Second moments of each body: the integral of (x - c)(x - c)^T, c the centroid.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    (2, 2, bodies) [m4]; nan for a body without area
+    """
     return _moments(outlines, x, bodies)[2]
 
 
 def perimeter(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the length of the outline of each body, holes included, (bodies,) [m]; 0 without outline.
+    """Length of the outline of each body, holes included.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    (bodies,) [m]; 0 for a body without outline
 
     Examples
     --------
@@ -77,9 +114,15 @@ def perimeter(outlines: Outlines, x: Array, bodies: int) -> Array:
 
 
 def normals(outlines: Outlines, x: Array) -> Array:
-    """Return the unit outward normals (2, m) at the boundary points, those of the chords between their neighbours.
+    """Unit outward normals at the boundary points: those of the chords between their neighbours.
 
-    A normal is zero if the two neighbours coincide.
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+
+    Returns
+    -------
+    (2, m); zero where the two neighbours coincide
     """
     out = np.empty((2, outlines.size))
     _normals(x, outlines.previous, outlines.next, out)
@@ -98,7 +141,15 @@ def _normals(x: Array, previous: Ints, following: Ints, out: Array) -> None:
 
 
 def bend(outlines: Outlines, x: Array) -> Array:
-    """Return the convex curvature (m,) [1/m] of the boundary: left turn over the shorter segment, else zero.
+    """Convex curvature of the boundary at its points: left turn over the length of the shorter segment.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+
+    Returns
+    -------
+    (m,) [1/m]; zero where the boundary is straight or turns right
 
     Examples
     --------
@@ -115,10 +166,20 @@ def bend(outlines: Outlines, x: Array) -> Array:
 
 
 def half_segments(outlines: Outlines, x: Array, c: Ints, normal: Array) -> Array:
-    """Return half the lengths of the segments after and before boundary points c (k,) in contact, (2, k) [m].
+    """Half the lengths of the segments after and before boundary points in contact.
 
-    A segment that turns away from the contact plane with this `normal` (2, k) by more than 30 degrees, at a corner,
-    is not in contact and counts as zero. Several contacts at a point share its segments.
+    A segment that turns away from the contact plane by more than 30 degrees, at a corner, is not in contact and
+    counts as zero. Several contacts at a point share its segments.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    c : (k,) boundary points in contact
+    normal : (2, k) unit normals of the contacts
+
+    Returns
+    -------
+    (2, k) [m], after and before
     """
     halves = []
     for neighbour in (outlines.next, outlines.previous):
@@ -131,7 +192,16 @@ def half_segments(outlines: Outlines, x: Array, c: Ints, normal: Array) -> Array
 
 
 def turning_angles(outlines: Outlines, x: Array) -> Array:
-    """Return the left turns of the boundary at its points (m,), in [-pi, pi] [rad]."""
+    """Left turns of the boundary at its points.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+
+    Returns
+    -------
+    (m,) in [-pi, pi] [rad]
+    """
     turns = np.empty(outlines.size)
     _turning_angles(x, outlines.previous, outlines.next, turns)
     return turns
@@ -147,9 +217,18 @@ def _turning_angles(x: Array, previous: Ints, following: Ints, turns: Array) -> 
 
 
 def chord_sagitta(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the largest sagitta of the chords of each body (bodies,) [m]; corners and straight sides have none.
+    """Largest sagitta of the chords of each body; corners and straight sides have none.
 
     A chord of length e of an arc that turns by phi has the sagitta e/2 tan(phi/4).
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    (bodies,) [m]
     """
     sagitta, turn = np.zeros(bodies), np.abs(turning_angles(outlines, x))
     turn = np.where(np.cos(turn) < CORNER_COSINE, 0.0, turn)
@@ -160,15 +239,20 @@ def chord_sagitta(outlines: Outlines, x: Array, bodies: int) -> Array:
 
 
 def dimensions(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array, Array]:
-    """Measure each body along the principal axes of its second moments.
-
-    Returns
-    -------
-    long, short : (bodies,) extent along the axis of the largest and of the smallest second moment [m]
-    angle : (bodies,) of the long axis, in (-pi/2, pi/2] [rad]
+    """Extents of each body along the principal axes of its second moments.
 
     All are nan for a body without area. `long` can be smaller than `short`, for example in a wide body whose area is
     concentrated in a tall core.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    long, short : (bodies,) extents along the axes of the largest and of the smallest second moment [m]
+    angle : (bodies,) of the long axis, in (-pi/2, pi/2] [rad]
 
     Examples
     --------
@@ -221,7 +305,7 @@ def _moments(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array, A
 
 
 def cell_moments(outlines: Outlines, x: Array, cell: float, index: Ints, owner: Ints) -> Array:
-    """Moments of 1, xi, eta, xi eta, xi^2, eta^2 over the parts of cells in their bodies, (6, cells) [cell areas].
+    """Moments of the parts of cells that lie inside their bodies.
 
     By Green's theorem a moment is the integral over dy, along the outline, of the primitive in x of its integrand.
     The primitive vanishes to the left of the cell and is constant to its right, so each piece of the boundary
@@ -229,10 +313,14 @@ def cell_moments(outlines: Outlines, x: Array, cell: float, index: Ints, owner: 
 
     Parameters
     ----------
-    outlines, x : outlines and positions of their boundary points (2, m) [m]
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
     cell : side of the cells [m]
     index : (2, cells) integer coordinates of the cells
     owner : (cells,) body of each cell
+
+    Returns
+    -------
+    (6, cells) [cell areas], the integrals of 1, xi, eta, xi eta, xi^2 and eta^2
     """
     start, end, piece_cell, body = _pieces(outlines, x / cell)
     local = start - piece_cell + GAUSS_POINTS[:, None, None] * (end - start)

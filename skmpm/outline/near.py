@@ -50,7 +50,19 @@ def closest(x: Array, segment_start: Array, segment_end: Array) -> tuple[Array, 
 
 @compiled
 def distance_to_segment(x: Array, c: int, j: int, i: int) -> tuple[float, float]:
-    """The place in [0, 1] of boundary point c of x (2, m) along the segment from j to i, and its distance to it."""
+    """Closest point of a segment between boundary points to another boundary point.
+
+    Parameters
+    ----------
+    x : (2, m) boundary points [m]
+    c : the boundary point
+    j, i : boundary points at which the segment begins and ends
+
+    Returns
+    -------
+    s : in [0, 1], the place of the closest point along the segment
+    distance : of c to it [m]
+    """
     along_x, along_y = x[0, i] - x[0, j], x[1, i] - x[1, j]
     dx, dy = x[0, c] - x[0, j], x[1, c] - x[1, j]
     square = along_x**2 + along_y**2
@@ -70,7 +82,7 @@ def candidates(
 
     Parameters
     ----------
-    x : (2, m) [m]
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
     reach : [m]
     pairs : (2, p) bodies that give points and bodies that give segments, sorted; by default all that are near
     bend, least : (m,) and (p,); of a pair only points whose `bend` is more than its `least` are looked at
@@ -99,7 +111,15 @@ def candidates(
 
 
 def both_ways(pairs: Ints) -> Ints:
-    """Ordered pairs (2, 2 p), sorted, from unordered ones (2, p).
+    """Ordered pairs from unordered ones.
+
+    Parameters
+    ----------
+    pairs : (2, p)
+
+    Returns
+    -------
+    (2, 2 p), sorted
 
     Examples
     --------
@@ -167,7 +187,7 @@ def inside(outlines: Outlines, x: Array, body: Ints | int, y: Array) -> Bools:
 
     Parameters
     ----------
-    x : (2, m) [m]
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
     body : () or (k,) the body tested for each point
     y : (2, k) [m]
 
@@ -274,7 +294,7 @@ def facing(outlines: Outlines, x: Array, bodies: Ints, reach: float, depth: floa
 
     Parameters
     ----------
-    x : (2, m) [m]
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
     bodies : indices of the bodies that are searched
     reach : distance [m] below which they are found
     depth : distance [m] by which a point may lie behind a segment, having penetrated it

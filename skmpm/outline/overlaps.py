@@ -18,6 +18,11 @@ def overlap(outlines: Outlines, x: Array, bodies: int) -> tuple[Ints, Array]:
     min(y_e, y_f) over their common abscissae, which is known in closed form. Exact for simple polygons, convex or
     not, with or without holes.
 
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
     Returns
     -------
     pairs : (2, p) bodies, the first < the second, sorted
@@ -33,7 +38,16 @@ def overlap(outlines: Outlines, x: Array, bodies: int) -> tuple[Ints, Array]:
 
 
 def boxes(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array]:
-    """Lower left and upper right corners (2, bodies) of the bounding boxes; inf and -inf without outline.
+    """Bounding boxes of the bodies.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    low, high : (2, bodies) lower left and upper right corners [m]; inf and -inf without outline
 
     Examples
     --------
@@ -60,7 +74,15 @@ def _bound(x: Array, body: Ints, low: Array, high: Array) -> None:
 
 
 def box_pairs(low: Array, high: Array) -> Ints:
-    """Pairs (2, p) of boxes that share area, sorted.
+    """Pairs of boxes that share area.
+
+    Parameters
+    ----------
+    low, high : (2, boxes) lower left and upper right corners [m]
+
+    Returns
+    -------
+    (2, p), sorted
 
     Examples
     --------

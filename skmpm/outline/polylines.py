@@ -14,11 +14,19 @@ from skmpm.outline.topology import Outlines, outlines
 
 @dataclass(frozen=True, eq=False)
 class Polylines:
-    """Points of the curves through the boundary points, `parts` on each segment, loop after loop."""
+    """Points of the curves through the boundary points, `parts` on each segment, loop after loop.
 
-    x: Array  # (2, m parts) [m]; the points parts i are the boundary points i
-    outlines: Outlines  # closed loops of these points; `point` is the boundary point that begins the segment
-    loops: Ints  # (loops + 1,) first point of each loop
+    Attributes
+    ----------
+    x : (2, m parts) [m]; the points parts i are the boundary points i
+    outlines : closed loops of these points; `point` is the boundary point that begins the segment
+    loops : (loops + 1,) first point of each loop
+    parts : number of points on each segment
+    """
+
+    x: Array
+    outlines: Outlines
+    loops: Ints
     parts: int
 
     def values(self, at_boundary_points: Array) -> Array:
@@ -30,7 +38,18 @@ class Polylines:
 
 
 def polylines(boundary: Outlines, reference: Array, x: Array, parts: int) -> Polylines:
-    """The curves through boundary points at x (2, m) [m], with the corners of their `reference` positions (2, m)."""
+    """Points of the curves through boundary points.
+
+    Parameters
+    ----------
+    boundary : closed loops of the m boundary points
+    reference, x : (2, m) reference positions, which decide where corners are, and current positions [m]
+    parts : number of points on each segment
+
+    Returns
+    -------
+    (2, m parts) points with their loops
+    """
     m = boundary.size
     segment, s = np.repeat(np.arange(m), parts), np.tile(np.arange(parts) / parts, m)
     points = curve(boundary, reference, x).through(x).at(segment, s)
@@ -44,7 +63,18 @@ def polylines(boundary: Outlines, reference: Array, x: Array, parts: int) -> Pol
 
 
 def joined(loops: Sequence[Array], body: Ints, parts: int) -> Polylines:
-    """Polylines of given loops of points (2, k parts) [m] of bodies (loops,), in ascending order."""
+    """Polylines of given loops of points.
+
+    Parameters
+    ----------
+    loops : (2, k parts) points of each loop [m]
+    body : (loops,) body of each loop, in ascending order
+    parts : number of points on each segment
+
+    Returns
+    -------
+    all points with their loops
+    """
     size = np.array([loop.shape[1] for loop in loops], dtype=np.int64)
     start = np.append(0, np.cumsum(size))
     fine = outlines([[np.arange(count)] for count in size.tolist()], start[:-1])

@@ -18,6 +18,13 @@ class Outlines:
 
     Segment c begins at boundary point c and ends at boundary point `next[c]`; the material is on its left.
 
+    Attributes
+    ----------
+    point : (m,) the material point of each boundary point
+    body : (m,) body of each boundary point, ascending
+    next : (m,) the boundary point that follows
+    previous : (m,) the boundary point that precedes
+
     Examples
     --------
     >>> import skmpm
@@ -27,10 +34,10 @@ class Outlines:
     [1, 2, 3]
     """
 
-    point: Ints  # (m,) the material point of each boundary point
-    body: Ints  # (m,) ascending
-    next: Ints  # (m,) the boundary point that follows
-    previous: Ints  # (m,) the boundary point that precedes
+    point: Ints
+    body: Ints
+    next: Ints
+    previous: Ints
 
     @property
     def size(self) -> int:
@@ -45,6 +52,10 @@ def outlines(loops: Sequence[Sequence[Ints]], offsets: ArrayLike) -> Outlines:
     ----------
     loops : for each body its closed loops of point indices, numbered within the body; () without outline
     offsets : (bodies,) index of the first point of each body among all points
+
+    Returns
+    -------
+    the outlines of all bodies
 
     Examples
     --------

@@ -38,10 +38,19 @@ MAX_SMOOTH_TURN = np.deg2rad(30.0)  # turns beyond it are corners, which take pa
 
 
 def thickness(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the width of the thinnest part of each body (bodies,) [m]; nan for a body without outline.
+    """Width of the thinnest part of each body.
 
     It is the side of a square, the diameter of a disc, the wall of an annulus and the neck of a dumbbell; convex
     corners do not count.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    (bodies,) [m]; nan for a body without outline
     """
     count = np.bincount(outlines.body, minlength=bodies)
     edges = _edges(outlines, x)
@@ -53,9 +62,16 @@ def thickness(outlines: Outlines, x: Array, bodies: int) -> Array:
 
 
 def inclined_thickness(outlines: Outlines, x: Array, chosen: Bools) -> Array:
-    """Width of the thinnest part of chosen bodies (bodies,) whose sides are inclined to the axes, (bodies,) [m].
+    """Width of the thinnest part of bodies whose sides are inclined to the axes by more than 15 degrees.
 
-    By more than 15 degrees; inf without such a part, and for bodies that are not chosen.
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    chosen : (bodies,) whether a body is searched
+
+    Returns
+    -------
+    (bodies,) [m]; inf without such a part, and for bodies that are not chosen
     """
     if not chosen.any():
         return np.full(chosen.size, np.inf)
@@ -64,10 +80,19 @@ def inclined_thickness(outlines: Outlines, x: Array, chosen: Bools) -> Array:
 
 
 def slit_width(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Return the width of the narrowest slit, mouth or hole of each body (bodies,) [m]; inf without one or outline.
+    """Width of the narrowest slit, mouth or hole of each body.
 
     Parts of the boundary that face each other over what is not material turn back by pi in between: bodies that turn
     back by less than pi less the 15 degrees, as convex ones, are not searched.
+
+    Parameters
+    ----------
+    outlines, x : outlines, and positions (2, m) [m] of their boundary points
+    bodies : number of bodies
+
+    Returns
+    -------
+    (bodies,) [m]; inf without a slit or an outline
     """
     _, backward = turns(outlines, x)
     folded = np.zeros(bodies, dtype=bool)
