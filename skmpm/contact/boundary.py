@@ -58,13 +58,24 @@ def point_to_curve(
     The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
     u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of
     the step may keep 0.8 of this overlap, more in very short steps (`PUSH_OUT`). Light contacts act at the closest
-    points of smooth outlines; without `inertia` they slide along these. `motions` are the prescribed velocities of
-    the step, evaluated here if not given.
+    points of smooth outlines.
+
+    Parameters
+    ----------
+    scene, state, grid : a scene, its state, and the body grids
+    dt : length of the step [s]
+    theta : of the scheme
+    motions : prescribed velocities of the step; None: evaluated here
+    inertia : whether the step has inertia; without it contacts slide along the outlines
+
+    Returns
+    -------
+    function of a nodal velocity (2 nodes,) [m/s] that returns the `Constraints` linearised about it
 
     Raises
     ------
     SceneError
-        If a body has no outline.
+        if a body has no outline
 
     Examples
     --------
@@ -238,7 +249,16 @@ class _Detection:
 
 
 def check_outlines(scene: Scene) -> None:
-    """Raise SceneError if a body has no outline.
+    """Refuse a scene in which a body has no outline.
+
+    Parameters
+    ----------
+    scene : the scene
+
+    Raises
+    ------
+    SceneError
+        if a body has no outline
 
     Examples
     --------

@@ -66,14 +66,33 @@ def closest_points(
 
 
 def lasting_force(before: Contacts, contacts: Contacts, courant: float) -> Array:
-    """The lasting forces (k,) [N/m] of the contacts at the end of a step of c dt / h = `courant`."""
+    """Lasting forces of the contacts at the end of a step.
+
+    Parameters
+    ----------
+    before, contacts : contacts at the start, and (k,) at the end of the step
+    courant : c dt / h of the step
+
+    Returns
+    -------
+    (k,) [N/m]
+    """
     known = lookup(pair_numbers(before.bodies), before.lasting_force, pair_numbers(contacts.bodies), 0.0)
     now = between_bodies(contacts.bodies, contacts.force[0])
     return np.asarray(known + min(FOLLOWS * courant**2, 1.0) * (now - known))
 
 
 def with_largest_forces(before: Contacts, contacts: Contacts) -> Contacts:
-    """All these contacts, those of each pair of bodies with the larger one of their lasting forces."""
+    """Contacts at two times, with the larger one of the lasting forces of each pair of bodies.
+
+    Parameters
+    ----------
+    before, contacts : contacts at both times
+
+    Returns
+    -------
+    all of them
+    """
     both = joined([before, contacts])
     pair = np.unique(pair_numbers(both.bodies), return_inverse=True)[1]
     largest = np.zeros(pair.size)

@@ -26,30 +26,55 @@ class Constraints:
     nodal velocities to contact points (`base`) and takes their differences along normals and tangents (`D`);
     `prescribed` is the part of the relative velocity that prescribed motions contribute, and `offset` contains gaps
     as well.
+
+    Attributes
+    ----------
+    bodies : (2, k); walls are -1, -2, ...
+    x : (2, k) [m]
+    normal : (2, k) unit, from the second to the first body
+    gap : (k,) [m]
+    friction : (k,) Coulomb coefficients
+    key : (k,) identity of the contact, the same in all steps
+    point : (k,) material point of the first body, -1 at a grid node
+    base : (m, nodes) interpolation from nodes to contact points
+    difference : (k, m) first body minus second body
+    tangent_shares : (k, m) weights of contact points in the second surface's unit tangent [1/m]
+    curvature : (k,) of the second surface, negative where it is convex [1/m]
+    own_shares : (k, m) weights of contact points in the first surface's unit tangent [1/m]
+    along : (k,) cosine between the tangents of both surfaces
+    travel : (k,) of the contact point per turn of both surfaces against each other [m]; 0 if it is fixed
+    wide_from : (k,) normal force between the bodies that makes a contact too wide to travel [N/m]
+    rigid : (m, 2) velocities of the contact points on rigid bodies, zero on others [m/s]
+    surfaces : (2, k) relative velocity by the motion of walls and of periodic images [m/s]
+    offset_normal : (k,) [m/s]
+    pushed_out : (k,) part of an initial overlap that this step removes [m]
+    tensile_strength : (k,) largest tension c l that the contact bears in this step [N/m]
+    opening : (k,) change of the positive part of the gap in this step [m]
+    image : (2, k) displacement of the second body to its image in contact, at the end of the step [m]
     """
 
-    bodies: Ints  # (2, k); walls are -1, -2, ...
-    x: Array  # (2, k) [m]
-    normal: Array  # (2, k) unit, from the second to the first body
-    gap: Array  # (k,) [m]
-    friction: Array  # (k,) Coulomb coefficients
-    key: Ints  # (k,) identity of the contact, the same in all steps
-    point: Ints  # (k,) material point of the first body, -1 at a grid node
-    base: sp.csr_array  # (m, nodes) interpolation from nodes to contact points
-    difference: sp.csr_array  # (k, m) first body minus second body
-    tangent_shares: sp.csr_array  # (k, m) weights of contact points in the second surface's unit tangent [1/m]
-    curvature: Array  # (k,) of the second surface, negative where it is convex [1/m]
-    own_shares: sp.csr_array  # (k, m) weights of contact points in the first surface's unit tangent [1/m]
-    along: Array  # (k,) cosine between the tangents of both surfaces
-    travel: Array  # (k,) of the contact point per turn of both surfaces against each other [m]; 0 if it is fixed
-    wide_from: Array  # (k,) normal force between the bodies that makes a contact too wide to travel [N/m]
-    rigid: Array  # (m, 2) velocities of the contact points on rigid bodies, zero on others [m/s]
-    surfaces: Array  # (2, k) relative velocity by the motion of walls and of periodic images [m/s]
-    offset_normal: Array  # (k,) [m/s]
-    pushed_out: Array  # (k,) part of an initial overlap that this step removes [m]
-    tensile_strength: Array  # (k,) largest tension c l that the contact bears in this step [N/m]
-    opening: Array  # (k,) change of the positive part of the gap in this step [m]
-    image: Array  # (2, k) displacement of the second body to its image in contact, at the end of the step [m]
+    bodies: Ints
+    x: Array
+    normal: Array
+    gap: Array
+    friction: Array
+    key: Ints
+    point: Ints
+    base: sp.csr_array
+    difference: sp.csr_array
+    tangent_shares: sp.csr_array
+    curvature: Array
+    own_shares: sp.csr_array
+    along: Array
+    travel: Array
+    wide_from: Array
+    rigid: Array
+    surfaces: Array
+    offset_normal: Array
+    pushed_out: Array
+    tensile_strength: Array
+    opening: Array
+    image: Array
 
     @property
     def size(self) -> int:
@@ -226,8 +251,16 @@ ContactFormulation = Callable[[Scene, State, BodyGrids, float, float, Prescribed
 def acts_at_grid_nodes(law: ContactFormulation) -> bool:
     """Whether a contact formulation acts at grid nodes that bodies share, by its optional attribute `at_grid_nodes`.
 
-    Such a law measures no gaps and needs body grids rebuilt at every step. Any other acts between outlines and is
-    held to the checks of its gaps, functions that call `point_to_curve` among them.
+    Such a formulation measures no gaps and needs body grids rebuilt at every step. Any other acts between outlines
+    and is held to the checks of its gaps, functions that call `point_to_curve` among them.
+
+    Parameters
+    ----------
+    law : the contact formulation
+
+    Returns
+    -------
+    whether it does
 
     Examples
     --------

@@ -38,7 +38,24 @@ class _Nodes:
 
 @dataclass(frozen=True)
 class SharedGrid:
-    """Contact at grid nodes that bodies share; walls are slabs of rigid material points."""
+    """Contact at grid nodes that bodies share; walls are slabs of rigid material points.
+
+    Parameters
+    ----------
+    scene, state, grid : a scene, its state, and the body grids
+    dt : length of the step [s]
+    theta, inertia : ignored
+    motions : prescribed velocities of the step; None: evaluated here
+
+    Returns
+    -------
+    function that returns the `Constraints`, the same for all nodal velocities
+
+    Raises
+    ------
+    SceneError
+        if the body grids are not rebuilt at every step
+    """
 
     at_grid_nodes: ClassVar[bool] = True  # and not between outlines, see `acts_at_grid_nodes`
 
@@ -52,7 +69,7 @@ class SharedGrid:
         motions: PrescribedVelocities | None = None,
         inertia: bool = True,
     ) -> Linearise:
-        """The constraints, the same for all w; `motions` of the step are evaluated here if not given."""
+        """The constraints, as of the class."""
         unknown = scene.deformable[state.body]
         if not np.array_equal(state.x_anchor, state.x):
             raise SceneError(

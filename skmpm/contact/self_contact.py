@@ -87,6 +87,14 @@ class SelfContact:
 def may_touch_itself(scene: Scene, state: State) -> bool:
     """Whether any body has parts that may meet in a step from this state.
 
+    Parameters
+    ----------
+    scene, state : a scene and its state
+
+    Returns
+    -------
+    whether one has
+
     Examples
     --------
     >>> import skmpm
@@ -100,7 +108,16 @@ def may_touch_itself(scene: Scene, state: State) -> bool:
 
 
 def joined_parts(scene: Scene, state: State) -> Ints:
-    """Bodies with parts that approach each other, and were apart at t = 0, but share nodes of rebuilt body grids."""
+    """Bodies with parts that approach each other, and were apart at t = 0, but share nodes of rebuilt body grids.
+
+    Parameters
+    ----------
+    scene, state : a scene and its state
+
+    Returns
+    -------
+    indices of the bodies
+    """
     now, x = SelfContact.of_scene(scene, state), state.x[:, scene.outlines.point]
     start = replace(now, reference=scene.initial_positions[:, scene.outlines.point])
     c, j = now.all_facing(x, ALWAYS_JOINED * scene.cell)

@@ -28,7 +28,16 @@ LARGE_IMPULSE = float(np.finfo(float).max)  # exceeds mu r_n of every contact, s
 
 
 def project(r: ArrayLike, mu: ArrayLike) -> Array:
-    """Return the nearest point to r, (2k,) or normals only (k,), in the Coulomb cones ``|r_t| <= mu r_n``.
+    """Nearest point to impulses in the Coulomb cones ``|r_t| <= mu r_n``.
+
+    Parameters
+    ----------
+    r : (2k,) impulses or, without friction, (k,)
+    mu : (k,) friction coefficients
+
+    Returns
+    -------
+    like r
 
     Examples
     --------
@@ -47,11 +56,21 @@ def project(r: ArrayLike, mu: ArrayLike) -> Array:
 
 
 def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, reference: float = 1.0) -> float:
-    """Return ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables, zero iff (r, u) obeys the law.
+    """Residual ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables, zero iff (r, u) obeys the law.
 
     With the term ``mu |u_t| n`` the natural map describes Coulomb friction exactly and not its convex relaxation (De
     Saxce & Feng, Math. Comput. Modelling 28 (1998) 225-245). The residual certifies the solution of any solver.
-    r [N s], u [m/s] and scale = diag(W) [1/kg] are (2k,) or, without friction, (k,); rows are scaled by `row_scales`.
+
+    Parameters
+    ----------
+    r, u : (2k,) impulses [N s] and relative velocities [m/s] or, without friction, (k,)
+    mu : (k,) friction coefficients
+    scale : like r, diag(W) [1/kg]; rows are scaled by `row_scales`
+    reference : value that the residual is relative to
+
+    Returns
+    -------
+    the residual
 
     Examples
     --------
@@ -65,7 +84,15 @@ def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, ref
 
 
 def residuals(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike) -> Array:
-    """Return the contribution of each contact to `residual`, (k,), in scaled variables.
+    """Contribution of each contact to `residual`, in scaled variables.
+
+    Parameters
+    ----------
+    r, u, mu, scale : as for `residual`
+
+    Returns
+    -------
+    (k,)
 
     Examples
     --------
@@ -102,11 +129,20 @@ def split(r: Array, mu: Array) -> tuple[Array, Array, Array]:
 
 
 def row_scales(diagonal: ArrayLike, contacts: int) -> Array:
-    """Return the scales of the rows, diag(W) with W_nn in tangential rows without response, (2k,) or (k,) [1/kg].
+    """Scales of the rows: diag(W), with W_nn in tangential rows without response.
 
     Where a support prescribes the tangential motion of a contact point, W_tt is zero up to round-off and friction is
     ``r_t = -mu r_n sign(u_t)``. The round-off of u_t, 1e-16 W_nn r, is 1e-16 sqrt(W_nn / W_tt) in the scale of its
     row. Where W_tt is below `EXACT` W_nn, that exceeds 1e-10, the smallest tolerance in use.
+
+    Parameters
+    ----------
+    diagonal : diag(W), (2k,) or (k,) [1/kg]
+    contacts : k
+
+    Returns
+    -------
+    like diagonal
 
     Examples
     --------
@@ -137,9 +173,16 @@ class Bilateral:
 
     In these rows W r + q = 0, in those of the contacts u = W r + q, with the impulses and s for r. The part of W for
     s alone is not necessarily definite, and W not necessarily symmetric.
+
+    Attributes
+    ----------
+    q : (m,) velocities without impulses
+    negative : number of negative eigenvalues of what W has for s besides the response to s, where W is symmetric. If
+        the solution is a minimum of energy, the matrix of its closed contacts and s has as many (`newton`); Newton
+        steps end where it has fewer. None: they are not counted
     """
 
-    q: Array  # (m,)
+    q: Array
     # Number of negative eigenvalues of what W has for s besides the response to s, where W is symmetric. If the
     # solution is a minimum of energy, the matrix of its closed contacts and s has as many (`newton`); Newton steps
     # end where it has fewer. None: they are not counted.

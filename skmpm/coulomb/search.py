@@ -59,7 +59,7 @@ def solve(
     reference: float | None = None,
     repeated: bool = False,
 ) -> tuple[Array, Info]:
-    """Find r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws; return (r, info).
+    """Find impulses r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws.
 
     Full steps of a semismooth Newton method (Alart & Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375)
     begin with the contact states of r0. Where they fail, because W is singular or nearly singular, problems with a
@@ -83,6 +83,11 @@ def solve(
     repeated : whether the problem is one of many of a time step: a large one is solved roughly while many contacts
         change their states; one of up to 200 rows takes two Newton steps at least, which makes impulses in directions
         that W hardly resists far more accurate than the residual tells
+
+    Returns
+    -------
+    r : like q, impulses [N s]
+    info : number of steps, residual, and whether the solver converged
 
     Raises
     ------

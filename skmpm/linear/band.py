@@ -23,13 +23,23 @@ PART = 1_000_000
 
 @dataclass(frozen=True)
 class Banded:
-    """Cholesky factors of the bodies, each in a band of its own width."""
+    """Cholesky factors of the bodies, each in a band of its own width.
 
-    bands: tuple[Array, ...]  # the lower bands column by column, body after body, in parts of some bodies
-    parts: Ints  # (parts + 1,) first body of each part
-    offsets: Ints  # (bodies + 1,) where the band of each body begins, counted through all parts
-    blocks: Ints  # (bodies + 1,) first unknown of each body
-    ends: Ints  # (nodes,) after the last row, counted in its body, that columns of L reach up to those of each node
+    Attributes
+    ----------
+    bands : the lower bands column by column, body after body, in parts of some bodies
+    parts : (parts + 1,) first body of each part
+    offsets : (bodies + 1,) where the band of each body begins, counted through all parts
+    blocks : (bodies + 1,) first unknown of each body
+    ends : (nodes,) after the last row, counted in its body, that columns of L reach up to those of each node
+    name : of the solver
+    """
+
+    bands: tuple[Array, ...]
+    parts: Ints
+    offsets: Ints
+    blocks: Ints
+    ends: Ints
     name: str = "banded"
 
     def __call__(self, b: Array, /) -> Array:
@@ -61,6 +71,14 @@ class Banded:
 
 def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     """Banded Cholesky of every body; for bodies of up to about 270 cells across.
+
+    Parameters
+    ----------
+    A, blocks, rigid_motions : matrix (n, n), first unknowns of the bodies (bodies + 1,), rigid motions of all (n, 3)
+
+    Returns
+    -------
+    the factorised matrix
 
     Examples
     --------
@@ -96,7 +114,16 @@ def _factorised(factor: Banded, A: sp.bsr_array, chosen: Bools) -> Banded:
 
 
 def column_lengths(A: sp.bsr_array, blocks: Ints) -> Ints:
-    """Entries between the diagonal and the end of the columns of L, for the first unknown of each node (nodes,)."""
+    """Entries between the diagonal and the end of the columns of the Cholesky factor.
+
+    Parameters
+    ----------
+    A, blocks : matrix (n, n), and first unknowns of the bodies (bodies + 1,)
+
+    Returns
+    -------
+    (nodes,) for the first unknown of each node
+    """
     ends, _ = _profile(A, blocks)
     unknown = 2 * np.arange(ends.size)
     return np.asarray(ends + blocks[np.searchsorted(blocks, unknown, side="right") - 1] - unknown)

@@ -20,7 +20,14 @@ CROSSOVER = 700  # mean length of columns up to which `default` takes `banded`; 
 
 @dataclass(frozen=True)
 class Direct:
-    """Sparse LU of the whole matrix: slow and simple, the reference solver of the tests."""
+    """Sparse LU of the whole matrix: slow and simple, the reference solver of the tests.
+
+    Attributes
+    ----------
+    factor : SuperLU's factors
+    blocks : (bodies + 1,) first unknown of each body
+    name : of the solver
+    """
 
     factor: spla.SuperLU
     blocks: Ints
@@ -38,6 +45,14 @@ class Direct:
 def direct(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     """Factorise the whole matrix with SuperLU.
 
+    Parameters
+    ----------
+    A, blocks, rigid_motions : matrix (n, n), first unknowns of the bodies (bodies + 1,), rigid motions of all (n, 3)
+
+    Returns
+    -------
+    the factorised matrix
+
     Examples
     --------
     >>> import skmpm
@@ -53,7 +68,15 @@ def direct(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
 
 
 def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
-    """`banded` or `amg`, as `chosen`.
+    """Solve with `banded` or `amg`, as `chosen`.
+
+    Parameters
+    ----------
+    A, blocks, rigid_motions : matrix (n, n), first unknowns of the bodies (bodies + 1,), rigid motions of all (n, 3)
+
+    Returns
+    -------
+    the factorised matrix of the solver that is chosen
 
     Examples
     --------
@@ -69,12 +92,20 @@ def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
 
 
 def chosen(columns: Ints) -> Linear:
-    """`banded` or `amg`, by the lengths of the columns of the Cholesky factor, `column_lengths` (nodes,).
+    """Select `banded` or `amg` by the lengths of the columns of the Cholesky factor.
 
     Their mean square is the work of the factorisation per unknown. `banded` is taken up to a root mean square of 700,
     a disc of about 270 cells across. For a single solve amg is faster from 200 on, 75 cells across, and eight times
     as fast at 830 (`examples/studies/benchmark/crossover.py`). Contact, however, needs as many solves with one matrix
     as a body has contact rows: at 830 amg takes twice as long as `banded` for 20 rows, eight times as long for 100.
+
+    Parameters
+    ----------
+    columns : (nodes,) `column_lengths`
+
+    Returns
+    -------
+    `banded` or `amg`
     """
     mean = np.sqrt(np.mean(np.square(columns))) if columns.size else 0.0
     return banded if mean <= CROSSOVER and columns.max(initial=0) <= WIDEST else amg

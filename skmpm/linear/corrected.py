@@ -24,12 +24,19 @@ class LowRank:
     """The inverse A^-1 + Z G_b Z^T, with the rows of Z of one body b and a small matrix G_b for that body.
 
     `without_added_mass` makes it from a solver for a matrix that is positive definite.
+
+    Attributes
+    ----------
+    solver : for A
+    body : (nodes,) body of each node
+    Z : (2 nodes, k)
+    G : (bodies, k, k); zero for bodies without correction
     """
 
-    solver: Solver  # for A
-    body: Ints  # (nodes,)
-    Z: Array  # (2 nodes, k)
-    G: Array  # (bodies, k, k); zero for bodies without correction
+    solver: Solver
+    body: Ints
+    Z: Array
+    G: Array
 
     @property
     def name(self) -> str:
@@ -59,12 +66,23 @@ class LowRank:
 
 
 def without_added_mass(solver: Solver, body: Ints, added: Array, mass: Array, m: Array | None = None) -> LowRank:
-    """Inverse of A + c (M - M T (T^T M T)^-1 T^T M), T the translations of a body, from a solver for A + c M.
+    """Solver for A + c (M - M T (T^T M T)^-1 T^T M), T the translations of a body, from a solver for A + c M.
 
-    `added` (bodies,) is c times the mass of a body, `mass` (bodies,) that of M [kg/m]; where it is zero, translations
-    keep c M. Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the
-    inverse is (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T. With `m` (2 nodes,), on the velocities w with m^T w = 0
-    in every body in which m, orthogonal to translations, does not vanish: less z z^T / m^T z with z = (A + c M)^-1 m.
+    Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the inverse is
+    (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T. With `m`, on the velocities w with m^T w = 0 in every body in which
+    m, orthogonal to translations, does not vanish: less z z^T / m^T z with z = (A + c M)^-1 m.
+
+    Parameters
+    ----------
+    solver : for A + c M
+    body : (nodes,) body of each node
+    added : (bodies,) c times the mass of a body
+    mass : (bodies,) mass of each body in M [kg/m]; where it is zero, translations keep c M
+    m : (2 nodes,)
+
+    Returns
+    -------
+    the solver
     """
     Z, inertia = np.tile(np.eye(2), (body.size, 1)), np.maximum(mass, 1e-300)
     G = np.zeros((mass.size, 3, 3))
@@ -115,12 +133,20 @@ def _add_products(
 
 @dataclass(frozen=True)
 class Joined:
-    """The inverse A^-1 - Z D^-1 Z^T, Z = A^-1 E^T and D = I + E Z, which couples the bodies that rows of E touch."""
+    """The inverse A^-1 - Z D^-1 Z^T, Z = A^-1 E^T and D = I + E Z, which couples the bodies that rows of E touch.
 
-    solver: Solver  # for A
-    Z: sp.csr_array  # (n, k)
-    D: sp.csc_array  # (k, k) positive definite, with entries where springs are on the same body
-    divided: Callable[[Array], Array]  # D^-1 b, for b (k,) or (k, m)
+    Attributes
+    ----------
+    solver : for A
+    Z : (n, k)
+    D : (k, k) positive definite, with entries where springs are on the same body
+    divided : D^-1 b, for b (k,) or (k, m)
+    """
+
+    solver: Solver
+    Z: sp.csr_array
+    D: sp.csc_array
+    divided: Callable[[Array], Array]
 
     @property
     def name(self) -> str:
@@ -142,10 +168,20 @@ class Joined:
 
 
 def joined(solver: Solver, B: sp.csr_array, K: Array, blocks: Ints) -> Joined:
-    """Inverse of A + B^T K B from a solver for A, for K of blocks (springs, 2, 2), K >= 0.
+    """Solver for A + B^T K B from a solver for A, K >= 0.
 
-    E has the rows s^(1/2) v^T B of the eigenvalues s of the blocks above round-off; `blocks` (bodies + 1,) are the
-    offsets of the unknowns of bodies.
+    The rows E of `Joined` are s^(1/2) v^T B, of the eigenvalues s of the blocks above round-off.
+
+    Parameters
+    ----------
+    solver : for A (n, n)
+    B : (2 springs, n)
+    K : (springs, 2, 2) blocks
+    blocks : (bodies + 1,) first unknowns of the bodies
+
+    Returns
+    -------
+    the solver
     """
     values, vectors = np.linalg.eigh(K)
     kept = (values > SOFT * values[:, -1:]).ravel()
@@ -189,11 +225,18 @@ def _sides(pairs: Ints, rows: int, bodies: int) -> Ints:
 
 @dataclass(frozen=True)
 class Rotated:
-    """The inverse of R A R^T, with a rotation in R for every body: R A^-1 R^T."""
+    """The inverse of R A R^T, with a rotation in R for every body: R A^-1 R^T.
 
-    solver: Solver  # for A
-    body: Ints  # (nodes,)
-    angle: Array  # (bodies,) [rad]
+    Attributes
+    ----------
+    solver : for A
+    body : (nodes,) body of each node
+    angle : (bodies,) [rad]
+    """
+
+    solver: Solver
+    body: Ints
+    angle: Array
 
     @property
     def name(self) -> str:

@@ -24,14 +24,23 @@ class Delassus:
     consists of one square for every body. It is computed for the contact points of a body in use, and computed again
     when constraints use others. With `whole` it is computed for all contact points of a body at once, so that S does
     not depend, not even by round-off, on earlier contacts.
+
+    Attributes
+    ----------
+    solver : the factorised A
+    base : (m, nodes)
+    owner : (m,) body of each contact point
+    whole : whether S has all contact points of a body at once
+    squares : S of the contact points in `known`, body after body, each row after row
+    known : (m,) whether S contains the contact point
     """
 
     solver: Solver
-    base: sp.csr_array  # (m, nodes)
-    owner: Ints  # (m,) body of each contact point
+    base: sp.csr_array
+    owner: Ints
     whole: bool
-    squares: Array  # S of the contact points in `known`, body after body, each row after row
-    known: Bools  # (m,) whether S contains the contact point
+    squares: Array
+    known: Bools
 
     @staticmethod
     def with_factor(

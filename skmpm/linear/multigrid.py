@@ -27,13 +27,23 @@ POWER_ITERATIONS = 8  # estimate the largest eigenvalue up to a tenth too small,
 
 @dataclass(frozen=True)
 class Amg:
-    """Conjugate gradients preconditioned by smoothed aggregation."""
+    """Conjugate gradients preconditioned by smoothed aggregation.
+
+    Attributes
+    ----------
+    A : (n, n)
+    preconditioner : one W cycle
+    blocks : (bodies + 1,) first unknown of each body
+    tol : relative residual of a solve
+    callback : takes the number of iterations of every solve
+    name : of the solver
+    """
 
     A: sp.csr_array
     preconditioner: spla.LinearOperator
     blocks: Ints
     tol: float
-    callback: Callable[[int], object] | None = None  # takes the number of iterations of every solve
+    callback: Callable[[int], object] | None = None
     name: str = "amg"
 
     def __call__(self, b: Array, /) -> Array:
@@ -80,7 +90,16 @@ def amg(
     Bodies are not coupled, so no aggregate extends over two bodies. W cycles, whose coarse levels are cheap, limit
     the number of iterations for large bodies: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24
     and 26).
-    `callback` takes the number of iterations of every solve.
+
+    Parameters
+    ----------
+    A, blocks, rigid_motions : matrix (n, n), first unknowns of the bodies (bodies + 1,), rigid motions of all (n, 3)
+    tol : relative residual of a solve
+    callback : takes the number of iterations of every solve
+
+    Returns
+    -------
+    the matrix with its preconditioner
 
     Examples
     --------

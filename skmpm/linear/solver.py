@@ -27,6 +27,10 @@ def _libraries() -> Any:
 def one_thread() -> AbstractContextManager[object]:
     """Context manager within which BLAS uses one thread.
 
+    Returns
+    -------
+    to be entered by ``with``
+
     Examples
     --------
     >>> import numpy as np
@@ -55,7 +59,13 @@ class Solver(Protocol):
 
 
 class NotPositiveDefinite(np.linalg.LinAlgError):
-    """The blocks of some bodies are not positive definite; those of the others are factorised."""
+    """Blocks of bodies that are not positive definite; those of the other bodies are factorised.
+
+    Attributes
+    ----------
+    bodies : (k,) the bodies
+    resume : returns the solver for a matrix that differs from the first in these bodies only
+    """
 
     def __init__(self, bodies: Ints, resume: Callable[[sp.bsr_array], Solver]) -> None:
         super().__init__(f"the blocks of bodies {bodies.tolist()} are not positive definite")
@@ -67,7 +77,15 @@ Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
 
 
 def half_bandwidth(A: sp.bsr_array) -> int:
-    """Largest distance of an entry of A from the diagonal, in unknowns.
+    """Largest distance of an entry of A from the diagonal.
+
+    Parameters
+    ----------
+    A : (n, n)
+
+    Returns
+    -------
+    [unknowns]
 
     Examples
     --------
