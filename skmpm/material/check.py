@@ -72,7 +72,7 @@ def check_update(name: str, material: Any, F: Array, state: Array, turn: Array) 
 
 
 def check_material(material: Material | MaterialWithMemory) -> str:
-    """A short report on whether a material's functions fit each other, at random deformations.
+    """Check whether a material's functions fit each other, at random deformations.
 
     The stress is compared with the derivative of the energy and the tangent with that of the stress (by complex steps
     where the functions take complex F, else by central differences), the tangent with its transpose, energy and
@@ -82,6 +82,14 @@ def check_material(material: Material | MaterialWithMemory) -> str:
     Where the energy of a law is inf at the deformations of the check, these are made smaller. Materials with memory
     are checked for steps from states that `update` gave. It must keep them, and with them the stress; a step must not
     gain energy.
+
+    Parameters
+    ----------
+    material : the material
+
+    Returns
+    -------
+    a short report
 
     Raises
     ------

@@ -96,11 +96,16 @@ def packing(
     Parameters
     ----------
     shapes : radii of discs (N,) [m], or a list of `Points` with convex outlines: ellipses, capsules, polygons, ...
-    width : of the box [m]; its height is the area of the bodies over (width solid_fraction)
+    width : of the box [m]
+    solid_fraction : area of the bodies over that of the box, by which its height follows
     friction : coefficient between bodies during packing, zero at the walls; it lowers the solid fraction at jamming
     periodic : whether the box is periodic (`Periodic(width, height)`) instead of closed by walls; or two answers, for
         its width and its height, as ``(True, False)`` for `Periodic(width, None)` between a floor and a lid
     seed : of the random numbers; the same seed gives the same packing in any unit of length
+
+    Returns
+    -------
+    centres and radii, or points of the shapes where they lie, and the size of the box
 
     Raises
     ------

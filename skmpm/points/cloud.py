@@ -24,7 +24,7 @@ class Points:
     the boundary points, with corners where the boundary turns by more than 50 degrees. Arrays are copied and their
     types converted; a `Scene` checks them.
 
-    Attributes
+    Parameters
     ----------
     x : positions, (2, n) [m]
     volume : (n,) [m2 per metre of thickness]
@@ -64,7 +64,17 @@ class Points:
         return int(self.volume.size)
 
     def placed(self, centre: ArrayLike, angle: float = 0.0) -> Points:
-        """The points with their centre of area at `centre` (2,) [m], rotated about it by `angle` [rad]."""
+        """Points moved to another place and rotated.
+
+        Parameters
+        ----------
+        centre : (2,) of their area [m]
+        angle : about it, counter-clockwise [rad]
+
+        Returns
+        -------
+        the points there
+        """
         arm = self.x - np.average(self.x, axis=1, weights=self.volume)[:, None]
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         return replace(self, x=np.asarray(centre, dtype=np.float64)[:, None] + turn @ arm)
@@ -76,6 +86,10 @@ class Points:
         ----------
         group : (n,) names, or a function of positions (2, n) [m] that returns them, as in
             ``disc(...).with_groups(lambda x: np.where(np.hypot(*x) < R / 2, "core", "shell"))``
+
+        Returns
+        -------
+        the points in groups
 
         Raises
         ------

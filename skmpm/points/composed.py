@@ -14,17 +14,20 @@ from skmpm.points.shapes import point, positive, radau_ring
 
 
 def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Points:
-    """Return the points of a ring, or of a tube in its cross-section: rings of equal thickness.
+    """Points of a ring, or of a tube in its cross-section: rings of equal thickness.
 
     Points of a ring lie at its root mean square radius and share its exact area equally. The innermost and the
-    outermost ring have Radau rules with points on the boundaries. Area, centroid and second moments are exact. The
-    outline has two loops, that of the hole clockwise.
+    outermost ring have Radau rules with points on the boundaries. Area, centroid and second moments are exact.
 
     Parameters
     ----------
     centre : (2,) [m]
     inner, outer : radii [m]
     spacing : approximate distance between neighbouring points [m]
+
+    Returns
+    -------
+    points and two loops of the outline, that of the hole clockwise
 
     Raises
     ------
@@ -66,7 +69,7 @@ def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Po
 
 
 def joined(parts: Sequence[Points]) -> Points:
-    """Return the points of all parts as those of one body, as of a funnel or a frame of `Rigid` bars.
+    """Points of all parts as those of one body, as of a funnel or a frame of `Rigid` bars.
 
     Parts may not overlap. They are for a `Rigid` body, which moves as one; a deformable body has one piece, as from a
     mesh (`from_mesh`).
@@ -74,6 +77,10 @@ def joined(parts: Sequence[Points]) -> Points:
     Parameters
     ----------
     parts : one or more; if one has groups, all have
+
+    Returns
+    -------
+    points and outlines of all parts
 
     Raises
     ------
@@ -103,13 +110,17 @@ def joined(parts: Sequence[Points]) -> Points:
 
 
 def row(part: Points, count: int, step: ArrayLike) -> Points:
-    """Return the points of several copies of a part in a row as those of one `Rigid` body, a rough wall.
+    """Points of several copies of a part in a row as those of one `Rigid` body, a rough wall.
 
     Parameters
     ----------
     part : the first of them, as a disc or a tooth
     count : number of copies
     step : (2,) from each to the next [m]
+
+    Returns
+    -------
+    points and outlines of all copies
 
     Raises
     ------

@@ -36,11 +36,11 @@ Rule = tuple[Ints, Ints, Array]  # sites (m, cells) of cells, the centre last, t
 
 
 def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
-    """Return the points of a mesh of triangles and quadrilaterals.
+    """Points of a mesh of triangles and quadrilaterals.
 
     Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
     rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of boundary
-    corners and midpoints are the outline, the largest first. Midpoints lie on the chord where the boundary turns by
+    corners and midpoints are the outline. Midpoints lie on the chord where the boundary turns by
     more than 30.5 degrees at an end of the edge, else on a smooth curve through the corners: with midpoints on chords
     a round body would roll as a polygon. At holes with flat cells they lie between the two. The volumes add up to the
     area of the outlines. A mesh of several parts is not split: call this once per part. Polygons of eight and more
@@ -62,6 +62,10 @@ def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
     mesh : a meshio.Mesh or a mesh of scikit-fem, in the plane; blocks of lines and vertices and unused nodes are
         ignored. Of cells with six to nine nodes the corners are taken, and the log says so
     order : polynomial degree of the rule of the inner cells
+
+    Returns
+    -------
+    points and loops of the outline, the largest first; groups as in the mesh
 
     Raises
     ------

@@ -24,17 +24,21 @@ FINE, FINE_IN_SPACING = 2000, 4
 
 
 def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
-    """Return the points of a disc: rings of equal thickness, the outermost points on the boundary.
+    """Points of a disc: rings of equal thickness, the outermost points on the boundary.
 
     The points of a ring lie at its root mean square radius and share its exact area equally. The outermost ring has a
-    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the boundary.
-    Area, centroid and second moments are exact. The outline is the boundary points, equally spaced, at least 8.
+    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the boundary. Area,
+    centroid and second moments are exact. The outline is the boundary points, equally spaced, at least 8.
 
     Parameters
     ----------
     centre : (2,) [m]
     radius : [m]
     spacing : approximate distance between neighbouring points [m]
+
+    Returns
+    -------
+    points and outline, for `Body`
 
     Raises
     ------
@@ -77,17 +81,21 @@ def radau_ring(r0: float, R: float) -> tuple[float, float, float]:
 
 
 def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
-    """Return the points of a rectangle: a tensor rule that includes edges and corners.
+    """Points of a rectangle: a tensor rule that includes edges and corners.
 
-    In each direction the first and the last interval carry a two-point Radau rule that includes the end, the
-    others a midpoint: area and first moments are exact, second moments of n intervals (n - 2) / n^3 too small, of 8
-    by 1.2 %. The boundary points are the outline.
+    In each direction the first and the last interval carry a two-point Radau rule that includes the end, the others a
+    midpoint: area and first moments are exact, second moments of n intervals (n - 2) / n^3 too small, of 8 by 1.2 %.
+    The boundary points are the outline.
 
     Parameters
     ----------
     corner : (2,) lower left corner [m]
     size : (2,) width and height [m]
     spacing : approximate length of the intervals [m]
+
+    Returns
+    -------
+    points and outline, for `Body`
 
     Raises
     ------
@@ -139,7 +147,7 @@ def point(name: str, value: ArrayLike) -> Array:
 
 
 def ellipse(centre: ArrayLike, semi_axes: ArrayLike, *, spacing: float, angle: float = 0.0) -> Points:
-    """Return the points of an ellipse.
+    """Points of an ellipse.
 
     Parameters
     ----------
@@ -147,6 +155,10 @@ def ellipse(centre: ArrayLike, semi_axes: ArrayLike, *, spacing: float, angle: f
     semi_axes : (2,) along x and y before rotation [m]
     spacing : approximate distance between neighbouring points [m]
     angle : rotation about the centre, counter-clockwise [rad]
+
+    Returns
+    -------
+    points and outline, for `Body`
 
     Raises
     ------
@@ -171,7 +183,7 @@ def ellipse(centre: ArrayLike, semi_axes: ArrayLike, *, spacing: float, angle: f
 
 
 def capsule(centre: ArrayLike, length: float, radius: float, *, spacing: float, angle: float = 0.0) -> Points:
-    """Return the points of a capsule: a rectangle with half discs at its ends.
+    """Points of a capsule: a rectangle with half discs at its ends.
 
     Parameters
     ----------
@@ -180,6 +192,10 @@ def capsule(centre: ArrayLike, length: float, radius: float, *, spacing: float, 
     radius : of the half discs [m]
     spacing : approximate distance between neighbouring points [m]
     angle : rotation about the centre, counter-clockwise [rad]
+
+    Returns
+    -------
+    points and outline, for `Body`
 
     Raises
     ------
@@ -203,7 +219,7 @@ def capsule(centre: ArrayLike, length: float, radius: float, *, spacing: float, 
 def polygon(
     centre: ArrayLike, radius: float, sides: int, *, rounding: float, spacing: float, angle: float = 0.0
 ) -> Points:
-    """Return the points of a regular polygon with rounded corners.
+    """Points of a regular polygon with rounded corners.
 
     Parameters
     ----------
@@ -214,6 +230,10 @@ def polygon(
     rounding : radius of the arcs that replace the corners [m]; contact is smooth if it is a spacing or more
     spacing : approximate distance between neighbouring points [m]
     angle : rotation about the centre, counter-clockwise [rad]; at zero a corner lies at (radius, 0)
+
+    Returns
+    -------
+    points and outline, for `Body`
 
     Raises
     ------
