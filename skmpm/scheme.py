@@ -133,7 +133,14 @@ class Scheme:
         Meant for R/h = 3.2, points 0.74 h apart and four times the time step of `balanced`. Its error is 20 % (stress
         of a cantilever), 20 % (width of a Hertz contact), 20 % (velocities after a collision) and 11 % (work to
         compress a packing), for 1/1.4, 1/1.5, 1/4.4, 1/3.4 of the cost of `balanced` (study work_precision).
-        `choices` are fields that differ, as in `Scheme.fast(inertia=False)`.
+
+        Parameters
+        ----------
+        choices : fields that differ, as in ``Scheme.fast(inertia=False)``
+
+        Returns
+        -------
+        the scheme
         """
         return replace(Scheme(newton_tol=1e-2), **choices)
 
@@ -143,7 +150,15 @@ class Scheme:
 
         Meant for R/h = 5, points 0.74 h apart, steps in which a lid moves by 0.02 R or waves travel 0.1 R. Its error
         is 15, 23, 7.4 and 2.9 % on the scenes of `fast`; that of the packing (nu = 0.45) is 1.2 % with mean
-        dilatation, which the study did not use. `choices` as in `fast`.
+        dilatation, which the study did not use.
+
+        Parameters
+        ----------
+        choices : fields that differ
+
+        Returns
+        -------
+        the scheme
         """
         return Scheme(**choices)
 
@@ -152,8 +167,15 @@ class Scheme:
         """Tight tolerance for a fine grid: the error of the iteration is negligible.
 
         Meant for R/h = 10, points 0.5 h apart and a quarter of the time step of `balanced`. Its error is 4.4, 7.7,
-        1.9 and 1.5 % on the scenes of `fast`, for 7, 8, 6 and 21 times the cost of `balanced`. `choices` as in
-        `fast`.
+        1.9 and 1.5 % on the scenes of `fast`, for 7, 8, 6 and 21 times the cost of `balanced`.
+
+        Parameters
+        ----------
+        choices : fields that differ
+
+        Returns
+        -------
+        the scheme
         """
         return replace(Scheme(newton_tol=1e-6), **choices)
 

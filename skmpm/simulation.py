@@ -57,14 +57,13 @@ def simulate(
     checkpoint: str | Path | None = None,
     warn: bool = True,
 ) -> Iterator[State]:
-    """Yield the state after every step until `t >= until` [s]; the last step is shortened to end there.
+    """Advance a scene step by step; the last step is shortened to end at `until`.
 
     Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
     other, or more where something is driven, and a step loses at most 1e-5 of the largest energy so far, unless six
     or more bodies are driven or fall (`stepping.step_length`). Steps are shorter while Newton's method takes many
-    iterations, and a sixteenth as long after a failure. No chosen step is longer than `max_dt` [s]. With `waves` all
-    resolve waves, which travel a tenth of the radius of the smallest body in each; if that is False, no loss of
-    energy limits them. Quasi-static steps under loads that are functions of time need dt.
+    iterations, and a sixteenth as long after a failure. Quasi-static steps under loads that are functions of time
+    need dt.
 
     With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
     length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always
@@ -72,16 +71,27 @@ def simulate(
     and its failures; the logger "skmpm" reports every retry at level INFO and, at the end of the run, all of them:
     with a warning, unless steps are chosen and fewer than a tenth failed.
 
-    `start` continues from a state of this scene, which may have other velocities of walls and supports, loads,
-    springs, friction, gravity and moduli than before. Bodies and walls are where the state has them, also where the
-    scene's `Wall.point` is another: a wall goes on from there.
+    Parameters
+    ----------
+    scene : the scene
+    until : time at which the run ends [s]
+    dt : length of the steps [s]; None: steps are chosen
+    max_dt : largest length of a chosen step [s]
+    waves : whether all chosen steps resolve waves, which travel a tenth of the radius of the smallest body in each;
+        if False, no loss of energy limits them
+    scheme : how steps are solved
+    start : state of this scene to continue from; None: the initial one. The scene may have other velocities of walls
+        and supports, loads, springs, friction, gravity and moduli than before. Bodies and walls are where the state
+        has them, also where the scene's `Wall.point` is another: a wall goes on from there
+    progress : show step, time, ETA, solid fraction or stroke, and retries on a terminal or in a notebook
+    checkpoint : file that keeps the last state, written every half minute and when the run ends: at `until`, by an
+        error, because the caller's loop does, or by SIGTERM (unless the caller handles that signal)
+    warn : log the warnings of `preflight` at the beginning, not where a run goes on from a state; that takes as long
+        as a step or two
 
-    `progress` shows step, time, ETA, solid fraction or stroke, and retries on a terminal or in a notebook;
-    `checkpoint` is a file that keeps the last state, written every half minute and when the run ends: at `until`, by
-    an error, because the caller's loop does, or by SIGTERM (unless the caller handles that signal).
-
-    `warn` logs the warnings of `preflight` at the beginning, not where a run goes on from a state; that takes as long
-    as a step or two.
+    Yields
+    ------
+    the state after every step, until `t >= until`
 
     Raises
     ------
@@ -141,7 +151,7 @@ def simulate(
 
 
 def run(scene: Scene, *, until: float, start: State | None = None, **options: Any) -> State:
-    """Return the last state of a simulation, for which the states between do not matter.
+    """Last state of a simulation, for which the states between do not matter.
 
     Parameters
     ----------

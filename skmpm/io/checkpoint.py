@@ -59,9 +59,14 @@ class CheckpointError(ValueError):
 
 
 def save(path: str | Path, state: State) -> None:
-    """Write a checkpoint to exactly `path`; an existing file is replaced atomically.
+    """Write a checkpoint; an existing file is replaced atomically.
 
     All fields except `derived` are kept, bit for bit, including nested dataclasses and dicts.
+
+    Parameters
+    ----------
+    path : the file, exactly
+    state : the state
 
     Raises
     ------
@@ -96,6 +101,14 @@ def save(path: str | Path, state: State) -> None:
 
 def load(path: str | Path) -> State:
     """Read a checkpoint written by `save`; `step` rebuilds the fields that are not saved.
+
+    Parameters
+    ----------
+    path : the file
+
+    Returns
+    -------
+    the state
 
     Raises
     ------

@@ -154,6 +154,14 @@ def read(path: str | Path) -> Recording:
 
     A run that continues may write while the file is read; frames that it adds are seen by another `read`.
 
+    Parameters
+    ----------
+    path : the file
+
+    Returns
+    -------
+    the recording, a sequence of frames
+
     Raises
     ------
     FileNotFoundError

@@ -47,6 +47,10 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     append : continue an existing file after its last complete step; steps from the time of the first state written
         on, which a restart from an earlier checkpoint computes again, are replaced
 
+    Yields
+    ------
+    the recorder, whose `write` takes states
+
     Raises
     ------
     ImportError

@@ -126,9 +126,14 @@ def suggest(
 
     Parameters
     ----------
+    scene : the scene
     error : wanted, above zero
     scheme : without inertia nothing vibrates or falls
     until : end of the run [s], for scenes with functions of time, whose largest values count
+
+    Returns
+    -------
+    cell, spacing and time step
 
     Raises
     ------

@@ -141,15 +141,24 @@ def preflight(
     scheme: Scheme = Scheme(),  # noqa: B008
     until: float | None = None,
 ) -> Preflight:
-    """Check of a run before it starts: sizes, resolution, motion per step, solver, time, memory; and warnings.
-
-    Without dt [s], motions per step are those of the first step that `simulate` chooses by what acts at t = 0.
-    With `until` [s], the number of steps and the time that a run takes are estimated, to an order of magnitude.
+    """Check a run before it starts: sizes, resolution, motion per step, solver, time, memory; and warnings.
 
     Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling; with
-    `until` walls and supports that are functions of time count by their largest speeds. In the
-    printed text a line that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in
-    brackets, the section of docs/how_to/warnings.md that explains it. `simulate` logs the same warnings.
+    `until` walls and supports that are functions of time count by their largest speeds. In the printed text a line
+    that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in brackets, the section of
+    docs/how_to/warnings.md that explains it. `simulate` logs the same warnings.
+
+    Parameters
+    ----------
+    scene : the scene
+    dt : length of the steps [s]; None: the first that `simulate` chooses by what acts at t = 0
+    scheme : how steps are solved
+    until : end of the run [s], for an estimate of the number of steps and of the time that the run takes, to an order
+        of magnitude
+
+    Returns
+    -------
+    numbers and warnings, printed as text
 
     Raises
     ------

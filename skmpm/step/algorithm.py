@@ -43,7 +43,17 @@ SHORTEST = 1e-100  # [s]; with shorter steps, velocities overflow
 
 
 def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
-    """Advance `state` by `dt` [s] and return the new state; a pure function.
+    """Advance a state by one step; a pure function.
+
+    Parameters
+    ----------
+    scene, state : a scene and its state
+    dt : length of the step [s]
+    scheme : how the step is solved
+
+    Returns
+    -------
+    the state after the step
 
     Raises
     ------

@@ -37,7 +37,16 @@ from skmpm.step.scene_forces import springs_of
 
 
 def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
-    """The state at t = 0, with the contacts found there.
+    """State at t = 0, with the contacts found there.
+
+    Parameters
+    ----------
+    scene : the scene
+    scheme : that decides how body grids are built
+
+    Returns
+    -------
+    the state at t = 0
 
     Examples
     --------

@@ -76,7 +76,15 @@ class Sweep:
 
     @classmethod
     def read(cls, out: str | Path) -> Sweep:
-        """Read a directory that `sweep` wrote, sorted by name, as far as its members have come.
+        """Read a directory that `sweep` wrote, as far as its members have come.
+
+        Parameters
+        ----------
+        out : the directory
+
+        Returns
+        -------
+        the members, sorted by name
 
         Raises
         ------
@@ -111,7 +119,21 @@ class Sweep:
         return Sweep(tuple(member for member in self.members if member.status == "finished"))
 
     def where(self, **parameters: Any) -> Sweep:
-        """The members with these parameters; SweepError if no member has one of that name."""
+        """Members with given parameters.
+
+        Parameters
+        ----------
+        parameters : values by name
+
+        Returns
+        -------
+        these members
+
+        Raises
+        ------
+        SweepError
+            if no member has a parameter of that name
+        """
         for name in parameters:
             if not any(name in member.parameters for member in self.members):
                 known = sorted({key for member in self.members for key in member.parameters})

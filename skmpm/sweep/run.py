@@ -29,7 +29,7 @@ def observables(scene: Scene, state: State) -> dict[str, Value]:
 class Run:
     """What a member of a `sweep` runs; the function `build` of the sweep returns it.
 
-    Attributes
+    Parameters
     ----------
     scene : the scene, built where it runs, so that it may hold functions
     until : [s] time at which it ends

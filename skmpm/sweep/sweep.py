@@ -56,6 +56,10 @@ def sweep(
         one thread in each, and the bodies of a scene are divided among the cores that are left
     progress : show on a terminal or in a notebook how many members have finished, how far the others are, and the ETA
 
+    Returns
+    -------
+    the members, with their tables
+
     Raises
     ------
     SweepError
