@@ -71,7 +71,16 @@ class Periodic:
         return np.diag([0.0 if length is None else float(length) for length in (self.width, self.height)])[:, given]
 
     def rate_at(self, t: float) -> Array:
-        """The prescribed velocity gradient at time t, (2, 2) [1/s]; zero where a stress determines it."""
+        """Prescribed velocity gradient of the box.
+
+        Parameters
+        ----------
+        t : time [s]
+
+        Returns
+        -------
+        (2, 2) [1/s]; zero where a stress determines it
+        """
         rate, found = _tensor("rate", self.rate, t), np.zeros((2, 2), dtype=bool)
         found[tuple(self.components)] = True
         if (np.isfinite(rate[found]) & (rate[found] != 0.0)).any():
@@ -88,7 +97,16 @@ class Periodic:
         return np.where(found, 0.0, rate)
 
     def stress_at(self, t: float) -> Array:
-        """The given stresses at time t in the order of `components`, (q,) [Pa]."""
+        """Given stresses of the box.
+
+        Parameters
+        ----------
+        t : time [s]
+
+        Returns
+        -------
+        (q,) [Pa], in the order of `components`
+        """
         if self.stress is None:
             return np.zeros(0)
         stress = _tensor("stress", self.stress, t)

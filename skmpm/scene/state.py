@@ -81,9 +81,13 @@ def between_bodies(bodies: Ints, force: Array) -> Array:
 
 
 class StepFailed(RuntimeError):  # noqa: N818  (public name)
-    """A step that failed after `retries` with longer dt; `state` is the last good one.
+    """A step that failed.
 
-    `retryable` is whether a smaller dt may help.
+    Attributes
+    ----------
+    state : the last good state
+    retryable : whether a smaller dt may help
+    retries : number of attempts with longer dt
 
     Examples
     --------
