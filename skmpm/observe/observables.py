@@ -132,6 +132,15 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     pressure on walls is then nan. Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147,
     doi:10.1016/j.proeng.2017.01.044.
 
+    Parameters
+    ----------
+    scene, state : a scene and its state
+    interior : take means over bodies away from the walls only
+
+    Returns
+    -------
+    the observables
+
     Examples
     --------
     >>> import skmpm

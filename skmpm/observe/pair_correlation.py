@@ -26,7 +26,7 @@ def check_bins(name: str, bins: object, largest: object, remedy: str) -> None:
 def pair_correlation(
     scene: Scene, state: State, *, bins: int = 80, largest: float | None = None
 ) -> tuple[Array, Array]:
-    """The radial distribution function g of the centres of mass of the bodies that forces move.
+    """Radial distribution function g of the centres of mass of the bodies that forces move.
 
     g(r) is the mean density of centres at the distance r from a centre, over their mean density: 1 without order. The
     mean is over the centres farther than `largest` from every wall, so no ring is cut by a wall; their number over
@@ -34,6 +34,7 @@ def pair_correlation(
 
     Parameters
     ----------
+    scene, state : a scene and its state
     bins : number of rings
     largest : outer radius of the last ring [m]; by default four mean diameters
 

@@ -92,6 +92,11 @@ class Network:
 
         Radjai, Jean, Moreau & Roux, Phys. Rev. Lett. 77 (1996) 274.
 
+        Parameters
+        ----------
+        bins : number of bins
+        largest : end of the last bin, in mean forces
+
         Returns
         -------
         f : (bins,) centres of the bins, between 0 and `largest`
@@ -135,16 +140,24 @@ class Network:
 
 
 def network(scene: Scene, state: State) -> Network:
-    """Merge the contacts of a state to pairs of bodies, sorted by their first, then by their second body.
+    """Pairs of bodies in contact: the contacts of a state, merged.
 
     Bodies touch if a contact carries a force. If no contact does, as before the first step, they touch if a gap is
     below 0.02 cells; contacts at shared grid nodes have no gap and do not count then. Contacts of a body with itself
     are left out. The boundary of a pair that is in contact is measured as for `observe`.
 
+    Parameters
+    ----------
+    scene, state : a scene and its state
+
+    Returns
+    -------
+    the pairs, sorted by their first, then by their second body
+
     Raises
     ------
     SceneError
-        If the state belongs to another scene.
+        if the state belongs to another scene.
 
     Examples
     --------

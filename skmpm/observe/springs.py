@@ -9,7 +9,15 @@ from skmpm.scene import Ends, Scene, State, stiffness_of
 
 
 def spring_forces(scene: Scene, state: State) -> Array:
-    """Forces of the springs on the points of their `where`, (springs, 2) [N/m], at the time of a state.
+    """Forces of the springs on the points of their `where`, at the time of a state.
+
+    Parameters
+    ----------
+    scene, state : a scene and its state
+
+    Returns
+    -------
+    (springs, 2) [N/m]
 
     Examples
     --------

@@ -94,14 +94,19 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
 
     Parameters
     ----------
+    scene, state : a scene and its state
     body : index of the body in `scene.bodies`
     length : edge of the cells of the hat functions [m], by default that of the grid; longer for smoother curves; 0
         for the point forces over the tributary lengths of the boundary points
 
+    Returns
+    -------
+    traction, pressure and their errors at the boundary points
+
     Raises
     ------
     SceneError
-        If state, body or length do not fit the scene, the body has no outline, or contacts act at grid nodes.
+        if state, body or length do not fit the scene, the body has no outline, or contacts act at grid nodes.
 
     Examples
     --------
