@@ -25,7 +25,7 @@ KEEP = "stages keep bodies as they are, in their order, and the cell; dataclasse
 
 
 def continued(scene: Scene, state: State, new_scene: Scene) -> State:
-    """The state of a scene as a start in a new scene of its bodies: `simulate(new_scene, start=continued(...))`.
+    """State of a scene as a start in a new scene of its bodies: `simulate(new_scene, start=continued(...))`.
 
     Walls, supports, loads, springs, friction, cohesion, gravity, moduli, the `motion` of rigid bodies, and rate and
     stress of a periodic box may differ. Bodies go on with the velocities of the state. A wall with the `point` and
@@ -34,6 +34,15 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     the other bodies keep their order. Supports, loads and springs act on the points where `where(x)` is true at
     t = 0, as always. Time goes on, so functions of time are taken at the time
     of the state.
+
+    Parameters
+    ----------
+    scene, state : a scene, and the state to go on from
+    new_scene : the scene in which it goes on
+
+    Returns
+    -------
+    the state in the new scene
 
     Raises
     ------
@@ -87,12 +96,20 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
 
 
 def at_rest(scene: Scene, state: State) -> State:
-    """The state of a scene with all that forces move at rest; what is prescribed moves as prescribed.
+    """State of a scene with all that forces move at rest; what is prescribed moves as prescribed.
 
     Deformations, positions, contacts and their forces stay. Velocities of bodies and of driven walls are set to zero,
     and so are the rates of a periodic box that a stress determines; points that supports hold keep the prescribed
     velocity, and bodies move with a box whose rate is prescribed. So velocities of a quasi-static step, which are
     displacements over its length, do not become those of bodies with inertia.
+
+    Parameters
+    ----------
+    scene, state : a scene and its state
+
+    Returns
+    -------
+    the state at rest
 
     Raises
     ------
