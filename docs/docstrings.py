@@ -12,8 +12,10 @@ from functools import cache
 from pathlib import Path
 
 PAGES = Path(__file__).parent / "api"
-SHOWN = {  # members of classes that have more, which are for the library itself
+SHOWN = {  # members of classes that have more: fields, or members for the library itself
+    "Run": "",
     "Scene": "offsets, owner, initial_positions, initial_volumes, deformable, outlined, normals",
+    "Scheme": "keeps_nodal_velocities, fast, balanced, accurate, nezamabadi2017",
     "Periodic": "box, rate_at, stress_at, components",
     "Preflight": "lines, points, points_per_cell, resolution, across, slit, courant, driven, approach, fall, "
     "touches, unknowns, half_bandwidth, solver, memory, seconds_of_step, seconds",
@@ -96,7 +98,8 @@ def _section(obj, title, rule, body):
     """A section as a field that holds a definition list; others with a heading."""
     items = [item.rstrip() for item in re.split(r"\n(?=\S)", body.strip("\n"))]
     if title in ("Parameters", "Attributes"):
-        items = _named(items, lambda names: _annotations(obj).get(names[0].strip("*")))
+        annotations = _annotations(obj)
+        items = _named(items, lambda names: [annotations.get(name.strip("*")) for name in names])
     elif title in ("Returns", "Yields"):
         items = _results(items, body, _annotations(obj).get("return"), title == "Yields")
     elif title == "Raises":
@@ -113,14 +116,14 @@ def _item(term, text):
     return f"{term}\n" + textwrap.indent(f"{first.strip()}\n{textwrap.dedent(rest)}", "    ")
 
 
-def _named(items, annotation_of):
+def _named(items, annotations_of):
     """Items of ``name : description`` with the types of the names."""
     found = []
     for names, text in (ENTRY.fullmatch(item).groups() for item in items):
         names = names.split(", ")
-        annotation = annotation_of(names)
         term = ", ".join("**" + name.replace("*", r"\*") + "**" for name in names)
-        found.append(_item(f"{term} : {_linked(_words(annotation))}" if annotation else term, text))
+        types = dict.fromkeys(_words(annotation) for annotation in annotations_of(names) if annotation)
+        found.append(_item(f"{term} : {_linked(', '.join(types))}" if types else term, text))
     return found
 
 
@@ -132,7 +135,7 @@ def _results(items, body, annotation, yields):
         return [_item(_linked(_words(annotation)), body.strip())]
     is_tuple = isinstance(annotation, ast.Subscript) and isinstance(annotation.slice, ast.Tuple)
     values = iter(annotation.slice.elts if is_tuple else [annotation])
-    return _named(items, lambda names: [next(values) for _ in names].pop())
+    return _named(items, lambda names: [next(values) for _ in names])
 
 
 def _annotations(obj):
