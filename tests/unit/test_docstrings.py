@@ -1,12 +1,73 @@
-"""What `help` says of public classes: fields of results, and energies of materials."""
+"""What `help` says of public names: sections, fields of results, and energies of materials."""
 
+import inspect
+import re
 from dataclasses import fields
+from types import FunctionType, GenericAlias, ModuleType
 
 import numpy as np
 import pytest
 
 import skmpm
 from skmpm.sweep import Member
+
+MODULES = ("contact", "coulomb", "linear", "outline", "transfer")
+NAMES = {
+    f"{module}.{name}".removeprefix("skmpm."): thing
+    for module in ("skmpm", *MODULES)
+    for name in (["to_points"] if module == "transfer" else getattr(skmpm, module, skmpm).__all__)
+    if not isinstance(thing := getattr(getattr(skmpm, module, skmpm), name), (int, float, GenericAlias, ModuleType))
+}
+CLASSES = {name: thing for name, thing in NAMES.items() if inspect.isclass(thing)}
+OF_MATERIALS = {*dir(skmpm.MaterialWithMemory), "plastic_strain", "stress_zz"}  # described by the two protocols
+METHODS = {
+    f"{kind}.{name}": getattr(CLASSES[kind], name)
+    for kind in CLASSES.keys() & set(skmpm.__all__)
+    for name, thing in vars(CLASSES[kind]).items()
+    if name[0] != "_" and isinstance(thing, (classmethod, staticmethod, FunctionType))
+    if name not in {*OF_MATERIALS, *getattr(CLASSES[kind], "__dataclass_fields__", ())}
+}
+FUNCTIONS = {name: NAMES[name] for name in NAMES.keys() - CLASSES}
+
+
+def sections(thing):
+    """Sections of a docstring by title."""
+    _, *parts = re.split(r"^(?=[A-Z]\w+\n-+$)", inspect.getdoc(thing), flags=re.MULTILINE)
+    return {title: text for title, _, text in (part.split("\n", 2) for part in parts)}
+
+
+def described(section):
+    """Names that a section describes, in its order."""
+    lines = (line for line in section.splitlines() if re.match(r"[\w*, ]+ : ", line))
+    return [name for line in lines for name in line.split(" : ")[0].replace("*", "").split(", ")]
+
+
+@pytest.mark.parametrize("name", sorted(NAMES.keys() | METHODS.keys()))
+def test_a_docstring_can_be_read_alone(name):
+    text = inspect.getdoc((NAMES | METHODS)[name])
+    assert not text.startswith(("The same", "Those of", "As "))
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS.keys() | METHODS.keys()))
+def test_parameters_and_results_of_a_function_are_described(name):
+    """A method without parameters says in its first line what it returns."""
+    thing = (FUNCTIONS | METHODS)[name]
+    signature, found = inspect.signature(thing), sections(thing)
+    taken = [parameter for parameter in signature.parameters if parameter != "self"]
+    assert sorted(described(found.get("Parameters", ""))) == sorted(taken)
+    if signature.return_annotation not in ("None", None) and (taken or name in FUNCTIONS):
+        assert ("Returns" in found) != ("Yields" in found)
+
+
+@pytest.mark.parametrize("name", sorted(CLASSES))
+def test_a_class_describes_its_parameters_or_attributes(name):
+    kind = CLASSES[name]
+    if getattr(kind, "_is_protocol", False) or issubclass(kind, ValueError):
+        return  # described by members, or by a message
+    found = sections(kind)
+    assert ("Parameters" in found) != ("Attributes" in found)
+    if "Parameters" in found:
+        assert sorted(described(found["Parameters"])) == sorted(inspect.signature(kind).parameters)
 
 
 @pytest.mark.parametrize(
@@ -25,10 +86,8 @@ from skmpm.sweep import Member
     ],
 )
 def test_every_field_is_described(kind):
-    described = kind.__doc__.partition("Attributes\n")[2]
-    assert [f.name for f in fields(kind)] == [
-        line.split(" : ")[0].strip() for line in described.splitlines() if " : " in line
-    ]
+    found = sections(kind)
+    assert described(found.get("Attributes") or found["Parameters"]) == [f.name for f in fields(kind)]
 
 
 RUBBERS = (
