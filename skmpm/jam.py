@@ -37,7 +37,7 @@ class Jam:
     solid_fraction : areas inside the smooth outlines over the box
     solid_fraction_nominal : initial areas over the box, by which is searched
     bracket : (2,) nominal solid fractions of the packings found just below and just above what was asked for
-    pressure : of the packing [Pa]
+    pressure : mean pressure of the packing [Pa]
     coordination : mean number of neighbours, without rattlers; nan if all are rattlers
     rattlers : (bodies,) whether contacts do not hold a body at rest
     path : the packings at rest in the order in which they were found, columns solid_fraction_nominal, pressure [Pa],
@@ -95,11 +95,11 @@ def jam(
     ----------
     scene : a packing in a `Periodic` box, whose rate and stress do not matter; with friction, what is found depends
         on the way there
-    state : with which the search begins; by default that at t = 0
+    state : state with which the search begins; by default that at t = 0
     pressure : mean pressure of the contact forces that the packing is to bear [Pa]; None for the jamming point
     increment : change of the nominal solid fraction at first
-    tolerance : of the nominal solid fraction, at most the increment. Under a pressure a deviation of 1e-3 of it
-        suffices, too
+    tolerance : largest error of the nominal solid fraction, at most the increment. Under a pressure a deviation of
+        1e-3 of it suffices, too
 
     Returns
     -------

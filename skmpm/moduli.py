@@ -33,7 +33,7 @@ class Moduli:
     bulk : K = (C_xxxx + C_xxyy + C_yyxx + C_yyyy) / 4 [Pa]
     shear : G = C_xyxy [Pa], stress over twice the strain e_xy; that along the box, without rotation
     shear_pure : (C_xxxx - C_xxyy - C_yyxx + C_yyyy) / 4 [Pa], the same at 45 degrees to the box
-    stress : (2, 2) of the packing at rest, tension positive [Pa]
+    stress : (2, 2) stress of the packing at rest, tension positive [Pa]
     rattlers : (bodies,) whether contacts do not hold a body at rest: it bears nothing
 
     Examples
@@ -87,7 +87,7 @@ def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = F
     Parameters
     ----------
     scene, state : a packing in a `Periodic` box; rate and stress of the box and velocities do not matter
-    strain : of each step; another one tells whether contacts that slide, open or close matter
+    strain : strain of each step; another one tells whether contacts that slide, open or close matter
     held : whether no contact slides, whatever its friction: moduli of the packing as a network. Else friction is that
         of the scene
 

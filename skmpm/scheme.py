@@ -25,7 +25,8 @@ class Scheme:
     theta : Moreau-Jean parameter in [1/2, 1]: 1 is backward Euler, 1/2 the midpoint rule
     anchor : regrid when the strain or rotation since the last regridding, ``max |F - I|``, exceeds this; inf: never
         (total Lagrangian), 0: at every step (updated Lagrangian, as in Nezamabadi et al. 2017)
-    contact : `contact.point_to_curve`, `contact.shared_grid` or another formulation (`skmpm.contact`)
+    contact : contact formulation: `contact.point_to_curve`, `contact.shared_grid` or another formulation
+        (`skmpm.contact`)
     ghost : gamma, the coefficient of the ghost penalty on cells filled less than 0.6, relative to the elastic modulus
     inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
     moment_fitting : fit the weights of points, and the places at which their strains are evaluated, to the exact
@@ -37,13 +38,15 @@ class Scheme:
         the force on a body may be off by more than this share, where it is small beside the forces in the bodies
     contact_tol : largest natural-map residual of a contact solve, relative to the velocities at which contacts would
         close without their forces
-    gap_tol : the same of the contact law at the end of the step, with the final gaps, which are to be so small
-        beside the motion that contact prevents or, where forces drive walls without inertia, beside the deformation
-    linear : `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by size
+    gap_tol : largest natural-map residual of the contact law at the end of the step, with the final gaps, which are
+        to be so small beside the motion that contact prevents or, where forces drive walls without inertia, beside
+        the deformation
+    linear : linear solver: `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by
+        size
     max_newton : Newton iterations after which a step fails; with contact and inertia it fails earlier,
         after twenty that came no closer to convergence
-    threads : among how many threads bodies are divided; None: as many as the process may use cores. Results do not
-        depend on it
+    threads : number of threads among which bodies are divided; None: as many as the process may use cores. Results do
+        not depend on it
 
     Examples
     --------

@@ -27,7 +27,7 @@ class Info:
     Attributes
     ----------
     iterations : Newton steps
-    residual : of the natural map, relative to ``|q~|`` or to `reference`
+    residual : residual of the natural map, relative to ``|q~|`` or to `reference`
     converged : whether that is within the tolerance
     bilateral : the bilateral unknowns, (m,)
 

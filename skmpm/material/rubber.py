@@ -28,7 +28,7 @@ class MooneyRivlin(Hyperelastic):
 
     Parameters
     ----------
-    c10, c01 : [Pa]
+    c10, c01 : coefficients [Pa]
     bulk : bulk modulus kappa at zero strain [Pa]
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
@@ -82,7 +82,7 @@ class Yeoh(Hyperelastic):
 
     Parameters
     ----------
-    c10, c20, c30 : [Pa]
+    c10, c20, c30 : coefficients [Pa]
     bulk : bulk modulus kappa at zero strain [Pa]
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress

@@ -48,10 +48,10 @@ class Packing:
 
     Attributes
     ----------
-    centres : (2, N) of area [m]; in a periodic box they may lie outside of it
-    radii : (N,) [m]; of other shapes those of discs of the same area
-    width : of the box [m]
-    height : of the box, by the solid fraction [m]
+    centres : (2, N) centres of area [m]; in a periodic box they may lie outside of it
+    radii : (N,) radii [m]; of other shapes those of discs of the same area
+    width : width of the box [m]
+    height : height of the box, by the solid fraction [m]
     points : the points of the shapes where they lie, for `Body`; empty for discs
 
     Examples
@@ -96,12 +96,12 @@ def packing(
     Parameters
     ----------
     shapes : radii of discs (N,) [m], or a list of `Points` with convex outlines: ellipses, capsules, polygons, ...
-    width : of the box [m]
+    width : width of the box [m]
     solid_fraction : area of the bodies over that of the box, by which its height follows
     friction : coefficient between bodies during packing, zero at the walls; it lowers the solid fraction at jamming
     periodic : whether the box is periodic (`Periodic(width, height)`) instead of closed by walls; or two answers, for
         its width and its height, as ``(True, False)`` for `Periodic(width, None)` between a floor and a lid
-    seed : of the random numbers; the same seed gives the same packing in any unit of length
+    seed : seed of the random numbers; the same seed gives the same packing in any unit of length
 
     Returns
     -------

@@ -53,19 +53,19 @@ def plot(
 
     Parameters
     ----------
-    scene, state : what is drawn
+    scene, state : a scene and its state
     colour : "pressure" or "mises" [Pa], both of elastic stress, without what viscosity adds; "displacement" since
         t = 0 [m], "speed" [m/s], "plastic strain" (equivalent, of materials that yield), "fringes", "body", or an
         array by point (n,) or by body (bodies,)
     forces : draw the contact network: lines between the centres of bodies that touch, or from a centre to a wall, as
         wide as their normal force
-    axes : drawn into; by default those of a new figure
-    limits : of the colour scale, in SI units; by default the range of the values without 1 % at each end, from zero
-        where these have one sign but for little, else symmetric about zero
-    view : what is shown, ((left, right), (lower, upper)) [m]; by default all bodies and the walls near them
+    axes : axes to draw into; by default those of a new figure
+    limits : ends of the colour scale, in SI units; by default the range of the values without 1 % at each end, from
+        zero where these have one sign but for little, else symmetric about zero
+    view : rectangle that is shown, ((left, right), (lower, upper)) [m]; by default all bodies and the walls near them
     units : multiples of units on axes and legends, as ("mm", "kPa"); by default those that suit the values
     legend : add a colour bar and, with forces, a key of their lines
-    label : of the colour bar of an array, with the unit in which its values are
+    label : label of the colour bar of an array, with the unit in which its values are
     fringe : difference of the principal stresses in the plane that makes one of the "fringes" [Pa]: those of a
         photoelastic experiment between crossed circular polarisers, dark where the difference is a multiple of it
 

@@ -27,8 +27,8 @@ class Points:
     Parameters
     ----------
     x : positions, (2, n) [m]
-    volume : (n,) [m2 per metre of thickness]
-    outline : loops of indices of points, one (m,) each
+    volume : volumes, (n,) [m2 per metre of thickness]
+    outline : closed loops of indices of points, (m,) each
     group : names of the groups of the points, (n,), for a body of several materials (see `Body`); None without groups
 
     Examples
@@ -68,8 +68,8 @@ class Points:
 
         Parameters
         ----------
-        centre : (2,) of their area [m]
-        angle : about it, counter-clockwise [rad]
+        centre : (2,) new centre of their area [m]
+        angle : rotation about it, counter-clockwise [rad]
 
         Returns
         -------

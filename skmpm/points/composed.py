@@ -21,7 +21,7 @@ def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Po
 
     Parameters
     ----------
-    centre : (2,) [m]
+    centre : (2,) position of the centre [m]
     inner, outer : radii [m]
     spacing : approximate distance between neighbouring points [m]
 

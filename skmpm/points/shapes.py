@@ -32,8 +32,8 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
 
     Parameters
     ----------
-    centre : (2,) [m]
-    radius : [m]
+    centre : (2,) position of the centre [m]
+    radius : radius of the disc [m]
     spacing : approximate distance between neighbouring points [m]
 
     Returns
@@ -151,8 +151,8 @@ def ellipse(centre: ArrayLike, semi_axes: ArrayLike, *, spacing: float, angle: f
 
     Parameters
     ----------
-    centre : (2,) [m]
-    semi_axes : (2,) along x and y before rotation [m]
+    centre : (2,) position of the centre [m]
+    semi_axes : (2,) half lengths along x and y before rotation [m]
     spacing : approximate distance between neighbouring points [m]
     angle : rotation about the centre, counter-clockwise [rad]
 
@@ -187,9 +187,9 @@ def capsule(centre: ArrayLike, length: float, radius: float, *, spacing: float, 
 
     Parameters
     ----------
-    centre : (2,) [m]
-    length : of the straight sides, along x before rotation [m]
-    radius : of the half discs [m]
+    centre : (2,) position of the centre [m]
+    length : length of the straight sides, along x before rotation [m]
+    radius : radius of the half discs [m]
     spacing : approximate distance between neighbouring points [m]
     angle : rotation about the centre, counter-clockwise [rad]
 
@@ -223,10 +223,10 @@ def polygon(
 
     Parameters
     ----------
-    centre : (2,) [m]
-    radius : of the circle through the corners before rounding [m]
-    sides : three or more; the corners of ten and more, which turn by less than 50 degrees, are smooth in contact, and
-        with arcs shorter than a spacing the polygon rolls like a round body
+    centre : (2,) position of the centre [m]
+    radius : radius of the circle through the corners before rounding [m]
+    sides : number of sides, three or more; the corners of ten and more, which turn by less than 50 degrees, are
+        smooth in contact, and with arcs shorter than a spacing the polygon rolls like a round body
     rounding : radius of the arcs that replace the corners [m]; contact is smooth if it is a spacing or more
     spacing : approximate distance between neighbouring points [m]
     angle : rotation about the centre, counter-clockwise [rad]; at zero a corner lies at (radius, 0)

@@ -33,8 +33,8 @@ class PreflightWarning:
     kind : what is limited, as "R/h"; at most one warning of a kind is given
     object : what is concerned, as "body 3": the worst, where it is one of several
     count : number of objects that are concerned
-    value, limit : of the worst object, and the end of the verified range; None where choices do not go together
-    section : of docs/how_to/warnings.md, which explains it
+    value, limit : value of the worst object, and the end of the verified range; None where choices do not go together
+    section : section of docs/how_to/warnings.md, which explains it
     text : object, value, what was verified, remedy
 
     Examples

@@ -65,7 +65,7 @@ class Suggestion:
     Attributes
     ----------
     cell : side of the grid cells, for `Scene.cell` [m]
-    spacing : of material points, for `disc` and `box` [m]
+    spacing : distance between material points, for `disc` and `box` [m]
     dt : time step [s]; None where nothing limits it, as of equilibrium under constant loads
     kind : "bending", "pressing", "impact", "packing" or "pour"
     why : the reason for the kind and the time step
@@ -127,8 +127,8 @@ def suggest(
     Parameters
     ----------
     scene : the scene
-    error : wanted, above zero
-    scheme : without inertia nothing vibrates or falls
+    error : wanted relative error, above zero
+    scheme : how steps are solved; without inertia nothing vibrates or falls
     until : end of the run [s], for scenes with functions of time, whose largest values count
 
     Returns

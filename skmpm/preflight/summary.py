@@ -29,13 +29,13 @@ class Preflight(SceneMetrics):
 
     Attributes
     ----------
-    scene : that was given
+    scene : the scene
     dt : the time step, or the first that `simulate` chooses [s]
-    scheme : that was given
+    scheme : the scheme
     until : end of the run [s], if it was given
     steps : number of steps until then
     chosen : whether `simulate` chooses the length of steps
-    warnings : of what lies outside of the verified range, at most one of a kind, `PreflightWarning`
+    warnings : warnings of numbers outside the verified range, at most one of a kind, `PreflightWarning`
 
     Examples
     --------

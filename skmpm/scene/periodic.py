@@ -33,15 +33,15 @@ class Periodic:
 
     Parameters
     ----------
-    width, height : at t = 0 [m]; one of them None where it is not periodic
+    width, height : edges at t = 0 [m]; one of them None where it is not periodic
     rate : velocity gradient (2, 2) of the box, [i, j] = dv_i / dx_j [1/s], or a function of time t -> (2, 2), taken
         at the middle of each step; zero by default
     stress : mean stress (2, 2) of the packing [Pa], tension positive, or a function of time, taken at t + theta dt
         of each step from t on; nan where the rate is given instead. The rates of these components are unknowns of
         the contact problem, in which the stress is exact at the end of every step. It is symmetric: a shear stress
         stands in both places, and determines the rate [0, 1], so that the lower edge keeps its direction
-    mass : of an edge whose motion a stress determines [kg/m], in steps of backward Euler with any theta; by default
-        that of all bodies. Without inertia it has none
+    mass : mass of an edge whose motion a stress determines [kg/m], in steps of backward Euler with any theta; by
+        default that of all bodies. Without inertia it has none
 
     Examples
     --------

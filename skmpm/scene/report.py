@@ -14,8 +14,8 @@ class Energy:
 
     Attributes
     ----------
-    kinetic : of the nodal velocities, in a periodic box relative to its motion at the centres of bodies, of free
-        rigid bodies and, with inertia, of walls that a force or a pressure drives
+    kinetic : energy of the nodal velocities, in a periodic box relative to its motion at the centres of bodies, of
+        free rigid bodies and, with inertia, of walls that a force or a pressure drives
     elastic : including the ghost penalty, and what hardening of materials stores
     external : work of gravity, loads, supports, moving ends of springs; of walls, or of the force or pressure that
         drives them; of a periodic box, by contacts across its edges and on bodies that move relative to it. With
@@ -54,12 +54,12 @@ class StepControl:
 
     Attributes
     ----------
-    dt : [s] the requested step; 0 if steps are chosen
-    halvings : of the requested step
+    dt : requested step [s]; 0 if steps are chosen
+    halvings : number of halvings of the requested step
     successes : successful steps since the last failure or doubling
     part : completed part of the requested step [1/1024]
-    chosen : [s] where steps are chosen, the next one at most; 0 before the first
-    began : [s] time at which the run or the stage began, from which on functions of time are looked at
+    chosen : where steps are chosen, length of the next one at most [s]; 0 before the first
+    began : time [s] at which the run or the stage began, from which on functions of time are looked at
     """
 
     dt: float = 0.0
@@ -84,7 +84,7 @@ class Report:
     contact : iterations of the contact solver, over all Newton iterations
     residual : natural-map residual of the contact law at the end of the step
     imbalance : residual of the momentum balance over the largest of its terms
-    solves : of a static step, each about the solution before (`step.statics`); one in dynamic steps
+    solves : number of solves of a static step, each about the solution before (`step.statics`); one in dynamic steps
     unbalanced : largest resultant force on a body over the mean contact force (`step.report`)
     overlap : area shared by bodies / area of all bodies
     energy : energy budget, an `Energy`

@@ -119,35 +119,36 @@ class State:
         (`Scheme.moment_fitting`); I in rigid bodies, however they turn
     C : (2, 2, n) affine velocity (APIC), by anchor position [1/s]; zero in rigid bodies, whose spin is that of `v`
     stress : (2, 2, n) elastic Cauchy stress there [Pa], tension positive; without what viscosity adds
-    mass : (n,) [kg/m]
-    volume : (n,) current [m2]
+    mass : (n,) masses of the points [kg/m]
+    volume : (n,) current volumes of the points [m2]
     weight : (n,) current quadrature weights of the points [m2]
     internal : (k, n) internal variables of materials with memory, in the order of their `state0`; zero where a
         material has fewer, (0, n) if none has any
-    body : (n,)
+    body : (n,) body of each point
     x_anchor : (2, n) positions when the body grids were built [m]
-    F_anchor : (2, 2, n)
+    F_anchor : (2, 2, n) deformation gradients then
     stress_anchor : (2, 2, n) stress then [Pa]
-    displacement : (2 nodes,) of the nodes since the body grids were built [m]
-    nodal_velocity : (2 nodes,) of the nodes [m/s], from which bodies go on whose points have the v and C that they
-        give; others, as after a change of v or C, and where it is empty, for new body grids, from those of the points
+    displacement : (2 nodes,) displacements of the nodes since the body grids were built [m]
+    nodal_velocity : (2 nodes,) velocities of the nodes [m/s], from which bodies go on whose points have the v and C
+        that they give; others, as after a change of v or C, and where it is empty, for new body grids, from those of
+        the points
     walls : (walls, 2) a point of each wall [m]
     wall_normals : (walls, 2) unit, towards the free side
-    wall_force : (walls, 2) exerted by the bodies in the last step [N/m]
-    wall_velocity : (walls, 2) of walls that a force drives; of others in the last step [m/s]
-    support_force : (supports, 2) the same on each support [N/m]
-    support_moment : (supports,) the same about the centres of supports that turn, zero for others [N]
+    wall_force : (walls, 2) force of the bodies on each wall in the last step [N/m]
+    wall_velocity : (walls, 2) velocities of walls that a force drives; of others in the last step [m/s]
+    support_force : (supports, 2) force of the bodies on each support in the last step [N/m]
+    support_moment : (supports,) moment of these forces about the centres of supports that turn, zero for others [N]
     box : (2, 2) edges of the periodic box as columns [m], (2, 1) of one that is periodic in one direction; None
         without one. The second one is replaced by that of the same lattice that leans least, so a shear strain
         follows from `box_rate`, not from the edges
-    box_rate : (2, 2) its velocity gradient at the end of the last step [1/s], whose deformation gradient is
-        (1 - dt box_rate)^-1 whatever its length; None without one
-    contacts : those at the end of the last step, `Contacts`
+    box_rate : (2, 2) velocity gradient of the box at the end of the last step [1/s], whose deformation gradient is (1
+        - dt box_rate)^-1 whatever its length; None without one
+    contacts : contacts at the end of the last step, `Contacts`
     report : cost and residuals of the last step, a `Report`
     wetted : (pressures, segments) whether each `Pressure` acted on the boundary segments in the last step; (0, 0)
         where none penetrates
-    step_control : what `simulate` continues with
-    factored : of the matrix that later steps use again, `Factored`; None if it is made anew
+    step_control : record of the choice of steps, with which `simulate` continues
+    factored : factorised matrix that later steps use again, `Factored`; None if it is made anew
     derived : cached data that follow from the rest
 
     Examples

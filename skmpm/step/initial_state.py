@@ -42,7 +42,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     Parameters
     ----------
     scene : the scene
-    scheme : that decides how body grids are built
+    scheme : scheme that decides how body grids are built
 
     Returns
     -------

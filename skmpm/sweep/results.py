@@ -62,7 +62,7 @@ class Sweep:
 
     Attributes
     ----------
-    members : in the order of the parameters given to `sweep`
+    members : the members in the order of the parameters given to `sweep`
 
     Examples
     --------

@@ -32,19 +32,19 @@ class Run:
     Parameters
     ----------
     scene : the scene, built where it runs, so that it may hold functions
-    until : [s] time at which it ends
-    dt : [s] as in `simulate`; None: the steps are chosen
-    scheme : as in `simulate`; with ``threads=None`` the members divide the cores among them
+    until : time at which it ends [s]
+    dt : length of the steps [s]; None: steps are chosen, as by `simulate`
+    scheme : how steps are solved; with ``threads=None`` the members divide the cores among them
     start : state to begin with, None for the initial one
     observe : f(scene, state) that returns a row of the table, values (numbers or texts) by name; the column ``t``
         precedes them. It may depend on nothing but its arguments: rows are observed again after an interruption
-    every : [s] simulated time between rows; 0: a row for every step. The last state always has one
+    every : simulated time between rows [s]; 0: a row for every step. The last state always has one
     stop : f(row) that is true where the run ends before `until`
     keep : f(row) by name; the first state whose row makes it true is kept as ``<name>.checkpoint``
     then : f(state) that returns the `Run` of the next stage, made of the last state of this one, which begins with it
         (`continued`) and has the same columns; None: there is no other stage
-    checkpoint : [s] wall time between checkpoints
-    simulate : what yields the states, called as `simulate` is
+    checkpoint : wall time between checkpoints [s]
+    simulate : function that yields the states, called as `simulate` is
 
     Examples
     --------
