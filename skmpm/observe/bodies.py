@@ -33,21 +33,21 @@ class PerBody:
     Attributes
     ----------
     counted : (bodies,) enters the means: its motion is not prescribed and, with `interior`, it is in the interior
-    centre : (2, bodies) of mass [m]
-    diameter : (bodies,) of the disc of the initial area [m]
+    centre : (2, bodies) centres of mass [m]
+    diameter : (bodies,) diameter of the disc of the initial area [m]
     area : (bodies,) inside the smooth outline [m2]; nan without an outline
-    perimeter : (bodies,) of the smooth outline, holes included [m]; nan without an outline
+    perimeter : (bodies,) length of the smooth outline, holes included [m]; nan without an outline
     volume_ratio : (bodies,) J = sum w / sum (w / det F) with the quadrature weights w of the points
     coordination : (bodies,) bodies and walls that touch it
     coordination_without_rattlers : (bodies,) those that are no rattlers; nan for a rattler
     contact_surface : (bodies,) length in contact over pi diameter
     aspect_ratio : (bodies,) extents along the principal axes, long over short; 1 if round
-    angle : (bodies,) of the long axis, in (-pi/2, pi/2] [rad]; nan for a round body
+    angle : (bodies,) direction of the long axis, in (-pi/2, pi/2] [rad]; nan for a round body
     overlap : (bodies,) area shared with other bodies / area
-    stress : (2, 2, bodies) of the contact forces over the current volume [Pa], tension positive; see `observe`
+    stress : (2, 2, bodies) stress of the contact forces over the current volume [Pa], tension positive; see `observe`
     pressure : (bodies,) -tr/2 of it [Pa]
-    pressure_points : (bodies,) of the material points, with inertia that of their velocities relative to the centre
-        included [Pa], without viscous stress, which `stress` and `pressure` contain; nan for rigid bodies
+    pressure_points : (bodies,) pressure of the material points, with inertia that of their velocities relative to the
+        centre included [Pa], without viscous stress, which `stress` and `pressure` contain; nan for rigid bodies
     """
 
     __repr__ = with_shapes

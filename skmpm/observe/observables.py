@@ -32,14 +32,14 @@ class Observables:
     anisotropy : A_m, of the directions of long axes
     aspect_ratio : mean of long over short extents
     overlap : area shared by two bodies / area of all outlines
-    pressure : = pressure_contacts [Pa]
+    pressure : pressure_contacts [Pa]
     pressure_contacts : -tr/2 of the stress of the contact forces [Pa]
     pressure_points : mean over the material points, with inertia the kinetic part included [Pa]; of elastic stress
         alone, without what viscosity adds to that of contacts
     pressure_walls : mean of wall_pressure over the walls that bound the box [Pa]
-    stress : (2, 2) of the contacts [Pa]
+    stress : (2, 2) mean stress of the contact forces [Pa]
     wall_pressure : (walls,) normal force / length in the box [Pa]; nan where that is not finite or zero
-    bodies : the same of each body, `PerBody`
+    bodies : measurements of each body, `PerBody`
 
     Examples
     --------

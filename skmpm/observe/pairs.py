@@ -28,7 +28,7 @@ class Network:
     bodies : (2, k); walls are -1, -2, ...
     normal : (2, k) unit, from the second to the first body: mean of the normals, weighted by normal force
     force : (2, k) [N/m] on the first body, in (n, t), n positive in compression
-    length : (k,) [m] of boundary in contact; nan for contacts at grid nodes
+    length : (k,) length of the boundary in contact [m]; nan for contacts at grid nodes
     centre : (2, k) [m] mean of the contact points, weighted by normal force
     image : (2, k) [m] displacement of the second body to its image in contact; zero but in a periodic box. `centre`
         and `normal` are where the first body is

@@ -31,7 +31,7 @@ class Traction:
     side : (m,) number of the smooth side, in the order of the boundary
     arc_length : (m,) [m] along the loop, in the current configuration
     x : (2, m) [m]
-    length : (m,) [m] of boundary that belongs to each point, half of its segments on this side
+    length : (m,) length of boundary that belongs to each point [m], half of its segments on this side
     normal : (2, m) unit, outwards: mean of the contact normals, weighted by the size of the normal forces; without
         force that of the boundary
     traction : (2, m) [Pa] force of the contacts on the body per length, in x and y
