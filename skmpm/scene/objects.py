@@ -28,22 +28,22 @@ class Body:
 
     Parameters
     ----------
-    points : its points and outline
+    points : points and outline
     material : LinearElastic, NeoHookean, MooneyRivlin, Yeoh, Ogden, ElastoPlastic, one of your own (`skmpm.Material`,
         `skmpm.MaterialWithMemory`), or Rigid. A dict from the names of the groups of the points (`Points.group`) to
         materials makes a body of several, as in ``Body(points, {"core": steel, "skin": rubber})``; they are bonded
         where they meet
-    velocity : (2,) [m/s] at t = 0, or a function of positions (2, n) -> (2, n), not for `Rigid`; in a periodic box in
-        addition to the motion of the box at the centre of mass
+    velocity : (2,) velocity [m/s] at t = 0, or a function of positions (2, n) -> (2, n), not for `Rigid`; in a
+        periodic box in addition to the motion of the box at the centre of mass
     spin : angular velocity about the centre of mass at t = 0 [rad/s], counter-clockwise
-    motion : of a `Rigid` body that is not free: (vx, vy, spin) [m/s, m/s, rad/s], velocity of the centre of mass and
-        angular velocity about it, or a function of time t -> (3,), taken at the middle of each step; (0, 0, 0) holds
-        it. A component None is free: (0, 0, None) is a wheel on a fixed axle, (v, None, 0) a plate that is drawn
-        along and settles. Without it, a rigid body moves by the forces on it, with the mass and moment of inertia of
-        its points. A component is free always or never
+    motion : motion of a `Rigid` body that is not free: (vx, vy, spin) [m/s, m/s, rad/s], velocity of the centre of
+        mass and angular velocity about it, or a function of time t -> (3,), taken at the middle of each step; (0, 0,
+        0) holds it. A component None is free: (0, 0, None) is a wheel on a fixed axle, (v, None, 0) a plate that is
+        drawn along and settles. Without it, a rigid body moves by the forces on it, with the mass and moment of
+        inertia of its points. A component is free always or never
     friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
         of the scene
-    name : of its surface in a table of friction; several bodies may have the same
+    name : name of its surface in a table of friction; several bodies may have the same
 
     Examples
     --------
@@ -101,18 +101,18 @@ class Wall:
 
     Parameters
     ----------
-    point : (2,) [m] at t = 0
-    normal : (2,)
-    velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; its part along the normal
-        of a driven wall counts only where the wall begins, at t = 0 or in a stage
-    force : that drives the wall towards the bodies [N/m], a number or a function of time, taken at t + theta dt of
-        each step from t on
-    pressure : the same over the length of the wall between the other walls [Pa]
-    mass : of a driven wall [kg/m]; by default that of all bodies which forces move. Without inertia it has none
+    point : (2,) a point of the wall [m] at t = 0
+    normal : (2,) direction to the free side, of any length
+    velocity : (2,) velocity [m/s] or a function of time t -> (2,), taken at the middle of each step; its part along
+        the normal of a driven wall counts only where the wall begins, at t = 0 or in a stage
+    force : force that drives the wall towards the bodies [N/m], a number or a function of time, taken at t + theta dt
+        of each step from t on
+    pressure : pressure that drives it instead of a force, over the length of the wall between the other walls [Pa]
+    mass : mass of a driven wall [kg/m]; by default that of all bodies which forces move. Without inertia it has none
     friction : Coulomb coefficient of all its contacts that the table of the scene has no entry for; by default that
         of the scene
     cohesion : tension that contacts with bodies bear [Pa], see `Scene`
-    name : of its surface in a table of friction; several walls may have the same
+    name : name of its surface in a table of friction; several walls may have the same
 
     Examples
     --------
@@ -150,15 +150,16 @@ class Support:
 
     Parameters
     ----------
-    where : positions (2, n) [m] -> (n,) bool
-    velocity : (2,) [m/s] or a function of time t -> (2,), taken at the middle of each step; a component None is free
+    where : function of positions (2, n) [m] -> (n,) bool
+    velocity : (2,) velocity [m/s] or a function of time t -> (2,), taken at the middle of each step; a component None
+        is free
     displacement : instead of a velocity, a function of time t -> (2,) [m], zero at t = 0; it holds at the ends of
         steps, whatever their length. A support that a later stage adds moves its points by what the function changes
         from then on
     rotation : a function of time t -> angle [rad], counter-clockwise and zero at t = 0, by which the points turn
         about `centre`, as a hub or a clamp does; it holds at the ends of steps. They move with the velocity or
         displacement besides, which then has no free component. `State.support_moment` is the moment
-    centre : (2,) at t = 0 [m]; by default the mean of the points
+    centre : (2,) centre of rotation at t = 0 [m]; by default the mean of the points
 
     Examples
     --------
@@ -203,8 +204,8 @@ class Load:
 
     Parameters
     ----------
-    where : positions (2, n) [m] -> (n,) bool
-    force : (2,) in total [N/m] or a function of time t -> (2,), taken at t + theta dt of each step from t on
+    where : function of positions (2, n) [m] -> (n,) bool
+    force : (2,) total force [N/m] or a function of time t -> (2,), taken at t + theta dt of each step from t on
 
     Examples
     --------
@@ -235,9 +236,9 @@ class Pressure:
 
     Parameters
     ----------
-    where : positions (2, n) [m] -> (n,) bool
-    value : [Pa], or a function of time t -> a number, taken at t + theta dt of each step from t on; negative for
-        suction
+    where : function of positions (2, n) [m] -> (n,) bool
+    value : pressure [Pa], or a function of time t -> a number, taken at t + theta dt of each step from t on; negative
+        for suction
     penetrates : whether it follows contact
 
     Examples
@@ -268,12 +269,12 @@ class Spring:
 
     Parameters
     ----------
-    where : positions (2, n) [m] -> (n,) bool
-    stiffness : in total, force per displacement and per metre of thickness [N/m2]; of a bed a number or (2,), one
-        per direction, of which one may be zero
+    where : function of positions (2, n) [m] -> (n,) bool
+    stiffness : total stiffness, force per displacement and per metre of thickness [N/m2]; of a bed a number or (2,),
+        one per direction, of which one may be zero
     to : the other end of a bar: positions (2, n) -> (n,) bool, or a point (2,) [m]
-    rest : of a bed the displacement (2,) [m] without a force, by default zero; of a bar the length [m] without a
-        force, by default that at t = 0. A number, or a function of time: its end then moves
+    rest : rest position: of a bed the displacement (2,) [m] without a force, by default zero; of a bar the length [m]
+        without a force, by default that at t = 0. A number, or a function of time: its end then moves
 
     Examples
     --------
