@@ -74,15 +74,6 @@ def check_update(name: str, material: Any, F: Array, state: Array, turn: Array) 
 def check_material(material: Material | MaterialWithMemory) -> str:
     """Check whether a material's functions fit each other, at random deformations.
 
-    The stress is compared with the derivative of the energy and the tangent with that of the stress (by complex steps
-    where the functions take complex F, else by central differences), the tangent with its transpose, energy and
-    stress with those of the turned body (small-strain laws, `linear`, are exempt and do turn wrong; their tangent is
-    to be constant), stress and energy with zero at F = I, `lame` with the tangent there, which must be isotropic. The
-    energy of others must be inf where J <= 0. A `stress_zz` must turn with the body and begin as lambda tr(F - I).
-    Where the energy of a law is inf at the deformations of the check, these are made smaller. Materials with memory
-    are checked for steps from states that `update` gave. It must keep them, and with them the stress; a step must not
-    gain energy.
-
     Parameters
     ----------
     material : the material
@@ -95,6 +86,17 @@ def check_material(material: Material | MaterialWithMemory) -> str:
     ------
     ValueError
         naming what is off, by how much and at which F
+
+    Notes
+    -----
+    The stress is compared with the derivative of the energy and the tangent with that of the stress (by complex steps
+    where the functions take complex F, else by central differences), the tangent with its transpose, energy and
+    stress with those of the turned body (small-strain laws, `linear`, are exempt and do turn wrong; their tangent is
+    to be constant), stress and energy with zero at F = I, `lame` with the tangent there, which must be isotropic. The
+    energy of others must be inf where J <= 0. A `stress_zz` must turn with the body and begin as lambda tr(F - I).
+    Where the energy of a law is inf at the deformations of the check, these are made smaller. Materials with memory
+    are checked for steps from states that `update` gave. It must keep them, and with them the stress; a step must not
+    gain energy.
 
     Examples
     --------

@@ -15,17 +15,19 @@ from skmpm.material.law import Isotropic, determinant
 class LinearElastic(Isotropic):
     """Isotropic linear elasticity at small strain, plane strain: sigma = C : sym(F - I).
 
-    The law of Nezamabadi et al., Procedia Eng. 175 (2017), eq. 3, doi:10.1016/j.proeng.2017.01.044. Strain is
-    measured from the anchor. Anchored once it is the total small strain, which is *not objective*: a body that
-    rotates by theta has a false strain theta^2/2; keep rotations and strains below 5 %. Anchored at every step the
-    law is their incremental one.
-
     Parameters
     ----------
     E : Young's modulus [Pa]
     nu : Poisson's ratio
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of strain is added to the stress
+
+    Notes
+    -----
+    The law of Nezamabadi et al., Procedia Eng. 175 (2017), eq. 3, doi:10.1016/j.proeng.2017.01.044. Strain is
+    measured from the anchor. Anchored once it is the total small strain, which is *not objective*: a body that
+    rotates by theta has a false strain theta^2/2; keep rotations and strains below 5 %. Anchored at every step the
+    law is their incremental one.
 
     Examples
     --------
@@ -72,15 +74,17 @@ class LinearElastic(Isotropic):
 class NeoHookean(Isotropic):
     """Compressible neo-Hookean solid at finite strain, plane strain, objective.
 
-    W = mu/2 (tr F'F - 2 - 2 ln J) + lambda/2 (ln J)^2, P = mu (F - F^-T) + lambda ln J F^-T
-    (Bonet & Wood, Nonlinear Continuum Mechanics for FEA, 2008, eq. 6.27).
-
     Parameters
     ----------
     E : Young's modulus at zero strain [Pa]
     nu : Poisson's ratio at zero strain
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Notes
+    -----
+    W = mu/2 (tr F'F - 2 - 2 ln J) + lambda/2 (ln J)^2, P = mu (F - F^-T) + lambda ln J F^-T
+    (Bonet & Wood, Nonlinear Continuum Mechanics for FEA, 2008, eq. 6.27).
 
     Examples
     --------

@@ -18,6 +18,17 @@ EQUAL = 1e-8  # ln(l1 / l2) below which sinh(r x) / sinh(x) is r to round-off
 class ElastoPlastic(Isotropic):
     """Elastoplastic solid at finite strain: von Mises yield, linear isotropic hardening, plane strain, objective.
 
+    Parameters
+    ----------
+    E : Young's modulus at zero strain [Pa]
+    nu : Poisson's ratio at zero strain
+    density : initial density [kg/m3]
+    yield_stress : initial uniaxial yield stress [Pa]
+    hardening : H, slope of the yield stress over the equivalent plastic strain [Pa]; 0 is perfectly plastic
+    viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Notes
+    -----
     F = F_e F_p; the elastic law is Hencky's in the logarithmic strains e of F_e. The flow is associated and
     integrated by the exponential map, which conserves plastic volume exactly (Simo, CMAME 99, 1992; de Souza Neto,
     Peric & Owen, Computational Methods for Plasticity, 2008, section 14.4). With the equivalent strain
@@ -28,15 +39,6 @@ class ElastoPlastic(Isotropic):
 
     of which yield_stress d is dissipated; the part with H is stored. Kirchhoff's stress of von Mises is at most
     yield_stress + H a. The internal variables are a and the components xx, yy, xy of C_p^-1, C_p = F_p' F_p.
-
-    Parameters
-    ----------
-    E : Young's modulus at zero strain [Pa]
-    nu : Poisson's ratio at zero strain
-    density : initial density [kg/m3]
-    yield_stress : initial uniaxial yield stress [Pa]
-    hardening : H, slope of the yield stress over the equivalent plastic strain [Pa]; 0 is perfectly plastic
-    viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
 
     Examples
     --------

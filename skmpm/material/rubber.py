@@ -22,9 +22,7 @@ def _moduli(shear: float, bulk: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class MooneyRivlin(Hyperelastic):
-    """W = c10 (I1 - 3) + c01 (I2 - 3) + kappa/4 (J^2 - 1 - 2 ln J), I of J^-1/3 F with F33 = 1; mu = 2 (c10 + c01).
-
-    Holzapfel, Nonlinear Solid Mechanics, 2000, eqs 6.127 and 6.146.
+    """Mooney-Rivlin rubber at finite strain, plane strain, objective; shear modulus 2 (c10 + c01) at zero strain.
 
     Parameters
     ----------
@@ -32,6 +30,11 @@ class MooneyRivlin(Hyperelastic):
     bulk : bulk modulus kappa at zero strain [Pa]
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Notes
+    -----
+    W = c10 (I1 - 3) + c01 (I2 - 3) + kappa/4 (J^2 - 1 - 2 ln J), with the invariants I of J^-1/3 F and F33 = 1
+    (Holzapfel, Nonlinear Solid Mechanics, 2000, eqs 6.127 and 6.146).
 
     Examples
     --------
@@ -76,9 +79,7 @@ class MooneyRivlin(Hyperelastic):
 
 @dataclass(frozen=True)
 class Yeoh(Hyperelastic):
-    """W = sum of c_i0 (I1 - 3)^i + kappa/4 (J^2 - 1 - 2 ln J), i = 1, 2, 3, I1 of J^-1/3 F with F33 = 1; mu = 2 c10.
-
-    Yeoh, Rubber Chem. Technol. 66, 1993.
+    """Yeoh rubber at finite strain, plane strain, objective; shear modulus 2 c10 at zero strain.
 
     Parameters
     ----------
@@ -86,6 +87,11 @@ class Yeoh(Hyperelastic):
     bulk : bulk modulus kappa at zero strain [Pa]
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Notes
+    -----
+    W = sum of c_i0 (I1 - 3)^i + kappa/4 (J^2 - 1 - 2 ln J), i = 1, 2, 3, with I1 of J^-1/3 F and F33 = 1 (Yeoh,
+    Rubber Chem. Technol. 66, 1993).
 
     Examples
     --------
@@ -137,11 +143,7 @@ class Yeoh(Hyperelastic):
 
 @dataclass(frozen=True)
 class Ogden(Hyperelastic):
-    """W = sum of mu_p / alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3) + kappa/4 (J^2 - 1 - 2 ln J).
-
-    l are the stretches of J^-1/3 F with F33 = 1; the shear modulus at zero strain is the sum of mu_p alpha_p / 2.
-    Ogden, Proc. R. Soc. A 328, 1972; Holzapfel, Nonlinear Solid Mechanics, 2000, eqs 6.119 and 6.139. In the plane
-    l1^alpha + l2^alpha = 2 J^(alpha/6) T(y), T(y) = cosh(alpha/2 arccosh y), y = 1 + A / 2 J, smooth at y = 1.
+    """Ogden rubber at finite strain, plane strain, objective; shear modulus sum of mu_p alpha_p / 2.
 
     Parameters
     ----------
@@ -150,6 +152,13 @@ class Ogden(Hyperelastic):
     bulk : bulk modulus kappa at zero strain [Pa]
     density : initial density [kg/m3]
     viscosity : eta [Pa s]; 2 eta times the rate of deformation is added to the Cauchy stress
+
+    Notes
+    -----
+    W = sum of mu_p / alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3) + kappa/4 (J^2 - 1 - 2 ln J), with the
+    stretches l of J^-1/3 F and F33 = 1 (Ogden, Proc. R. Soc. A 328, 1972; Holzapfel, Nonlinear Solid Mechanics, 2000,
+    eqs 6.119 and 6.139). In the plane l1^alpha + l2^alpha = 2 J^(alpha/6) T(y), T(y) = cosh(alpha/2 arccosh y), y = 1
+    + A / 2 J, smooth at y = 1.
 
     Examples
     --------

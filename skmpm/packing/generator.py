@@ -85,14 +85,6 @@ def packing(
 ) -> Packing:
     """Pack rigid discs or other convex shapes at random, without overlap, in a box of given width and fraction.
 
-    Centres, and angles of shapes other than discs, are drawn at random and the sizes grow from small to full
-    (Lubachevsky & Stillinger, J. Stat. Phys. 60 (1990) 561-583), but without inertia: in every step the bodies make
-    the smallest mass-weighted motion that opens all gaps to first order, which is a Signorini-Coulomb problem. Discs
-    do not overlap after that motion, because the linearised distance is a lower bound of the distance; for shapes
-    that turn it is repeated until they do not (`packing.shapes`). A jammed state is perturbed at random, and
-    packings of few bodies are restarted from other centres, before it is accepted as such. Mixtures of ellipses,
-    capsules and polygons jam at 0.79 to 0.81; they take longer than discs, 60 of them ten seconds.
-
     Parameters
     ----------
     shapes : radii of discs (N,) [m], or a list of `Points` with convex outlines: ellipses, capsules, polygons, ...
@@ -113,6 +105,16 @@ def packing(
         If an argument is invalid, or if the bodies jam at a lower solid fraction, which the message contains. Discs
         jam near 0.84 in a periodic box, and between walls, which cost a layer of 0.3 mean radii, at 0.73, 0.76, 0.79
         and 0.81 of a square box for 20, 40, 100 and 300 of them; far beyond that they are refused at once.
+
+    Notes
+    -----
+    Centres, and angles of shapes other than discs, are drawn at random and the sizes grow from small to full
+    (Lubachevsky & Stillinger, J. Stat. Phys. 60 (1990) 561-583), but without inertia: in every step the bodies make
+    the smallest mass-weighted motion that opens all gaps to first order, which is a Signorini-Coulomb problem. Discs
+    do not overlap after that motion, because the linearised distance is a lower bound of the distance; for shapes
+    that turn it is repeated until they do not (`packing.shapes`). A jammed state is perturbed at random, and
+    packings of few bodies are restarted from other centres, before it is accepted as such. Mixtures of ellipses,
+    capsules and polygons jam at 0.79 to 0.81; they take longer than discs, 60 of them ten seconds.
 
     Examples
     --------

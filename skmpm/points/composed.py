@@ -16,9 +16,6 @@ from skmpm.points.shapes import point, positive, radau_ring
 def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Points:
     """Points of a ring, or of a tube in its cross-section: rings of equal thickness.
 
-    Points of a ring lie at its root mean square radius and share its exact area equally. The innermost and the
-    outermost ring have Radau rules with points on the boundaries. Area, centroid and second moments are exact.
-
     Parameters
     ----------
     centre : (2,) position of the centre [m]
@@ -33,6 +30,11 @@ def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Po
     ------
     ValueError
         If a radius or the spacing is not positive, inner is not below outer, or the centre is not a finite point.
+
+    Notes
+    -----
+    Points of a ring lie at its root mean square radius and share its exact area equally. The innermost and the
+    outermost ring have Radau rules with points on the boundaries. Area, centroid and second moments are exact.
 
     Examples
     --------

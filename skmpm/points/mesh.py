@@ -38,14 +38,6 @@ Rule = tuple[Ints, Ints, Array]  # sites (m, cells) of cells, the centre last, t
 def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
     """Points of a mesh of triangles and quadrilaterals.
 
-    Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
-    rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of boundary
-    corners and midpoints are the outline. Midpoints lie on the chord where the boundary turns by
-    more than 30.5 degrees at an end of the edge, else on a smooth curve through the corners: with midpoints on chords
-    a round body would roll as a polygon. At holes with flat cells they lie between the two. The volumes add up to the
-    area of the outlines. A mesh of several parts is not split: call this once per part. Polygons of eight and more
-    sides have a smooth outline: see `Points`.
-
     Physical groups of cells, as gmsh writes them, sets of cells (`meshio.Mesh.cell_sets`) and subdomains of
     scikit-fem become the groups of the points (`Points.group`), for a body of several materials: see `Body`. An
     unnamed group has its number as a name; of several sets the smallest that a cell belongs to counts, cells in none
@@ -72,6 +64,16 @@ def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
     ValueError
         If the order is out of range; if the mesh has no or other cells, sets of cells that it does not have, nodes
         out of the plane or at the same position, degenerate or overlapping cells, or parts joined by one node only.
+
+    Notes
+    -----
+    Inner cells carry the rule of scikit-fem that is exact to `order`; cells with an edge on the boundary a
+    rule with points at corners, edge midpoints and centre, merged where such cells meet. The loops of boundary
+    corners and midpoints are the outline. Midpoints lie on the chord where the boundary turns by
+    more than 30.5 degrees at an end of the edge, else on a smooth curve through the corners: with midpoints on chords
+    a round body would roll as a polygon. At holes with flat cells they lie between the two. The volumes add up to the
+    area of the outlines. A mesh of several parts is not split: call this once per part. Polygons of eight and more
+    sides have a smooth outline: see `Points`.
 
     Examples
     --------

@@ -26,10 +26,6 @@ FINE, FINE_IN_SPACING = 2000, 4
 def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     """Points of a disc: rings of equal thickness, the outermost points on the boundary.
 
-    The points of a ring lie at its root mean square radius and share its exact area equally. The outermost ring has a
-    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the boundary. Area,
-    centroid and second moments are exact. The outline is the boundary points, equally spaced, at least 8.
-
     Parameters
     ----------
     centre : (2,) position of the centre [m]
@@ -44,6 +40,12 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     ------
     ValueError
         If radius or spacing is not positive, or the centre is not a finite point.
+
+    Notes
+    -----
+    The points of a ring lie at its root mean square radius and share its exact area equally. The outermost ring has a
+    two-point Radau rule in the radial direction (weight r dr, exact for 1, r, r2) with a point on the boundary. Area,
+    centroid and second moments are exact. The outline is the boundary points, equally spaced, at least 8.
 
     Examples
     --------
@@ -83,10 +85,6 @@ def radau_ring(r0: float, R: float) -> tuple[float, float, float]:
 def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     """Points of a rectangle: a tensor rule that includes edges and corners.
 
-    In each direction the first and the last interval carry a two-point Radau rule that includes the end, the others a
-    midpoint: area and first moments are exact, second moments of n intervals (n - 2) / n^3 too small, of 8 by 1.2 %.
-    The boundary points are the outline.
-
     Parameters
     ----------
     corner : (2,) lower left corner [m]
@@ -101,6 +99,12 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     ------
     ValueError
         If a size or the spacing is not positive, or the corner is not a finite point.
+
+    Notes
+    -----
+    In each direction the first and the last interval carry a two-point Radau rule that includes the end, the others a
+    midpoint: area and first moments are exact, second moments of n intervals (n - 2) / n^3 too small, of 8 by 1.2 %.
+    The boundary points are the outline.
 
     Examples
     --------
