@@ -85,12 +85,6 @@ def jam(
 ) -> Jam:
     """Bring a packing in a periodic box to its jamming point, or under a pressure, and to rest.
 
-    The box is compressed by increments of solid fraction, each followed by static equilibrium, until the packing
-    bears the pressure (any at the jamming point), or released if it bears more at first. Then the interval between
-    the last two packings is halved, always from the one that bears less, until it is below the tolerance. By this
-    protocol jamming points of soft particles are found by energy minimisation (O'Hern, Silbert, Liu & Nagel, Phys.
-    Rev. E 68 (2003) 011306, and the bisection of JaxDEM): solid fractions compare one to one.
-
     Parameters
     ----------
     scene : a packing in a `Periodic` box, whose rate and stress do not matter; with friction, what is found depends
@@ -114,6 +108,14 @@ def jam(
         solid fraction of 1.2 bears the pressure
     StepFailed
         if there is no equilibrium nearby, though the change of solid fraction was halved six times
+
+    Notes
+    -----
+    The box is compressed by increments of solid fraction, each followed by static equilibrium, until the packing
+    bears the pressure (any at the jamming point), or released if it bears more at first. Then the interval between
+    the last two packings is halved, always from the one that bears less, until it is below the tolerance. By this
+    protocol jamming points of soft particles are found by energy minimisation (O'Hern, Silbert, Liu & Nagel, Phys.
+    Rev. E 68 (2003) 011306, and the bisection of JaxDEM): solid fractions compare one to one.
 
     Examples
     --------

@@ -59,18 +59,6 @@ def simulate(
 ) -> Iterator[State]:
     """Advance a scene step by step; the last step is shortened to end at `until`.
 
-    Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
-    other, or more where something is driven, and a step loses at most 1e-5 of the largest energy so far, unless six
-    or more bodies are driven or fall (`stepping.step_length`). Steps are shorter while Newton's method takes many
-    iterations, and a sixteenth as long after a failure. Quasi-static steps under loads that are functions of time
-    need dt.
-
-    With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
-    length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always
-    yielded, with others between them after a failure. `state.report.dt` and `.retries` hold the length of the step
-    and its failures; the logger "skmpm" reports every retry at level INFO and, at the end of the run, all of them:
-    with a warning, unless steps are chosen and fewer than a tenth failed.
-
     Parameters
     ----------
     scene : the scene
@@ -106,6 +94,20 @@ def simulate(
         until is negative, not finite or before the time of `start`, or if scheme is not a Scheme
     FileNotFoundError, IsADirectoryError
         if the directory of the checkpoint does not exist, or the checkpoint is a directory
+
+    Notes
+    -----
+    Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
+    other, or more where something is driven, and a step loses at most 1e-5 of the largest energy so far, unless six
+    or more bodies are driven or fall (`stepping.step_length`). Steps are shorter while Newton's method takes many
+    iterations, and a sixteenth as long after a failure. Quasi-static steps under loads that are functions of time
+    need dt.
+
+    With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
+    length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always
+    yielded, with others between them after a failure. `state.report.dt` and `.retries` hold the length of the step
+    and its failures; the logger "skmpm" reports every retry at level INFO and, at the end of the run, all of them:
+    with a warning, unless steps are chosen and fewer than a tenth failed.
 
     Examples
     --------

@@ -55,11 +55,6 @@ def point_to_curve(
 ) -> Linearise:
     """Contact of boundary points with outlines and walls (the default contact formulation).
 
-    The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
-    u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of
-    the step may keep 0.8 of this overlap, more in very short steps (`PUSH_OUT`). Light contacts act at the closest
-    points of smooth outlines.
-
     Parameters
     ----------
     scene, state, grid : a scene, its state, and the body grids
@@ -76,6 +71,13 @@ def point_to_curve(
     ------
     SceneError
         if a body has no outline
+
+    Notes
+    -----
+    The gap g(w) is evaluated in the configuration that `w` leads to at the end of the step; contacts obey
+    u_n(w') = [g(w) - g_allowed] / dt + n . (relative velocity of w' - w) >= 0. A pair that overlaps at the start of
+    the step may keep 0.8 of this overlap, more in very short steps (`PUSH_OUT`). Light contacts act at the closest
+    points of smooth outlines.
 
     Examples
     --------

@@ -58,9 +58,6 @@ def project(r: ArrayLike, mu: ArrayLike) -> Array:
 def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, reference: float = 1.0) -> float:
     """Residual ``|r - P(r - (u + mu |u_t| n))| / reference`` in scaled variables, zero iff (r, u) obeys the law.
 
-    With the term ``mu |u_t| n`` the natural map describes Coulomb friction exactly and not its convex relaxation (De
-    Saxce & Feng, Math. Comput. Modelling 28 (1998) 225-245). The residual certifies the solution of any solver.
-
     Parameters
     ----------
     r, u : (2k,) impulses [N s] and relative velocities [m/s] or, without friction, (k,)
@@ -71,6 +68,11 @@ def residual(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike, *, ref
     Returns
     -------
     the residual
+
+    Notes
+    -----
+    With the term ``mu |u_t| n`` the natural map describes Coulomb friction exactly and not its convex relaxation (De
+    Saxce & Feng, Math. Comput. Modelling 28 (1998) 225-245). The residual certifies the solution of any solver.
 
     Examples
     --------
@@ -131,10 +133,6 @@ def split(r: Array, mu: Array) -> tuple[Array, Array, Array]:
 def row_scales(diagonal: ArrayLike, contacts: int) -> Array:
     """Scales of the rows: diag(W), with W_nn in tangential rows without response.
 
-    Where a support prescribes the tangential motion of a contact point, W_tt is zero up to round-off and friction is
-    ``r_t = -mu r_n sign(u_t)``. The round-off of u_t, 1e-16 W_nn r, is 1e-16 sqrt(W_nn / W_tt) in the scale of its
-    row. Where W_tt is below `EXACT` W_nn, that exceeds 1e-10, the smallest tolerance in use.
-
     Parameters
     ----------
     diagonal : diag(W), (2k,) or (k,) [1/kg]
@@ -143,6 +141,12 @@ def row_scales(diagonal: ArrayLike, contacts: int) -> Array:
     Returns
     -------
     like diagonal
+
+    Notes
+    -----
+    Where a support prescribes the tangential motion of a contact point, W_tt is zero up to round-off and friction is
+    ``r_t = -mu r_n sign(u_t)``. The round-off of u_t, 1e-16 W_nn r, is 1e-16 sqrt(W_nn / W_tt) in the scale of its
+    row. Where W_tt is below `EXACT` W_nn, that exceeds 1e-10, the smallest tolerance in use.
 
     Examples
     --------

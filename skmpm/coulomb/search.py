@@ -61,14 +61,6 @@ def solve(
 ) -> tuple[Array, Info]:
     """Find impulses r such that every contact with u = W r + q obeys Signorini's and Coulomb's laws.
 
-    Full steps of a semismooth Newton method (Alart & Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375)
-    begin with the contact states of r0. Where they fail, because W is singular or nearly singular, problems with a
-    proximal term are solved, whose matrix is definite, one after another. The solver stops when `residual` is below
-    ``tol |q~|``, never on the size of an increment; tangential rows of frictionless contacts do not count in q~.
-    ``info.converged`` is False, and r the best iterate, if ``iterations`` Newton steps do not suffice or 150 of them
-    do not halve the residual. The usual reason is that no solution exists (a rigid jam). If W is singular, r is one
-    of many solutions. Round-off, about ``1e-16 |W~| |r~|``, bounds the residual from below.
-
     Parameters
     ----------
     W : (2k, 2k) or (k, k) sparse or dense, symmetric positive semi-definite [1/kg], with `bilateral` m rows more
@@ -93,6 +85,16 @@ def solve(
     ------
     ValueError
         If sizes disagree, a friction coefficient is negative, or mu > 0 without tangential rows.
+
+    Notes
+    -----
+    Full steps of a semismooth Newton method (Alart & Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375)
+    begin with the contact states of r0. Where they fail, because W is singular or nearly singular, problems with a
+    proximal term are solved, whose matrix is definite, one after another. The solver stops when `residual` is below
+    ``tol |q~|``, never on the size of an increment; tangential rows of frictionless contacts do not count in q~.
+    ``info.converged`` is False, and r the best iterate, if ``iterations`` Newton steps do not suffice or 150 of them
+    do not halve the residual. The usual reason is that no solution exists (a rigid jam). If W is singular, r is one
+    of many solutions. Round-off, about ``1e-16 |W~| |r~|``, bounds the residual from below.
 
     Examples
     --------

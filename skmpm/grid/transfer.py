@@ -48,9 +48,6 @@ def nodal_velocity(assembly: Assembly, mass: Array, v: Array, C: Array, *, known
 def to_points(grid: BodyGrids, nodal: Array) -> tuple[Array, Array]:
     """Velocities of points and their gradients from nodal velocities, by APIC.
 
-    Jiang et al., ACM ToG 34 (2015); for Q1 shape functions their B D^-1 is the gradient of the nodal velocity field.
-    So angular momentum is conserved.
-
     Parameters
     ----------
     grid : body grids of the points
@@ -60,5 +57,10 @@ def to_points(grid: BodyGrids, nodal: Array) -> tuple[Array, Array]:
     -------
     v : (2, n) velocities [m/s]
     C : (2, 2, n) their gradients [1/s]
+
+    Notes
+    -----
+    Jiang et al., ACM ToG 34 (2015); for Q1 shape functions their B D^-1 is the gradient of the nodal velocity field.
+    So angular momentum is conserved.
     """
     return grid.at_points(nodal), grid.gradient_at_points(nodal)

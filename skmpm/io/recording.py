@@ -22,24 +22,6 @@ CONSTANT = ("points", "bodies")  # blocks whose cells do not change
 def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[Recorder]:
     """Record states for ParaView; `with record("run.vtkhdf", scene) as film: film.write(state)`.
 
-    The file can be read after every `write`, also while the run continues (a reader that meets an unfinished write
-    must read again) and after it is killed. `read` returns its frames as arrays. It has four blocks:
-
-    - points: a vertex per material point, with velocity [m/s], displacement since t = 0 [m], stress (9, Cauchy, row
-      by row, tension positive; zz is that of plane strain) and pressure -(xx + yy)/2 [Pa], both elastic, without what
-      viscosity adds, volume [m2], det_F, body; with materials with memory their plastic_strain
-    - bodies: the smooth boundaries, polygons or, around holes, lines, with data of the body: velocity of the centre
-      of mass, pressure and deviatoric_stress (of contacts), coordination, volume_ratio and aspect_ratio as in
-      `observe`, body
-    - contacts: a line between the centres of each pair of bodies that touch, to the contact on walls, with first and
-      second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction and length [m] as
-      `network` defines them
-    - walls: a line for each wall near the bodies, with wall (-1, -2, ...), a point [m] and the normal of each
-    - box: the periodic box, if there is one; bodies are drawn where their centres lie in it
-
-    Positions have double precision, fields single. Nothing is compressed, which would take as long as a step; of a
-    finished run ``h5repack -f SHUF -f GZIP=1 run.vtkhdf smaller.vtkhdf`` makes a file of 60 % of the size.
-
     Parameters
     ----------
     path : the file; ParaView recognises the suffix .vtkhdf
@@ -59,6 +41,26 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
         if the directory of the file does not exist, or the path is a directory
     ValueError
         if the file to be continued is not a recording of this scene
+
+    Notes
+    -----
+    The file can be read after every `write`, also while the run continues (a reader that meets an unfinished write
+    must read again) and after it is killed. `read` returns its frames as arrays. It has four blocks:
+
+    - points: a vertex per material point, with velocity [m/s], displacement since t = 0 [m], stress (9, Cauchy, row
+      by row, tension positive; zz is that of plane strain) and pressure -(xx + yy)/2 [Pa], both elastic, without what
+      viscosity adds, volume [m2], det_F, body; with materials with memory their plastic_strain
+    - bodies: the smooth boundaries, polygons or, around holes, lines, with data of the body: velocity of the centre
+      of mass, pressure and deviatoric_stress (of contacts), coordination, volume_ratio and aspect_ratio as in
+      `observe`, body
+    - contacts: a line between the centres of each pair of bodies that touch, to the contact on walls, with first and
+      second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction and length [m] as
+      `network` defines them
+    - walls: a line for each wall near the bodies, with wall (-1, -2, ...), a point [m] and the normal of each
+    - box: the periodic box, if there is one; bodies are drawn where their centres lie in it
+
+    Positions have double precision, fields single. Nothing is compressed, which would take as long as a step; of a
+    finished run ``h5repack -f SHUF -f GZIP=1 run.vtkhdf smaller.vtkhdf`` makes a file of 60 % of the size.
 
     Examples
     --------

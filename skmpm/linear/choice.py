@@ -94,11 +94,6 @@ def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
 def chosen(columns: Ints) -> Linear:
     """Select `banded` or `amg` by the lengths of the columns of the Cholesky factor.
 
-    Their mean square is the work of the factorisation per unknown. `banded` is taken up to a root mean square of 700,
-    a disc of about 270 cells across. For a single solve amg is faster from 200 on, 75 cells across, and eight times
-    as fast at 830 (`examples/studies/benchmark/crossover.py`). Contact, however, needs as many solves with one matrix
-    as a body has contact rows: at 830 amg takes twice as long as `banded` for 20 rows, eight times as long for 100.
-
     Parameters
     ----------
     columns : (nodes,) `column_lengths`
@@ -106,6 +101,13 @@ def chosen(columns: Ints) -> Linear:
     Returns
     -------
     `banded` or `amg`
+
+    Notes
+    -----
+    Their mean square is the work of the factorisation per unknown. `banded` is taken up to a root mean square of 700,
+    a disc of about 270 cells across. For a single solve amg is faster from 200 on, 75 cells across, and eight times
+    as fast at 830 (`examples/studies/benchmark/crossover.py`). Contact, however, needs as many solves with one matrix
+    as a body has contact rows: at 830 amg takes twice as long as `banded` for 20 rows, eight times as long for 100.
     """
     mean = np.sqrt(np.mean(np.square(columns))) if columns.size else 0.0
     return banded if mean <= CROSSOVER and columns.max(initial=0) <= WIDEST else amg

@@ -68,10 +68,6 @@ class LowRank:
 def without_added_mass(solver: Solver, body: Ints, added: Array, mass: Array, m: Array | None = None) -> LowRank:
     """Solver for A + c (M - M T (T^T M T)^-1 T^T M), T the translations of a body, from a solver for A + c M.
 
-    Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the inverse is
-    (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T. With `m`, on the velocities w with m^T w = 0 in every body in which
-    m, orthogonal to translations, does not vanish: less z z^T / m^T z with z = (A + c M)^-1 m.
-
     Parameters
     ----------
     solver : for A + c M
@@ -83,6 +79,12 @@ def without_added_mass(solver: Solver, body: Ints, added: Array, mass: Array, m:
     Returns
     -------
     the solver
+
+    Notes
+    -----
+    Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the inverse is
+    (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T. With `m`, on the velocities w with m^T w = 0 in every body in which
+    m, orthogonal to translations, does not vanish: less z z^T / m^T z with z = (A + c M)^-1 m.
     """
     Z, inertia = np.tile(np.eye(2), (body.size, 1)), np.maximum(mass, 1e-300)
     G = np.zeros((mass.size, 3, 3))

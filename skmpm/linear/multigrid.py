@@ -87,10 +87,6 @@ def amg(
 ) -> Solver:
     """Conjugate gradients with pyamg's smoothed aggregation, the three rigid motions as near-null space.
 
-    Bodies are not coupled, so no aggregate extends over two bodies. W cycles, whose coarse levels are cheap, limit
-    the number of iterations for large bodies: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24
-    and 26).
-
     Parameters
     ----------
     A, blocks, rigid_motions : matrix (n, n), first unknowns of the bodies (bodies + 1,), rigid motions of all (n, 3)
@@ -100,6 +96,12 @@ def amg(
     Returns
     -------
     the matrix with its preconditioner
+
+    Notes
+    -----
+    Bodies are not coupled, so no aggregate extends over two bodies. W cycles, whose coarse levels are cheap, limit
+    the number of iterations for large bodies: 14 at 1e4 unknowns, 16 at 1e6 (nu = 0.3, quasi-static; nu = 0.45: 24
+    and 26).
 
     Examples
     --------

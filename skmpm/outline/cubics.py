@@ -40,9 +40,6 @@ class Loops(NamedTuple):
 def foot(y: tuple[float, float], segment: int, s: float, c: Array, loops: Loops) -> tuple[int, float]:
     """Closest-point projection on the curve.
 
-    Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from below;
-    iterates move on to adjacent segments and stop at corners.
-
     Parameters
     ----------
     y : (2,) position [m]
@@ -53,6 +50,11 @@ def foot(y: tuple[float, float], segment: int, s: float, c: Array, loops: Loops)
     Returns
     -------
     i, t : segment and parameter of the closest point
+
+    Notes
+    -----
+    Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from below;
+    iterates move on to adjacent segments and stop at corners.
     """
     i, t = segment, s
     for _ in range(MAX_NEWTON_STEPS):

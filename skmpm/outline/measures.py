@@ -307,10 +307,6 @@ def _moments(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array, A
 def cell_moments(outlines: Outlines, x: Array, cell: float, index: Ints, owner: Ints) -> Array:
     """Moments of the parts of cells that lie inside their bodies.
 
-    By Green's theorem a moment is the integral over dy, along the outline, of the primitive in x of its integrand.
-    The primitive vanishes to the left of the cell and is constant to its right, so each piece of the boundary
-    contributes to its own cell and to all cells to its left.
-
     Parameters
     ----------
     outlines, x : outlines, and positions (2, m) [m] of their boundary points
@@ -321,6 +317,12 @@ def cell_moments(outlines: Outlines, x: Array, cell: float, index: Ints, owner: 
     Returns
     -------
     (6, cells) [cell areas], the integrals of 1, xi, eta, xi eta, xi^2 and eta^2
+
+    Notes
+    -----
+    By Green's theorem a moment is the integral over dy, along the outline, of the primitive in x of its integrand.
+    The primitive vanishes to the left of the cell and is constant to its right, so each piece of the boundary
+    contributes to its own cell and to all cells to its left.
     """
     start, end, piece_cell, body = _pieces(outlines, x / cell)
     local = start - piece_cell + GAUSS_POINTS[:, None, None] * (end - start)

@@ -13,11 +13,6 @@ from skmpm.parallel import over_bodies
 def overlap(outlines: Outlines, x: Array, bodies: int) -> tuple[Ints, Array]:
     """Return the area shared by each pair of bodies whose bounding boxes overlap.
 
-    The indicator function of a polygon is the signed sum of those of the trapezoids under its edges. The shared area
-    is therefore the sum, over pairs of edges e, f of the two outlines, of sign_e sign_f times the integral of
-    min(y_e, y_f) over their common abscissae, which is known in closed form. Exact for simple polygons, convex or
-    not, with or without holes.
-
     Parameters
     ----------
     outlines, x : outlines, and positions (2, m) [m] of their boundary points
@@ -27,6 +22,13 @@ def overlap(outlines: Outlines, x: Array, bodies: int) -> tuple[Ints, Array]:
     -------
     pairs : (2, p) bodies, the first < the second, sorted
     area : (p,) [m2]
+
+    Notes
+    -----
+    The indicator function of a polygon is the signed sum of those of the trapezoids under its edges. The shared area
+    is therefore the sum, over pairs of edges e, f of the two outlines, of sign_e sign_f times the integral of
+    min(y_e, y_f) over their common abscissae, which is known in closed form. Exact for simple polygons, convex or
+    not, with or without holes.
     """
     low, high = boxes(outlines, x, bodies)
     pairs = box_pairs(low, high)

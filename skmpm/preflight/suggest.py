@@ -111,19 +111,6 @@ def suggest(
 ) -> Suggestion:
     """The cheapest cell, spacing of points and time step for an error, with `Scheme.balanced()`.
 
-    The error is relative: the largest of those that the study work_precision measures on its scene of that kind.
-    *Bending*, without contact: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts.
-    *Impact*, bodies with initial velocities: velocities afterwards. *Packing*, six or more bodies that are driven:
-    pressure, work and aspect ratio. *Pour*, bodies that fall: as packing, or pressing if few. Only materials,
-    sizes, gravity and motion are used, not the scene's own cell and points. In impacts, and if nothing is
-    driven, dt resolves waves; otherwise it follows from the displacement per step. Where `preflight` would warn, the
-    cell or the step is smaller than needed for the error. For four scenes that are not in the study the error is less
-    than twice the wanted one (`examples/studies/work_precision/promises.py`). In contact, bodies with parts thinner
-    than the radius of a disc of their area, as lips and rings, have cells enough for the error of their deflection.
-    Interfaces of materials cost at most the error where they lie inside cells; where they lie on grid lines of the
-    scene's own cell, the cell is a fraction of it. Points are at most half a cell apart for Poisson's ratios above
-    0.49.
-
     Parameters
     ----------
     scene : the scene
@@ -140,6 +127,21 @@ def suggest(
     ValueError
         if the error is larger than those measured, or so small that a body would be 200 cells across, or if the scene
         has functions of time and `until` is not given
+
+    Notes
+    -----
+    The error is relative: the largest of those that the study work_precision measures on its scene of that kind.
+    *Bending*, without contact: deflection and stress. *Pressing*, few bodies that touch: force and width of contacts.
+    *Impact*, bodies with initial velocities: velocities afterwards. *Packing*, six or more bodies that are driven:
+    pressure, work and aspect ratio. *Pour*, bodies that fall: as packing, or pressing if few. Only materials,
+    sizes, gravity and motion are used, not the scene's own cell and points. In impacts, and if nothing is
+    driven, dt resolves waves; otherwise it follows from the displacement per step. Where `preflight` would warn, the
+    cell or the step is smaller than needed for the error. For four scenes that are not in the study the error is less
+    than twice the wanted one (`examples/studies/work_precision/promises.py`). In contact, bodies with parts thinner
+    than the radius of a disc of their area, as lips and rings, have cells enough for the error of their deflection.
+    Interfaces of materials cost at most the error where they lie inside cells; where they lie on grid lines of the
+    scene's own cell, the cell is a fraction of it. Points are at most half a cell apart for Poisson's ratios above
+    0.49.
 
     Examples
     --------
