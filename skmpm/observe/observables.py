@@ -107,6 +107,17 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     changes nothing. Grains are the bodies that forces move in all components, deformable and free rigid ones.
     Observables of outlines are nan if one of them has none.
 
+    Parameters
+    ----------
+    scene, state : a scene and its state
+    interior : take means over bodies away from the walls only
+
+    Returns
+    -------
+    the observables
+
+    Notes
+    -----
     - solid fractions: area inside the smooth outlines (`outline.curve`; nominal: initial volumes) over the
       area of the box; only the part of rigid bodies in the box counts.
     - coordination Z: mean number of bodies and walls that touch a grain; if no contact carries a
@@ -131,15 +142,6 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     exactly, the points in it, branches (through the contact point) by the share of their length in it. The
     pressure on walls is then nan. Source of S, A_m and alpha: Nezamabadi et al., Procedia Eng. 175 (2017) 141-147,
     doi:10.1016/j.proeng.2017.01.044.
-
-    Parameters
-    ----------
-    scene, state : a scene and its state
-    interior : take means over bodies away from the walls only
-
-    Returns
-    -------
-    the observables
 
     Examples
     --------

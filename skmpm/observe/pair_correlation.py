@@ -28,10 +28,6 @@ def pair_correlation(
 ) -> tuple[Array, Array]:
     """Radial distribution function g of the centres of mass of the bodies that forces move.
 
-    g(r) is the mean density of centres at the distance r from a centre, over their mean density: 1 without order. The
-    mean is over the centres farther than `largest` from every wall, so no ring is cut by a wall; their number over
-    the area of the region in which they lie is the mean density (Allen & Tildesley, Computer Simulation of Liquids).
-
     Parameters
     ----------
     scene, state : a scene and its state
@@ -48,6 +44,12 @@ def pair_correlation(
     SceneError
         if `bins` or `largest` is no number above zero, no centre is that far from the walls, the walls do not enclose
         the bodies, or the state belongs to another scene
+
+    Notes
+    -----
+    g(r) is the mean density of centres at the distance r from a centre, over their mean density: 1 without order. The
+    mean is over the centres farther than `largest` from every wall, so no ring is cut by a wall; their number over
+    the area of the region in which they lie is the mean density (Allen & Tildesley, Computer Simulation of Liquids).
 
     Examples
     --------

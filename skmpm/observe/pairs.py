@@ -90,8 +90,6 @@ class Network:
     def force_distribution(self, bins: int = 40, largest: float = 6.0) -> tuple[Array, Array]:
         """Probability density of normal forces over their mean, of pairs that press.
 
-        Radjai, Jean, Moreau & Roux, Phys. Rev. Lett. 77 (1996) 274.
-
         Parameters
         ----------
         bins : number of bins
@@ -106,6 +104,10 @@ class Network:
         ------
         SceneError
             if `bins` is not a whole number above zero, or `largest` not a number above zero
+
+        Notes
+        -----
+        Radjai, Jean, Moreau & Roux, Phys. Rev. Lett. 77 (1996) 274.
         """
         check_bins("force_distribution", bins, largest, "a multiple of the mean force above zero")
         force, edges = self.force[0][self.force[0] > 0.0], np.linspace(0.0, largest, bins + 1)

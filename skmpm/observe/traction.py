@@ -76,22 +76,6 @@ class Traction:
 def contact_pressure(scene: Scene, state: State, body: int, *, length: float | None = None) -> Traction:
     """Recover the contact traction along the boundary of one body from the contact forces of a state.
 
-    Forces F_k of boundary points that are denser than the grid resolves are not unique, and alternate. What bodies
-    feel is: the nodal forces f_I = sum_k N_I(x_k) F_k by the hat functions N_I of the body grid. A pressure q is
-    improved by sharing each of them over its hat in proportion to q (Richardson, J. Opt. Soc. Am. 62 (1972) 55-59)::
-
-        t(s) = q(s) sum_I N_I(s) f_I / int N_I q ds.
-
-    From q = 1 it gives a first t, too flat; from this t smoothed it gives a narrow estimate by the f_I and a wide one
-    by the nodal forces of the first t. The narrow one resolves small contacts, the wide one is free of scatter:
-    the result is the narrow one where the length under load is at most 2.7 cells, and nearer to the wide one as the
-    square of that length. All are projected on the hat functions of the boundary points. The `error` is twice the
-    difference of the two: peaks of smooth contacts from 2 cells on are within 5 % or within it
-    (docs/how_to/measures.md).
-
-    The resultant is that of the contacts, on straight sides their moment, too. No force passes round a corner, and
-    pressures are negative only where cohesion bears tension.
-
     Parameters
     ----------
     scene, state : a scene and its state
@@ -107,6 +91,24 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
     ------
     SceneError
         if state, body or length do not fit the scene, the body has no outline, or contacts act at grid nodes.
+
+    Notes
+    -----
+    Forces F_k of boundary points that are denser than the grid resolves are not unique, and alternate. Bodies
+    feel the nodal forces f_I = sum_k N_I(x_k) F_k, with the hat functions N_I of the body grid. A pressure q is
+    improved by sharing each of them over its hat in proportion to q (Richardson, J. Opt. Soc. Am. 62 (1972) 55-59)::
+
+        t(s) = q(s) sum_I N_I(s) f_I / int N_I q ds.
+
+    From q = 1 it gives a first t, too flat; from this t smoothed it gives a narrow estimate by the f_I and a wide one
+    by the nodal forces of the first t. The narrow one resolves small contacts, the wide one is free of scatter:
+    the result is the narrow one where the length under load is at most 2.7 cells, and nearer to the wide one as the
+    square of that length. All are projected on the hat functions of the boundary points. The `error` is twice the
+    difference of the two: peaks of smooth contacts from 2 cells on are within 5 % or within it
+    (docs/how_to/measures.md).
+
+    The resultant is that of the contacts, on straight sides their moment, too. No force passes round a corner, and
+    pressures are negative only where cohesion bears tension.
 
     Examples
     --------
