@@ -12,7 +12,11 @@ from functools import cache
 from pathlib import Path
 
 PAGES = Path(__file__).parent / "api"
-SHOWN = {  # members of classes that have more: fields, or members for the library itself
+OF_MATERIALS = "lame, energy, stress, tangent"
+SHOWN = {  # members of classes that have more, fields or members for the library itself, and inherited ones
+    "LinearElastic": OF_MATERIALS,
+    **dict.fromkeys(("NeoHookean", "MooneyRivlin", "Yeoh", "Ogden"), f"{OF_MATERIALS}, stress_zz"),
+    "ElastoPlastic": f"{OF_MATERIALS}, state0, update, plastic_strain, stress_zz",
     "Run": "",
     "Scene": "offsets, owner, initial_positions, initial_volumes, deformable, outlined, normals",
     "Scheme": "keeps_nodal_velocities, fast, balanced, accurate, nezamabadi2017",
@@ -23,7 +27,6 @@ SHOWN = {  # members of classes that have more: fields, or members for the libra
 SECTION = re.compile(r"^(?=[A-Z]\w+\n-+$)", re.MULTILINE)
 ENTRY = re.compile(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*) : (.*)", re.DOTALL)
 WORDS = {
-    "Any": "object",
     "Array": "ndarray",
     "ArrayLike": "array_like",
     "Bools": "ndarray of bool",
@@ -83,7 +86,8 @@ def filenames():
 
 def described(app, what, name, obj, options, lines):
     """Replace the sections of a docstring."""
-    head, *sections = SECTION.split("\n".join(lines))
+    text = re.sub(r"`(pandas\.\w+)`", r":py:class:`\1`", "\n".join(lines))
+    head, *sections = SECTION.split(text)
     sections = [_section(obj, *section.split("\n", 2)) for section in sections]
     lines[:] = "\n".join([head, *sections]).split("\n")
 
@@ -123,6 +127,7 @@ def _named(items, annotations_of):
         names = names.split(", ")
         term = ", ".join("**" + name.replace("*", r"\*") + "**" for name in names)
         types = dict.fromkeys(_words(annotation) for annotation in annotations_of(names) if annotation)
+        types.pop("Any", None)
         found.append(_item(f"{term} : {_linked(', '.join(types))}" if types else term, text))
     return found
 
