@@ -57,7 +57,13 @@ class Frame:
 
 
 class Recording(Sequence[Frame]):
-    """The frames of a recording, read from the file when they are asked for."""
+    """The frames of a recording, a sequence; each is read from the file when it is asked for.
+
+    Attributes
+    ----------
+    path : the file
+    t : times of the frames [s]
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path

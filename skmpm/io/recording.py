@@ -89,7 +89,7 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
 
 
 class Recorder:
-    """An open recording: see `record`."""
+    """An open recording, to which `write` appends states; `record` opens it."""
 
     def __init__(self, path: Path, scene: Scene, file: Any) -> None:
         self._path, self._scene, self._file = path, scene, file
@@ -101,6 +101,10 @@ class Recorder:
 
     def write(self, state: State) -> None:
         """Append a state and flush it to the file.
+
+        Parameters
+        ----------
+        state : of the scene, later than the last one written
 
         Raises
         ------

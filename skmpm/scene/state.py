@@ -53,7 +53,16 @@ class Contacts:
             object.__setattr__(self, "lasting_force", between_bodies(self.bodies, self.force[0]))
 
     def at(self, side: int) -> Array:
-        """The contact points where the first (0) or the second bodies (1) are, (2, k) [m]."""
+        """Contact points where the first or the second bodies are.
+
+        Parameters
+        ----------
+        side : 0 for the first bodies, 1 for the second
+
+        Returns
+        -------
+        (2, k) [m]
+        """
         return self.x - self.image if side else self.x
 
     @property

@@ -52,7 +52,21 @@ class Member:
         return read_manifest(self.folder)
 
     def state(self, name: str = "last") -> State:
-        """The last state, or one that `Run.keep` kept under a name; FileNotFoundError if there is none."""
+        """The last state of a member, or one that `Run.keep` kept.
+
+        Parameters
+        ----------
+        name : "last", or the name of the kept state
+
+        Returns
+        -------
+        the state
+
+        Raises
+        ------
+        FileNotFoundError
+            if there is none
+        """
         return load(self.folder / (LAST if name == "last" else f"{name}.checkpoint"))
 
 

@@ -2,13 +2,16 @@
 
 import inspect
 import re
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from types import FunctionType, GenericAlias, ModuleType
 
 import numpy as np
 import pytest
 
 import skmpm
+from skmpm.io import Frame, Recorder, Recording
+from skmpm.observe import PerBody
+from skmpm.scene import Contacts, Energy, Report, StepControl
 from skmpm.sweep import Member
 
 MODULES = ("contact", "coulomb", "linear", "outline", "transfer")
@@ -18,16 +21,18 @@ NAMES = {
     for name in (["to_points"] if module == "transfer" else getattr(skmpm, module, skmpm).__all__)
     if not isinstance(thing := getattr(getattr(skmpm, module, skmpm), name), (int, float, GenericAlias, ModuleType))
 }
-CLASSES = {name: thing for name, thing in NAMES.items() if inspect.isclass(thing)}
+FUNCTIONS = {name: thing for name, thing in NAMES.items() if not inspect.isclass(thing)}
+RESULTS = (Contacts, Energy, Frame, Member, PerBody, Recorder, Recording, Report, StepControl)
+CLASSES = {name: thing for name, thing in NAMES.items() if name not in FUNCTIONS}
+CLASSES |= {kind.__name__: kind for kind in RESULTS}
 OF_MATERIALS = {*dir(skmpm.MaterialWithMemory), "plastic_strain", "stress_zz"}  # described by the two protocols
 METHODS = {
     f"{kind}.{name}": getattr(CLASSES[kind], name)
-    for kind in CLASSES.keys() & set(skmpm.__all__)
+    for kind in CLASSES
     for name, thing in vars(CLASSES[kind]).items()
-    if name[0] != "_" and isinstance(thing, (classmethod, staticmethod, FunctionType))
+    if "." not in kind and name[0] != "_" and isinstance(thing, (classmethod, staticmethod, FunctionType))
     if name not in {*OF_MATERIALS, *getattr(CLASSES[kind], "__dataclass_fields__", ())}
 }
-FUNCTIONS = {name: NAMES[name] for name in NAMES.keys() - CLASSES}
 
 
 def sections(thing):
@@ -38,13 +43,13 @@ def sections(thing):
 
 def described(section):
     """Names that a section describes, in its order."""
-    lines = (line for line in section.splitlines() if re.match(r"[\w*, ]+ : ", line))
+    lines = (line for line in section.splitlines() if re.match(r"[\w*][\w*, ]* : ", line))
     return [name for line in lines for name in line.split(" : ")[0].replace("*", "").split(", ")]
 
 
-@pytest.mark.parametrize("name", sorted(NAMES.keys() | METHODS.keys()))
+@pytest.mark.parametrize("name", sorted(NAMES.keys() | CLASSES.keys() | METHODS.keys()))
 def test_a_docstring_can_be_read_alone(name):
-    text = inspect.getdoc((NAMES | METHODS)[name])
+    text = inspect.getdoc((NAMES | CLASSES | METHODS)[name])
     assert not text.startswith(("The same", "Those of", "As "))
 
 
@@ -61,33 +66,16 @@ def test_parameters_and_results_of_a_function_are_described(name):
 
 @pytest.mark.parametrize("name", sorted(CLASSES))
 def test_a_class_describes_its_parameters_or_attributes(name):
+    """Fields are among the attributes; protocols are described by members, errors by messages."""
     kind = CLASSES[name]
-    if getattr(kind, "_is_protocol", False) or issubclass(kind, ValueError):
-        return  # described by members, or by a message
+    if getattr(kind, "_is_protocol", False) or issubclass(kind, (Recorder, ValueError)):
+        return
     found = sections(kind)
     assert ("Parameters" in found) != ("Attributes" in found)
     if "Parameters" in found:
         assert sorted(described(found["Parameters"])) == sorted(inspect.signature(kind).parameters)
-
-
-@pytest.mark.parametrize(
-    "kind",
-    [
-        skmpm.Suggestion,
-        skmpm.Preflight,
-        skmpm.Packing,
-        skmpm.Points,
-        skmpm.coulomb.Info,
-        skmpm.Network,
-        skmpm.Traction,
-        skmpm.Run,
-        skmpm.Sweep,
-        Member,
-    ],
-)
-def test_every_field_is_described(kind):
-    found = sections(kind)
-    assert described(found.get("Attributes") or found["Parameters"]) == [f.name for f in fields(kind)]
+    elif is_dataclass(kind):
+        assert {field.name for field in fields(kind)} <= set(described(found["Attributes"]))
 
 
 RUBBERS = (
