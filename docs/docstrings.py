@@ -137,7 +137,8 @@ def _results(items, body, annotation, yields):
     if yields:
         annotation = annotation.slice
     if not all(map(ENTRY.fullmatch, items)):
-        return [_item(_linked(_words(annotation)), body.strip())]
+        words = _words(annotation)
+        return items if words == "Any" else [_item(_linked(words), body.strip())]
     is_tuple = isinstance(annotation, ast.Subscript) and isinstance(annotation.slice, ast.Tuple)
     values = iter(annotation.slice.elts if is_tuple else [annotation])
     return _named(items, lambda names: [next(values) for _ in names])

@@ -138,7 +138,15 @@ class Recording(Sequence[Frame]):
         return xarray.Dataset(data, {"t": self.t, "axis": ["x", "y"]}).set_coords(["body", "contact_t", "wall_t"])
 
     def to_pyvista(self, k: int = -1) -> Any:
-        """Frame k as a `pyvista.MultiBlock` of points, bodies, contacts, walls and box.
+        """One frame as a `pyvista.MultiBlock` of points, bodies, contacts, walls and box.
+
+        Parameters
+        ----------
+        k : number of the frame
+
+        Returns
+        -------
+        the blocks
 
         Raises
         ------

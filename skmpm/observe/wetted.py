@@ -14,13 +14,16 @@ from skmpm.scene import Pressure, Scene, State, check_fits
 
 
 def wetted(scene: Scene, state: State) -> list[Ints]:
-    """The boundary points that each `Pressure` of a scene acted on in the last step.
+    """Boundary points that each `Pressure` of a scene acted on in the last step.
+
+    Parameters
+    ----------
+    scene, state : a scene and its state
 
     Returns
     -------
-    list of (k,)
-        indices into the arrays of the state, ascending, in the order of the pressures in `Scene.loads`; of a
-        pressure that penetrates none before the first step
+    for each pressure, in their order in `Scene.loads`, (k,) indices into the arrays of the state, ascending; of a
+    pressure that penetrates none before the first step
 
     Raises
     ------
