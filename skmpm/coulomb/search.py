@@ -84,7 +84,7 @@ def solve(
     Raises
     ------
     ValueError
-        If sizes disagree, a friction coefficient is negative, or mu > 0 without tangential rows.
+        if sizes disagree, a friction coefficient is negative, or mu > 0 without tangential rows
 
     Notes
     -----

@@ -159,7 +159,7 @@ def network(scene: Scene, state: State) -> Network:
     Raises
     ------
     SceneError
-        if the state belongs to another scene.
+        if the state belongs to another scene
 
     Examples
     --------

@@ -90,7 +90,7 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
     Raises
     ------
     SceneError
-        if state, body or length do not fit the scene, the body has no outline, or contacts act at grid nodes.
+        if state, body or length do not fit the scene, the body has no outline, or contacts act at grid nodes
 
     Notes
     -----

@@ -102,9 +102,9 @@ def packing(
     Raises
     ------
     PackingError
-        If an argument is invalid, or if the bodies jam at a lower solid fraction, which the message contains. Discs
+        if an argument is invalid, or if the bodies jam at a lower solid fraction, which the message contains. Discs
         jam near 0.84 in a periodic box, and between walls, which cost a layer of 0.3 mean radii, at 0.73, 0.76, 0.79
-        and 0.81 of a square box for 20, 40, 100 and 300 of them; far beyond that they are refused at once.
+        and 0.81 of a square box for 20, 40, 100 and 300 of them; far beyond that they are refused at once
 
     Notes
     -----

@@ -29,7 +29,7 @@ def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Po
     Raises
     ------
     ValueError
-        If a radius or the spacing is not positive, inner is not below outer, or the centre is not a finite point.
+        if a radius or the spacing is not positive, inner is not below outer, or the centre is not a finite point
 
     Notes
     -----
@@ -87,7 +87,7 @@ def joined(parts: Sequence[Points]) -> Points:
     Raises
     ------
     ValueError
-        If there is no part, or some have groups and some have none.
+        if there is no part, or some have groups and some have none
 
     Examples
     --------
@@ -127,7 +127,7 @@ def row(part: Points, count: int, step: ArrayLike) -> Points:
     Raises
     ------
     ValueError
-        If the part is no Points, count is not a positive integer, or the step is not a finite vector other than zero.
+        if the part is no Points, count is not a positive integer, or the step is not a finite vector other than zero
 
     Examples
     --------

@@ -62,8 +62,8 @@ def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
     Raises
     ------
     ValueError
-        If the order is out of range; if the mesh has no or other cells, sets of cells that it does not have, nodes
-        out of the plane or at the same position, degenerate or overlapping cells, or parts joined by one node only.
+        if the order is out of range; if the mesh has no or other cells, sets of cells that it does not have, nodes
+        out of the plane or at the same position, degenerate or overlapping cells, or parts joined by one node only
 
     Notes
     -----

@@ -39,7 +39,7 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     Raises
     ------
     ValueError
-        If radius or spacing is not positive, or the centre is not a finite point.
+        if radius or spacing is not positive, or the centre is not a finite point
 
     Notes
     -----
@@ -98,7 +98,7 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     Raises
     ------
     ValueError
-        If a size or the spacing is not positive, or the corner is not a finite point.
+        if a size or the spacing is not positive, or the corner is not a finite point
 
     Notes
     -----
@@ -167,7 +167,7 @@ def ellipse(centre: ArrayLike, semi_axes: ArrayLike, *, spacing: float, angle: f
     Raises
     ------
     ValueError
-        If a semi-axis or the spacing is not positive, or the centre is not a finite point.
+        if a semi-axis or the spacing is not positive, or the centre is not a finite point
 
     Examples
     --------
@@ -204,7 +204,7 @@ def capsule(centre: ArrayLike, length: float, radius: float, *, spacing: float, 
     Raises
     ------
     ValueError
-        If a length, the radius or the spacing is not positive, or the centre is not a finite point.
+        if a length, the radius or the spacing is not positive, or the centre is not a finite point
 
     Examples
     --------
@@ -242,7 +242,7 @@ def polygon(
     Raises
     ------
     ValueError
-        If a length is not positive, there are fewer than three sides, or the arcs do not fit in the polygon.
+        if a length is not positive, there are fewer than three sides, or the arcs do not fit in the polygon
 
     Examples
     --------
