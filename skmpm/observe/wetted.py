@@ -34,10 +34,10 @@ def wetted(scene: Scene, state: State) -> list[Ints]:
     --------
     >>> import skmpm
     >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
-    >>> fluid = skmpm.Pressure(lambda x: x[0] < -0.9e-3, 1e3, penetrates=True)
+    >>> fluid = skmpm.Pressure(lambda x: x[0] < -0.9e-3, lambda t: 1e3 if t > 1e-4 else 0, penetrates=True)
     >>> plates = [skmpm.Wall((0, -1e-3), (0, 1)), skmpm.Wall((0, 1e-3), (0, -1), velocity=(0, -0.1))]
     >>> scene = skmpm.Scene([body], cell=4e-4, walls=plates, loads=[fluid], friction=0.5)
-    >>> state = skmpm.run(scene, dt=1e-4, until=2e-4, scheme=skmpm.Scheme(inertia=False))
+    >>> state = skmpm.run(scene, dt=1e-4, until=4e-4, scheme=skmpm.Scheme(inertia=False))
     >>> (points,) = skmpm.wetted(scene, state)
     >>> bool(state.x[0, points].max() < 0)  # between the plates it is tight
     True
