@@ -20,6 +20,7 @@ from skmpm.preflight.quantities import Reading, ceiled, floored
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE
 from skmpm.step.equations import LONG
 from skmpm.stepping.step_length import MAX_APPROACH, STROKE
+from skmpm.stepping.watches import MAX_LINEAR_ROTATION
 
 PASCALS = 1e4  # modulus from which on moduli are taken to be in Pa, and lengths then to be in metres
 
@@ -238,10 +239,10 @@ TABLE = (
           "its weight widens contacts to {value} boundary segments on either side; discs rolled on slopes of 1"
           " degree up to {limit}, wider contacts stopped them below 6 degrees; use a stiffer material or, to"
           " average over segments, cell = {cell} m or less", "test_rolling"),
-    Limit("rotation", "small-strain", 0.05, of.rotation,
+    Limit("rotation", "small-strain", MAX_LINEAR_ROTATION, of.rotation,
           "{material} rotates by {value} rad in {steps} steps; a rotation by {limit} rad causes a spurious strain"
           " of 0.00125, which grows with its square; use NeoHookean", "test_dynamics"),
-    Limit("possible rotation", "small-strain", 0.05, of.possible_rotation,
+    Limit("possible rotation", "small-strain", MAX_LINEAR_ROTATION, of.possible_rotation,
           "{material}, and {cause} may rotate it by more than {limit} rad; a rotation by {limit} rad causes a"
           " spurious strain of 0.00125, which grows with its square; use NeoHookean",
           "test_dynamics", unless="rotation"),

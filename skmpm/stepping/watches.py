@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.material import youngs_modulus
+from skmpm.material import inverse, is_linear, product, youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
 from skmpm.stepping.functions_of_time import Function, values_at
@@ -22,6 +22,9 @@ MAX_PRESSURE = 1.0
 # Of the largest energy: what steps with theta < 1 may gain, too. Bodies of nu = 0.49 that vibrate have two to seven
 # times their energy after 240 steps of theta = 1/2 with anchor = 0.1.
 MAX_REGRIDDING = 0.05
+
+# [rad] Of bodies of linear materials, which it strains by 0.00125; the strain grows with its square.
+MAX_LINEAR_ROTATION = 0.05
 
 # Of gravity: error of the acceleration of a wall in a step, and so of the force on a body that it carries, over its
 # weight. Where a block is shaken at 0.8 of gravity, chosen steps make it 0.4, and twice in ten periods it lifts off.
@@ -95,6 +98,28 @@ class RegriddingWatch:
         return (
             f"until t = {state.t:.6g} s new body grids have added energy (Energy.regridding), {share:.2g} of the"
             " largest that bodies had: use anchor = inf, or more points in a cell"
+        )
+
+
+class RotationWatch:
+    """Finds the first body of a linear material that has turned: a rotation by a changes its area by a^2."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._linear = np.flatnonzero([any(map(is_linear, body.materials)) for body in scene.bodies])
+
+    def warning(self, state: State) -> str:
+        """What to warn of at a state; empty for nothing."""
+        if not self._linear.size:
+            return ""
+        F = product(state.F, inverse(state.F_anchor))
+        sine, cosine = (np.bincount(state.body, each) for each in (F[1, 0] - F[0, 1], F[0, 0] + F[1, 1]))
+        turned = np.abs(np.arctan2(sine, cosine))
+        b = int(self._linear[np.argmax(turned[self._linear])])
+        if turned[b] <= MAX_LINEAR_ROTATION:
+            return ""
+        return (
+            f"body {b}: at t = {state.t:.6g} s it has turned by {turned[b]:.2g} rad, which its linear material takes"
+            f" for a strain of {0.5 * turned[b] ** 2:.2g}: use NeoHookean with the same constants"
         )
 
 

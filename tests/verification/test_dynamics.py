@@ -14,7 +14,7 @@ from skmpm.material import Anchored, LinearElastic, NeoHookean
 from skmpm.points import box, disc
 from skmpm.scene import Body, Scene, Support
 from skmpm.scheme import Scheme
-from skmpm.simulation import simulate
+from skmpm.simulation import run, simulate
 from skmpm.step.initial_state import initial
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg}
@@ -390,6 +390,23 @@ def test_energy_that_new_body_grids_add_is_warned_of_once(nu, anchor, warned, ca
     found = [message for message in caplog.messages if "new body grids have added energy" in message]
     assert len(found) == warned
     assert (state.report.energy.regridding > 0.05 * state.report.energy.largest) == bool(warned)
+
+
+@pytest.mark.parametrize(
+    ("law", "anchor", "turn", "warned"),
+    [
+        (LinearElastic, np.inf, 0.06, 1),
+        (LinearElastic, np.inf, 0.04, 0),
+        (LinearElastic, 0.01, 0.06, 0),
+        (NeoHookean, np.inf, 0.06, 0),
+    ],
+)
+def test_a_linear_body_that_turns_is_warned_of_once(law, anchor, turn, warned, caplog):
+    """Whatever turns it; in a fit without friction a bush lost its pressure by turning on the shaft."""
+    body = Body(disc((0.3, 0.1), 5.2, spacing=0.66), law(1.0, 0.3, 1.0), spin=1e-3)
+    run(Scene([body], cell=1.0), until=turn / 1e-3, dt=1.0, scheme=Scheme(theta=0.5, anchor=anchor), warn=False)
+    found = [message for message in caplog.messages if "body 0" in message and "it has turned by 0.05" in message]
+    assert len(found) == warned
 
 
 def block_rows():
