@@ -1,8 +1,12 @@
 """The contact solver alone: all contact states enumerated, closed forms, and a library of problems from real runs.
 
 No answer is judged by the solver's own residual: `violation` checks Signorini and Coulomb contact by contact, as they
-are written. The library in tests/verification/problems is made by save_problems.py. Frictionless contacts against
-non-negative least squares, projections, units and jams are unit tests (tests/unit/test_coulomb.py).
+are written (contact_laws.py). The library in tests/verification/problems is made by save_problems.py, the figures of
+three problems of Siconos by siconos.py. Frictionless contacts against non-negative least squares, projections, units
+and jams are unit tests (tests/unit/test_coulomb.py).
+
+A plain Gauss-Seidel method reaches 1e-6 sooner than Newton's if bodies are rigid and their masses similar. It stalls
+above 1e-8 where W has negative eigenvalues: Siconos prints six digits of W. It fails where masses differ by 1e4.
 """
 
 from functools import cache
@@ -13,6 +17,8 @@ from time import process_time
 
 import numpy as np
 import pytest
+import siconos
+from contact_laws import violation
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from ledger import Row
@@ -25,30 +31,6 @@ TOL = 1e-10
 FRICTION = st.one_of(st.just(0.0), st.floats(0.0, 2.0))
 SEED = st.integers(0, 2**32 - 1)
 TILT = np.sqrt(3.0) / 2.0  # cos 30 degrees
-
-
-# The laws as they are written, in variables scaled by diag(W).
-
-
-def rows_of(x, mu):
-    """Normal and tangential rows; without friction the latter are zero."""
-    return (x[::2], x[1::2]) if x.size == 2 * mu.size else (x, np.zeros_like(x))
-
-
-def violation(W, q, mu, r):
-    """The largest violation of r_n >= 0, u_n >= 0, r_n u_n = 0, |r_t| <= mu r_n and r_t against u_t, over |q|."""
-    s = np.sqrt(W.diagonal())
-    (s_n, s_t), moving = rows_of(s, mu), mu > 0.0
-    u = (W @ r + q) / s
-    (r_n, r_t), (u_n, u_t) = rows_of(s * r, mu), rows_of(u, mu)
-    slope = mu * s_t / s_n if r.size > mu.size else mu
-    counted = np.ones(q.size, dtype=bool)
-    if r.size > mu.size:
-        counted[1::2] = moving
-    laws = [-r_n, -u_n, np.minimum(r_n, u_n), np.abs(r_t) - slope * r_n]
-    against = np.abs(r_t + np.sign(u_t) * slope * r_n)
-    laws.append(np.where(moving, np.minimum(np.abs(u_t), against / np.maximum(slope, 1.0)), 0.0))
-    return float(max(law.max() for law in laws) / np.linalg.norm((q / s)[counted]))
 
 
 # All states of a few contacts.
@@ -409,6 +391,67 @@ def test_library_is_there():
     assert sum(path.stat().st_size for path in FOLDER.glob("*.npz")) < 1.5e6
 
 
+# Public problems, and a plain Gauss-Seidel method.
+
+
+@pytest.mark.parametrize("name", ["discs_mu0.5_fraction0.75_0.5us", "ride", "bodies_mu1.0_300"])
+def test_a_plain_gauss_seidel_method_agrees(name):
+    """Within 10,000 sweeps it obeys all laws to 1e-8 |q|; its impulses are those of the solver to 1e-4."""
+    p = load(FOLDER / f"{name}.npz")
+    W = p.W[: p.q.size, : p.q.size].tocsr()
+    newton, info = coulomb.solve(W, p.q, p.mu, tol=TOL)
+    r, sweeps, _ = siconos.gauss_seidel(W, p.q, p.mu, tol=1e-8)
+    s = np.sqrt(W.diagonal())
+    assert info.converged
+    assert sweeps < siconos.SWEEPS
+    assert violation(W, p.q, p.mu, newton) < 1e-9
+    assert violation(W, p.q, p.mu, r) < 1e-8
+    np.testing.assert_allclose(s * r, s * newton, atol=1e-4 * np.abs(s * newton).max())
+
+
+@cache
+def swept(name):
+    """Violation of the laws by Gauss-Seidel after its 10,000 sweeps, and by Newton's method."""
+    p = load(FOLDER / f"{name}.npz")
+    W = p.W[: p.q.size, : p.q.size].tocsr()
+    sweeps, *_ = siconos.gauss_seidel(W, p.q, p.mu, tol=TOL)
+    newton, info = coulomb.solve(W, p.q, p.mu, tol=TOL)
+    return violation(W, p.q, p.mu, sweeps), violation(W, p.q, p.mu, newton), info.iterations
+
+
+@pytest.mark.parametrize("name", [n for n in LIBRARY if group(n) == "heavy"])
+def test_sweeps_do_not_solve_a_heavy_disc_on_light_ones(name):
+    """Masses differ by 1e4: after 10,000 sweeps the laws are violated by 1e-2 |q| and more; the solver obeys them."""
+    sweeps, newton, _ = swept(name)
+    assert sweeps > 1e-2
+    assert newton < 1e-9
+
+
+def test_reads_a_file_of_siconos(tmp_path):
+    """Two contacts; entries column by column, then q and mu on a line each."""
+    W, q, mu = np.diag([2.0, 3.0, 4.0, 5.0]), [-1.0, 0.5, 2.0, 0.25], [0.5, 0.25]
+    W[0, 3] = W[3, 0] = -1.5
+    lines = ["2", "2", "2", "4", "4", "2", "CSparse Version 3.1.9", "4-by-4, nzmax: 6 nnz: 6, 1-norm: 6.5"]
+    for j, column in enumerate(W.T):
+        lines += [f"    col {j} : locations 0 to 1", *(f"      {i} : {column[i]:g}" for i in np.flatnonzero(column))]
+    lines += ["  ".join(f"{x:.24e}" for x in values) + " " for values in (q, mu)]
+    (tmp_path / "problem.dat").write_text("\n".join(lines) + "\n")
+    found = siconos.read(tmp_path / "problem.dat")
+    np.testing.assert_array_equal(found[0].toarray(), W)
+    np.testing.assert_array_equal(found[1], q)
+    np.testing.assert_array_equal(found[2], mu)
+
+
+def test_siconos_problems_are_solved_to_where_sweeps_stall():
+    """As docs/verification shows: the laws to 1e-9 |q|; sweeps reach 1e-6, but of two problems not 1e-8."""
+    table = siconos.kept()
+    assert [line.contacts for line in table] == [667, 2020, 7002]
+    for line in table:
+        assert line.violation < 1e-9
+        assert line.sweeps < siconos.SWEEPS
+        assert (line.least > 1e-8) is (line.lowest < 0.0) is (line.contacts > 667)
+
+
 # The table and its figure.
 
 TRIALS = 2000
@@ -456,6 +499,40 @@ def library_row(name):
     )
 
 
+def siconos_row(line):
+    """One line of the table: a problem of Siconos."""
+    met = "met" if line.violation < 1e-9 else "missed"
+    return Row(
+        "rigid discs that flow on a wall, from Siconos",
+        "a plain Gauss-Seidel method (siconos.py); data of github.com/siconos/siconos, FrictionContact/test/data",
+        f"{line.contacts} contacts",
+        f"Newton steps {line.steps}; laws violated by {line.violation:.1g}; time [s] {1e-3 * line.milliseconds:.2g};"
+        f" Gauss-Seidel sweeps {line.sweeps}; Gauss-Seidel violates by {line.least:.1g};"
+        f" Newton over Gauss-Seidel time {line.ratio:.2g}; lowest over highest eigenvalue {line.lowest:.1g}",
+        "-",
+        f"laws to 1e-9 |q|: {met}. Sweeps and the ratio of times are to 1e-6 |q|, the violation is the smallest in"
+        f" {siconos.SWEEPS} sweeps",
+        "test_siconos_problems_are_solved_to_where_sweeps_stall",
+    )
+
+
+def heavy_row():
+    """One line of the table: where masses differ much, sweeps do not converge."""
+    found = [swept(name) for name in LIBRARY if group(name) == "heavy"]
+    sweeps, newton, steps = zip(*found, strict=True)
+    met = "met" if max(newton) < 1e-9 else "missed"
+    return Row(
+        GROUPS["heavy"],
+        "a plain Gauss-Seidel method (siconos.py)",
+        f"{len(found)} problems",
+        f"after {siconos.SWEEPS} sweeps the laws are violated by {min(sweeps):.1g} to {max(sweeps):.1g} |q|, after at"
+        f" most {max(steps)} Newton steps by {max(newton):.1g} |q|",
+        "-",
+        f"laws to 1e-9 |q|: {met}",
+        "test_sweeps_do_not_solve_a_heavy_disc_on_light_ones",
+    )
+
+
 def rows():
     """What docs/verification shows of this module."""
     found, worst, counts = trials(None)
@@ -482,6 +559,8 @@ def rows():
             "test_solves_what_has_a_solution_when_contacts_are_redundant",
         ),
         *(library_row(name) for name in GROUPS),
+        *(siconos_row(line) for line in siconos.kept()),
+        heavy_row(),
     ]
 
 
