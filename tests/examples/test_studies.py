@@ -15,6 +15,7 @@ STUDIES = {
     "feature_cost": ("",),
     "periodic_shear": ("", "figures"),
     "shear_cell": ("", "figures"),
+    "lmgc90_box": ("",),
     "benchmark": ("", "crossover", "large"),
 }
 HELP = """
