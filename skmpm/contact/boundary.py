@@ -130,10 +130,14 @@ class _PointToCurve:
         return step.constraints(pairs, near, motion, moved, velocity)
 
     def _candidates(self, needed: float) -> Neighbours | None:
-        """The candidates with a margin of `needed` [m], found again if that is more than was foreseen."""
+        """The candidates with a margin of `needed` [m], found again if that is more than was foreseen.
+
+        Those of an iterate that moves farther than a step may are not looked for: it diverges, and all bodies of a
+        packing would be near each other.
+        """
         if needed <= self.margin:
             return self.close
-        near = self.detection.near(needed)
+        near = self.detection.near(min(needed, self.margin + 2.0 * self.detection.scene.max_motion))
         if near is None or self.close is None:
             return near
         facing = None if self.close.facing is None else self.detection.ahead(near, self.motion)

@@ -9,6 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from skmpm import contact, coulomb
+from skmpm.contact import boundary
 from skmpm.contact.constraints import lookup
 from skmpm.contact.projection import CORNER_DISC_DEPTH
 from skmpm.material import LinearElastic, NeoHookean, Rigid
@@ -265,6 +266,21 @@ def test_forces_and_impulses_find_their_contacts_again():
 
 
 # --- corners and notches
+
+
+def test_an_iterate_that_diverges_does_not_look_for_neighbours_in_the_whole_packing(monkeypatch):
+    """A step may move nothing farther than `max_motion`, so no iterate needs to look farther than that."""
+    scene = crowd()
+    state, margins = initial(scene), []
+    found = boundary._Detection.near
+    monkeypatch.setattr(boundary._Detection, "near", lambda self, m: (margins.append(m), found(self, m))[1])
+    grid = state.derived.assembly.grid
+    linearise = contact.point_to_curve(scene, state, grid, DT)
+    w = np.random.default_rng(0).normal(size=2 * grid.nodes)
+    for speed in (2.0, 1e3, 1e9):
+        linearise(speed * scene.max_motion / DT * w)
+    first, *others = margins
+    assert len(others) == 3 and max(others) == others[1] == others[2] <= first + 2.0 * scene.max_motion
 
 
 def turned_square(angle, corner, *, side=8 * CELL, per=CELL / 2):
