@@ -17,9 +17,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import skmpm
-from examples.studies.pages import parser_of_figures, put, table
+from examples.studies import sweeps
+from examples.studies.pages import parser_of_figures, table
 from examples.studies.periodic_shear import study
-from examples.studies.provenance import made
 from skmpm.sweep import Member
 
 STEADY = 0.2  # strain from which means are taken
@@ -92,18 +92,14 @@ def draw(found: skmpm.Sweep, folder: Path) -> None:
     plt.close(figure)
 
 
+def tables(found: skmpm.Sweep) -> dict[str, str]:
+    """The parts of the page that are made of the members."""
+    return {"members": table(HEAD, [line(member) for member in found])}
+
+
 def write(out: Path, docs: Path) -> None:
     """Draw the figure and fill the page; SystemExit if no member has finished."""
-    ran = skmpm.Sweep.read(out)
-    found = ran.finished
-    if not len(found):
-        raise SystemExit(f"{out}: no member has finished; run the study first")
-    draw(found, docs / "periodic_shear")
-    lines = [line(member) for member in found]
-    put(
-        docs / "periodic_shear.md",
-        {"made": made(ran, "examples.studies.periodic_shear"), "members": table(HEAD, lines)},
-    )
+    sweeps.write(out, docs, "periodic_shear", draw, tables)
 
 
 def main(options: argparse.Namespace) -> None:

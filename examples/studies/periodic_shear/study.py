@@ -12,14 +12,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import skmpm
 
-from .. import pages
+from .. import sweeps
 
 CELL, SPACING = 0.17e-3, 0.126e-3  # [m]; 5.6 cells in the mean radius
 RATE, HOLD, LOOSE = 4.0, 5e-3, 0.77  # [1/s]; [s]; solid fraction of the packing that is compressed
@@ -101,12 +100,7 @@ def main(options: argparse.Namespace) -> None:
     """Run all members that have not finished, with a line of progress; then write the page."""
     from . import figures
 
-    found = skmpm.sweep(build, members(options), out=options.out, processes=options.processes, progress=True)
-    print(found)
-    for name, error in found.failed.items():
-        print(f"{name} stopped: {error}")
-    if len(found.finished):
-        figures.write(options.out, options.docs)
+    sweeps.run(build, members(options), options, figures.write)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -117,7 +111,5 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--confining", type=float, default=1e5, help="pressure and vertical stress [Pa]")
     options.add_argument("--until", type=float, default=0.5, help="shear strain at the end")
     options.add_argument("--seeds", type=int, default=2, help="packings for each friction")
-    options.add_argument("--processes", type=int, help="members run at a time; None: as many as there are cores")
-    options.add_argument("--out", type=Path, default=Path("out/shear"), help="directory of the results")
-    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of periodic_shear.md")
+    sweeps.add_options(options, "out/shear", "periodic_shear.md")
     return options

@@ -17,8 +17,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import skmpm
-from examples.studies.pages import parser_of_figures, put, table
-from examples.studies.provenance import made
+from examples.studies import sweeps
+from examples.studies.pages import parser_of_figures, table
 from examples.studies.shear_cell import study
 from skmpm.sweep import Member
 
@@ -99,15 +99,14 @@ def draw(found: skmpm.Sweep, folder: Path) -> None:
     plt.close(figure)
 
 
+def tables(found: skmpm.Sweep) -> dict[str, str]:
+    """The parts of the page that are made of the members."""
+    return {"members": table(HEAD, [line(*group) for group in groups(found).items()])}
+
+
 def write(out: Path, docs: Path) -> None:
     """Draw the figure and fill the page; SystemExit if no member has finished."""
-    ran = skmpm.Sweep.read(out)
-    found = ran.finished
-    if not len(found):
-        raise SystemExit(f"{out}: no member has finished; run the study first")
-    draw(found, docs / "shear_cell")
-    lines = [line(*group) for group in groups(found).items()]
-    put(docs / "shear_cell.md", {"made": made(ran, "examples.studies.shear_cell"), "members": table(HEAD, lines)})
+    sweeps.write(out, docs, "shear_cell", draw, tables)
 
 
 def main(options: argparse.Namespace) -> None:

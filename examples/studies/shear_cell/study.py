@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import skmpm
 
-from .. import pages
+from .. import sweeps
 
 D, DENSITY, YOUNG, POISSON = 2e-3, 1000.0, 1e6, 0.3  # mean diameter [m]; [kg/m3]; [Pa]
 STIFFNESS = YOUNG / (1.0 - POISSON**2)  # E* [Pa]
@@ -105,12 +104,7 @@ def main(options: argparse.Namespace) -> None:
     """Run all members that have not finished, with a line of progress; then write the page."""
     from . import figures
 
-    found = skmpm.sweep(build, members(options), out=options.out, processes=options.processes, progress=True)
-    print(found)
-    for name, error in found.failed.items():
-        print(f"{name} stopped: {error}")
-    if len(found.finished):
-        figures.write(options.out, options.docs)
+    sweeps.run(build, members(options), options, figures.write)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -122,7 +116,5 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--friction", type=float, default=0.5, help="friction coefficient of discs")
     options.add_argument("--until", type=float, default=4.0, help="shear strain at the end")
     options.add_argument("--seeds", type=int, default=2, help="packings at each point")
-    options.add_argument("--processes", type=int, help="members run at a time; None: as many as there are cores")
-    options.add_argument("--out", type=Path, default=Path("out/shear_cell"), help="directory of the results")
-    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of shear_cell.md")
+    sweeps.add_options(options, "out/shear_cell", "shear_cell.md")
     return options
