@@ -8,6 +8,7 @@ Half of the grains of a periodic packing are rigid: they move freely, turn, and 
 The box is compressed until the packing resists, then kept under a pressure: its edges are unknowns of the contact
 problem, and the stress of all contacts, between rigid grains too, is the given one at the end. Whether chains of
 force prefer the rigid grains, two dozen do not tell: the mean force between these is that between all to 10 %.
+`studies/mixtures` varies pressure, share and friction.
 """
 
 import argparse

@@ -16,6 +16,7 @@ STUDIES = {
     "periodic_shear": ("", "figures"),
     "shear_cell": ("", "figures"),
     "lmgc90_box": ("",),
+    "mixtures": ("", "figures"),
     "benchmark": ("", "crossover", "large"),
 }
 HELP = """

@@ -1,0 +1,1 @@
+"""Compaction of mixtures of rigid and soft discs."""
