@@ -321,7 +321,7 @@ def _of_bodies(found: ContactPairs, surfaces: outline.Images) -> ContactPairs:
     boundary = surfaces.boundary
     return replace(
         found,
-        bodies=np.where(found.bodies < 0, found.bodies, surfaces.body[found.bodies]),
+        bodies=np.where(found.bodies < 0, found.bodies, surfaces.body[np.maximum(found.bodies, 0)]),
         point=boundary[found.point],
         own=boundary[found.own],
         stencil=boundary[found.stencil],

@@ -148,7 +148,7 @@ class Recorder:
 
 def open_file(path: Path, mode: str) -> Any:
     """An open HDF5 file; ValueError if it is none."""
-    h5py = optional("h5py", "record", "io")
+    h5py = optional("h5py", "read" if mode == "r" else "record", "io")
     try:
         # No lock: ParaView can read the file while it grows.
         return h5py.File(path, mode, locking=False)

@@ -231,8 +231,9 @@ class Pressure:
 
     The pressure of a fluid that `penetrates` acts where it gets to along the boundaries of these bodies, from the
     points where `where` is true: up to points that a support holds, and up to contacts that press more than it does,
-    by `contact_pressure` at the start of each step. It leaves contacts that close again; what has got through a leak
-    stays. `wetted` returns where it acts. It does not press on walls and other bodies.
+    as both are at the start of each step. It leaves contacts that press as much without it. What has got through a
+    leak stays, so close a seal before the fluid comes. `wetted` returns where it acts. It does not press on walls and
+    other bodies.
 
     Parameters
     ----------

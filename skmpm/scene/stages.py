@@ -12,7 +12,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.fits import STAYS_RIGID, check_fits
-from skmpm.scene.objects import Body, Wall
+from skmpm.scene.objects import Body, Pressure, Wall
 from skmpm.scene.point_sets import support_arms, support_rotations
 from skmpm.scene.prescribed import centres, normal_speeds, with_normal_speeds
 from skmpm.scene.renumbered import of_bodies, renumbered
@@ -21,7 +21,7 @@ from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
 from skmpm.scene.values import SceneError
 
-KEEP = "stages keep bodies as they are, in their order, and the cell; dataclasses.replace(scene, walls=...) does"
+KEEP = "a stage may lack bodies, but keeps the others in their order and the cell, as dataclasses.replace does"
 
 
 def continued(scene: Scene, state: State, new_scene: Scene) -> State:
@@ -32,8 +32,9 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     the `normal` of a wall of the old scene is that wall, and goes on from where it is; any other is new and begins at
     its `point`. Walls and bodies that the new scene lacks, as grains that have left, are removed with their contacts;
     the other bodies keep their order. Supports, loads and springs act on the points where `where(x)` is true at
-    t = 0, as always. Time goes on, so functions of time are taken at the time
-    of the state.
+    t = 0, as always: a load or a spring is that of the bodies that are left, and so is the mass of a driven wall
+    that gives none. A `Pressure` that stays has wetted what it had. Time goes on, so functions of time are taken at
+    the time of the state.
 
     Parameters
     ----------
@@ -91,6 +92,7 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
         support_force=support_force,
         support_moment=support_moment,
         contacts=contacts,
+        wetted=_wetted(scene, state, new_scene),
         step_control=StepControl(),
     )
 
@@ -146,6 +148,15 @@ def at_rest(scene: Scene, state: State) -> State:
         wall_velocity=with_normal_speeds(scene, walls, np.zeros(scene.driven_walls.size)),
         box_rate=rate,
     )
+
+
+def _wetted(scene: Scene, state: State, new_scene: Scene) -> Bools:
+    """What the pressures of the new scene wet: those of the old one the same, others nothing yet."""
+    old, new = ([load for load in each.loads if isinstance(load, Pressure)] for each in (scene, new_scene))
+    if state.wetted.shape != (len(old), new_scene.outlines.size):
+        return np.zeros((0, 0), dtype=bool)
+    dry = np.zeros(new_scene.outlines.size, dtype=bool)
+    return np.array([state.wetted[old.index(each)] if each in old else dry for each in new]).reshape(-1, dry.size)
 
 
 def _of_supports(scene: Scene, state: State, new_scene: Scene, kept: Bools) -> tuple[Array, Array]:

@@ -84,7 +84,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)
-    state = with_fluids(scene, state)
+    state = with_fluids(scene, state, state.t + scheme.theta * dt)
     motions = prescribed_velocities(scene, state.t, dt, state.box)
     unknowns = scalar_unknowns(scene, state, dt, scheme, motions)
     motions = unknowns.motions(motions, unknowns.inertia.v0)

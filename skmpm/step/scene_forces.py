@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from skmpm.arrays import Array
-from skmpm.material import viscosity_of
+from skmpm.material import is_linear, viscosity_of
 from skmpm.observe import pressed_segments
 from skmpm.scene import Scene, State, gravity_at, prescribed_motions, stiffness_of
 from skmpm.scheme import Scheme
@@ -62,7 +62,9 @@ def follower_pressure(scene: Scene, state: State, first: float, t: float) -> Fol
     points = boundary.point[c]
     row = (np.cumsum(deformable) - 1)[points]  # among the points of deformable bodies
     interpolation = sp.csr_array(state.grids.assembly.grid.interpolation[row])
-    return FollowerPressure(interpolation, state.x_anchor[:, points], ends.reshape(2, -1), value, begin)
+    soft = row if any(not is_linear(material) for material in scene.materials) else row[:0]
+    reference, assembly = state.x_anchor[:, points], state.grids.assembly
+    return FollowerPressure(interpolation, reference, ends.reshape(2, -1), value, begin, assembly, soft)
 
 
 def has_gravity(scene: Scene) -> bool:

@@ -191,6 +191,41 @@ def test_a_value_that_is_not_finite_later_is_refused_then():
         list(skmpm.simulate(scene, dt=1.0, until=3.0, scheme=STATIC))
 
 
+def test_the_stiffness_is_the_derivative_of_the_force_by_affine_motions():
+    """By central differences of its work, round a closed outline; of linear materials it has none."""
+    scene = pressed_disc(3e4)
+    state = skmpm.initial(scene)
+    pressure, assembly = follower_pressure(scene, state, 0.0, 0.0), state.derived.assembly
+    K = assembly.matrix(pressure.stiffness(None), 1.0) - assembly.matrix(np.zeros_like(assembly.ghost_data), 1.0)
+    assert abs(K - K.T).max() < 1e-12 * abs(K).max()
+    x, y = assembly.grid.position / R
+    one = np.ones_like(x)
+    for field in ((x, -y), (x, y), (-y, x), (y, x), (one, 0 * one), (x + 2 * y, 3 * x)):
+        u = 1e-3 * R * np.stack(field, axis=1).ravel()
+        change = pressure.force(Configuration(u)) - pressure.force(Configuration(-u))
+        assert u @ (K @ u) == pytest.approx(0.5 * float(u @ change), rel=1e-9, abs=1e-9 * 3e4 * 1e-6 * R**2)
+    linear = pressed_disc(3e4, material=skmpm.LinearElastic(1e6, 0.3, 1000.0))
+    assert not follower_pressure(linear, skmpm.initial(linear), 0.0, 0.0).stiff
+
+
+def test_a_ring_in_a_groove_bears_half_of_its_modulus():
+    """Steps without inertia need the stiffness of the pressure from a fifth of the modulus on."""
+    rubber = skmpm.NeoHookean(E=5e6, nu=0.48, density=1100.0)
+    body = skmpm.Body(skmpm.disc((0.0, 0.0), R, spacing=R / 12), rubber)
+    walls = [
+        skmpm.Wall((0.0, -R), (0.0, 1.0)),
+        skmpm.Wall((0.0, R), (0.0, -1.0), velocity=lambda t: (0.0, -0.3 * R if t < 1.0 else 0.0)),
+        skmpm.Wall((1.25 * R, 0.0), (-1.0, 0.0)),
+    ]
+    fluid = skmpm.Pressure(lambda x: x[0] < -0.5 * R, lambda t: 2.5e6 * max(t - 1.0, 0.0))
+    scene = skmpm.Scene([body], cell=R / 6, walls=walls, friction=0.1, loads=[fluid])
+    state = skmpm.run(scene, dt=0.05, until=2.0, scheme=STATIC, warn=False)
+    (points,) = skmpm.wetted(scene, state)
+    height = np.ptp(state.x[1, points])
+    friction = state.wall_force[:2, 0].sum()
+    assert state.wall_force[2, 0] + friction == pytest.approx(2.5e6 * height, rel=2e-3)
+
+
 def test_without_pressures_none_is_evaluated():
     """No segment is looked for, no force found, and a linear material is solved once."""
     scene = skmpm.Scene(pressed_disc(1e3).bodies, cell=R / 5, gravity=(0.0, -1.0))

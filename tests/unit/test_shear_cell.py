@@ -34,6 +34,17 @@ def plates(top, **options):
     return [((0.0, 0.0), (0.0, 1.0), {}), ((0.0, top), (0.0, -1.0), options)]
 
 
+@pytest.mark.parametrize("centre", [0.0, 0.5, 1.0])
+def test_a_single_body_across_the_edge_of_the_box_is_one_inside_it(centre):
+    """Squeezed between two walls, wherever in the box it lies; walls are then more than surfaces."""
+    block = skmpm.Body(skmpm.box(((8 * centre - 2) * R, 0.0), (4 * R, 4 * R), spacing=R / 4), GEL)
+    walls = [Wall((0, 0), (0, 1)), Wall((0, 4 * R), (0, -1), velocity=(0.0, -0.04 * R))]
+    plain = skmpm.Scene([block], cell=R / 2, walls=walls, friction=0.5)
+    scene = replace(plain, periodic=Periodic(8 * R, None))
+    state, alone = (skmpm.run(each, dt=0.5, until=1.0, scheme=STATIC, warn=False) for each in (scene, plain))
+    assert state.wall_force[1, 1] == pytest.approx(alone.wall_force[1, 1], rel=1e-9) and alone.wall_force[1, 1] > 0.0
+
+
 def test_one_disc_is_a_disc_between_four_walls():
     """Its images press on it as smooth walls at their planes of symmetry would: P to 1 % at 4 % of its height."""
     lid = plates(2.0 * R, velocity=(0.0, -0.08 * R))

@@ -11,6 +11,7 @@ from skmpm import (
     Load,
     NeoHookean,
     Periodic,
+    Pressure,
     Rigid,
     Scene,
     SceneError,
@@ -341,3 +342,17 @@ def test_grains_that_leave_are_named_where_they_are_none_of_the_scene(run):
     other = Body(disc((9 * R, R), R, spacing=R / 5), GEL)
     with pytest.raises(SceneError, match="body 0 of the new scene is none of the 2 bodies"):
         continued(scene, state, replace(scene, bodies=[other]))
+
+
+def test_what_a_pressure_has_wetted_goes_on_with_it():
+    """Also where another one comes before it, and without a body."""
+    body = Body(box((0, 0), (2 * R, R), spacing=R / 4), GEL)
+    other = Body(box((5 * R, 0), (2 * R, R), spacing=R / 4), GEL)
+    fluid = Pressure(lambda x: x[0] < 1e-9, 1e3, penetrates=True)
+    scene = Scene([other, body], cell=R / 2, loads=[fluid], supports=[Support(lambda x: x[1] < 1e-9)])
+    state = step(scene, initial(scene), DT)
+    later = replace(scene, bodies=[body], loads=[Pressure(lambda x: x[0] > 1.99 * R, 1e2), fluid])
+    begun = continued(scene, state, later)
+    assert begun.wetted.shape == (2, later.outlines.size) and not begun.wetted[0].any()
+    assert begun.wetted[1].sum() == state.wetted.sum() > 0
+    assert continued(scene, state, replace(scene, loads=[])).wetted.size == 0

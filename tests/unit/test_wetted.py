@@ -1,5 +1,7 @@
 """Pressures of fluids that follow contact: fronts and leaks by closed forms, balance, what is refused and unused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_only_what_is_required import Calls
@@ -65,12 +67,17 @@ def test_the_fluid_pushes_with_its_pressure_times_the_height_of_its_fronts(seale
 
 
 def test_a_seal_holds_up_to_the_peak_of_its_contact_pressure_and_leaks_above(sealed):
+    """With inertia from there: a seal that gives way has no equilibrium near."""
     scene, states = sealed
     peak = skmpm.contact_pressure(scene, states[-1], 0).pressure.max()
     assert ramp(states[-1].t) < peak and fronts(scene, states[-1])[0].max() < 0.25 * R
-    leaking = list(skmpm.simulate(scene, dt=0.05, until=1.7, start=states[-1], scheme=STATIC, warn=False))[-1]
-    assert ramp(leaking.t) > peak and fronts(scene, leaking)[0].min() > 0.9 * R
-    assert abs(leaking.support_force[0, 0]) < 0.01 * ramp(leaking.t) * 2.0 * R  # it pushes from all sides
+    damped = skmpm.Body(scene.bodies[0].points, skmpm.NeoHookean(E, NU, 1000.0, viscosity=1e3))
+    soft = replace(scene, bodies=[damped])
+    start = skmpm.at_rest(soft, skmpm.continued(scene, states[-1], soft))
+    for leaking in skmpm.simulate(soft, until=2.0, start=start, warn=False):
+        if fronts(soft, leaking)[0].min() > 0.9 * R:
+            break
+    assert 0.85 * peak < ramp(leaking.t) < 1.15 * peak
 
 
 def test_fluid_leaves_contacts_that_close(sealed):
@@ -85,7 +92,7 @@ def test_fluid_leaves_contacts_that_close(sealed):
     assert (fronts(lower, state)[0] < before - 0.1 * R).all()
 
 
-@pytest.mark.parametrize(("share", "tight"), [(0.95, True), (1.05, False)])
+@pytest.mark.parametrize(("share", "tight"), [(0.95, True), (1.1, False)])
 def test_a_block_that_the_fluid_presses_against_its_stop_seals_itself(share, tight):
     """Squeezed by a strain e it bears E' e and nu / (1 - nu) p of the fluid at its side: it leaks where that is p."""
     nu, strain = 0.3, 0.02
@@ -100,7 +107,7 @@ def test_a_block_that_the_fluid_presses_against_its_stop_seals_itself(share, tig
         lambda x: x[0] < 1e-9, lambda t: share * limit * min(max(t - 1.0, 0.0), 1.0), penetrates=True
     )
     scene = skmpm.Scene([block], cell=R / 8, walls=plates, loads=[fluid])
-    state = skmpm.run(scene, dt=0.1, until=2.6, scheme=STATIC, warn=False)
+    state = skmpm.run(scene, dt=0.1, until=2.3, scheme=STATIC, warn=False)
     reached = state.x[0, skmpm.wetted(scene, state)[0]].max() / (2 * R)
     assert (reached < 0.1) if tight else (reached > 0.9)
 
@@ -112,8 +119,9 @@ def test_no_fluid_passes_what_a_support_holds():
     glued = skmpm.Scene([block], cell=R / 4, loads=[fluid], supports=[skmpm.Support(lambda x: x[1] < 1e-9)])
     state = skmpm.run(glued, dt=0.1, until=0.2, scheme=STATIC, warn=False)
     (points,) = skmpm.wetted(glued, state)
-    boundary = block.points.outline[0]
-    assert sorted(points.tolist()) == sorted(boundary[block.points.x[1, boundary] > 1e-9].tolist())
+    x, y = block.points.x[:, block.points.outline[0]]
+    free = (y > 1e-9) | (x < 1e-9) | (x > 2 * R - 1e-9)  # up to the ends of the foot
+    assert sorted(points.tolist()) == sorted(block.points.outline[0][free].tolist())
 
 
 def test_a_restart_is_exact(sealed):
@@ -139,3 +147,47 @@ def test_what_cannot_be_is_refused():
     scene = o_ring(1e3)
     with pytest.raises(skmpm.SceneError, match="contacts act at grid nodes"):
         skmpm.run(scene, dt=0.05, until=0.2, scheme=skmpm.Scheme.nezamabadi2017(), warn=False)
+
+
+def test_the_free_side_is_pressed_up_to_its_corners_and_nothing_changes_at_a_constant_pressure():
+    """A tight block bears the fluid on its stop; what is wet stays as it is from step to step."""
+    block = skmpm.Body(skmpm.box((0, 0), (2 * R, R), spacing=R / 16), skmpm.NeoHookean(E, 0.3, 1000.0))
+    plates = [
+        skmpm.Wall((0, 0), (0, 1)),
+        skmpm.Wall((0, R), (0, -1), velocity=lambda t: (0.0, -0.02 * R if t < 1.0 else 0.0)),
+        skmpm.Wall((2 * R, 0), (-1, 0)),
+    ]
+    value = 0.9 * E / (1 - 0.3**2) * 0.02 / (1 - 0.3 / 0.7)
+    fluid = skmpm.Pressure(lambda x: x[0] < 1e-9, lambda t: value * min(max(t - 1.0, 0.0), 1.0), penetrates=True)
+    scene = skmpm.Scene([block], cell=R / 8, walls=plates, loads=[fluid])
+    states = list(skmpm.simulate(scene, dt=0.2, until=4.0, scheme=STATIC, warn=False))
+    left = min(state.wall_force[2, 0] for state in states if state.t > 2.5)
+    height = states[-1].walls[1, 1]
+    assert left == pytest.approx(value * height, rel=2e-3)
+    wet = [state.wetted for state in states if state.t > 2.5]
+    assert all(np.array_equal(wet[0], each) for each in wet)
+
+
+def test_suction_enters_no_contact():
+    scene = o_ring(lambda t: -1e3 * t)
+    with pytest.raises(skmpm.SceneError, match=r"pressure 0: a fluid that penetrates has -50 Pa at t = 0.05 s"):
+        skmpm.run(scene, dt=0.05, until=0.2, scheme=STATIC, warn=False)
+
+
+def test_the_first_step_of_a_ramp_has_the_fluid():
+    """On open boundaries, which no contact closes: the force on what holds the block is the pressure of the end."""
+    block = skmpm.Body(skmpm.box((0, 0), (2 * R, R), spacing=R / 8), skmpm.NeoHookean(E, 0.3, 1000.0))
+    held = [skmpm.Support(lambda x: x[0] > 2 * R - 1e-9)]
+    fluid = skmpm.Pressure(lambda x: x[0] < 1e-9, lambda t: 1e4 * t, penetrates=True)
+    scene = skmpm.Scene([block], cell=R / 4, loads=[fluid], supports=held)
+    state = skmpm.run(scene, dt=0.1, until=0.1, scheme=STATIC, warn=False)
+    assert state.support_force[0, 0] == pytest.approx(1e3 * R, rel=1e-2)
+
+
+def test_a_state_with_other_pressures_is_refused(sealed):
+    scene, states = sealed
+    other = skmpm.Scene(
+        scene.bodies, cell=CELL, walls=scene.walls, loads=[*scene.loads, *scene.loads], supports=scene.supports
+    )
+    with pytest.raises(skmpm.SceneError, match=r"wetted: the state has 1 pressures on .* segments, the scene 2"):
+        skmpm.wetted(other, states[-1])
