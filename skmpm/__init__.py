@@ -38,7 +38,7 @@ from skmpm.observe import (
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
 from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, joined, polygon, ring, row
-from skmpm.preflight import Preflight, PreflightWarning, Suggestion, preflight, suggest
+from skmpm.preflight import Preflight, PreflightWarning, Suggestion, explain, preflight, suggest
 from skmpm.scene import (
     Body,
     Load,
@@ -114,6 +114,7 @@ __all__ = [
     "coulomb",
     "disc",
     "ellipse",
+    "explain",
     "from_mesh",
     "initial",
     "jam",

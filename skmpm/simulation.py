@@ -17,6 +17,7 @@ import numpy as np
 from skmpm.arrays import ROUND_OFF
 from skmpm.io import save, writable
 from skmpm.preflight import preflight
+from skmpm.preflight.explain import about
 from skmpm.progress import Progress
 from skmpm.scene import (
     Scene,
@@ -153,8 +154,10 @@ def simulate(
             _log.warning("%s", warning)
     first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
     if warn and first.report.dt == 0.0:
-        for found in preflight(scene, dt, scheme=scheme, until=until or None).warnings:
-            _log.warning("preflight: %s", found)
+        found = preflight(scene, dt, scheme=scheme, until=until or None).warnings
+        said = [*found, about(each.section for each in found)] if found else []
+        for each in said:
+            _log.warning("preflight: %s", each)
     began = first.step_control.began
     pace = pace_of(scene, scheme, began, until, max_dt=max_dt, waves=waves) if dt is None else None
     return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))

@@ -35,7 +35,7 @@ class PreflightWarning:
     object : what is concerned, as "body 3": the worst, where it is one of several
     count : number of objects that are concerned
     value, limit : value of the worst object, and the end of the verified range; None where choices do not go together
-    section : section of docs/how_to/warnings.md, which explains it
+    section : name of the section that `explain` prints
     text : object, value, what was verified, remedy
 
     Examples
@@ -71,7 +71,7 @@ class Limit:
     """
 
     kind: str
-    section: str  # of docs/how_to/warnings.md
+    section: str  # of preflight.explain.PAGE
     value: float  # end of the verified range; nan where choices do not go together
     measure: Callable[[SceneMetrics], Reading | None]  # None where nothing is limited
     text: str  # of the object, its value; what was verified; remedy

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes, check_outlines
 from skmpm.material import is_linear, poisson_ratio, youngs_modulus
+from skmpm.preflight.explain import about
 from skmpm.preflight.limits import PreflightWarning, warnings_of
 from skmpm.preflight.metrics import SceneMetrics, chosen_steps
 from skmpm.representation import quantity, table
@@ -19,8 +20,6 @@ from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.driven_walls import check_driven
 from skmpm.step.initial_state import check_cohesion
 from skmpm.stepping.step_length import pace_of
-
-PAGE = "docs/how_to/warnings.md"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,7 +56,7 @@ class Preflight(SceneMetrics):
     def __str__(self) -> str:
         """The lines, then a line that begins with ``!`` for each warning."""
         said = [f"! {warning}" for warning in self.warnings]
-        said += [f"about [...]: sections of {PAGE}"] if said else ["no warnings"]
+        said += [about(warning.section for warning in self.warnings)] if said else ["no warnings"]
         return "\n".join([*(f"{name:8s}  {text}" for name, text in self.lines.items()), *said])
 
     __repr__ = __str__
@@ -145,8 +144,8 @@ def preflight(
 
     Body grids are built, nothing is solved. Motions are those at t = 0, including what bodies gain by falling; with
     `until` walls and supports that are functions of time count by their largest speeds. In the printed text a line
-    that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in brackets, the section of
-    docs/how_to/warnings.md that explains it. `simulate` logs the same warnings.
+    that begins with ``!`` is a warning: object, value, what was verified, the remedy and, in brackets, the name of
+    the section that `explain` prints. `simulate` logs the same warnings.
 
     Parameters
     ----------
