@@ -6,6 +6,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 import docstrings
 import modules
+import pictures
 from run_examples import arguments
 
 import skmpm
@@ -94,5 +95,6 @@ sphinx_gallery_conf = {
 def setup(app):
     """Read docstrings as they are written here, link classes by their public names, write the table of modules."""
     app.connect("builder-inited", lambda app: modules.write())
+    app.connect("doctree-read", pictures.in_both_modes, priority=400)  # before images are collected
     app.connect("autodoc-process-docstring", docstrings.described)
     app.connect("autodoc-process-signature", docstrings.signed)
