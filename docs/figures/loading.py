@@ -7,6 +7,7 @@ import numpy as np
 from drawing import arrow, bare, save
 from matplotlib.collections import PathCollection
 from matplotlib.patches import Arc, Rectangle
+from matplotlib.transforms import Bbox
 
 import skmpm
 from skmpm import outline
@@ -165,8 +166,11 @@ def fill(axes, ink, scene, shift=(0.0, 0.0), alpha=1.0):
     place = scene.outlines.point
     line = outline.polylines(scene.outlines, scene.initial_positions[:, place], scene.initial_positions[:, place], 3)
     paths, owner = body_paths(replace(line, x=line.x + np.reshape(shift, (2, 1))))
-    faces = [ink.body if scene.deformable[b] else ink.faint for b in owner]
-    drawn = PathCollection(paths, facecolors=faces, edgecolors=ink.edge, linewidths=1.0, alpha=alpha)
+    seen = [k for k, path in enumerate(paths) if path.intersects_bbox(Bbox(np.transpose(VIEW)), filled=True)]
+    faces = [ink.body if scene.deformable[owner[k]] else ink.faint for k in seen]
+    drawn = PathCollection(
+        [paths[k] for k in seen], facecolors=faces, edgecolors=ink.edge, linewidths=1.0, alpha=alpha
+    )
     axes.add_collection(drawn)
     drawn.set_clip_path(Rectangle((-1.4, -1.25), 2.8, 2.6, transform=axes.transData))
 

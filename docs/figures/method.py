@@ -66,10 +66,11 @@ def draw_contact(ink):
     axes = canvas(2.95, ((-2.6, 2.6), (middle - 2.2, middle + 2.24)))
     for k, loop in enumerate(loops):
         axes.fill(*loop, facecolor=(ink.other, ink.body)[k], edgecolor=ink.edge, linewidth=1.2, zorder=1.0 + k)
+    near = np.hypot(state.x[0], state.x[1] - H * middle) < 4 * H
     for k in range(2):
-        inner = np.setdiff1d(np.flatnonzero(scene.owner == k), scene.outlines.point)
+        inner = np.setdiff1d(np.flatnonzero(near & (scene.owner == k)), scene.outlines.point)
         axes.plot(*state.x[:, inner] / H, ".", color=(ink.boundary, ink.points)[k], markersize=3.4, zorder=3.0)
-    axes.plot(*boundary, "o", color=ink.boundary, markersize=3.8, zorder=5.0)
+    axes.plot(*boundary[:, near[scene.outlines.point]], "o", color=ink.boundary, markersize=3.8, zorder=5.0)
     for at, n, size in zip(x.T, normal.T, force / force.max(), strict=True):
         arrow(axes, at, at + 1.3 * size * n, ink.force)
     k, tip = np.argmin(x[0]), np.argmax(force)
