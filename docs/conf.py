@@ -59,15 +59,15 @@ html_static_path = ["static"]
 html_css_files = ["skmpm.css"]
 html_show_sourcelink = False
 html_theme_options = {
-    "show_prev_next": False,
     "navigation_with_keys": False,
     "show_nav_level": 1,
-    "header_links_before_dropdown": 6,
+    "header_links_before_dropdown": 10,
+    "navbar_persistent": ["search-button"],
     "footer_start": ["copyright"],
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
 }
-html_sidebars = {"getting_started": [], "limits": []}
+html_sidebars = {"index": [], "getting_started": [], "limits": []}
 copyright = "2026, The skmpm developers"  # noqa: A001
 
 sphinx_gallery_conf = {

@@ -100,6 +100,14 @@ def test_the_list_of_other_pages_only_shrinks():
     assert set(pages()) >= NOT_YET and len(NOT_YET) <= 15
 
 
+def test_sections_that_others_link_to_have_names_that_stay():
+    """Names of warnings are titles. Each section of limits has a name of its own, so that its title may change."""
+    warnings = re.findall(r"(?m)^## (.+)$", (ROOT / "docs/how_to/warnings.md").read_text())
+    assert warnings and all(re.fullmatch(r"[a-z]+(-[a-z]+)*", title) for title in warnings)
+    limits = (ROOT / "docs/limits.md").read_text()
+    assert len(re.findall(r"(?m)^\([a-z-]+\)=\n##+ ", limits)) == len(re.findall(r"(?m)^##+ ", limits)) > 5
+
+
 def table():
     """Words, mean and longest sentence of each page, as text."""
     lines = []
