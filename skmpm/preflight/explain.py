@@ -1,4 +1,4 @@
-"""Print the sections of docs/how_to/warnings.md that warnings name: the wheel has a copy, a clone the page itself."""
+"""Print the pages of docs/how_to that warnings and errors name: a wheel has copies of them, a clone the pages."""
 
 from __future__ import annotations
 
@@ -8,19 +8,21 @@ from difflib import get_close_matches
 from pathlib import Path
 from posixpath import join, normpath
 
-PAGE = "docs/how_to/warnings.md"
+FOLDER = "docs/how_to"
+WARNINGS = f"{FOLDER}/warnings.md"
 
 
 def explain(section: str | None = None) -> None:
-    """Print what a warning of `preflight` means, and what to do about it.
+    """Print what a warning of `preflight` means, or a step that failed, and what to do about it.
 
-    A warning ends with the name of a section in brackets, as ``[thin-parts]``. The text is that of the page "What the
-    warnings mean" of the documentation, which is installed with the library. Links are printed as pages of the
-    repository.
+    A warning ends with the name of a section in brackets, as ``[thin-parts]``. The texts are those of the pages "What
+    the warnings mean" and, by the name "failures", "When a step fails" of the documentation, which are installed with
+    the library. Links are printed as pages of the repository.
 
     Parameters
     ----------
-    section : name in the brackets of a warning; without it, all names are printed with their first sentences
+    section : name in the brackets of a warning, or "failures"; without it, all names are printed, each with its first
+        sentence
 
     Raises
     ------
@@ -39,8 +41,9 @@ def explain(section: str | None = None) -> None:
     known = sections()
     if section is None:
         width = max(map(len, known))
-        # every section begins with what is wrong, in bold
-        said = [f"{name:{width}s}  {text.split('**')[1].rstrip('.')}" for name, text in known.items()]
+        # a section begins with what is wrong, in bold
+        begin = {name: re.split(r"\.|\*\*", text.removeprefix("**"))[0] for name, text in known.items()}
+        said = [f"{name:{width}s}  {text}" for name, text in begin.items()]
         print("\n".join(said))  # noqa: T201
     elif section in known:
         print(f"{section}\n\n{known[section]}")  # noqa: T201
@@ -50,19 +53,23 @@ def explain(section: str | None = None) -> None:
 
 
 def sections() -> dict[str, str]:
-    """The sections of the page by name; links are texts with the page that they lead to."""
-    installed = Path(__file__).with_name("warnings.md")
-    page = installed if installed.exists() else Path(__file__).parents[2] / PAGE
-    _, *parts = re.split(r"(?m)^## ", page.read_text(encoding="utf-8"))
-    texts = (re.sub(r"\[([^\]]+)\]\(([^)]+)\)", _without_link, part) for part in parts)
-    return {name: text.strip() for name, _, text in (part.partition("\n") for part in texts)}
+    """The sections of the page on warnings by name, and the page on failures; links as texts with their pages."""
+    _, *parts = re.split(r"(?m)^## ", _page("warnings"))
+    named = [*(part.partition("\n") for part in parts), ("failures", "", _page("failures").partition("\n")[2])]
+    return {name: text.strip() for name, _, text in named}
+
+
+def _page(name: str) -> str:
+    installed = Path(__file__).with_name(f"{name}.md")
+    page = installed if installed.exists() else Path(__file__).parents[2] / FOLDER / f"{name}.md"
+    return re.sub(r"\[([^\]]+)\]\(([^)]+)\)", _without_link, page.read_text(encoding="utf-8"))
 
 
 def about(named: Iterable[str]) -> str:
     """What to read about warnings that name these sections."""
-    return f'about [...]: skmpm.explain("{next(iter(named))}"), or {PAGE}'
+    return f'about [...]: skmpm.explain("{next(iter(named))}"), or {WARNINGS}'
 
 
 def _without_link(link: re.Match[str]) -> str:
     text, target = link.groups()
-    return f"{text}, {normpath(join('docs/how_to', target))}"
+    return f"{text}, {normpath(join(FOLDER, target))}"

@@ -71,7 +71,7 @@ class Limit:
     """
 
     kind: str
-    section: str  # of preflight.explain.PAGE
+    section: str  # of preflight.explain.WARNINGS
     value: float  # end of the verified range; nan where choices do not go together
     measure: Callable[[SceneMetrics], Reading | None]  # None where nothing is limited
     text: str  # of the object, its value; what was verified; remedy

@@ -30,7 +30,7 @@ FREQUENT = 0.1  # of the steps: failures from which a run with chosen steps ends
 SHORTEST_SHARE = CUT**-3  # of the limit: shortest chosen step
 
 # Remedies in place of a smaller dt, where all of them have failed.
-AT_ITS_LIMIT = "look at the last state, and try what docs/how_to/failures.md says of its picture"
+AT_ITS_LIMIT = 'look at the last state, and try what skmpm.explain("failures") says of its picture'
 NO_EQUILIBRIUM = "there may be no equilibrium near, as beyond a limit load: use inertia, friction or a Support"
 
 _log = logging.getLogger("skmpm")
