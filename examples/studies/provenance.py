@@ -23,9 +23,9 @@ def made(members: Iterable[Member], module: str) -> str:
     ended = [b + timedelta(seconds=float(s.get("seconds", 0.0))) for b, s in zip(begun, sessions, strict=True)]
     commands = dict.fromkeys(command(session["command"], module) for session in sessions)
     parts = [
-        f"Made by {listed(list(commands), module)}: {count(len(manifests))},"
-        f" {hours(processor)} of processor time ({hours(wall)} of their processes), begun on {min(begun):%d %B %Y},"
-        f" {hours((max(ended) - min(begun)).total_seconds())} from the first to the last."
+        f"Made by {listed(list(commands), module)}. {count(len(manifests))} took {hours(processor)} of processor time"
+        f" ({hours(wall)} of their processes). The first was begun on {min(begun):%d %B %Y}, and the last ended"
+        f" {hours((max(ended) - min(begun)).total_seconds())} later."
     ]
     return " ".join([*parts, versions(manifests)])
 

@@ -26,15 +26,15 @@ def test_command_version_and_time():
     later = member(began="2026-01-02T05:00:00+00:00", arguments=("--docs=/data/docs",))
     text = provenance.made([member(), later], "x")
     assert text == (
-        "Made by `python -m x --discs 30`: 2 members, 1.0 h of processor time (2.0 h of their processes), begun on"
-        " 02 January 2026, 3.0 h from the first to the last. All with one version of the library, skmpm 0.2.0, source"
-        " aaaaaaaaaaaa."
+        "Made by `python -m x --discs 30`. 2 members took 1.0 h of processor time (2.0 h of their processes). The"
+        " first was begun on 02 January 2026, and the last ended 3.0 h later. All with one version of the library,"
+        " skmpm 0.2.0, source aaaaaaaaaaaa."
     )
 
 
 def test_a_study_run_in_parts_names_its_module_once():
     parts = [member(), member(arguments=("--only", "fine")), member(arguments=("--only", "fine"))]
-    assert "Made by `python -m x`, in parts (`--discs 30`, `--discs 30 --only fine`): 3 members" in provenance.made(
+    assert "Made by `python -m x`, in parts (`--discs 30`, `--discs 30 --only fine`). 3 members" in provenance.made(
         parts, "x"
     )
 
@@ -53,4 +53,4 @@ def test_nothing_run(members):
 def test_a_session_that_was_killed_has_no_times():
     one = member()
     del one.manifest["sessions"][0]["seconds"], one.manifest["sessions"][0]["processor_seconds"]
-    assert "1 member, 0 min of processor time" in provenance.made([one], "x")
+    assert "1 member took 0 min of processor time" in provenance.made([one], "x")
