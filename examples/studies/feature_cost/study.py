@@ -32,13 +32,15 @@ from .scenes import DT, Variant
 WARM = 2  # steps before those that are counted and timed
 HEAD = """`python -m examples.studies.feature_cost` measures and writes this table (here in {seconds:.0f} s of one
 core). Both variants of a line start from the same state where they can; packings that differ in friction or material
-come from their own. After two steps, {repeats} are counted and, in another run, timed, on and off in turn:
-counts are means over them (unknowns and blocks of A: those of the last), times the median of the ratios of
-processor times, with the quartiles in brackets. The disc against itself, nothing switched, gives {still}. The
-packing is {discs} discs of R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5, between smooth
+come from their own. After two steps, {repeats} steps are counted. In another run they are timed, on and off in turn.
+Counts are means over the steps, except unknowns and blocks of A, which are those of the last. Times are the median of
+the ratios of processor times, with the quartiles in brackets. The disc against itself, nothing switched, gives
+{still}.
+
+The packing is {discs} discs of R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5, between smooth
 planes, 8 us a step. The disc, of R/h = {large:g}, is alone and swings by 1 %, or is squeezed between two smooth
-planes. Material is NeoHookean where nothing else is said. Every promise of the third column is a test, named in
-the last.
+planes. Material is NeoHookean where nothing else is said. Every promise of the third column is a test, named in the
+last.
 """
 
 

@@ -87,17 +87,22 @@ def write(study: Path, docs: Path) -> None:
 
 
 TEXT = {
-    "codes": "The cheapest run of each code within an error; - : none of those that were run.",
+    "codes": "The cheapest run of each code within an error, - where none of the runs reaches it.",
     "ran": "What has been run:",
-    "counts": "Counts, mean over the positions on the grid; `work`: unknowns times half bandwidth squared, of all"
-    " factorisations.",
-    "prices": "The cheapest of all runs within an error, lucky ones among them; nothing where there is none.",
-    "parameters": "Error, and cost over that of the default. Nothing where a parameter has no effect or was not run.",
-    "limits": "d ln(error) / d ln(parameter) at the presets; of h, dt, spacing, `contact_tol`.",
-    "laws": "error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step, dt c /"
-    " R or, where a lid drives, its way over R. Fitted to all runs that differ from `balanced` in R/h, spacing and dt"
-    " only (tighter tolerances make no difference), the second d to the lids; in brackets what `skmpm.suggest` has: c"
-    " of packings is that of a square array of equal discs, whose errors do not cancel (`test_promises`).",
+    "counts": "Counts are means over the positions on the grid. `work` is unknowns times half bandwidth squared,"
+    " of all factorisations.",
+    "prices": "The cheapest of all runs within an error, lucky ones among them. Errors that no run reaches are"
+    " left out.",
+    "parameters": "Error, and cost over that of the default. Cells are empty where a parameter has no effect or was"
+    " not run.",
+    "limits": r"The slopes $d \ln(\text{error}) / d \ln(\text{parameter})$ at the presets, for h, dt, spacing and"
+    " `contact_tol`.",
+    "laws": r"The law is $\text{error} = c\, n^{-p} + d\, s$ with n = R/h and R the radius of the smallest body."
+    " The step s is dt c / R or, where a lid drives, its displacement over R. The law is fitted to all"
+    " runs that differ from `balanced` in R/h, spacing and dt only; tighter tolerances make no"
+    " difference. The second d is fitted to the lids. Constants of `skmpm.suggest` are in brackets. Its"
+    " c of packings is that of a square array of equal discs, whose errors do not cancel"
+    " (`test_promises`).",
 }
 
 
