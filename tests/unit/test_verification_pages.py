@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "verification"))
-from verification_pages import GROUPS, KEPT, page
+from ledger import tabulated
+from verification_pages import GROUPS, KEPT, columns, page, reasons, told
 
 PAGES = [(name, title) for modules in GROUPS.values() for name, title in modules.items()]
 
@@ -26,3 +27,19 @@ def test_a_page_is_made_of_its_measurements_by_its_module(name, title):
 
 def test_every_page_is_in_a_group():
     assert sorted(path.stem for path in KEPT.glob("*.csv")) == sorted(name for name, _ in PAGES)
+
+
+def test_a_table_of_a_row_is_read_as_it_was_written():
+    error = tabulated(["force [%]", "P / E*"], {"disc: mean": ["+1", "0.2"], "worst": ["-3", "-"]})
+    row = {"h": "R/h = 5", "error": error}
+    assert columns(row) == (("force [%]", "P / E*"), [("disc: mean", ["+1", "0.2"]), ("worst", ["-3", "-"])])
+    row["error"] = tabulated(["force [%]"], {"": ["+1"]})
+    assert columns(row) == (("force [%]",), [("R/h = 5", ["+1"])])
+
+
+def test_goals_are_counted_where_there_are_some():
+    goals = "-", "shown", "1 %: met", "1 %: missed: by 2 %", "rate >= 1.8", "3: missed"
+    rows = [{"problem": name, "goal": goal} for name, goal in zip("abcdef", goals, strict=True)]
+    assert told(rows[:2]) == "2 comparisons, without goals."
+    assert told(rows) == "6 comparisons; goals: 1 met, 2 missed, 1 asserted by the tests."
+    assert reasons(rows) == ["- d (by 2 %)", "- f (goal: 3)"]

@@ -12,7 +12,7 @@ class Row:
     problem: str
     reference: str  # closed form, FEM, literature
     h: str  # grids, as "1/8, 1/16, 1/32" or "R/h = 5, 10"
-    error: str  # on these grids, with what it is relative to
+    error: str  # on these grids, with what it is relative to; `tabulated` where it is a table
     rate: str  # measured order; "-" where there is none
     goal: str  # what was asked, and "missed: why" where it was missed
     test: str  # name of the test that asserts it
@@ -28,6 +28,16 @@ def relative(value, exact, weight):
     return float(np.sqrt(np.sum(weight * (value - exact) ** 2) / np.sum(weight * exact**2)))
 
 
+def texts(values, digits=2):
+    """Values as texts."""
+    return [f"{value:.{digits}g}" for value in values]
+
+
 def numbers(values, digits=2):
     """Values as text, separated by commas."""
-    return ", ".join(f"{value:.{digits}g}" for value in values)
+    return ", ".join(texts(values, digits))
+
+
+def tabulated(heads, lines):
+    """A table as one text: heads of its columns, and its lines {label: cells}; the only label may be empty."""
+    return " | ".join(heads) + " || " + "; ".join(f"{label}: {' | '.join(line)}" for label, line in lines.items())

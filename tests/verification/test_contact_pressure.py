@@ -1,15 +1,17 @@
-"""Contact pressures recovered from point forces: Hertz's ellipse, a block between plates, a rubber-covered roller.
+r"""Recovered Hertz pressures have an rms error of 0.1 of the peak or less, from a half-width of 1.2 cells on.
 
-Hertz: a disc between frictionless plates, quasi-static, linear elastic, nu = 0.3, random grid offset, direction and
-angle of the cloud. Reference: the ellipse of the same force, p0 = 2 P / (pi a), a^2 = 4 P R / (pi E*), a narrower by
-up to 2.3 % as finite elements have it (`test_hertz.TABLE`). It is that of small strains, so pressures are taken per
-undeformed length; the current ones, which `contact_pressure` returns, are 3 to 4 % higher at d/R = 0.1. Thick rings
-have bulk points at most 0.55 h apart, whatever the spacing of those of the boundary. Block: uniform pressure
-E / (1 - nu^2) times the strain, smooth plates, corners included. Roller: finite elements, see `covered_roller`.
+Their peaks are right to 5 % on average. Point forces over tributary lengths err several times as much.
 
-Goals: rms error over the contact at most 0.10 p0 for points h/3 and h/2 apart and 0.15 p0 for 0.74 h, peak on average
-within 5 %, where the contact is wider than 1.2 cells on either side (`RESOLVED`, as for Hertz's force). Each peak
-from a half-width of one cell on: within 5 %, or within `Traction.error`.
+- *Hertz*: a disc between frictionless plates, quasi-static, linear elastic, nu = 0.3, random grid offset, direction
+  and angle of the cloud. The reference is the ellipse of the same force, $p_0 = 2 P / (\pi a)$ and
+  $a^2 = 4 P R / (\pi E^*)$, with $a$ narrower by up to 2.3 % as finite elements have it (`test_hertz.TABLE`). It is
+  that of small strains, so pressures are taken per undeformed length. The current ones, which `contact_pressure`
+  returns, are 3 to 4 % higher at d/R = 0.1. Goals hold for half-widths above 1.2 cells (`RESOLVED`, as for Hertz's
+  force).
+- *Rings* are thick; their bulk points are at most 0.55 h apart, whatever the spacing of those of the boundary. A peak
+  is within its error if it is off by at most 5 % or `Traction.error`.
+- *Blocks* have the uniform pressure $E / (1 - \nu^2)$ times the strain between smooth plates, corners included.
+- *Roller*: a rubber cover pressed by a steel roller, against finite elements, see `covered_roller`.
 """
 
 from dataclasses import replace
@@ -18,7 +20,7 @@ from functools import cache
 import meshio
 import numpy as np
 import pytest
-from ledger import Row
+from ledger import Row, tabulated
 from pictures import canvas, keep
 from test_contact_patch import HEIGHT, WIDTH, blocks
 from test_contact_patch import STRAIN as PATCH_STRAIN
@@ -337,12 +339,18 @@ def rows():
     ]
 
 
-def _text(size, spacing, depths, width):
-    parts = []
-    for depth in depths:
-        rms, peak, *_ = errors(pressed_discs(size, spacing, OFFSETS), depth, width)
-        parts.append(f"{rms:.2f} / {100 * peak.mean():+.0f} ({100 * np.abs(peak).max():.0f})")
-    return f"{size}, {spacing:.2f} h: " + ", ".join(parts)
+OF_PEAKS = "rms over $p_0$", "mean peak [%]", "worst peak [%]"
+
+
+def _lines(cases, width):
+    lines = {}
+    for size, depths in cases:
+        for spacing in SPACINGS:
+            for depth in depths:
+                rms, peak, *_ = errors(pressed_discs(size, spacing, OFFSETS), depth, width)
+                peaks = f"{100 * peak.mean():+.0f}", f"{100 * np.abs(peak).max():.0f}"
+                lines[f"R/h = {size}, {spacing:.2f} h, d/R = {depth:g}"] = [f"{rms:.2f}", *peaks]
+    return lines
 
 
 def _hertz_row(width):
@@ -354,13 +362,12 @@ def _hertz_row(width):
                 good &= rms < BARS[spacing] and np.abs(peak.mean()) < PEAK
     name = "default" if width is None else "point forces"
     return Row(
-        f"contact pressure, Hertz, {name}",
+        f"Hertz, {name}",
         "ellipse of the same force",
-        "R/h = 5 (d/R = 0.1), 10 (d/R = 0.05, 0.1)",
-        "rms over p0 / peak in % mean (worst); R/h, spacing: "
-        + "; ".join(_text(size, spacing, depths, width) for size, depths in cases for spacing in SPACINGS),
+        "by R/h, spacing of points and approach",
+        tabulated(OF_PEAKS, _lines(cases, width)),
         "-",
-        "rms 0.15 (0.74 h), 0.10; mean peak within 5 %: " + ("met" if good else "missed"),
+        "rms 0.15 (0.74 h), 0.10, mean peak within 5 %: " + ("met" if good else "missed"),
         "test_point_forces_are_no_pressures" if width == 0.0 else "test_hertz",
     )
 
@@ -368,11 +375,10 @@ def _hertz_row(width):
 def _narrow_row():
     cases = [(size, [d for d in DEPTHS if not resolved(size, d)]) for size in SIZES]
     return Row(
-        "contact pressure, Hertz, half-width below 1.2 cells",
+        "Hertz, half-width below 1.2 cells",
         "ellipse of the same force",
-        "R/h = 5 (d/R = 0.02, 0.05), 10 (d/R = 0.02)",
-        "rms over p0 / peak in % mean (worst); R/h, spacing: "
-        + "; ".join(_text(size, spacing, depths, None) for size, depths in cases for spacing in SPACINGS),
+        "by R/h, spacing of points and approach",
+        tabulated(OF_PEAKS, _lines(cases, None)),
         "-",
         "-",
         "test_point_forces_are_no_pressures",
@@ -380,21 +386,20 @@ def _narrow_row():
 
 
 def _ring_row():
-    texts = []
-    for spacing in RING_SPACINGS:
-        parts = []
-        for depth in RING_DEPTHS:
+    lines = {}
+    for depth, width in zip(RING_DEPTHS, ("1.0 h", "1.3 h", "2.0 h"), strict=True):
+        for spacing in RING_SPACINGS:
             _, peak, estimate, _ = errors(pressed_rings(12, spacing, OFFSETS), depth)
             within = (np.abs(peak) < np.maximum(0.05, estimate)).mean()
-            error = f"{100 * peak.mean():+.0f} ({100 * np.abs(peak).max():.0f})"
-            parts.append(f"{error} / {100 * estimate.mean():.0f}, {100 * within:.0f} %")
-        texts.append(f"{spacing:.2f} h: " + "; ".join(parts))
+            found = peak.mean(), np.abs(peak).max(), estimate.mean(), within
+            sign = "+.0f", ".0f", ".0f", ".0f"
+            cells = [f"{100 * value:{as_text}}" for value, as_text in zip(found, sign, strict=True)]
+            lines[f"half-width {width}, {spacing:.2f} h"] = cells
     return Row(
-        "contact pressure, Hertz, half-widths of 1.0, 1.3 and 2.0 cells, spacing of boundary points",
+        "Hertz, rings, by the spacing of points",
         "ellipse of the same force",
         "R/h = 12 (d/R = 0.015, 0.025, 0.05)",
-        "peak in % mean (worst) / mean estimate of the error in %, share of peaks within 5 % or their estimate: "
-        + ". ".join(texts),
+        tabulated(["mean peak [%]", "worst peak [%]", "mean estimate [%]", "within it [%]"], lines),
         "-",
         "-",
         "test_peaks_are_within_their_error_whatever_the_spacing",
@@ -402,39 +407,42 @@ def _ring_row():
 
 
 def _roller_row():
-    texts = []
+    lines = {}
     for angle, edges in ((0.0, 1.0), (0.0, 0.85), (0.85, 1.2), (1.1, 0.85)):
         scene, state = covered_roller(angle, edges)
         found = contact_pressure(scene, state, 0)
         spacing = found.length[found.pressure > 0.0].mean() / scene.cell
-        error = found.error[found.pressure.argmax()] / 0.484e6
-        texts.append(
-            f"{spacing:.2f} h, {angle} rad: {100 * (found.pressure.max() / 0.484e6 - 1):+.1f} ({100 * error:.1f})"
-        )
+        off = found.pressure.max() / 0.484e6 - 1, found.error[found.pressure.argmax()] / 0.484e6
+        lines[f"{spacing:.2f} h, {angle} rad"] = [f"{100 * off[0]:+.1f}", f"{100 * off[1]:.1f}"]
     return Row(
-        "contact pressure, rubber-covered roller pressed by a steel one",
+        "rubber-covered roller",
         "finite elements",
-        "cover 20 h thick, nip 17 h wide",
-        "peak in % (estimate of the error) by spacing of boundary points and direction: " + ", ".join(texts),
+        "cover 20 h thick, nip 17 h wide, by spacing of boundary points and direction",
+        tabulated(["peak [%]", "estimate [%]"], lines),
         "-",
         "-",
         "test_covered_roller",
     )
 
 
+def _percent(rms, most):
+    return f"{100 * rms:.1f}", f"{100 * most:.0f}"
+
+
 def _block_row():
-    texts = []
+    lines = {}
     for spacing in SPACINGS:
+        cells = []
         for length in (0.0, None):
             found = [pressed_block(angle, spacing, seed)(length) for angle in (0.0, 0.3) for seed in range(3)]
             off, w = (np.concatenate(values) for values in zip(*found, strict=True))
-            texts.append(f"{100 * np.sqrt(w @ off**2 / w.sum()):.1f} ({100 * np.abs(off).max():.0f})")
-    pairs = [f"{s:.2f} h: {a} -> {b}" for s, a, b in zip(SPACINGS, texts[::2], texts[1::2], strict=True)]
+            cells += _percent(np.sqrt(w @ off**2 / w.sum()), np.abs(off).max())
+        lines[f"{spacing:.2f} h"] = cells
     return Row(
-        "contact pressure, block between smooth plates, along the grid and at 0.3 rad",
+        "block between smooth plates",
         "uniform pressure",
-        "height 5 h",
-        "rms (largest) error in %, point forces -> default: " + ", ".join(pairs),
+        "height 5 h, along the grid and at 0.3 rad, errors in %",
+        tabulated(["point forces, rms", "largest", "default, rms", "largest"], lines),
         "-",
         "-",
         "test_block",
@@ -442,17 +450,17 @@ def _block_row():
 
 
 def _interface_row(scheme):
-    texts = []
+    lines = {}
     for spacing in SPACINGS:
         found = [between_blocks(spacing, seed, scheme) for seed in range(4)]
         each = (spread([run[place] for run in found]) for place in (1, 0))
-        texts.append(f"{spacing:.2f} h: " + " / ".join(f"{100 * rms:.1f} ({100 * most:.0f})" for rms, most in each))
-    how = "at rest after chosen steps" if scheme.inertia else "quasi-static"
+        lines[f"{spacing:.2f} h"] = [cell for rms, most in each for cell in _percent(rms, most)]
+    how = "after chosen steps" if scheme.inertia else "quasi-static"
     return Row(
-        f"contact pressure, two blocks on each other, {how}",
+        f"two blocks on each other, {how}",
         "uniform pressure",
-        "10 by 5 cells each, four positions on the grid, without 1.5 cells at corners",
-        f"rms (largest) error in %, between blocks / on plates: {', '.join(texts)}",
+        "10 by 5 cells each, four positions on the grid, without 1.5 cells at corners, errors in %",
+        tabulated(["between blocks, rms", "largest", "on plates, rms", "largest"], lines),
         "-",
         "-",
         "test_pressure_between_two_blocks_is_uniform",

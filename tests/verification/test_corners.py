@@ -1,11 +1,20 @@
-"""Corners, concave outlines, bodies of very different size: no body runs into another, and Newton converges.
+"""Bodies with corners, concave outlines or unlike size do not run into each other, but for 0.051 cells in one heap.
 
-A corner is pressed into a face and a wall, corners meet tip to tip, a disc settles in a notch, a peg fills a slot, a
-heap of polygons, convex and not, is squeezed until it fills its box, and discs of unlike size and resolution touch.
-Bars of every step: bodies share at most 0.05 % of their area, no boundary point lies deeper than 0.05 cells in
-another body (on the polygons through the boundary points), and Newton takes at most 3 iterations on average, never
-all it may (8 with inertia, 60 without). Position on the grid and direction are random; every other case has friction
-0.5, the others none.
+A corner is pressed into a face and a wall, and corners meet tip to tip at offsets of 0, 0.01, 0.1 and 0.5 h. A disc
+settles in a notch, a peg fills a slot to its bottom. Twelve polygons, four of them concave, are squeezed to a solid
+fraction of 0.87. Discs of unlike size and resolution touch. Presses and the peg are quasi-static. Position on the
+grid and direction are random. Every other case has friction 0.5, the others none.
+
+| bar, at every step | at most |
+|---|---|
+| shared area, by outlines and by clipping | 0.05 % |
+| depth of a boundary point in another body | 0.05 cells |
+| Newton iterations, mean | 3 |
+| Newton iterations, with inertia / without | 7 / 59 |
+
+Depths are measured on the polygons through the boundary points. Newton may never take all the iterations it has, 8
+with inertia and 60 without. Two discs of unlike resolution between plates are as stiff as like ones; R/h = 5 is
+stiff, see [Hertz's contact](hertz.md).
 """
 
 from functools import cache
@@ -36,7 +45,7 @@ from corners import (
     stack,
     turned,
 )
-from ledger import Row, numbers
+from ledger import Row, tabulated, texts
 
 from skmpm import Body, LinearElastic, Scene, Scheme, StepFailed, initial, simulate
 
@@ -285,7 +294,10 @@ def test_discs_of_unlike_resolution_obey_hertz_as_those_of_like_do():
 # The table and the figure.
 
 
-def of_all(name, problem, runs, reference, test, extra=""):
+SHOWN = "overlap [%]", "clipped [%]", "gap [h]", "Newton, mean", "most", "steps", "halved", "other errors"
+
+
+def of_all(name, problem, runs, reference, test, extra="-"):
     """A row for runs of the same kind: the worst of all of their steps against the bars."""
     newton = np.concatenate([r.newton for r in runs])
     overlap, gap, clipped = max(r.overlap for r in runs), min(r.gap for r in runs), max(map(witness, runs))
@@ -301,11 +313,8 @@ def of_all(name, problem, runs, reference, test, extra=""):
         )
         if bad
     ]
-    text = (
-        f"overlap {100 * overlap:.1g} % of the area (at the end, by clipping: {100 * clipped:.1g} %), lowest gap"
-        f" {gap:.2g} h; Newton {mean:.3g} on average, {most} at most, of {newton.size} steps"
-        f" {halved} halved{extra}"
-    )
+    shown = [f"{100 * overlap:.1g}", f"{100 * clipped:.1g}", f"{gap:.2g}", f"{mean:.3g}", f"{most}"]
+    text = tabulated(SHOWN, {"": [*shown, f"{newton.size}", f"{halved}", extra]})
     goal = "0.05 %, -0.05 h, 3, never its cap: " + ("missed: " + ", ".join(missed) if missed else "met")
     return Row(problem, reference, name, text, "-", goal, test)
 
@@ -320,29 +329,29 @@ def rows():
     where, table = f"R/h = 5, {POSITIONS} positions", []
     for on in ("face", "wall"):
         runs = [pressed(k, on) for k in range(POSITIONS)]
-        extra = f"; balance of forces {max(map(imbalance, runs)):.1g}"
+        extra = f"balance {max(map(imbalance, runs)):.1g}"
         name = "test_a_corner_pressed_into_a_face_or_a_wall_stays_outside"
-        table.append(of_all(where, f"corner pressed into a {on}, quasi-static", runs, "no overlap", name, extra))
+        table.append(of_all(where, f"corner pressed into a {on}", runs, "no overlap", name, extra))
     runs = [met(k) for k in range(POSITIONS)]
-    extra = f"; momentum {max(map(drift, runs)):.1g}, energy gained {max(r.gain for r in runs):.1g}"
+    extra = f"momentum {max(map(drift, runs)):.1g}, energy {max(r.gain for r in runs):.1g}"
     name = "test_tips_that_meet_pass_or_push_each_other_back"
-    problem = "squares fly at each other tip to tip, offsets 0, 0.01, 0.1, 0.5 h"
+    problem = "squares meet tip to tip"
     table.append(of_all(where, problem, runs, "no overlap; momentum, energy", name, extra))
     runs = [nested(k) for k in range(POSITIONS)]
     wrong = max(np.abs(flanks(r) / np.sqrt(0.5) - 1.0).max() for r in runs[::2])
-    extra = f"; flank forces without friction within {wrong:.2g}"
+    extra = f"flank forces {wrong:.2g}"
     name = "test_a_disc_in_a_notch_leans_on_both_flanks"
-    table.append(of_all(where, "disc in a notch", runs, "N = W / (2 sin 45 deg)", name, extra))
+    weight = r"no overlap; $N = W / (2 \sin 45°)$ without friction"
+    table.append(of_all(where, "disc in a notch", runs, weight, name, extra))
     runs = [filled(k) for k in range(POSITIONS)]
-    extra = f"; balance of forces {max(map(imbalance, runs)):.1g}"
+    extra = f"balance {max(map(imbalance, runs)):.1g}"
     name = "test_a_peg_fills_a_slot"
-    table.append(of_all(where, "peg driven to the bottom of a slot, quasi-static", runs, "no overlap", name, extra))
+    table.append(of_all(where, "peg driven into a slot", runs, "no overlap", name, extra))
     for friction in (0.0, 0.5):
         runs = [squeezed(friction, 0.87)]
         name = "test_a_heap_of_polygons_is_squeezed_without_overlap"
-        problem = f"twelve polygons, four concave, squeezed to a solid fraction of 0.87, friction {friction:g}"
-        where = f"R/h = 4, one heap, {runs[0].newton.size} steps"
-        table.append(of_all(where, problem, runs, "no overlap", name, f"; energy gained {runs[0].gain:.1g}"))
+        problem = f"heap of polygons, friction {friction:g}"
+        table.append(of_all("R/h = 4, one heap", problem, runs, "no overlap", name, f"energy {runs[0].gain:.1g}"))
     return table + unlike()
 
 
@@ -351,25 +360,27 @@ def unlike():
     table, name = [], "test_unlike_discs_touch_where_their_circles_do"
     for kind, count, sizes in (("R ratio 20", 5, "R/h = 2 and 40"), ("spacing ratio 4", POSITIONS, "R/h = 5")):
         onset, change = np.abs([touch(kind, k) for k in range(count)]).T
-        text = f"|distance| at the first force [cells]: mean {onset.mean():.2g}, worst {onset.max():.2g}; momentum"
+        found = [f"{onset.mean():.2g}", f"{onset.max():.2g}", f"{change.max():.1g}"]
+        text = tabulated(["mean distance [cells]", "worst", "momentum"], {"": found})
         goal = f"0.3 cells, 1e-12: {'met' if onset.max() <= 0.3 and change.max() <= 1e-12 else 'missed'}"
         goal += "" if count == POSITIONS else f" ({count} positions only: 21,000 points)"
-        problem = f"onset of contact, discs of {kind}"
-        text += f" {change.max():.1g}"
+        problem = f"first force, discs of {kind}"
         table.append(Row(problem, "distance of circles", f"{sizes}, {count} positions", text, "-", goal, name))
     found = [compressed("spacing ratio 4", k) for k in range(POSITIONS)]
     like = np.array([compressed("spacing ratio 1", k)[0] for k in range(POSITIONS)])
     ratios = np.array([f[0] for f in found])
-    mean, of_like = (numbers(np.nanmean(a, axis=0)[[1, 4, 9]], 3) for a in (ratios, like))
-    failed = int(np.isnan(ratios[:, -1]).sum())
-    text = (
-        f"approach by the law over the true one, d/R = 0.01, 0.025, 0.05: mean {mean} (like resolution: {of_like});"
-        f" lowest gap {min(f[1] for f in found):.1g} h; runs that failed: {failed}"
-    )
-    goal = "shown: as like discs; R/h = 5 is stiff, see Hertz"
+    mean, of_like = (texts(np.nanmean(a, axis=0)[[1, 4, 9]], 3) for a in (ratios, like))
+    lines = {
+        "mean": mean,
+        "mean, like resolution": of_like,
+        "lowest gap [h]": [f"{min(f[1] for f in found):.1g}", "-", "-"],
+        "runs that failed": [f"{int(np.isnan(ratios[:, -1]).sum())}", "-", "-"],
+    }
+    text = tabulated([f"d/R = {depth:g}" for depth in (0.01, 0.025, 0.05)], lines)
+    goal, where = "-", f"R/h = 5, {POSITIONS} positions; approach by the law over the true one"
     name = "test_discs_of_unlike_resolution_obey_hertz_as_those_of_like_do"
-    problem = "two discs of spacing ratio 4 between plates"
-    table.append(Row(problem, "Hertz (Johnson 1985, 5.57)", f"R/h = 5, {POSITIONS} positions", text, "-", goal, name))
+    problem = "discs of spacing ratio 4 between plates"
+    table.append(Row(problem, "Hertz (Johnson 1985, 5.57)", where, text, "-", goal, name))
     return table
 
 

@@ -1,8 +1,9 @@
-"""Quasi-static elasticity against finite elements on a mesh that fits the body: error, rate, scatter with the grid.
+"""Errors of displacement and stress are those of Q1 finite elements on fitted meshes, wherever the grid lies.
 
-Relative L2 errors of displacement and stress, weighted by volume: the method's at its material points, those of Q1
-finite elements at their quadrature points, both against a closed form or, for Cook's membrane, a converged P2
-solution. One quasi-static step, plane strain, nu = 0.3, 16 points to a cell; `rows` says what fewer do.
+With grids that cut the bodies anywhere, errors are at most 1.4 times those of the elements. They fall with h at the
+same order. Relative L2 errors are weighted by volume: the method's at its material points, those of the elements at
+their quadrature points. Both are against a closed form or, for Cook's membrane, a converged P2 solution. There is one
+quasi-static step in plane strain, nu = 0.3, with 16 points to a cell; the last two tables have other numbers.
 """
 
 from functools import cache
@@ -12,7 +13,7 @@ import pytest
 from fem_exact import COOK as COOK_SIZE
 from fem_exact import COOK_SHEAR, Cook
 from fem_problems import CANTILEVER, COOK, DISC, PLATE, PROBLEMS, errors, finite_elements, material_points
-from ledger import Row, numbers, rate
+from ledger import Row, numbers, rate, tabulated, texts
 from skfem import ElementQuad2
 
 from skmpm import linear
@@ -184,21 +185,22 @@ def _scatter_row(problem):
 def _points_row(problem):
     """What fewer points cost, and what points with their plain volumes as weights would need."""
     h, few = problem.sizes[-1], OFFSETS[:8]
-    texts = []
+    lines = {}
     for name, spacings, options in (
-        ("weights fitted to cells", (1 / 2, 1 / 3, 1 / 4, 1 / 6), {}),
-        ("volumes as weights", (1 / 4, 1 / 6, 1 / 8), {"moment_fitting": False}),
+        ("fitted", (1 / 2, 1 / 3, 1 / 4, 1 / 6), {}),
+        ("volumes", (1 / 4, 1 / 6, 1 / 8), {"moment_fitting": False}),
     ):
-        found = [at_offsets(problem, h, few, spacing=s, **options) for s in spacings]
-        mean = np.array([e.mean(axis=0) for e in found]) / of_q1(problem)[-1]
-        scatter = [e[:, 0].std() / e[:, 0].mean() for e in found]
-        counts = ", ".join(f"{round(1 / s**2)}" for s in spacings)
-        texts.append(f"{name}, {counts} points a cell: {_both(mean)}, scatter of u {numbers(scatter)}")
+        for spacing in spacings:
+            error = at_offsets(problem, h, few, spacing=spacing, **options)
+            scatter = error[:, 0].std() / error[:, 0].mean()
+            lines[f"{name}, {round(1 / spacing**2)} a cell"] = texts(
+                [*error.mean(axis=0) / of_q1(problem)[-1], scatter]
+            )
     return Row(
-        f"{problem.name}, number of points, over Q1 FEM",
+        f"{problem.name}, over Q1 FEM",
         _reference(problem),
-        f"{h:g}",
-        "; ".join(texts),
+        f"h = {h:g}, weights fitted to cells or volumes as weights, by points a cell",
+        tabulated(["u", "stress", "scatter of u"], lines),
         "-",
         "-",
         "test_cut_cells",

@@ -1,14 +1,23 @@
-"""Where slowly compressed packings of soft discs first resist, and what a gap of one cell does to that.
+r"""Slow packings of soft discs jam where others found, on average; contact at shared nodes jams them early.
 
-300 discs of radii 0.7-1.2 mm, 10 MPa, Poisson's ratio 0.45, in a box of smooth walls whose lid comes down at 6 mm/s,
-an inertial number of 1e-4 at P = 1e-3 E*, in steps that `simulate` chooses (runs of packings.py), four packings for
-each friction. The jamming fraction is where the pressure in the interior (two mean diameters from every wall), a
-straight line in the nominal solid fraction just above it, leaves zero; beside it is the one from which on the
-coordination without rattlers stays above 4, the isostatic number without friction. References without friction:
-0.842 in the mean, 0.83 to 0.86 by protocol, and Z - 4 = (3.6 +- 0.5) sqrt(Phi - Phi_J) (O'Hern, Silbert, Liu & Nagel,
-Phys. Rev. E 68, 2003); with friction 0.5 0.79 to 0.82 (Silbert, Soft Matter 6, 2010); pressure in mean field (affine
-approach, Hertz' law of the plane). A lid ten times as fast shows what motion adds. At shared nodes bodies touch one
-cell too early: every disc is larger by h/2, the box is full at 0.842 / (1 + h / 2R)^2.
+The discs have radii of 0.7-1.2 mm, 10 MPa and Poisson's ratio 0.45. 300 of them are in a box of smooth walls, whose
+lid comes down at 6 mm/s in steps that `simulate` chooses (runs of packings.py), four packings for each friction. The
+inertial number is 1e-4 at $P = 10^{-3} E^*$. A lid ten times as fast shows what motion adds.
+
+The jamming fraction $\Phi_J$ is where the pressure in the interior, two mean diameters from every wall, leaves zero:
+a straight line in the nominal solid fraction just above it. $\Phi_4$ is the fraction above which the coordination Z
+without rattlers stays above 4, the isostatic number without friction.
+
+| reference | value | source |
+|---|---|---|
+| $\Phi_J$ without friction, mean | 0.842 | O'Hern et al. (2003) |
+| the same, by protocol | 0.83 to 0.86 | O'Hern et al. (2003) |
+| $(Z - 4) / \sqrt{\Phi - \Phi_J}$ | 3.6 ± 0.5 | O'Hern et al. (2003) |
+| $\Phi_J$, friction 0.5 | 0.79 to 0.82 | Silbert (2010) |
+
+Sources are O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68 (2003), and Silbert, Soft Matter 6 (2010). The pressure in
+mean field is that of the affine approach with Hertz' law of the plane. At shared nodes bodies touch one cell too
+early. Every disc is larger by h/2, and the box is full at $0.842 / (1 + h / 2R)^2$.
 """
 
 from dataclasses import fields, replace
@@ -16,7 +25,7 @@ from dataclasses import fields, replace
 import numpy as np
 import packings
 import pytest
-from ledger import Row, numbers
+from ledger import Row, numbers, tabulated, texts
 
 JAMMED = 0.842
 RANGES = {0.0: (0.83, 0.86), 0.5: (0.79, 0.82)}  # of the jamming fraction, by friction
@@ -32,6 +41,7 @@ MEAN_FIELD = np.array([0.0006, 0.0015, 0.0034, 0.0083])
 POISSON = 0.3, 0.45, 0.495
 DENSE = np.array([0.86, 0.88, 0.90, 0.92])  # current solid fractions at which they are compared
 LOADED = 1e-3  # pressure over E* above which forces are large enough for the measures of statics
+PACKINGS = [f"packing {k}" for k in (1, 2, 3, 4)]
 MOST_STEPS, MOST_NEWTON, UNBALANCED = 350, 3.0, 1e-3  # goals
 
 
@@ -135,36 +145,38 @@ def _rows_of_jamming():
     slopes = [coordination_slope(run, at) for run, at in zip(runs[0.0], onset[0.0], strict=True)]
     at_onset = [np.interp(at, *smooth(run)) for run, at in zip(runs[0.5], onset[0.5], strict=True)]
     over = [np.interp(ABOVE, run.nominal - isostatic(run), run.pressure) / MEAN_FIELD for run in runs[0.0]]
-    test, lid = "test_the_packings_jam_where_others_found", "300 discs, lid at 6 mm/s, four packings"
-    line = f"line through P = {numbers(ONSET)} E*"
+    test, by_line = "test_the_packings_jam_where_others_found", f"300 discs; line through P = {numbers(ONSET)} E*"
     inside = {mu: np.all((found > RANGES[mu][0]) & (found < RANGES[mu][1])) for mu, found in onset.items()}
+    apart = np.abs(isostatics - onset[0.0])
+    change = {mu: quick[mu] - found[: quick[mu].size] for mu, found in onset.items()}
+    pressures = {f"packing {k}": texts(line) for k, line in enumerate(over, 1)}
     return [
         *(
-            Row(f"{lid}, friction {mu:g}: jamming fraction of the interior", numbers(RANGES[mu]), "R/h = 5",
-                f"{line}: {numbers(found, 4)}; mean {found.mean():.4f}", "-",
+            Row(f"friction {mu:g}: jamming fraction", f"{RANGES[mu][0]} to {RANGES[mu][1]}", by_line,
+                tabulated([*PACKINGS, "mean"], {"interior": [*texts(found, 4), f"{found.mean():.4f}"]}), "-",
                 f"all of them: {verdict(inside[mu], ', the mean met')}", test)
             for mu, found in onset.items()
         ),
-        Row("the same without friction: where Z without rattlers passes 4", "the same", "R/h = 5",
-            f"{numbers(isostatics, 4)}; apart by {numbers(np.abs(isostatics - onset[0.0]))}", "-",
-            f"{AGREEMENT} apart: {verdict(np.abs(isostatics - onset[0.0]).max() < AGREEMENT)}", test),
-        Row("the same without friction: (Z - 4) / sqrt(Phi - Phi_J)", "3.6 +- 0.5", f"Phi - Phi_J = {numbers(NEAR)}",
-            f"{numbers(slopes, 3)}; mean {np.mean(slopes):.2f}", "-",
-            verdict(np.all(np.abs(np.array(slopes) - 3.6) < 0.5)), test),
-        Row("the same with friction 0.5: Z without rattlers at jamming", "3 to 4", "R/h = 5",
-            numbers(at_onset, 3), "-", "shown", test),
+        Row("friction 0: where Z passes 4", "the jamming fraction", "300 discs, without rattlers",
+            tabulated(PACKINGS, {"solid fraction": texts(isostatics, 4), "apart by": texts(apart)}), "-",
+            f"{AGREEMENT} apart: {verdict(apart.max() < AGREEMENT)}", test),
+        Row(r"friction 0: $(Z - 4) / \sqrt{\Phi - \Phi_J}$", "3.6 ± 0.5", f"Phi - Phi_J = {numbers(NEAR)}",
+            tabulated([*PACKINGS, "mean"], {"": [*texts(slopes, 3), f"{np.mean(slopes):.2f}"]}), "-",
+            "within the range: " + verdict(np.all(np.abs(np.array(slopes) - 3.6) < 0.5)), test),
+        Row("friction 0.5: Z at jamming", "3 to 4", "without rattlers", tabulated(PACKINGS, {"": texts(at_onset, 3)}),
+            "-", "shown", test),
         *(
-            Row(f"the same with a lid at 60 mm/s, friction {mu:g}: change of the jamming fraction", "0",
+            Row(f"friction {mu:g}: lid at 60 mm/s", "0",
                 f"inertial number at P = {LOADED:g} E* {_inertial(runs[mu])}, {_inertial(fast[mu])}",
-                numbers(quick[mu] - found[: quick[mu].size], 2), "-",
+                tabulated(PACKINGS, {"change of the jamming fraction": texts(change[mu])}), "-",
                 f"less than the packings' scatter, {np.ptp(found):.2g}: "
-                + verdict(np.abs(quick[mu] - found[: quick[mu].size]).max() < np.ptp(found)), test)
+                + verdict(np.abs(change[mu]).max() < np.ptp(found)), test)
             for mu, found in onset.items()
         ),
-        Row("the same without friction: pressure over that of mean field", "1, an upper estimate",
-            f"Phi - Phi_4 = {numbers(ABOVE)}", "; ".join(numbers(o) for o in over), "-", "shown", test),
+        Row("friction 0: pressure over mean field", "1, an upper estimate", "300 discs",
+            tabulated([rf"$\Phi - \Phi_4$ = {step:g}" for step in ABOVE], pressures), "-", "shown", test),
         *_row_of_resolution(onset[0.0], test),
-        *(_row_of_cost(mu, own, lid, test) for mu, own in runs.items()),
+        *(_row_of_cost(mu, own, test) for mu, own in runs.items()),
     ]  # fmt: skip
 
 
@@ -174,8 +186,8 @@ def _row_of_resolution(onset, test):
         return []
     finer = jammed(packings.read("jamming_r8"))
     return [
-        Row("the first of them without friction with R/h = 8: jamming fraction", f"{onset[0]:.4f} with R/h = 5",
-            "R/h = 8", f"{finer:.4f}", "-",
+        Row("friction 0: jamming fraction, packing 1", "R/h = 5", "R/h = 5 and 8",
+            tabulated(["R/h = 5", "R/h = 8"], {"interior": texts([onset[0], finer], 4)}), "-",
             f"change less than the packings' scatter, {np.ptp(onset):.2g}: "
             + verdict(abs(finer - onset[0]) < np.ptp(onset)), test)
     ]  # fmt: skip
@@ -185,19 +197,23 @@ def _inertial(runs):
     return f"{np.mean([run.inertial[np.argmax(run.pressure > LOADED)] for run in runs]):.1g}"
 
 
-def _row_of_cost(friction, runs, lid, test):
+def _row_of_cost(friction, runs, test):
     steps, newton = [run.nominal.size for run in runs], [run.newton.mean() for run in runs]
     loaded = [run.pressure > LOADED for run in runs]
     unbalanced = [np.median(run.unbalanced[own]) for run, own in zip(runs, loaded, strict=True)]
     kinetic = [np.median(run.kinetic[own]) for run, own in zip(runs, loaded, strict=True)]
     low, high = packings.RANGES[friction]
     met = max(steps) <= MOST_STEPS and max(newton) <= MOST_NEWTON and max(unbalanced) < UNBALANCED
-    return Row(
-        f"{lid}, friction {friction:g}, solid fraction of the box {low:g} to {high:g}: steps; Newton iterations a"
-        f" step; failed attempts; unbalanced ratio; kinetic over elastic energy (medians above P = {LOADED:g} E*)",
-        f"{MOST_STEPS}; {MOST_NEWTON:g}; -; {UNBALANCED:g}; -", "R/h = 5",
-        f"{numbers(steps, 3)}; {numbers(newton)}; {numbers([int(run.retries.sum()) for run in runs])};"
-        f" {numbers(unbalanced)}; {numbers(kinetic)}", "-", verdict(met), test)  # fmt: skip
+    lines = {
+        f"steps from {low:g} to {high:g}": texts(steps, 3),
+        "Newton iterations a step": texts(newton),
+        "failed attempts": texts([int(run.retries.sum()) for run in runs]),
+        "unbalanced force ratio": texts(unbalanced),
+        "kinetic over elastic energy": texts(kinetic),
+    }
+    goal = f"{MOST_STEPS} steps, {MOST_NEWTON:g} iterations, ratio {UNBALANCED:g}: {verdict(met)}"
+    ratios = f"medians of ratios above P = {LOADED:g} E*"
+    return Row(f"friction {friction:g}: cost", "-", ratios, tabulated(PACKINGS, lines), "-", goal, test)
 
 
 def _rows_of_poisson():
@@ -207,8 +223,8 @@ def _rows_of_poisson():
     pressure = {nu: np.interp(DENSE, run.fraction, run.pressure) for nu, run in by_ratio.items()}
     ratio = {nu: p / pressure[POISSON[0]] for nu, p in pressure.items()}
     return [
-        Row(f"100 frictionless discs, nu = {nu:g}: P / E* at equal current solid fraction over that of nu ="
-            f" {POISSON[0]:g}", "1", f"Phi = {numbers(DENSE)}", numbers(ratio[nu]), "-",
+        Row(f"P / E* of nu = {nu:g} over nu = {POISSON[0]:g}", "1", "100 discs, friction 0, current solid fraction",
+            tabulated([rf"$\Phi$ = {phi:g}" for phi in DENSE], {"": texts(ratio[nu])}), "-",
             "5 %: " + verdict(np.abs(ratio[nu] - 1.0).max() < 0.05), "test_the_packings_jam_where_others_found")
         for nu in POISSON[1:]
     ]  # fmt: skip
@@ -219,15 +235,18 @@ def rows():
     by_nodes = measured(SHARED, "jamming_shared_grid_r{}")
     early = list(by_nodes.values())
     apparent, later = (np.array([jammed(run, window) for run in early]) for window in (ONSET, HIGHER))
-    one, two = (np.array([too_early(cells, gap) for cells in by_nodes]) for gap in (1.0, ONSET_GAP))
+    one, two = (np.array([too_early(size, gap) for size in by_nodes]) for gap in (1.0, ONSET_GAP))
+    lines = {
+        f"line through P = {numbers(ONSET)} E*": texts(apparent, 3),
+        f"through {numbers(HIGHER)} E*, in hindsight": texts(later, 3),
+        "formula, g = h": texts(one, 3),
+        f"formula, g = {ONSET_GAP} h (see onset)": texts(two, 3),
+    }
     return [
         *_rows_of_jamming(),
         *_rows_of_poisson(),
-        Row("100 discs with shared-grid contact: apparent jamming",
-            f"0.842 / (1 + g/2R)^2: {numbers(one, 3)} with g = h, {numbers(two, 3)} with {ONSET_GAP} h (see onset)",
-            f"R/h = {numbers(by_nodes)}",
-            f"line through P = {numbers(ONSET)} E*: {numbers(apparent, 3)}; with a window of {numbers(HIGHER)} E*,"
-            f" chosen in hindsight, {numbers(later, 3)}", "-",
+        Row("shared nodes: apparent jamming", "$0.842 / (1 + g/2R)^2$", "100 discs",
+            tabulated([f"R/h = {size:g}" for size in by_nodes], lines), "-",
             "near that with g = h: "
             + ("met" if np.abs(apparent - one).max() < 0.02 else "missed: between the two gaps"),
             "test_a_gap_of_one_cell_jams_early"),

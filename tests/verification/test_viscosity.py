@@ -1,14 +1,15 @@
-"""Kelvin and Voigt's viscosity: the decay of single modes of motion against closed forms.
+r"""Viscous damping: single modes decay as closed forms say, to 1 %, in strips, stacks of boxes and packings of discs.
 
-A mode of frequency omega0 of an undamped solid becomes x'' + 2 gamma x' + omega0^2 x = 0. A strip between lateral
-supports has the modes sin(k x), k = pi / L: along the strip gamma = eta k^2 / rho, across it eta k^2 / 2 rho. Boxes
-pressed together in a row have the same mode as long as their contacts stay closed. The midpoint rule, which by itself
-takes no energy; strains below 1e-3.
+An undamped mode of frequency $\omega_0$ becomes $\ddot x + 2 \gamma \dot x + \omega_0^2 x = 0$ with the viscosity
+$\eta$ of Kelvin and Voigt. Steps follow the midpoint rule, which by itself takes no energy; strains are below 1e-3.
 
-The shapes of the modes of a disc packing are not known. Where nu = 0, the viscous stress 2 eta d is eta / mu times
-the rate of the elastic stress 2 mu eps, so the damping matrix is tau K with tau = eta / mu, and every mode obeys
-q'' + tau omega^2 q' + omega^2 q = 0 as long as no contact opens, closes or slides with friction: its kinetic energy
-decays at the rate tau omega^2. Only omega is measured, without viscosity.
+- A strip between lateral supports has the modes $\sin(k x)$, $k = \pi / L$, with $\gamma = \eta k^2 / \rho$ along the
+  strip and $\gamma = \eta k^2 / 2 \rho$ across it. Boxes pressed together in a row have the same mode as long as
+  their contacts stay closed.
+- The shapes of the modes of a disc packing are not known. For $\nu = 0$ the viscous stress $2 \eta d$ is
+  $\tau = \eta / \mu$ times the rate of the elastic stress $2 \mu \varepsilon$, so the damping matrix is $\tau K$.
+  Every mode obeys $\ddot q + \tau \omega^2 \dot q + \omega^2 q = 0$ as long as no contact opens, closes or slides
+  with friction. Its kinetic energy decays at the rate $\tau \omega^2$. Only $\omega$ is measured, without viscosity.
 """
 
 from dataclasses import replace
@@ -16,7 +17,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from ledger import Row, numbers
+from ledger import Row, tabulated, texts
 
 from skmpm import Body, LinearElastic, NeoHookean, Scene, Scheme, Support, Wall, box, disc, initial, simulate, step
 
@@ -224,13 +225,13 @@ def test_the_report_counts_what_the_strains_of_a_packing_say():
 
 
 def rows():
-    ways = {0: "along", 1: "across"}
+    ways, heads = {0: "along", 1: "across"}, ("decay rate", "frequency")
     out = [
         Row(
-            problem=f"First mode of a strip, {ways[axis]} it, viscosity {eta:g} Pa s: decay rate, frequency",
+            problem=f"first mode of a strip, {ways[axis]} it, {eta:g} Pa s",
             reference="closed form",
             h="1/24",
-            error="; ".join(numbers(of_strip(law, axis, eta)) + f" ({law.__name__})" for law in LAWS),
+            error=tabulated(heads, {law.__name__: texts(of_strip(law, axis, eta)) for law in LAWS}),
             rate="-",
             goal="1 % and 0.5 %: met",
             test="test_a_mode_of_a_strip_decays_as_its_closed_form",
@@ -239,10 +240,10 @@ def rows():
     ]
     out.append(
         Row(
-            problem="The same of two boxes pressed on one another by 1 %",
+            problem="the same, two boxes pressed by 1 %",
             reference="closed form",
             h="1/24",
-            error="; ".join(numbers(of_stack(law, 8.0)[:2]) + f" ({law.__name__})" for law in LAWS),
+            error=tabulated(heads, {law.__name__: texts(of_stack(law, 8.0)[:2]) for law in LAWS}),
             rate="-",
             goal="1 % (small strain), 3 % (finite strain, stiffer under pressure): met",
             test="test_a_packing_at_rest_under_pressure_loses_a_mode_as_its_closed_form",
@@ -251,10 +252,10 @@ def rows():
     of_discs = [of_packing(400.0, cells)[:2] for cells in (4, 5)]
     out.append(
         Row(
-            problem="One mode of eight discs (nu = 0) compacted by 2 %: decay of kinetic energy, frequency",
-            reference="eta omega^2 / mu, omega measured without viscosity",
-            h="R/h = 4, 5",
-            error="; ".join(numbers(errors) for errors in of_discs),
+            problem="kinetic energy of one mode of eight discs",
+            reference=r"$\eta \omega^2 / \mu$ with $\omega$ measured without viscosity",
+            h="nu = 0, compacted by 2 %",
+            error=tabulated(heads, {f"R/h = {n}": texts(errors) for n, errors in zip((4, 5), of_discs, strict=True)}),
             rate="-",
             goal="1 % (pressure over E: 0.7 %) and 0.1 %: met",
             test="test_the_kinetic_energy_of_a_packing_at_rest_decays_as_one_mode_of_its_frequency",
@@ -262,10 +263,10 @@ def rows():
     )
     out.append(
         Row(
-            problem="Viscous dissipation of three discs that are pressed",
+            problem="dissipation of three pressed discs",
             reference="rates of strain of the recorded states",
             h="R/h = 4",
-            error=numbers([of_budget()[0]]),
+            error=tabulated(["error"], {"": texts([of_budget()[0]])}),
             rate="-",
             goal="rounding: met",
             test="test_the_report_counts_what_the_strains_of_a_packing_say",

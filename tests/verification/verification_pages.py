@@ -77,7 +77,11 @@ def grids(h):
 
 
 def columns(row):
-    """Heads of columns, and lines (label, numbers) of a row whose error is a number by grid or label; else None."""
+    """Heads of columns, and lines (label, numbers) of a row whose error is a table or numbers by grid; else None."""
+    given, _, lines = row["error"].partition(" || ")
+    if lines:
+        split = [line.rpartition(": ") for line in lines.split("; ")]
+        return tuple(given.split(" | ")), [(label or row["h"], numbers.split(" | ")) for label, _, numbers in split]
     heads = grids(row["h"])
     numbers = f"{NUMBER}(?:, {NUMBER}){{{len(heads) - 1}}}" if heads else NUMBER
     series = [re.fullmatch(rf"(?P<label>.*?)\s*(?P<numbers>{numbers})(?P<unit>[^\d]*)", part.strip())
@@ -89,6 +93,12 @@ def columns(row):
     if all(scalars):
         return tuple(part["label"] for part in scalars), [(row["h"], [part["numbers"] for part in scalars])]
     return None
+
+
+def sizes(row):
+    """The grids of a row, if its table does not name them."""
+    lines = row["error"].partition(" || ")[2]
+    return row["h"] if lines and not lines.startswith(": ") else ""
 
 
 def table(heads, rows):
@@ -106,18 +116,33 @@ def comparisons(rows):
 
     def kind(row):
         found = columns(row)
-        return row["reference"], row["goal"], row["rate"], row["test"], found and found[0]
+        return row["reference"], wanted(row), row["rate"], row["test"], found and found[0], sizes(row)
 
-    for (reference, goal, rate, test, heads), group in groupby(rows, kind):
+    for (reference, goal, rate, test, heads, runs), group in groupby(rows, kind):
         own = list(group)
         if heads:
             yield from ["", *table(heads, own), ""]
         else:
             for row in own:
                 yield from ["", f"**{row['problem']}** ({row['h']}): {row['error']}", ""]
-        facts = [f"Reference: {reference}.", f"Order: {rate}." if rate != "-" else ""]
-        facts += [f"Goal: {goal}." if goal != "-" else "", f"Test: `{test}`."]
-        yield " ".join(filter(None, facts))
+        facts = [f"Runs: {runs}." if runs else "", f"Reference: {reference}." if reference != "-" else ""]
+        facts += [f"Order: {rate}." if rate != "-" else "", f"Goal: {goal}." if goal != "-" else ""]
+        yield " ".join(filter(None, [*facts, f"Test: `{test}`."]))
+
+
+def wanted(row):
+    """The goal of a row, and whether it was met; why it was missed stands at the head of the page."""
+    return row["goal"].partition(": missed")[0] + (": missed" if ": missed" in row["goal"] else "")
+
+
+def reasons(rows):
+    """Missed goals: what they are about, and why they were missed where that is known; a line for each reason."""
+    found = {}
+    for row in rows:
+        if "missed" in row["goal"]:
+            goal, _, why = row["goal"].partition("missed")
+            found.setdefault(why.strip(" :,") or f"goal: {goal.strip(' :,')}", []).append(row["problem"])
+    return [f"- {'; '.join(problems)} ({why})" for why, problems in found.items()]
 
 
 def verdict(rows):
@@ -126,18 +151,27 @@ def verdict(rows):
     return len(rows), sum("met" in row["goal"] and "missed" not in row["goal"] for row in rows), missed
 
 
-def page(name, title, rows, captions):
-    """The page of a module."""
-    text = (HERE / f"test_{name}.py").read_text()
+def told(rows):
+    """The verdict as a sentence; goals are counted where there are some."""
     count, met, missed = verdict(rows)
-    lines = [f"# {title}", "", f"{count} comparisons: {met} goals met, {missed} missed.", ""]
-    if missed:
-        lines += ["Missed:", ""]
-        lines += [f"- {row['problem']}: {row['goal']}" for row in rows if "missed" in row["goal"]] + [""]
-    lines += [ast.get_docstring(ast.parse(text)), ""]
+    other = sum(re.match("-|shown|none|measured|plotted|about|.*(met|missed)", row["goal"]) is None for row in rows)
+    kinds = (met, "met"), (missed, "missed"), (other, "asserted by the tests")
+    goals = ", ".join(f"{number} {what}" for number, what in kinds if number)
+    return f"{count} comparison{'s' * (count > 1)}" + (f"; goals: {goals}." if goals else ", without goals.")
+
+
+def page(name, title, rows, captions):
+    """The page of a module: what was found, tables of it, pictures, and how it was measured."""
+    text = (HERE / f"test_{name}.py").read_text()
+    answer, _, details = ast.get_docstring(ast.parse(text)).partition("\n\n")
+    lines = [f"# {title}", "", answer, "", told(rows), ""]
+    if missed := reasons(rows):
+        lines += ["Missed:", "", *missed, ""]
+    lines += ["## Comparisons", *comparisons(rows), ""]
     for file, caption in captions.items():
         lines += [f"![{caption.split('. ')[0]}]({file})", "", f"*{caption}*", ""]
-    lines += ["## Comparisons", *comparisons(rows), "", f"`python tests/verification/draw.py {name}` repeats them."]
+    lines += ["## How it is measured", "", *([details, ""] if details else [])]
+    lines += [f"`python tests/verification/draw.py {name}` repeats the measurements."]
     return "\n".join(lines) + "\n"
 
 
@@ -152,7 +186,9 @@ def write():
                 rows = list(csv.DictReader(file))
             captions = json.loads((KEPT / f"{name}.json").read_text())
             (KEPT / f"{name}.md").write_text(page(name, title, rows, captions))
-            index.append(f"| [{title}]({name}.md) | " + " | ".join(map(str, verdict(rows))) + " |")
+            count, *goals = verdict(rows)
+            shown = [count, *(goals if any(goals) else "--")]
+            index.append(f"| [{title}]({name}.md) | " + " | ".join(map(str, shown)) + " |")
             tree.append(name)
         index += [*tree, "```", ""]
     (KEPT / "index.md").write_text("\n".join(index))
