@@ -141,7 +141,8 @@ def reasons(rows):
     for row in rows:
         if "missed" in row["goal"]:
             goal, _, why = row["goal"].partition("missed")
-            found.setdefault(why.strip(" :,") or f"goal: {goal.strip(' :,')}", []).append(row["problem"])
+            why = re.sub(r"^\((.*)\)$", r"\1", why.strip(" :,"))
+            found.setdefault(why or f"goal: {goal.strip(' :,')}", []).append(row["problem"])
     return [f"- {'; '.join(problems)} ({why})" for why, problems in found.items()]
 
 
