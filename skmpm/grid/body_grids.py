@@ -110,12 +110,7 @@ class BodyGrids:
     @property
     def shape(self) -> Array:
         """Q1 shape functions of the four nodes of each point's cell, (4, n), evaluated by scikit-fem."""
-        return self.shape_at(self.local)
-
-    @staticmethod
-    def shape_at(local: Array) -> Array:
-        """The same at local coordinates (2, n), (4, n); outside of the cell their continuation."""
-        return np.stack([ElementQuad1().lbasis(local, i)[0] for i in range(4)])
+        return np.stack([ElementQuad1().lbasis(self.local, i)[0] for i in range(4)])
 
     @property
     def gradient(self) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import KDTree
 
 from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
@@ -177,6 +178,14 @@ class Layout(Input):
     def outlines(self) -> Outlines:
         """The outlines of all bodies, as indices into the arrays of a state."""
         return outlines([body.points.outline for body in self.bodies], self.offsets)
+
+    @cached_property
+    def nearest_boundary(self) -> Ints:
+        """The boundary point of its body that is nearest to each point at t = 0, (n,); any if it has no outline."""
+        x, boundary = self.initial_positions, self.outlines
+        apart = 4.0 * float(np.ptp(x)) + 1.0  # between bodies, in a third direction
+        tree = KDTree(np.vstack([x[:, boundary.point], apart * boundary.body]).T)
+        return np.asarray(tree.query(np.vstack([x, apart * self.owner]).T)[1])
 
     def inward_normals(self, x: Array) -> Array:
         """Inward normals of the boundary points among points at x (2, n), zero at others, (2, n)."""

@@ -63,17 +63,12 @@ class FollowerPressure(Term):
     value: Array  # (s,) of the step [Pa]
     at_start: Array  # (s,) when it begins [Pa]
     assembly: Assembly
-    points: Ints  # (k,) the boundary points among those of deformable bodies
-
-    @property
-    def linear(self) -> bool:
-        """Whether its stiffness is the same in all configurations: that of the segments when grids were built."""
-        return True
+    inside: Array  # (n,) at the points of deformable bodies, that of the nearest segment [Pa]; (0,) for no stiffness
 
     @property
     def stiff(self) -> bool:
         """Whether it has a stiffness: not among linear materials, beside whose moduli pressures are small."""
-        return bool(self.points.size)
+        return bool(self.inside.size)
 
     def energy(self, at: Configuration) -> float:
         """Zero: pressures on a part of an outline have no energy."""
@@ -84,27 +79,17 @@ class FollowerPressure(Term):
         return -self._exerted(at.displacement, self.value)
 
     def stiffness(self, at: Configuration) -> Array | None:
-        """The symmetric part of the derivative of the force in the pattern of A, (blocks, 2, 2) [N/m2].
+        """The second derivative of p times the area, in the pattern of A, (blocks, 2, 2) [N/m2].
 
-        At an end of a segment X the force 1/2 p R dx, R a quarter turn, changes by the gradient in its own cell:
-        1/2 p N_I (X . grad N_J) R. Round closed outlines the derivative is symmetric.
+        It is that of the force round a whole outline. Where pressures differ along it, or end, that of each acts in
+        the points next to it: then it is near the derivative, and as smooth as the stiffness of the body.
         """
         if not self.stiff:
             return None
-        assembly, grid = self.assembly, self.assembly.grid
-        first, second = self.ends
-        end = np.concatenate([first, second])
-        along = np.tile(self.reference[:, second] - self.reference[:, first], 2)
-        point = self.points[end]
-        N = grid.interpolation.data.reshape(-1, 4)[point]
-        local, half = grid.local[:, point], np.repeat([1.0, -1.0], first.size) * along / grid.cell
-        change = (grid.shape_at(local + half) - grid.shape_at(local)).T * np.repeat([1.0, -1.0], first.size)[:, None]
-        product = 0.25 * np.tile(self.value, 2)[:, None, None] * np.einsum("pI,pJ->pIJ", N, change)
-        turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-        blocks = np.zeros_like(assembly.ghost_data)
-        each = np.einsum("pIJ,ij->pIJij", product.transpose(0, 2, 1) - product, turn)
-        np.add.at(blocks, assembly.block_of_cell[grid.cell_of_point[point]], each)
-        return blocks
+        C = np.zeros((2, 2, 2, 2, self.inside.size))
+        C[0, 0, 1, 1] = C[1, 1, 0, 0] = self.inside
+        C[0, 1, 1, 0] = C[1, 0, 0, 1] = -self.inside
+        return self.assembly.stiffness(C, ghost=False)
 
     def frozen(self, at: Configuration) -> Term:
         """The forces at a configuration, as a dead load."""

@@ -62,9 +62,12 @@ def follower_pressure(scene: Scene, state: State, first: float, t: float) -> Fol
     points = boundary.point[c]
     row = (np.cumsum(deformable) - 1)[points]  # among the points of deformable bodies
     interpolation = sp.csr_array(state.grids.assembly.grid.interpolation[row])
-    soft = row if any(not is_linear(material) for material in scene.materials) else row[:0]
+    inside: Array = np.zeros(0)
+    if not all(is_linear(material) for material in scene.materials):
+        at = np.bincount(segments, value, boundary.size)
+        inside = np.asarray(0.5 * (at + at[boundary.previous]))[scene.nearest_boundary[deformable]]
     reference, assembly = state.x_anchor[:, points], state.grids.assembly
-    return FollowerPressure(interpolation, reference, ends.reshape(2, -1), value, begin, assembly, soft)
+    return FollowerPressure(interpolation, reference, ends.reshape(2, -1), value, begin, assembly, inside)
 
 
 def has_gravity(scene: Scene) -> bool:

@@ -192,7 +192,10 @@ def test_a_value_that_is_not_finite_later_is_refused_then():
 
 
 def test_the_stiffness_is_the_derivative_of_the_force_by_affine_motions():
-    """By central differences of its work, round a closed outline; of linear materials it has none."""
+    """By central differences, round a closed outline; the area inside the polygon is 2e-4 of that of the points less.
+
+    Of linear materials there is none.
+    """
     scene = pressed_disc(3e4)
     state = skmpm.initial(scene)
     pressure, assembly = follower_pressure(scene, state, 0.0, 0.0), state.derived.assembly
@@ -202,8 +205,10 @@ def test_the_stiffness_is_the_derivative_of_the_force_by_affine_motions():
     one = np.ones_like(x)
     for field in ((x, -y), (x, y), (-y, x), (y, x), (one, 0 * one), (x + 2 * y, 3 * x)):
         u = 1e-3 * R * np.stack(field, axis=1).ravel()
-        change = pressure.force(Configuration(u)) - pressure.force(Configuration(-u))
-        assert u @ (K @ u) == pytest.approx(0.5 * float(u @ change), rel=1e-9, abs=1e-9 * 3e4 * 1e-6 * R**2)
+        change = 0.5 * (pressure.force(Configuration(u)) - pressure.force(Configuration(-u)))
+        assert u @ (K @ u) == pytest.approx(float(u @ change), rel=1e-3, abs=1e-9 * 3e4 * 1e-6 * R**2)
+        rows = np.linalg.norm(K @ u - change) / max(np.linalg.norm(change), 1e-9 * 3e4 * R)
+        assert rows < 0.05
     linear = pressed_disc(3e4, material=skmpm.LinearElastic(1e6, 0.3, 1000.0))
     assert not follower_pressure(linear, skmpm.initial(linear), 0.0, 0.0).stiff
 
