@@ -91,12 +91,12 @@ def check_material(material: Material | MaterialWithMemory) -> str:
     -----
     The stress is compared with the derivative of the energy and the tangent with that of the stress (by complex steps
     where the functions take complex F, else by central differences), the tangent with its transpose, energy and
-    stress with those of the turned body (small-strain laws, `linear`, are exempt and do turn wrong; their tangent is
-    to be constant), stress and energy with zero at F = I, `lame` with the tangent there, which must be isotropic. The
-    energy of others must be inf where J <= 0. A `stress_zz` must turn with the body and begin as lambda tr(F - I).
-    Where the energy of a law is inf at the deformations of the check, these are made smaller. Materials with memory
-    are checked for steps from states that `update` gave. It must keep them, and with them the stress; a step must not
-    gain energy.
+    stress with those of the turned body (but for small-strain laws, `linear`, which are not objective; their tangent
+    must be constant), stress and energy with zero at F = I, `lame` with the tangent there, which must be isotropic.
+    The energy of others must be inf where J <= 0. A `stress_zz` must not change as the body turns, and begins as
+    lambda tr(F - I). Where the energy of a law is inf at the deformations of the check, these are made smaller.
+    Materials with memory are checked for steps from states that `update` gave. It must keep them, and with them the
+    stress; a step must not gain energy.
 
     Examples
     --------
@@ -232,7 +232,7 @@ def _inverted(name: str, material: Material, F: Array) -> str:
 
 
 def _across(name: str, material: Material, F: Array) -> str:
-    """Whether `stress_zz` has a value per point, turns with the body and is lambda tr(F - I) at small strain."""
+    """Whether `stress_zz` has a value per point, is objective, and lambda tr(F - I) at small strain."""
     stress_zz: Callable[[Array], Array] = material.stress_zz  # type: ignore[attr-defined]
     lam, mu = material.lame
     rest, turn, step = np.eye(2)[:, :, None], _rotations(np.random.default_rng(1)), 1e-6
