@@ -35,8 +35,8 @@ def explain(section: str | None = None) -> None:
     >>> skmpm.explain("motion-per-step")
     motion-per-step
     <BLANKLINE>
-    **An object moves too far in a step**, or bodies move too far past each other. Beyond a cell a step fails and is
-    repeated with a shorter one. Use a smaller `dt`, or none.
+    **An object moves too far in a step**, or bodies move too far past each other. A step that moves a point by more
+    than a cell fails, and is repeated with a smaller length. Use a smaller `dt`, or none.
     """
     known = sections()
     if section is None:
