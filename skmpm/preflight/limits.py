@@ -266,9 +266,9 @@ TABLE = (
           lambda m: None if m.scheme.inertia or m.at_rest or not m.touches else of.choice(m),
           "inertia = False ignores the initial velocities of bodies; remove them or use inertia"),
     Limit("sharp edge", "rigid-edges", nan, of.sharp_edges,
-          "an edge at ({x:.4g}, {y:.4g}) m sharper than 0.5 h meets body {soft} without inertia; a flat punch with"
-          " rounder edges reached 40 % of the height, with sharper ones in cases only 25 %; use inertia, or a"
-          " radius of {radius:.4g} m", "test_punch"),
+          "an edge at ({x:.4g}, {y:.4g}) m sharper than 0.5 h meets body {soft} without inertia; with friction a"
+          " flat punch with rounder edges reached 40 % of the height, with sharper ones in cases only 26 %; use"
+          " inertia, or a radius of {radius:.4g} m", "test_punch"),
 )
 # fmt: on
 LIMITS = {limit.kind: limit for limit in TABLE}
