@@ -1,8 +1,9 @@
 """Friction on an incline against closed forms: a block that sticks or slides, a disc that rolls or slides.
 
-The incline is a wall turned by any angle against the grid, with gravity turned along: turned by -slope it is an
-inclined wall under vertical gravity, turned by nothing an aligned wall under inclined gravity. First only the part
-of gravity normal to the wall acts, in large steps of backward Euler, until the body rests; then the rest sets in.
+Errors are relative to the reference. The incline is a wall at any angle to the grid, and gravity is rotated with it.
+An inclined wall under vertical gravity, and a wall along the grid under inclined gravity, are two of these cases. At
+first only the part of gravity normal to the wall acts, in long steps of backward Euler, until the body rests. Then
+its part along the wall sets in.
 """
 
 from dataclasses import dataclass

@@ -1,10 +1,11 @@
 """Onset of contact: how far apart the true outlines are when the first contact force appears.
 
-Bodies fly freely, without stress, towards each other, so that the true distance of their circles, corners and sides
-is known at any time; the time of the first force is found to 0.004 cells of travel. Grid offset, direction of
-approach, obliqueness and the angle of each cloud of points are random. Distances are in cells, positive where the
-force comes too early, negative where outlines already overlap. Contact by outlines is the default; contact at shared
-nodes, the law of Nezamabadi et al. (2017), knows no gap and is shown beside it.
+Bodies fly freely, without stress, towards each other, so the true distance of their circles, corners and sides is
+known at any time. The time of the first force is found to 0.004 cells of travel, so smaller distances are not
+resolved; at shared nodes it is found to 0.04 cells. Grid offset, direction of approach, obliqueness and the angle of
+each cloud of points are random. Distances are in cells, positive where the force comes too early, negative where
+outlines already overlap. Contact between outlines is the default. Contact at shared nodes, that of Nezamabadi et al.
+(2017), does not depend on a gap, and is shown for comparison.
 """
 
 from collections.abc import Callable

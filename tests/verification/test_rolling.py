@@ -1,8 +1,8 @@
 """Discs that roll on a plane and on another disc, on gentle and steep slopes, against rigid-body mechanics.
 
-R = 1 mm, density 1000 kg/m3, R/h = 5, points R/8 apart, friction 0.5, backward Euler with 0.1 ms unless said. The
-wall is turned by any angle against the grid and gravity with it. Gravity normal to the wall acts from the start, its
-part along the wall from 10 ms on, when the disc has come to rest.
+Errors are relative to the reference. R = 1 mm, density 1000 kg/m3, R/h = 5, points R/8 apart, friction 0.5, backward
+Euler with steps of 0.1 ms unless noted. The wall, and gravity with it, is at random angles to the grid. Gravity
+normal to the wall acts from the start. Its part along the wall sets in at 10 ms, when the disc has come to rest.
 """
 
 from functools import cache
