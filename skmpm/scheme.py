@@ -27,26 +27,26 @@ class Scheme:
         (total Lagrangian), 0: at every step (updated Lagrangian, as in Nezamabadi et al. 2017)
     contact : contact formulation: `contact.point_to_curve`, `contact.shared_grid` or another formulation
         (`skmpm.contact`)
-    ghost : gamma, the coefficient of the ghost penalty on cells filled less than 0.6, relative to the elastic modulus
-    inertia : whether bodies have inertia; without it steps are quasi-static, for theta = 1 only
+    ghost : gamma, the coefficient of the ghost penalty on cells of which less than 0.6 is filled, relative to the
+        elastic modulus
+    inertia : whether bodies have inertia; without it steps are quasi-static, which requires theta = 1
     moment_fitting : fit the weights of points, and the places at which their strains are evaluated, to the exact
-        moments of their cell's material inside the outline; without it these are the points and their volumes
+        moments of their cell's material inside the outline; False: use the points and their volumes as they are
     mean_dilatation : average the change of volume over cells, so that nearly incompressible bodies do not lock:
         True for all, False for none, None for those with a Poisson's ratio of 0.4 or more (`NEARLY_INCOMPRESSIBLE`)
         and those with memory, since plastic flow conserves volume
-    newton_tol : largest imbalance of momentum, relative to its largest term, both norms over all nodes:
-        the force on a body may be off by more than this share, where it is small beside the forces in the bodies
+    newton_tol : largest imbalance of momentum relative to its largest term, both as norms over all nodes; the
+        relative error of the force on a body is larger where this force is small beside the forces within bodies
     contact_tol : largest natural-map residual of a contact solve, relative to the velocities at which contacts would
         close without their forces
-    gap_tol : largest natural-map residual of the contact law at the end of the step, with the final gaps, which are
-        to be so small beside the motion that contact prevents or, where forces drive walls without inertia, beside
-        the deformation
+    gap_tol : largest natural-map residual of the contact law with the gaps at the end of the step, relative to the
+        motion that contact prevents or, where forces drive walls without inertia, to the deformation
     linear : linear solver: `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by
         size
     max_newton : Newton iterations after which a step fails; with contact and inertia it fails earlier,
         after twenty that came no closer to convergence
-    threads : number of threads among which bodies are divided; None: as many as the process may use cores. Results do
-        not depend on it
+    threads : number of threads among which bodies are divided; None: one for each core that the process may use.
+        Results do not depend on it
 
     Examples
     --------

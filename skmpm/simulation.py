@@ -74,15 +74,15 @@ def simulate(
     until : time at which the run ends [s]
     dt : length of the steps [s]; None: steps are chosen
     max_dt : largest length of a chosen step [s]
-    waves : whether all chosen steps resolve waves, which travel a tenth of the radius of the smallest body in each;
-        if False, no loss of energy limits them
+    waves : True: all chosen steps resolve waves, which travel a tenth of the radius of the smallest body in each;
+        False: losses of energy do not limit steps; None: they do, unless six or more bodies are driven or fall
     scheme : how steps are solved
     start : state of this scene to continue from; None: the initial one. The scene may have other velocities of walls
         and supports, loads, springs, friction, gravity and moduli than before. Bodies and walls are where the state
         has them, also where the scene's `Wall.point` is another: a wall goes on from there
     progress : show step, time, ETA, solid fraction or stroke, and retries on a terminal or in a notebook
-    checkpoint : file that keeps the last state, written every half minute and when the run ends: at `until`, by an
-        error, because the caller's loop does, or by SIGTERM (unless the caller handles that signal)
+    checkpoint : file for the last state, written every half minute and when the run ends: at `until`, by an error,
+        when the caller leaves the loop, or by SIGTERM (unless the caller handles that signal)
     warn : log the warnings of `preflight` at the beginning, not where a run goes on from a state; that takes as long
         as a step or two
 
@@ -106,17 +106,17 @@ def simulate(
 
     Notes
     -----
-    Without dt, steps are chosen: what is driven moves by at most 0.14 cells in a step, bodies by 0.2 cells past each
-    other, or more where something is driven, and a step loses at most 1e-5 of the largest energy so far, unless six
-    or more bodies are driven or fall (`stepping.step_length`). Steps are shorter while Newton's method takes many
+    Without dt, steps are chosen (`stepping.step_length`). In a step driven objects move by at most 0.14 cells, and
+    bodies by 0.2 cells past each other, or more where something is driven. A step loses at most 1e-5 of the largest
+    energy so far, unless six or more bodies are driven or fall. Steps are shorter while Newton's method takes many
     iterations, and a sixteenth as long after a failure. Quasi-static steps under loads that are functions of time
     need dt.
 
     With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
     length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always
     yielded, with others between them after a failure. `state.report.dt` and `.retries` hold the length of the step
-    and its failures; the logger "skmpm" reports every retry at level INFO and, at the end of the run, all of them:
-    with a warning, unless steps are chosen and fewer than a tenth failed.
+    and its failures. The logger "skmpm" reports every retry at level INFO, and their number at the end of the run,
+    with a warning unless steps are chosen and fewer than a tenth failed.
 
     Examples
     --------

@@ -37,8 +37,8 @@ class ElastoPlastic(Isotropic):
 
         W = kappa/2 (ln J)^2 + min over d >= 0 of 3/2 mu (q - d)^2 + H/2 (a + d)^2 + yield_stress d,
 
-    of which yield_stress d is dissipated; the part with H is stored. Kirchhoff's stress of von Mises is at most
-    yield_stress + H a. The internal variables are a and the components xx, yy, xy of C_p^-1, C_p = F_p' F_p.
+    of which yield_stress d is dissipated; the part with H is stored. The von Mises norm of Kirchhoff's stress is at
+    most yield_stress + H a. The internal variables are a and the components xx, yy, xy of C_p^-1, C_p = F_p' F_p.
 
     Examples
     --------

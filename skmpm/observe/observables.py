@@ -105,7 +105,7 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     solid fractions, the stress and the pressures (except those of each body) are nan. In a periodic box branches lead
     to the images that are touched, and velocities are relative to the motion of the box; without walls `interior`
     changes nothing. Grains are the bodies that forces move in all components, deformable and free rigid ones.
-    Observables of outlines are nan if one of them has none.
+    Observables that need outlines are nan if a grain has none.
 
     Parameters
     ----------
@@ -120,10 +120,10 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     -----
     - solid fractions: area inside the smooth outlines (`outline.curve`; nominal: initial volumes) over the
       area of the box; only the part of rigid bodies in the box counts.
-    - coordination Z: mean number of bodies and walls that touch a grain; if no contact carries a
-      force, of those with a gap below 0.02 cells.
-    - coordination_without_rattlers: the same without the bodies with fewer than three contacts, or two with
-      friction, which are removed one after the other (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68, 2003).
+    - coordination Z: mean number of bodies and walls that touch a grain; if no contact carries a force, those with a
+      gap below 0.02 cells count as touching.
+    - coordination_without_rattlers: the same without bodies that have fewer than three contacts, or fewer than two
+      with friction; these are removed one after the other (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68, 2003).
     - contact_surface: S = sum S_b / sum pi D_b over the grains, S_b the boundary length with a gap
       below 0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for
       contacts at shared grid nodes, which have no length.

@@ -100,12 +100,12 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
 
         t(s) = q(s) sum_I N_I(s) f_I / int N_I q ds.
 
-    From q = 1 it gives a first t, too flat; from this t smoothed it gives a narrow estimate by the f_I and a wide one
-    by the nodal forces of the first t. The narrow one resolves small contacts, the wide one is free of scatter:
-    the result is the narrow one where the length under load is at most 2.7 cells, and nearer to the wide one as the
-    square of that length. All are projected on the hat functions of the boundary points. The `error` is twice the
-    difference of the two: peaks of smooth contacts from 2 cells on are within 5 % or within it
-    (docs/how_to/measures.md).
+    With q = 1 the formula gives a first t, which is too flat. With this t, smoothed, as q it gives two estimates: a
+    narrow one from the f_I, and a wide one from the nodal forces of the first t. The narrow one resolves small
+    contacts, the wide one has no scatter. The result is the narrow one where the length under load is at most 2.7
+    cells, and approaches the wide one with the square of that length. All are projected on the hat functions of the
+    boundary points. The `error` is twice the difference of the two. Peaks of smooth contacts that are 2 cells wide or
+    more are off by less than 5 %, or by less than `error` (docs/how_to/measures.md).
 
     The resultant is that of the contacts, on straight sides their moment, too. No force passes round a corner, and
     pressures are negative only where cohesion bears tension.

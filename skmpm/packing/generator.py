@@ -89,10 +89,10 @@ def packing(
     ----------
     shapes : radii of discs (N,) [m], or a list of `Points` with convex outlines: ellipses, capsules, polygons, ...
     width : width of the box [m]
-    solid_fraction : area of the bodies over that of the box, by which its height follows
+    solid_fraction : area of the bodies over that of the box, from which its height follows
     friction : coefficient between bodies during packing, zero at the walls; it lowers the solid fraction at jamming
-    periodic : whether the box is periodic (`Periodic(width, height)`) instead of closed by walls; or two answers, for
-        its width and its height, as ``(True, False)`` for `Periodic(width, None)` between a floor and a lid
+    periodic : whether the box is periodic (`Periodic(width, height)`) and not closed by walls; or a pair, for its
+        width and its height, as ``(True, False)`` for `Periodic(width, None)` between a floor and a lid
     seed : seed of the random numbers; the same seed gives the same packing in any unit of length
 
     Returns
@@ -104,7 +104,7 @@ def packing(
     PackingError
         if an argument is invalid, or if the bodies jam at a lower solid fraction, which the message contains. Discs
         jam near 0.84 in a periodic box, and between walls, which cost a layer of 0.3 mean radii, at 0.73, 0.76, 0.79
-        and 0.81 of a square box for 20, 40, 100 and 300 of them; far beyond that they are refused at once
+        and 0.81 of a square box for 20, 40, 100 and 300 of them; far larger solid fractions are refused at once
 
     Notes
     -----

@@ -146,7 +146,7 @@ class Wall:
 class Support:
     """A prescribed velocity or displacement of the points of deformable bodies where `where(x)` is true at t = 0.
 
-    At points of rigid bodies with a `motion` it may be true, too, without effect; at those of free ones it may not.
+    It has no effect on rigid bodies with a `motion`, and is refused at points of free rigid bodies.
 
     Parameters
     ----------
@@ -154,11 +154,11 @@ class Support:
     velocity : (2,) velocity [m/s] or a function of time t -> (2,), taken at the middle of each step; a component None
         is free
     displacement : instead of a velocity, a function of time t -> (2,) [m], zero at t = 0; it holds at the ends of
-        steps, whatever their length. A support that a later stage adds moves its points by what the function changes
-        from then on
+        steps, whatever their length. A support that is added in a later stage moves its points by the change of the
+        function from then on
     rotation : a function of time t -> angle [rad], counter-clockwise and zero at t = 0, by which the points turn
-        about `centre`, as a hub or a clamp does; it holds at the ends of steps. They move with the velocity or
-        displacement besides, which then has no free component. `State.support_moment` is the moment
+        about `centre`, as a hub or a clamp does; it holds at the ends of steps. The velocity or displacement is added
+        to it, and may then have no free component. `State.support_moment` is the moment
     centre : (2,) centre of rotation at t = 0 [m]; by default the mean of the points
 
     Examples

@@ -94,20 +94,21 @@ class Scene(Model):
     supports : prescribed velocities
     loads : dead loads, and pressures that follow the boundary
     springs : beds to ground, and bars between sets of points
-    friction : Coulomb coefficient of all contacts, between bodies, parts of one and walls, but for bodies and walls
-        that give their own; or a table by pairs of their names, as ``{("gel", "glass"): 0.3, "default": 0.1}``,
-        whose entries precede all
-    cohesion : tension c that contacts between bodies bear [Pa]; Coulomb's law then holds for the normal traction plus
-        c. It acts on gaps that are closed at the start of a step, and breaks where it is exceeded
-    cohesion_range : largest gap [m] that cohesion pulls, also at walls; zero for closed ones only. Flat surfaces come
-        off at c whatever the range. Round ones need one that several boundary points are within, or the force that
-        separates them is that of one boundary point and proportional to the spacing
-    periodic : a periodic box instead of walls, or beside those along the one direction in which it is periodic;
+    friction : Coulomb coefficient of contacts between bodies, between parts of one body and with walls, unless bodies
+        or walls have their own; or a table by pairs of names, as ``{("gel", "glass"): 0.3, "default": 0.1}``, whose
+        entries take precedence over both
+    cohesion : largest tension c of contacts between bodies [Pa]; Coulomb's law then holds for the normal traction
+        plus c. It acts where gaps are closed at the start of a step, and breaks where it is exceeded
+    cohesion_range : largest gap [m] at which cohesion acts, also at walls; 0: closed gaps only. Flat surfaces
+        separate at the traction c whatever the range. For round ones it has to include several boundary points;
+        otherwise the force that separates them is that of a single point, and proportional to the spacing
+    periodic : a periodic box instead of walls, or one that is periodic in one direction, between walls in the other;
         bodies may lie across its edges, or outside of it
-    overlap : largest overlap of bodies at the start that is meant [m], as of interference fits, up to a quarter of a
-        cell. A step removes a fifth of it: 30 steps without inertia leave 0.1 %. Others are refused from 1e-3 cells
-    gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time t -> (2, n), taken at t + theta dt of
-        each step from t on, at points of bodies that forces move
+    overlap : largest intended overlap of bodies at the start [m], as of interference fits, up to a quarter of a cell.
+        Each step removes a fifth of what is left: 30 steps without inertia leave 0.1 %. By default overlaps of more
+        than 1e-3 cells are refused
+    gravity : (2,) [m/s2], or a function of initial positions X (2, n) and time -> (2, n), which a step from t takes
+        at t + theta dt; it acts on bodies that forces move
 
     Raises
     ------

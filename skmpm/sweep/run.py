@@ -41,8 +41,8 @@ class Run:
     every : simulated time between rows [s]; 0: a row for every step. The last state always has one
     stop : f(row) that is true where the run ends before `until`
     keep : f(row) by name; the first state whose row makes it true is kept as ``<name>.checkpoint``
-    then : f(state) that returns the `Run` of the next stage, made of the last state of this one, which begins with it
-        (`continued`) and has the same columns; None: there is no other stage
+    then : f(state) of the last state, which returns the `Run` of the next stage; that begins with this state
+        (`continued`) and has the same columns. None: there is no other stage
     checkpoint : wall time between checkpoints [s]
     simulate : function that yields the states, called as `simulate` is
 

@@ -39,8 +39,8 @@ def sweep(
     Each member has a directory in `out`, named after its parameters unless `members` gives a name, with
     ``manifest.json`` (parameters, versions, command, times), ``table.csv`` and ``last.checkpoint``. Called again, a
     sweep skips members that have finished and goes on with the others from their checkpoints, those that failed
-    included. Rows are written together with the checkpoint they belong to: whenever and however a run is ended, the
-    table is at last that of a run that was not, to the bit. What SIGTERM or Ctrl-C ends writes checkpoints first.
+    included. Rows are written together with their checkpoint: however often a run is interrupted, its final table is
+    that of an uninterrupted run, to the bit. At SIGTERM or Ctrl-C members write checkpoints before they end.
 
     A member that fails does not stop the others; `Sweep.failed` and the logger "skmpm" name it and its error. One
     whose process is killed goes on from its checkpoint in another; killed three times, it has failed.
@@ -52,8 +52,8 @@ def sweep(
         names of their directories
     out : directory of the results, created if needed; of a cluster, one that all its workers share
     client : `distributed.Client`, on whose workers the members run; None: on processes of this machine
-    processes : on this machine, how many members run at a time; None: as many as the process may use cores. BLAS uses
-        one thread in each, and the bodies of a scene are divided among the cores that are left
+    processes : how many members run at a time on this machine; None: one for each core that the process may use. BLAS
+        uses one thread in each, and the bodies of a scene are divided among the cores that are left
     progress : show on a terminal or in a notebook how many members have finished, how far the others are, and the ETA
 
     Returns
