@@ -42,7 +42,7 @@ def test_a_small_study_and_its_page(tmp_path):
     page = (tmp_path / "periodic_shear.md").read_text()
     assert "| 12 discs, friction 0.5, seed 0 |" in page
     assert "Made by `python -m examples.studies.periodic_shear" in page
-    assert "1 member, " in page
+    assert "1 member took" in page
     figures.main(figures.parser().parse_args(["--study", str(tmp_path / "out"), "--docs", str(tmp_path)]))
     assert (tmp_path / "periodic_shear.md").read_text() == page
     assert (tmp_path / "periodic_shear" / "shear.png").stat().st_size > 10_000
