@@ -17,6 +17,7 @@ STUDIES = {
     "shear_cell": ("", "figures"),
     "lmgc90_box": ("",),
     "mixtures": ("", "figures"),
+    "hopper": ("", "figures"),
     "benchmark": ("", "crossover", "large"),
 }
 HELP = """

@@ -1,0 +1,1 @@
+"""Clogging of a hopper by soft discs."""
