@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import skmpm
 
 from . import pages
 from .provenance import made
+
+
+def command(study: ModuleType, **others: ModuleType) -> None:
+    """Run a study, or another module that the first argument of the command line names."""
+    chosen = others[sys.argv.pop(1)] if sys.argv[1:2] and sys.argv[1] in others else study
+    chosen.main(chosen.parser().parse_args())
 
 
 def run(
