@@ -72,7 +72,8 @@ def _scenes() -> Iterator[tuple[Scene, dict[str, Any]]]:
         for friction in (0.0, 0.5):
             scene = Scene(bodies, cell=CELL, walls=walls, friction=friction)
             yield scene, {"dt": DT}
-            yield scene, {"dt": None}
+            if law is MATERIALS[0]:  # no law has loops of its own in chosen steps, in which discs turn
+                yield scene, {"dt": None}
             yield scene, {"dt": 0.1 * DT, "scheme": Scheme.nezamabadi2017()}
             yield scene, {"dt": 1e-4, "scheme": Scheme(inertia=False)}
             yield Scene(bodies, cell=CELL, periodic=periodic, friction=friction), {"dt": DT}
