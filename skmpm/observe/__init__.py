@@ -7,7 +7,7 @@ from skmpm.observe.pairs import Network, force_lines, network
 from skmpm.observe.regions import box_area
 from skmpm.observe.springs import spring_forces
 from skmpm.observe.traction import Traction, contact_pressure
-from skmpm.observe.wetted import pressed_segments, wetted, with_fluids
+from skmpm.observe.wetted import wetted, wetted_segments, with_fluids
 
 __all__ = [
     "Network",
@@ -20,8 +20,8 @@ __all__ = [
     "network",
     "observe",
     "pair_correlation",
-    "pressed_segments",
     "spring_forces",
     "wetted",
+    "wetted_segments",
     "with_fluids",
 ]

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from skmpm.arrays import ROUND_OFF, Bools, Ints
 from skmpm.observe.traction import contact_pressure, traction
-from skmpm.scene import Pressure, Scene, SceneError, State, check_fits
+from skmpm.scene import Scene, SceneError, State, check_fits
 
 
 def wetted(scene: Scene, state: State) -> list[Ints]:
@@ -49,10 +49,10 @@ def wetted(scene: Scene, state: State) -> list[Ints]:
             f"wetted: the state has {known[0]} pressures on {known[1]} segments, the scene {len(scene.pressed)} on"
             f" {boundary.size}; give the scene that the state was made from"
         )
-    return [np.unique(boundary.point[np.append(own, boundary.next[own])]) for own in pressed_segments(scene, state)]
+    return [np.unique(boundary.point[np.append(own, boundary.next[own])]) for own in wetted_segments(scene, state)]
 
 
-def pressed_segments(scene: Scene, state: State) -> list[Ints]:
+def wetted_segments(scene: Scene, state: State) -> list[Ints]:
     """The boundary points at which the segments begin that each pressure acts on."""
     each = zip(_penetrating(scene), scene.pressed, _known(scene, state), strict=True)
     return [np.flatnonzero(wet) if penetrates else own for penetrates, own, wet in each]
@@ -85,7 +85,7 @@ def with_fluids(scene: Scene, state: State, t: float) -> State:
 
 
 def _penetrating(scene: Scene) -> list[bool]:
-    return [load.penetrates for load in scene.loads if isinstance(load, Pressure)]
+    return [pressure.penetrates for pressure in scene.pressures]
 
 
 def _known(scene: Scene, state: State) -> Bools:

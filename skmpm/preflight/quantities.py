@@ -19,7 +19,7 @@ from skmpm.outline.curve import CORNER_COSINE
 from skmpm.points import Points
 from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.sampling import stress_errors
-from skmpm.scene import Pressure, Scene, prescribed_motions
+from skmpm.scene import Scene, prescribed_motions
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.regrid import torn_bodies
@@ -128,7 +128,7 @@ def nu(m: SceneMetrics) -> Reading:
 
 def confined(m: SceneMetrics) -> Reading | None:
     """Poisson's ratios of bodies with few points that contacts or a pressure may confine."""
-    if not (m.touches or any(isinstance(load, Pressure) for load in m.scene.loads)):
+    if not (m.touches or m.scene.pressures):
         return None
     few = m.points_per_cell < CONFINED_POINTS
     facts = {"points": CONFINED_POINTS, "spacing": floored(0.5 * m.cell)}

@@ -12,7 +12,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.fits import STAYS_RIGID, check_fits
-from skmpm.scene.objects import Body, Pressure, Wall
+from skmpm.scene.objects import Body, Wall
 from skmpm.scene.point_sets import support_arms, support_rotations
 from skmpm.scene.prescribed import centres, normal_speeds, with_normal_speeds
 from skmpm.scene.renumbered import of_bodies, renumbered
@@ -152,7 +152,7 @@ def at_rest(scene: Scene, state: State) -> State:
 
 def _wetted(scene: Scene, state: State, new_scene: Scene) -> Bools:
     """What the pressures of the new scene wet: those of the old one the same, others nothing yet."""
-    old, new = ([load for load in each.loads if isinstance(load, Pressure)] for each in (scene, new_scene))
+    old, new = scene.pressures, new_scene.pressures
     if state.wetted.shape != (len(old), new_scene.outlines.size):
         return np.zeros((0, 0), dtype=bool)
     dry = np.zeros(new_scene.outlines.size, dtype=bool)

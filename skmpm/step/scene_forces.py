@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skmpm.arrays import Array
 from skmpm.material import is_linear, viscosity_of
-from skmpm.observe import pressed_segments
+from skmpm.observe import wetted_segments
 from skmpm.scene import Scene, State, gravity_at, prescribed_motions, stiffness_of
 from skmpm.scheme import Scheme
 from skmpm.step.forces import Bars, Beds, DeadLoad, FollowerPressure, ViscousBulk
@@ -55,7 +55,7 @@ def forces_on_points(scene: Scene, t: float) -> Array:
 def follower_pressure(scene: Scene, state: State, first: float, t: float) -> FollowerPressure:
     """The pressures on boundaries of a step that begins at a time `first`, with those of time t."""
     boundary, deformable = scene.outlines, scene.deformable[state.body]
-    pressed = pressed_segments(scene, state)
+    pressed = wetted_segments(scene, state)
     segments = np.concatenate(pressed)
     begin, value = (np.repeat(scene.pressure_values(at), [own.size for own in pressed]) for at in (first, t))
     c, ends = np.unique(np.stack([segments, boundary.next[segments]]), return_inverse=True)

@@ -7,9 +7,10 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skmpm.arrays import Array
-from skmpm.material import inverse, is_linear, product, youngs_modulus
+from skmpm.arrays import Array, Ints
+from skmpm.material import is_linear, youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
 from skmpm.stepping.functions_of_time import Function, values_at
@@ -106,14 +107,16 @@ class RotationWatch:
 
     def __init__(self, scene: Scene) -> None:
         self._linear = np.flatnonzero([any(map(is_linear, body.materials)) for body in scene.bodies])
+        self._anchor: Array = np.zeros(0)  # the last F_anchor
+        self._before: NDArray[np.complexfloating] = np.zeros(0, dtype=complex)  # rotations of bodies in it
 
     def warning(self, state: State) -> str:
         """What to warn of at a state; empty for nothing."""
         if not self._linear.size:
             return ""
-        F = product(state.F, inverse(state.F_anchor))
-        sine, cosine = (np.bincount(state.body, each) for each in (F[1, 0] - F[0, 1], F[0, 0] + F[1, 1]))
-        turned = np.abs(np.arctan2(sine, cosine))
+        if state.F_anchor is not self._anchor:
+            self._anchor, self._before = state.F_anchor, _rotations(state.F_anchor, state.body)
+        turned = np.abs(np.angle(_rotations(state.F, state.body) * self._before.conj()))
         b = int(self._linear[np.argmax(turned[self._linear])])
         if turned[b] <= MAX_LINEAR_ROTATION:
             return ""
@@ -121,6 +124,11 @@ class RotationWatch:
             f"body {b}: at t = {state.t:.6g} s it has turned by {turned[b]:.2g} rad, which its linear material takes"
             f" for a strain of {0.5 * turned[b] ** 2:.2g}: use NeoHookean with the same constants"
         )
+
+
+def _rotations(F: Array, body: Ints) -> NDArray[np.complexfloating]:
+    """Mean rotations of bodies with deformation gradients F (2, 2, n), as complex numbers (bodies,) of any size."""
+    return np.asarray(np.bincount(body, F[0, 0] + F[1, 1]) + 1j * np.bincount(body, F[1, 0] - F[0, 1]))
 
 
 class StrokeWatch:

@@ -236,7 +236,12 @@ def test_without_pressures_none_is_evaluated():
     scene = skmpm.Scene(pressed_disc(1e3).bodies, cell=R / 5, gravity=(0.0, -1.0))
     with Calls() as calls:
         list(skmpm.simulate(scene, dt=1e-5, until=3e-5))
-    assert calls.named("FollowerPressure.force") == calls.named("pressed_segments") == 0
+    assert (
+        calls.named("FollowerPressure.force")
+        == calls.named("pressed_segments")
+        == calls.named("wetted_segments")
+        == 0
+    )
 
 
 def test_restart_is_exact():
