@@ -3,6 +3,7 @@
 In every function `x` (2, m) [m] holds the current positions of the boundary points, in the order of `Outlines`.
 """
 
+from skmpm.outline.cells import cell_moments
 from skmpm.outline.crossings import apart, crossings, depth, folded, turns
 from skmpm.outline.cubics import Loops, foot, place, seen, tangent
 from skmpm.outline.curve import Cubics, Curve, curve
@@ -11,7 +12,6 @@ from skmpm.outline.measures import (
     TURNED_AWAY,
     area,
     bend,
-    cell_moments,
     centroid,
     chord_sagitta,
     dimensions,

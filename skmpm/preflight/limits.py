@@ -17,6 +17,7 @@ from skmpm.material import has_memory, poisson_ratio, youngs_modulus
 from skmpm.preflight import quantities as of
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.quantities import Reading, ceiled, floored
+from skmpm.preflight.slopes import wide_contacts
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE
 from skmpm.step.equations import LONG
 from skmpm.stepping.step_length import MAX_APPROACH, STROKE
@@ -235,7 +236,7 @@ TABLE = (
     Limit("points in the range of cohesion", "cohesion", 2.5, of.covered_points,
           "range covers {value} boundary points a side; with less, a round body comes off at the force of a few"
           " boundary points; use a larger cohesion_range or a smaller spacing", "test_adhesion", least=True),
-    Limit("contact width on slopes", "gentle-slopes", LIGHT, of.wide_contacts,
+    Limit("contact width on slopes", "gentle-slopes", LIGHT, wide_contacts,
           "its weight widens contacts to {value} boundary segments on either side; discs rolled on slopes of 1"
           " degree up to {limit}, wider contacts stopped them below 6 degrees; use a stiffer material or, to"
           " average over segments, cell = {cell} m or less", "test_rolling"),

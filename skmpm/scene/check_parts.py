@@ -12,9 +12,9 @@ from skmpm.material import Rigid
 from skmpm.points import Points
 from skmpm.scene.layout import Input
 from skmpm.scene.model import Model
-from skmpm.scene.objects import TURNING, Body, Load, Pressure, Spring, Support, Wall, prescribed_components
+from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
 from skmpm.scene.periodic import Periodic
-from skmpm.scene.point_sets import PointSet, stiffness_of, support_angle
+from skmpm.scene.point_sets import TURNING, PointSet, prescribed_components, stiffness_of, support_angle
 from skmpm.scene.values import SceneError, vector
 
 Given = Iterator[tuple[str, object, str]]

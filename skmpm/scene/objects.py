@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array, Ints
 from skmpm.material import Material, MaterialWithMemory, Rigid
 from skmpm.points import Points
-from skmpm.scene.values import SceneError, numbers
+from skmpm.scene.values import components
 
-TURNING = "to turn points, give `rotation`"
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
 Components = Sequence[float | None]  # of a support's velocity; None is free
 Part = tuple[Material, Ints | slice]  # a material and its points
@@ -294,18 +293,6 @@ class Spring:
     rest: Rest = field(default=None, kw_only=True)
 
 
-def prescribed_components(support: Support, t: float, name: str) -> Array:
-    """Prescribed displacement [m] or velocity [m/s] of a support at time t, (2,), nan for free components.
-
-    Raises
-    ------
-    SceneError
-        if it is not two components, each a finite number or None
-    """
-    value = support.prescribed(t) if callable(support.prescribed) else support.prescribed
-    return _components(name, value, 2, f"give two components (x, y), each a finite number or None; {TURNING}")
-
-
 def rigid_motion(body: Body, t: float, name: str) -> Array:
     """Prescribed velocity of the centre of mass and angular velocity of a rigid body at time t, (3,) [m/s, rad/s].
 
@@ -320,14 +307,4 @@ def rigid_motion(body: Body, t: float, name: str) -> Array:
         return np.full(3, np.nan)
     name = f"{name}: motion at t = {t:.6g} s" if callable(body.motion) else f"{name}: motion"
     remedy = "give (vx, vy, spin), each a finite number or None, or no motion for a body that forces move"
-    return _components(name, body.motion(t) if callable(body.motion) else body.motion, 3, remedy)
-
-
-def _components(name: str, value: object, count: int, remedy: str) -> Array:
-    """Components (count,), nan where they are None; SceneError if they are no finite numbers or None."""
-    if not isinstance(value, Sequence | np.ndarray) or len(value) != count:
-        raise SceneError(f"{name} = {value!r}; {remedy}")
-    filled = numbers(name, [0.0 if v is None else v for v in value], remedy)
-    if filled.shape != (count,) or not np.isfinite(filled).all():
-        raise SceneError(f"{name} = {value!r}; {remedy}")
-    return np.where([v is None for v in value], np.nan, filled)
+    return components(name, body.motion(t) if callable(body.motion) else body.motion, 3, remedy)

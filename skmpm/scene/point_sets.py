@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.outline import Outlines
 from skmpm.scene.layout import Layout
-from skmpm.scene.objects import Load, Pressure, Spring, Support, prescribed_components
-from skmpm.scene.values import SceneError, motion, not_negative, numbers, positive, scalar, vector
+from skmpm.scene.objects import Load, Pressure, Spring, Support
+from skmpm.scene.values import SceneError, components, motion, not_negative, numbers, positive, scalar, vector
+
+TURNING = "to turn points, give `rotation`"
 
 
 @dataclass(frozen=True)
@@ -207,3 +209,15 @@ def rest_of(i: int, spring: Spring, ends: Ends, X: Array, t: float) -> Array:
     if length < 0.0:
         raise SceneError(f"spring {i}: rest = {length:g} m at t = {t:.6g} s; a length is zero or more")
     return np.asarray(length)
+
+
+def prescribed_components(support: Support, t: float, name: str) -> Array:
+    """Prescribed displacement [m] or velocity [m/s] of a support at time t, (2,), nan for free components.
+
+    Raises
+    ------
+    SceneError
+        if it is not two components, each a finite number or None
+    """
+    value = support.prescribed(t) if callable(support.prescribed) else support.prescribed
+    return components(name, value, 2, f"give two components (x, y), each a finite number or None; {TURNING}")

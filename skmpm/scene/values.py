@@ -5,7 +5,7 @@ Raises of all these functions: SceneError, which names the object, the value and
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,3 +106,13 @@ def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
         return np.array(value, dtype=float)
     except (TypeError, ValueError):
         raise SceneError(f"{name} = {value!r} is not a number or an array of numbers; {remedy}") from None
+
+
+def components(name: str, value: object, count: int, remedy: str) -> Array:
+    """Components (count,), nan where they are None; SceneError if they are no finite numbers or None."""
+    if not isinstance(value, Sequence | np.ndarray) or len(value) != count:
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    filled = numbers(name, [0.0 if v is None else v for v in value], remedy)
+    if filled.shape != (count,) or not np.isfinite(filled).all():
+        raise SceneError(f"{name} = {value!r}; {remedy}")
+    return np.where([v is None for v in value], np.nan, filled)

@@ -284,7 +284,7 @@ def test_without_memory_no_function_of_it_runs_and_no_variable_is_kept(build, ma
 REGRIDDING_CALLS = (
     "skmpm.grid.building.build_grids",
     "skmpm.grid.moment_fitting.fitted_weights",
-    "skmpm.outline.measures.cell_moments",
+    "skmpm.outline.cells.cell_moments",
     "skmpm.grid.assembly.prepare",
     "skmpm.grid.assembly.ghost_facets",
     "skmpm.grid.body_grids.BodyGrids.interpolation",
@@ -317,10 +317,10 @@ def test_without_fitting_no_cell_is_cut_by_an_outline():
         (without, at_nodes),
     ):
         calls, _ = run(scene, scheme)
-        assert calls["skmpm.grid.moment_fitting.fitted_weights"] == calls["skmpm.outline.measures.cell_moments"] == 0
+        assert calls["skmpm.grid.moment_fitting.fitted_weights"] == calls["skmpm.outline.cells.cell_moments"] == 0
         assert calls["skmpm.grid.building.build_grids"] > 0
     calls, _ = run(alone(), at_nodes)
-    assert calls["skmpm.grid.moment_fitting.fitted_weights"] == calls["skmpm.outline.measures.cell_moments"] == STEPS
+    assert calls["skmpm.grid.moment_fitting.fitted_weights"] == calls["skmpm.outline.cells.cell_moments"] == STEPS
 
 
 def test_ghost_0_leaves_no_entry_in_the_matrix_that_the_cells_do_not_make():
