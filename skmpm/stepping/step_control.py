@@ -103,6 +103,8 @@ def advance_with_retries(scene: Scene, state: State, until: float, scheme: Schem
         except StepFailed as failure:
             if not failure.retryable or state.step_control.halvings == MAX_HALVINGS:
                 raise _given_up(failure, start, scheme, len(failures)) from failure
+            if not failures:
+                _check_equilibrium(scene, start, min(dt, start.step_control.dt / PARTS), scheme)
             state = replace(state, step_control=_halved(state.step_control, dt))
             failures.append(failure)
             _log.info("%s; retrying with dt = %.3g s", failure, _length(state, until)[0])
@@ -144,6 +146,8 @@ def advance_with_chosen_step(
         except StepFailed as failure:
             if not failure.retryable or length <= SHORTEST_SHARE * limit:
                 raise _given_up(failure, state, scheme, len(failures)) from failure
+            if not failures:
+                _check_equilibrium(scene, state, SHORTEST_SHARE * limit, scheme)
             length /= CUT
             failures.append(failure)
             _log.info("%s; retrying with dt = %.3g s", failure, length)
@@ -157,6 +161,19 @@ def advance_with_chosen_step(
         chosen = min(chosen, BELOW * by_loss, by_motion * float(np.clip(growth, 1.0 / MAX_CHANGE, 1.0)))
         t = float(until) if left - length <= ROUND_OFF * length else after.t
         return replace(after, t=t, report=report, step_control=replace(state.step_control, chosen=chosen)), failures
+
+
+def _check_equilibrium(scene: Scene, state: State, dt: float, scheme: Scheme) -> None:
+    """Raise StepFailed where a static step of the shortest length fails, too: nothing between may be in equilibrium.
+
+    Its result is not kept. Without it, bodies that nothing holds fall in one step after the other.
+    """
+    if scheme.inertia:
+        return
+    try:
+        step(scene, state, dt, scheme=scheme)
+    except StepFailed as failure:
+        raise _given_up(failure, state, scheme, 1) from failure
 
 
 def _step_of(step_control: StepControl) -> float:

@@ -107,6 +107,27 @@ def test_what_a_smaller_step_cannot_cure_is_not_tried_again():
     assert "retries" not in str(failure.value)
 
 
+def test_a_static_step_is_not_halved_where_the_shortest_one_fails_too(monkeypatch):
+    tried = scripted(monkeypatch, lambda t, dt: True)
+    with pytest.raises(StepFailed, match="there may be no equilibrium near") as failure:
+        ended(free(), DT, scheme=Scheme(inertia=False), warn=False)
+    assert tried == [(0.0, DT), (0.0, DT / 1024)]
+    assert failure.value.retries == 1
+    tried.clear()
+    with pytest.raises(StepFailed, match="there may be no equilibrium near"):
+        list(simulate(free(), until=DT, scheme=Scheme(inertia=False), warn=False))
+    assert len(tried) == 2
+
+
+def test_the_shortest_static_step_that_succeeds_is_not_kept(monkeypatch):
+    tried = scripted(monkeypatch, lambda t, dt: dt > 0.3 * DT)
+    states = list(simulate(free(), dt=DT, until=DT, scheme=Scheme(inertia=False), warn=False))
+    assert tried == [(0.0, dt * DT) for dt in (1.0, 1 / 1024, 0.5, 0.25)] + [
+        (k * 0.25 * DT, 0.25 * DT) for k in (1, 2, 3)
+    ]
+    assert [state.report.retries for state in states] == [2, 0, 0, 0]
+
+
 def test_a_moment_that_nothing_balances_is_named_as_one():
     pair = [Load(lambda x: x[0] > 0.9, (0.0, 1.0)), Load(lambda x: x[0] < -0.9, (0.0, -1.0))]
     scene = Scene([Body(disc((0.0, 1.0), 1.0, spacing=0.15), NeoHookean(1e3, 0.3, 1.0))], cell=0.2, loads=pair)
