@@ -21,23 +21,21 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
 from skmpm.contact.gap_function import ContactPairs
 from skmpm.outline import Images, Outlines
-from skmpm.scene import Scene
-
-# [cells] Largest gap of a contact that counts as closed, as of bodies that may touch at the start (`scene.check`).
-# Contacts that bear less than their strength end steps with gaps below 1e-5 cells (test_cohesion).
-CLOSED_GAP = 1e-3
+from skmpm.scene import TOUCHING, Scene
 
 
 def tensile_strength(scene: Scene, surfaces: Images, x: Array, found: ContactPairs, rank: Ints) -> Array:
     """Largest tension c l of contact pairs in a step, (k,) [N/m]; zero where the gap is out of range.
 
     The pairs are those of the boundary points x (2, m) [m] at the start of the step, so that no iterate changes the
-    strength. c [Pa] is the cohesion of the two bodies or of the wall, and l the length of boundary that belongs to
-    the contact point: of the boundary of the body of lower `rank` (bodies,), which gives the points.
+    strength. Without a range the closed ones bear tension: gaps up to `TOUCHING`, as of bodies that may touch at the
+    start. Contacts that bear less than their strength end steps with gaps below 1e-5 cells (test_cohesion). c [Pa] is
+    the cohesion of the two bodies or of the wall, and l the length of boundary that belongs to the contact point: of
+    the boundary of the body of lower `rank` (bodies,), which gives the points.
     """
     bodies = np.where(found.bodies < 0, found.bodies, surfaces.body[np.maximum(found.bodies, 0)])
     c, range_ = scene.cohesion_between(bodies), scene.cohesion_range
-    acts = (c > 0.0) & (found.gap <= max(range_, CLOSED_GAP * scene.cell))
+    acts = (c > 0.0) & (found.gap <= max(range_, TOUCHING * scene.cell))
     return np.where(acts, c * contact_length(surfaces.outlines, x, found, rank, acts, range_), 0.0)
 
 

@@ -20,15 +20,12 @@ from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.motion import contact_reach
 from skmpm.outline import Outlines
-from skmpm.scene import Scene, State
+from skmpm.scene import MAX_OVERLAP, Scene, State
 
 # [cells] Least distance in the reference configuration of parts that may touch. Slits of 1 and 1.5 cells with sides
 # on grid lines close with the forces of two bodies to 0.5 % (`test_self_contact`). At other positions, and where they
 # are narrower, their sides move as one: 80 and 56 times (0.5 cells) the force of two bodies in throw-away runs.
 MIN_SEPARATION = 0.75
-# [cells] and [distances in the reference configuration] Depth up to which a point behind a surface has penetrated it,
-# that of `step.acceptance` between bodies; deeper ones lie on the other side of a thin part.
-MAX_PENETRATION = 0.25
 # [cells] Parts closer than the first share nodes wherever they lie on the grid, parts farther apart than the second
 # do not: the support of a shape function is two cells wide.
 ALWAYS_JOINED, NEVER_JOINED = 1.0, 2.0
@@ -65,18 +62,19 @@ class SelfContact:
         """Pairs of parts that face each other, however close in the reference configuration."""
         if self.bodies.size == 0:
             return self.bodies, self.bodies
-        return outline.facing(self.outlines, x, self.bodies, reach, MAX_PENETRATION * self.cell)
+        return outline.facing(self.outlines, x, self.bodies, reach, MAX_OVERLAP * self.cell)
 
     def across_gap(self, point: Ints, segment: Ints, gap: Array) -> Bools:
         """Whether feet on segments (k,) of points (k,) with gaps (k,) at the start of a step are contacts.
 
         Those on other bodies are. On the same body a foot may lie across a thin part, or have moved along the curve
-        to the point itself.
+        to the point itself. A point behind a surface has penetrated it by at most what `step.acceptance` accepts
+        between bodies, `MAX_OVERLAP` cells or distances in the reference configuration.
         """
         other = self.outlines.body[point] != self.outlines.body[segment]
         separation = self.separation(point, segment)
         distinct = separation > 0.5 * MIN_SEPARATION * self.cell
-        return np.asarray(other | (distinct & (gap > -MAX_PENETRATION * np.minimum(separation, self.cell))))
+        return np.asarray(other | (distinct & (gap > -MAX_OVERLAP * np.minimum(separation, self.cell))))
 
     def separation(self, c: Ints, j: Ints) -> Array:
         """Distances (k,) of points from segments in the reference configuration [m]."""

@@ -13,12 +13,11 @@ from scipy.spatial import KDTree
 from skmpm import outline
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.contact.cohesion import CLOSED_GAP
 from skmpm.material import Material, is_linear, poisson_ratio, youngs_modulus
 from skmpm.points import Points
 from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.sampling import stress_errors
-from skmpm.scene import prescribed_motions
+from skmpm.scene import TOUCHING, prescribed_motions
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.regrid import torn_bodies
@@ -204,7 +203,7 @@ def peeling(m: SceneMetrics) -> Reading | None:
     """Range of cohesion over the opening c h / E at points that bear c where stress at the boundary scatters."""
     if m.cohesion == 0.0:
         return None
-    reach = max(m.scene.cohesion_range / m.cell, CLOSED_GAP)  # [cells]
+    reach = max(m.scene.cohesion_range / m.cell, TOUCHING)  # [cells]
     return Reading(m.own, reach * m.extremes(youngs_modulus)[0] / m.cohesion, scale=reach * m.cell)
 
 
