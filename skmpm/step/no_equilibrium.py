@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from skmpm.arrays import Array
 from skmpm.contact import Constraints
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
 from skmpm.step.newton import Solution
 from skmpm.step.rotation import RigidMotion
-
-SLIP = 0.3  # of the speed of its surface: a body that slips faster on a contact slides, else it rotates
 
 
 def no_equilibrium(
@@ -45,9 +42,7 @@ def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body:
         return ("separates" if (normal[own] < 0.0).any() else free), remedy
     corners = [each for each in pressed.tolist() if at_corner(increment, constraints, each)]
     most = int(pressed[np.argmax(normal[pressed])])
-    speed = float(motion.at_surface(motion.velocity(step))[body])
-    on_cone = abs(tangential[most]) >= (1.0 - 1e-6) * constraints.friction[most] * normal[most]
-    slides = on_cone and abs(_slip(constraints, step, most)) > SLIP * speed
+    slides = abs(tangential[most]) >= (1.0 - 1e-6) * constraints.friction[most] * normal[most]
     if slides or np.unique(constraints.bodies[:, pressed]).size > 2:  # friction does not keep it from rolling on one
         remedy = "add a Support, a wall or friction, or use inertia"
     if slides:
@@ -57,13 +52,6 @@ def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body:
         most = max(corners, key=lambda each: normal[each], default=most)
     place = _place(constraints, most, increment.grid.cell)
     return f"{verb} on {_other(constraints, most, body)} at {place}", remedy
-
-
-def _slip(constraints: Constraints, velocity: Array, contact: int) -> float:
-    """The tangential relative velocity of a contact under nodal velocities (2 nodes,) [m/s]."""
-    points = (constraints.base @ velocity.reshape(-1, 2)).T
-    relative = (constraints.difference[[contact]] @ points.T)[0]
-    return float(constraints.tangent[:, contact] @ relative)
 
 
 def _other(constraints: Constraints, contact: int, body: int) -> str:
