@@ -24,20 +24,14 @@ from skmpm.arrays import Array
 from skmpm.contact.closest_points import closest_points
 from skmpm.contact.cohesion import tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise, no_constraints
-from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall
+from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, geometry_of
 from skmpm.contact.motion import Motion, contact_reach
 from skmpm.contact.neighbours import Neighbours, Roles, Tension, neighbours, pairs_of_bodies
 from skmpm.contact.rows import combinations, joined
 from skmpm.contact.self_contact import SelfContact
 from skmpm.grid import BodyGrids
 from skmpm.outline import Cubics, Outlines
-from skmpm.scene import (
-    PrescribedVelocities,
-    Scene,
-    SceneError,
-    State,
-    prescribed_velocities,
-)
+from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescribed_velocities
 
 # Fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies. In dynamic steps
 # shorter than waves take to cross a cell it is as much smaller: velocities would be overlaps over dt.
@@ -238,12 +232,7 @@ class _Detection:
             point=self.scene.outlines.point[found.point],
             base=self.interpolation,
             difference=relative,
-            tangent_shares=combinations(found.stencil, found.tangent_shares, points),
-            curvature=found.curvature,
-            own_shares=combinations(found.own, np.where(found.travel > 0.0, found.own_shares, 0.0), points),
-            along=found.along,
-            travel=found.travel,
-            wide_from=near.shifts.wide_from_of(found.key),
+            geometry=geometry_of(found, near, points),
             rigid=motion.points.T / dt,
             surfaces=moving,
             offset_normal=(found.gap - allowed) / dt - now,

@@ -18,6 +18,38 @@ from skmpm.scene import PrescribedVelocities, Scene, State
 
 
 @dataclass(frozen=True)
+class SurfaceGeometry:
+    """Geometry of the surfaces in k contacts, from which the geometric stiffness of contact follows.
+
+    Attributes
+    ----------
+    tangent_shares : (k, m) weights of contact points in the second surface's unit tangent [1/m]
+    own_shares : (k, m) weights of contact points in the first surface's unit tangent [1/m]
+    curvature : (k,) of the second surface, negative where it is convex [1/m]
+    along : (k,) cosine between the tangents of both surfaces
+    travel : (k,) of the contact point per turn of both surfaces against each other [m]; 0 if it is fixed
+    wide_from : (k,) normal force between the bodies that makes a contact too wide to travel [N/m]
+    """
+
+    tangent_shares: sp.csr_array
+    own_shares: sp.csr_array
+    curvature: Array
+    along: Array
+    travel: Array
+    wide_from: Array
+
+    @staticmethod
+    def fixed(contacts: int, points: int) -> SurfaceGeometry:
+        """The geometry where normals and contact points do not move with the surfaces."""
+        none, rows = np.zeros(contacts), sp.csr_array((contacts, points))
+        return SurfaceGeometry(rows, rows, none, none, none, np.full(contacts, np.inf))
+
+    def among(self, kept: Ints) -> SurfaceGeometry:
+        """The geometry of some contacts."""
+        return SurfaceGeometry(*(_some(getattr(self, f.name), kept) for f in fields(self)))
+
+
+@dataclass(frozen=True)
 class Constraints:
     """The constraints of k contacts; their relative velocity (first minus second body) is u = H w + offset.
 
@@ -38,12 +70,7 @@ class Constraints:
     point : (k,) material point of the first body, -1 at a grid node
     base : (m, nodes) interpolation from nodes to contact points
     difference : (k, m) first body minus second body
-    tangent_shares : (k, m) weights of contact points in the second surface's unit tangent [1/m]
-    curvature : (k,) of the second surface, negative where it is convex [1/m]
-    own_shares : (k, m) weights of contact points in the first surface's unit tangent [1/m]
-    along : (k,) cosine between the tangents of both surfaces
-    travel : (k,) of the contact point per turn of both surfaces against each other [m]; 0 if it is fixed
-    wide_from : (k,) normal force between the bodies that makes a contact too wide to travel [N/m]
+    geometry : of the surfaces
     rigid : (m, 2) velocities of the contact points on rigid bodies, zero on others [m/s]
     surfaces : (2, k) relative velocity by the motion of walls and of periodic images [m/s]
     offset_normal : (k,) [m/s]
@@ -62,12 +89,7 @@ class Constraints:
     point: Ints
     base: sp.csr_array
     difference: sp.csr_array
-    tangent_shares: sp.csr_array
-    curvature: Array
-    own_shares: sp.csr_array
-    along: Array
-    travel: Array
-    wide_from: Array
+    geometry: SurfaceGeometry
     rigid: Array
     surfaces: Array
     offset_normal: Array
@@ -138,7 +160,7 @@ class Constraints:
         """
         slide, surface = (
             components(self.difference[chosen], self.tangent[:, chosen]),
-            self.tangent_shares[chosen],
+            self.geometry.tangent_shares[chosen],
         )
         return (
             slide,
@@ -149,7 +171,7 @@ class Constraints:
     @property
     def spread(self) -> Array:
         """Turn of the normal over that of the surface at its foot, c = 1 / (1 - g kappa), (k,)."""
-        return np.asarray(1.0 / np.maximum(1.0 - self.gap * self.curvature, MIN_CURVATURE_FACTOR))
+        return np.asarray(1.0 / np.maximum(1.0 - self.gap * self.geometry.curvature, MIN_CURVATURE_FACTOR))
 
     def turning(self, chosen: Ints, direction: Array, sliding: Array | float = 1.0) -> sp.csr_array:
         """Rows (chosen, 2 m) to the rates at which the surfaces turn against each other [1/s].
@@ -160,17 +182,20 @@ class Constraints:
         a force acts that moves along both outlines.
         """
         slide = components(self.difference[chosen], self.tangent[:, chosen])
-        own, other = (components(shares[chosen], direction) for shares in (self.own_shares, self.tangent_shares))
-        factor = self.along[chosen] * self.spread[chosen]
-        bend = sp.diags_array(factor * self.curvature[chosen] * sliding)
+        own, other = (
+            components(shares[chosen], direction)
+            for shares in (self.geometry.own_shares, self.geometry.tangent_shares)
+        )
+        factor = self.geometry.along[chosen] * self.spread[chosen]
+        bend = sp.diags_array(factor * self.geometry.curvature[chosen] * sliding)
         return sp.csr_array(own - sp.diags_array(factor) @ other - bend @ slide)
 
     @cached_property
     def curved(self) -> Bools:
         """Whether the second surface is curved and belongs to a body with unknowns, (k,)."""
         unknown = np.diff(self.base.indptr) > 0
-        row = np.repeat(np.arange(self.size), np.diff(self.tangent_shares.indptr))
-        return np.asarray(np.bincount(row, unknown[self.tangent_shares.indices], self.size) > 0)
+        row = np.repeat(np.arange(self.size), np.diff(self.geometry.tangent_shares.indptr))
+        return np.asarray(np.bincount(row, unknown[self.geometry.tangent_shares.indices], self.size) > 0)
 
     @property
     def offset(self) -> Array:
@@ -195,9 +220,9 @@ class Constraints:
         if chosen.all():
             return self
         kept = np.flatnonzero(chosen)
-        of_contacts = (f.name for f in fields(self) if f.name not in ("base", "rigid"))
+        of_contacts = (f.name for f in fields(self) if f.name not in ("base", "rigid", "geometry"))
         some = {name: _some(getattr(self, name), kept) for name in of_contacts}
-        return replace(self, **some)
+        return replace(self, geometry=self.geometry.among(kept), **some)
 
     def normal_part(self, r: Array) -> Array:
         """The normal components (k,) of impulses."""
@@ -239,7 +264,7 @@ def no_constraints(base: sp.csr_array) -> Constraints:
     none, two, rows = np.zeros(0), np.zeros((2, 0)), sp.csr_array((0, base.shape[0]))
     no_index, no_pair = np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
     return Constraints(
-        *(no_pair, two, two, none, none, no_index, no_index, base, rows, rows, none, rows, none, none, none),
+        *(no_pair, two, two, none, none, no_index, no_index, base, rows, SurfaceGeometry.fixed(*rows.shape)),
         *(np.zeros((base.shape[0], 2)), two, none, none, none, none, two),
     )
 

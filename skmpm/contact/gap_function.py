@@ -9,9 +9,11 @@ import numpy as np
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled_in_order
 from skmpm.contact import feet
+from skmpm.contact.constraints import SurfaceGeometry
 from skmpm.contact.keys import guard_keys
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import foot_points, project, tangent_shares
+from skmpm.contact.rows import combinations
 from skmpm.contact.shifts import guarded
 from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
@@ -153,3 +155,15 @@ def _wall_gaps(
             near[size] = c
             size += 1
     return size
+
+
+def geometry_of(found: ContactPairs, near: Neighbours, points: int) -> SurfaceGeometry:
+    """The geometry of the surfaces of contact pairs, in terms of so many contact points."""
+    return SurfaceGeometry(
+        tangent_shares=combinations(found.stencil, found.tangent_shares, points),
+        own_shares=combinations(found.own, np.where(found.travel > 0.0, found.own_shares, 0.0), points),
+        curvature=found.curvature,
+        along=found.along,
+        travel=found.travel,
+        wide_from=near.shifts.wide_from_of(found.key),
+    )

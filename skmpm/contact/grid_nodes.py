@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from skmpm.arrays import Array, Ints
-from skmpm.contact.constraints import Constraints, Linearise
+from skmpm.contact.constraints import Constraints, Linearise, SurfaceGeometry
 from skmpm.contact.rows import joined
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, centres, prescribed_velocities
@@ -179,12 +179,7 @@ def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids)
         point=np.full(k.size, -1),
         base=sp.eye_array(grid.nodes, format="csr"),
         difference=difference,
-        tangent_shares=sp.csr_array(difference.shape),
-        curvature=np.zeros(k.size),
-        own_shares=sp.csr_array(difference.shape),
-        along=np.zeros(k.size),
-        travel=np.zeros(k.size),
-        wide_from=np.full(k.size, np.inf),
+        geometry=SurfaceGeometry.fixed(*difference.shape),
         rigid=np.zeros((grid.nodes, 2)),
         surfaces=prescribed,
         offset_normal=np.einsum("ik,ik->k", normal, prescribed),

@@ -74,7 +74,7 @@ def contact_stiffness(constraints: Constraints, r: Array, dt: float, theta: floa
     chosen, pressed = loaded(constraints, r), _pressed(constraints, r)
     if constraints.tangential:
         chosen = chosen[~sticking(constraints.lifted(r, dt), constraints.friction)[chosen]]
-    sliding = pressed[(constraints.travel[pressed] > 0.0) & (constraints.normal_part(r)[pressed] > 0.0)]
+    sliding = pressed[(constraints.geometry.travel[pressed] > 0.0) & (constraints.normal_part(r)[pressed] > 0.0)]
     if chosen.size + sliding.size == 0:
         return None
     normal, friction_ratio = r[chosen], np.zeros(chosen.size)
@@ -87,7 +87,7 @@ def contact_stiffness(constraints: Constraints, r: Array, dt: float, theta: floa
     if sliding.size:
         measured.append(constraints.turning(sliding, constraints.normal[:, sliding]))
         loads.append(_moving_forces(constraints, r, sliding, dt))
-        travel = theta * dt * constraints.normal_part(r)[sliding] * constraints.travel[sliding]
+        travel = theta * dt * constraints.normal_part(r)[sliding] * constraints.geometry.travel[sliding]
         compliance = sp.csr_array(sp.block_diag([compliance, sp.diags_array(1.0 / travel)], format="csr"))
     Z, acting = (sp.csr_array(sp.vstack(rows, format="csr")) for rows in (measured, loads))
     return ContactStiffness(chosen, friction_ratio, sliding, Z, acting, compliance)
@@ -108,7 +108,7 @@ def _compliance(
     constraints: Constraints, chosen: Ints, normal: Array, friction_ratio: Array, dt: float, theta: float
 ) -> sp.csr_array:
     """The inverse of theta dt r c [[(1 + m^2) kappa, 1 + m^2], [1, g]] for l contacts, (2 l, 2 l)."""
-    gap, kappa, c = constraints.gap[chosen], constraints.curvature[chosen], constraints.spread[chosen]
+    gap, kappa, c = constraints.gap[chosen], constraints.geometry.curvature[chosen], constraints.spread[chosen]
     factor = theta / (theta**2 * dt * normal * c * (gap * kappa - 1.0))
     friction, l = 1.0 / (1.0 + friction_ratio**2), chosen.size  # noqa: E741
     entries = factor * np.array([[gap * friction, -np.ones(l)], [-friction, kappa]])  # (row, column, contact)

@@ -106,7 +106,7 @@ def _widened(contact: ContactIterate | None) -> bool:
         return False
     at = contact.constraints
     force = at.forces(contact.r, contact.increment.dt)[0]
-    return bool((between_bodies(at.bodies, force) >= at.wide_from).any())
+    return bool((between_bodies(at.bodies, force) >= at.geometry.wide_from).any())
 
 
 def _equilibrium(increment: Increment, change: _Change, solved: list[Solution]) -> Solution:

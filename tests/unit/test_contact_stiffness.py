@@ -45,7 +45,7 @@ def test_the_second_derivative_of_the_gap(seed, apart):
         return
     everywhere = np.arange(rows.size)
     tau, beta, _ = (Z @ rows.at_contact_points(direction) for Z in rows.geometric(everywhere))
-    kappa, g = rows.curvature, rows.gap
+    kappa, g = rows.geometry.curvature, rows.gap
     expected = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
     weights = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0  # of fourth order
     errors = []
@@ -69,7 +69,7 @@ def test_the_compliance_is_the_inverse_of_that_derivative(sign):
     direction = np.random.default_rng(0).standard_normal(unknowns)
     zeta = turns.Z @ rows.at_contact_points(direction)
     tau, beta = np.split(zeta, 2)
-    g, kappa = rows.gap, rows.curvature
+    g, kappa = rows.gap, rows.geometry.curvature
     second = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
     rho = -np.linalg.solve(turns.compliance.toarray(), zeta)
     assert -zeta @ rho == pytest.approx(-DT * r @ second, rel=1e-12)
@@ -91,7 +91,7 @@ def test_forces_of_slipping_contacts_rotate_as_predicted(seed, slope):
         other = linearise(at + step * direction)
         if not np.array_equal(other.key, rows.key):
             return
-        if not np.array_equal(other.tangent_shares.indices, rows.tangent_shares.indices):
+        if not np.array_equal(other.geometry.tangent_shares.indices, rows.geometry.tangent_shares.indices):
             return  # a foot went on to the next cubic, whose curvature is another
         predicted = rows.at_nodes(rows.D.T @ r + turns.acting.T @ (step * rho))
         turned = other.H.T @ turns.rotated_impulses(r, step * rho)

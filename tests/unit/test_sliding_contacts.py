@@ -33,14 +33,16 @@ def test_the_least_gap_has_the_curvature_of_contact_points_that_slide(seed):
     rows = linearise(at)
     k = np.arange(rows.size)
     tau, beta, _ = (Z @ rows.at_contact_points(along) for Z in rows.geometric(k))
-    fixed = -(rows.curvature * tau**2 + 2.0 * tau * beta + rows.gap * beta**2) / (1.0 - rows.gap * rows.curvature)
+    fixed = -(rows.geometry.curvature * tau**2 + 2.0 * tau * beta + rows.gap * beta**2) / (
+        1.0 - rows.gap * rows.geometry.curvature
+    )
     turn = rows.turning(k, rows.normal) @ rows.at_contact_points(along)
     near = [linearise(at + n * 1e-3 * along).gap for n in (-2, -1, 0, 1, 2)]
     measured = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0 @ np.array(near) / (1e-3 * dt) ** 2
-    slides = rows.travel > 0.0
+    slides = rows.geometry.travel > 0.0
     assert set(rows.bodies[1, slides]) == {1, -1}
-    size = np.abs(rows.travel * turn**2)[slides].max()
-    assert measured[slides] == pytest.approx((fixed - rows.travel * turn**2)[slides], abs=0.03 * size)
+    size = np.abs(rows.geometry.travel * turn**2)[slides].max()
+    assert measured[slides] == pytest.approx((fixed - rows.geometry.travel * turn**2)[slides], abs=0.03 * size)
 
 
 def test_a_contact_that_slides_adds_stiffness_only_where_it_is_pressed():
@@ -48,7 +50,7 @@ def test_a_contact_that_slides_adds_stiffness_only_where_it_is_pressed():
     state = initial(scene)
     grid = state.derived.assembly.grid
     rows = contact.point_to_curve(scene, state, grid, 1.0, 1.0, None, False)(np.zeros(2 * grid.nodes))
-    slides = np.flatnonzero(rows.travel > 0.0)
+    slides = np.flatnonzero(rows.geometry.travel > 0.0)
     assert slides.size == 1
     r = np.zeros(rows.size)
     assert contact_stiffness(rows, r, 1.0, 1.0) is None
