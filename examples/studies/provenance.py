@@ -31,9 +31,11 @@ def made(members: Iterable[Member], module: str) -> str:
 
 
 def listed(commands: list[str], module: str) -> str:
-    """One command, or the options of several: a study that was run in parts."""
+    """One command, or the options of a few: a study that was run in parts."""
     if len(commands) == 1:
         return f"`{commands[0]}`"
+    if len(commands) > 4:
+        return f"`python -m {module}`, in {len(commands)} parts"
     options = (text.removeprefix(f"python -m {module}").strip() for text in commands)
     parts = ", ".join(f"`{each}`" if each else "without options" for each in options)
     return f"`python -m {module}`, in parts ({parts})"

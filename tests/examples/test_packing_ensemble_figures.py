@@ -342,6 +342,28 @@ def test_targets_hold_where_they_do_and_only_there(code):
     assert found["exponent of Z - 4 over the same range"].verdict == "does not hold"
 
 
+def test_the_tables_of_the_page_show_rows_of_the_files(code):
+    """Each line is a row, in bold where its rule is not met, and no rule of the page is without its row."""
+    study, short = code.curves.Study(slow(code) | slow(code, kind="periodic"), []), code.summary
+    targets = [code.targets.rows(study, kind) for kind in code.targets.KINDS]
+    lines = {line[0]: line[1:] for line in short.beside(short.TARGETS, *targets, ("a", "b"))}
+    assert lines["quantity"] == ("required", "a", "b")
+    assert lines["Phi_J by pressure, friction 0"] == ("0.83-0.86", "0.842", "0.842")
+    assert lines["Phi_J by pressure, friction 0.5"] == ("0.79-0.82", "**0.842**", "**0.842**")
+    nothing = code.curves.Study({}, [])
+    claims, checks = code.claims.rows(nothing, "fast"), code.checks.rows(nothing)
+    assert all(short.starting(targets[0], begin) for begin in short.TARGETS)
+    assert all(short.starting(claims, begin) for begin in short.CLAIMS)
+    assert all(short.starting(checks, begin) for begin in short.CURVES)
+    kinds = [[kind for kind in short.KINDS if short.starting(checks, f"{kind}: {begin}")] for begin in short.STATES]
+    assert all(kinds)
+    assert {cell for line in short.curves(checks)[1:] for cell in line[2:]} == {"-"}, "nothing was run"
+    states = {line[0]: line[2:] for line in short.states(code.checks.rows(study))}
+    assert states["inertial number"][0].startswith("**"), "the made-up lid is fast"
+    grid = short.shared_grid(code.curves.Study({"shared_grid_mu0_r6": member(code)}, []))
+    assert grid[1][:4] == ("shared grid, R/h = 6", "0", grid[1][2], "0.717") and float(grid[1][2]) > 0.8
+
+
 def test_what_is_not_quasi_static_is_seen(code):
     """The made-up lid shrinks the box in 8 ms: its inertial number is 100 times too large; forces are balanced."""
     found = verdicts(code.still.still(code.curves.Study(slow(code), [])))
@@ -436,7 +458,9 @@ def test_both_commands(code, ran, made, tmp_path):
     pictures = {path.name: path.stat().st_size for path in (tmp_path / "docs" / "packing_ensemble").glob("*.png")}
     assert set(pictures) == {"figure2.png", "figure4.png", "pressure.png", "before.png"}
     written = {path.name for path in (tmp_path / "docs" / "packing_ensemble").iterdir()}
-    assert written == {*pictures, "curves.csv", "curves_before.csv"}
+    tables = ("before", "checks", "claims", "curves", "curves_before", "grid", "members", "targets")
+    assert written == {*pictures, *(f"{name}.csv" for name in tables)}
+    assert set(re.findall(r"\{download\}`.* <packing_ensemble/(.*)>`", page)) <= written
     assert all(2_000 < size < 120_000 for size in pictures.values())
     assert set(re.findall(r"!\[.*\]\(packing_ensemble/(.*)\)", page)) == set(pictures)
     found = {row.claim: row for row in rows}
@@ -448,8 +472,9 @@ def test_both_commands(code, ran, made, tmp_path):
         walls, carried = member.column("walls")[1:], member.column("pressure - swing")[1:]
         assert np.abs(carried - walls).mean() < 2e-3 * np.abs(walls).mean(), "virial theorem, step by step"
         assert np.abs(member.column("pressure")[1:] - walls).mean() > 0.1 * np.abs(walls).mean(), "which is needed"
-    assert page.count("at its end") == 4
-    assert "| fine_mu0_seed0 | - |" in page
+    members = (tmp_path / "docs" / "packing_ensemble" / "members.csv").read_text()
+    assert members.count("at its end") == 4
+    assert "\nfine_mu0_seed0,-,-," in members
     again = code.figures.main(
         code.figures.parser().parse_args(["--study", str(ran), "--docs", str(tmp_path / "docs")])
     )
@@ -483,7 +508,7 @@ def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
     options = ["--study", str(tmp_path / "study"), "--docs", str(tmp_path / "docs")]
     code.figures.main(code.figures.parser().parse_args(options))
     assert not (tmp_path / "docs" / "packing_ensemble" / "forgetting.png").exists()
-    assert "not finished, not used" in (tmp_path / "docs" / "packing_ensemble.md").read_text()
+    assert "not finished, not used" in (tmp_path / "docs" / "packing_ensemble" / "members.csv").read_text()
 
 
 @pytest.mark.slow
@@ -492,6 +517,7 @@ def test_another_machine_goes_on_from_what_stands_beside_the_page(code, ran, mad
     rows, page, docs = made
     docs, study = shutil.copytree(docs, tmp_path / "docs"), tmp_path / "study"
     kept = (docs / "packing_ensemble" / "figure4.png").read_bytes()
+    members = (docs / "packing_ensemble" / "members.csv").read_text()
     options = ["--study", str(ran), "--docs", str(docs)]
     code.archive.main(code.archive.parser().parse_args(options))
     for path in (docs / "packing_ensemble" / "members").iterdir():
@@ -502,9 +528,9 @@ def test_another_machine_goes_on_from_what_stands_beside_the_page(code, ran, mad
     assert not list(study.rglob("*.checkpoint"))
     again = code.figures.main(code.figures.parser().parse_args(options))
     assert verdicts(again) == verdicts(rows)
-    members, before = (re.findall(r"(?m)^(?:Made by|\| fast_).*", text) for text in (
-        (docs / "packing_ensemble.md").read_text(), page))  # fmt: skip
-    assert members == before and len(members) > 4
+    assert (docs / "packing_ensemble" / "members.csv").read_text() == members and members.count("\nfast_") >= 4
+    runs = re.findall(r"(?m)^Made by.*", (docs / "packing_ensemble.md").read_text())
+    assert runs == re.findall(r"(?m)^Made by.*", page) and len(runs) == 1
     assert (docs / "packing_ensemble" / "figure4.png").read_bytes() == kept
     code.study.main(code.study.parser().parse_args([*SMALL, "--out", str(study), "--docs", str(docs)]))
     assert not list(study.rglob("*.checkpoint"))

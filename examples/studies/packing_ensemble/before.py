@@ -1,4 +1,4 @@
-"""The curves of the study before beside those of now: a table, and a figure.
+"""The curves of the study before beside those of now: a file, and a figure.
 
 `curves_before.csv` is what the page was made of before: four packings at 2 m/s (`mu0_seed0` ...), one under a lid at
 0.5 m/s, and the mode of Nezamabadi et al. (2017), run without mean dilatation and with an earlier contact solver.
@@ -74,7 +74,15 @@ def change(old: float, new: float) -> str:
     return f"{100.0 * (new / old - 1.0):+.1f} %" if np.isfinite(old) and np.isfinite(new) and old != 0.0 else "-"
 
 
-HEAD = ("measure", "friction", "Phi", "before, 2 m/s", "now, 2 m/s", "now, quasi-static", "now over before, 2 m/s")
+def split(rows: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """All of them for a file, a standard error in a column of its own."""
+    names = ("before_2m_s", "now_2m_s", "now_quasistatic")
+    head = ("measure", "friction", "solid_fraction", *(f"{n}{end}" for n in names for end in ("", "_error")))
+    lines = [(*head, "change_2m_s_percent")]
+    for *where, first, second, third, change in rows:
+        both = [part for cell in (first, second, third) for part in [*cell.split(" ± "), "-"][:2]]
+        lines.append((*where, *both, change.removesuffix(" %")))
+    return lines
 
 
 def drawn(before: Curves, found: Study) -> Figure | None:

@@ -83,7 +83,7 @@ def pressures(found: Study) -> list[Row]:
                 continue
             both = over_transits(members, *pair, 1.0)
             result.append(Row(f"{words}: P from {what} agree", f"worst < 3 % above Phi = {DENSE}, at every step",
-                              percent(both), verdict(both[1], 0.03)))  # fmt: skip
+                              percent(both), verdict(both[1], 0.03), 100 * both[1]))  # fmt: skip
     return result + moving(found)
 
 
@@ -98,7 +98,7 @@ def moving(found: Study) -> list[Row]:
         if np.isfinite(one[1]):
             text += f"; over 2 and 4 transit times worst {', '.join(hundredths(worst) for _, worst in longer)} %"
         rule = f"worst < 3 % above Phi = {DENSE}, at every step, of means over one transit time"
-        result.append(Row(f"2 m/s: P from {what} agree", rule, text, verdict(one[1], 0.03)))
+        result.append(Row(f"2 m/s: P from {what} agree", rule, text, verdict(one[1], 0.03), 100 * one[1]))
     return result
 
 
@@ -124,8 +124,9 @@ def identities(found: Study) -> list[Row]:
             if np.isfinite(values["identity"])
         ]
         both = apart(np.ones(len(values)), np.array(values))
-        result.append(Row(f"{words}: P = (Phi Z/4) sigma_l, sigma_l = mean(f.l) / mean(V_p) by own code",
-                          "worst < 1 %, at all stages", percent(both), verdict(both[1], 0.01)))  # fmt: skip
+        claim = f"{words}: P = (Phi Z/4) sigma_l, sigma_l = mean(f.l) / mean(V_p) by own code"
+        rule = "worst < 1 %, at all stages"
+        result.append(Row(claim, rule, percent(both), verdict(both[1], 0.01), 100 * both[1]))
     return result
 
 
@@ -154,7 +155,7 @@ def rate(found: Study, name: str, friction: float) -> Row:
         text += f"; either against {packing.options.speed:g} m/s: " + ", ".join(
             f"mean {hundredths(apart(packing.over(name, above), m.over(name, above))[0])} %" for m in lids if m
         )
-    return Row(claim, rule, text, decide(apart_by <= scatter))
+    return Row(claim, rule, text, decide(apart_by <= scatter), apart_by / scatter)
 
 
 def collapse(found: Study, nu: float) -> Row:
@@ -170,7 +171,9 @@ def collapse(found: Study, nu: float) -> Row:
         for over in (None, YOUNG)
     )
     text = f"{percent(by_plane)} of {len(pairs)} packings (of P/E: {percent(by_young)})"
-    return Row(claim, rule, text + scatter(found, 0.0, "pressure", grid), verdict(by_plane[1], 0.05))
+    return Row(
+        claim, rule, text + scatter(found, 0.0, "pressure", grid), verdict(by_plane[1], 0.05), 100 * by_plane[1]
+    )
 
 
 def grid(found: Study, name: str, friction: float) -> Row:
@@ -185,7 +188,7 @@ def grid(found: Study, name: str, friction: float) -> Row:
     both = apart(coarse.mean(axis=0), fine.mean(axis=0))
     singles, _ = mean(np.array([apart(a, b)[0] for a, b in zip(coarse, fine, strict=True)]))
     text = f"{percent(both)} of {len(pairs)} packings, each: mean {hundredths(float(singles))} %"
-    return Row(claim, rule, text + scatter(found, friction, name, above), verdict(both[1], 0.05))
+    return Row(claim, rule, text + scatter(found, friction, name, above), verdict(both[1], 0.05), 100 * both[1])
 
 
 def scatter(found: Study, friction: float, name: str, grid: Array) -> str:

@@ -7,16 +7,17 @@ needs at least two packings. Differences between frictions are those of the same
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from . import stages, study
-from .curves import EARLY, PHI, Array, Member, Study, mean
+from .curves import PHI, Array, Member, Study, mean
 from .fits import Broken, broken, last_passage
 from .members import CELLS
 
 AT = np.array([0.80, 0.85, 0.90, 0.95])  # solid fractions at which frictions are compared
+SHOWN_AT = 0.90  # of these in the table of the page
 REGIMES = np.array([0.72, 0.90])  # where the change of Nezamabadi et al. (2017)
 NEAR = 0.02  # how near a measured solid fraction must be to the or of Nezamabadi et al. (2017) the gap's
 JAMMED, JAMMING = 0.842, (0.83, 0.86)  # frictionless, mean and by protocol
@@ -29,12 +30,13 @@ NOT_RUN = "not run"
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the tables in docs/studies/packing_ensemble.md."""
+    """One line of the tables beside docs/studies/packing_ensemble.md."""
 
     claim: str
     rule: str
     measured: str
     verdict: str  # holds, does not hold, not run or shown
+    value: float = field(default=np.nan, compare=False)  # what the page shows of it
 
 
 def decide(rule: bool | np.bool_) -> str:
@@ -56,9 +58,10 @@ def compared(claim: str, difference: tuple[Array, Array], rule: str) -> Row:
     words = {"same": "difference within 2 errors at every Phi", "larger": "difference over 2 errors at every Phi"}
     there = np.isfinite(value) & np.isfinite(error)
     met = np.abs(value) <= 2.0 * error if rule == "same" else value > 2.0 * error
+    dense = float(value[AT == SHOWN_AT][0])
     if (there & ~met).any():  # one is enough, whatever is missing
-        return Row(claim, words[rule], text, decide(False))
-    return Row(claim, words[rule], text, decide(True) if there.all() else NOT_RUN)
+        return Row(claim, words[rule], text, decide(False), dense)
+    return Row(claim, words[rule], text, decide(True) if there.all() else NOT_RUN, dense)
 
 
 def difference(found: Study, kind: str, name: str) -> tuple[Array, Array]:
@@ -115,10 +118,11 @@ def three_regimes(what: str, fits: list[Broken]) -> list[Row]:
     place, place_error = mean(breaks)
     text = ", ".join(figure(*pair) for pair in zip(*mean(slopes), strict=True))
     where = ", ".join(figure(*pair) for pair in zip(place, place_error, strict=True))
+    _, middle, last = mean(slopes)[0]
     near = np.abs(place - REGIMES) <= np.maximum(NEAR, 2.0 * place_error)
     return [
-        Row(claims[0], steps, f"slopes {text}", decide((rises > 2.0 * errors).all())),
-        Row(claims[1], places, f"breaks at {where}", decide(near.all())),
+        Row(claims[0], steps, f"slopes {text}", decide((rises > 2.0 * errors).all()), float(last / middle)),
+        Row(claims[1], places, f"breaks at {where}", decide(near.all()), float(place[0])),
     ]
 
 
@@ -131,7 +135,7 @@ def slower(found: Study, kind: str, name: str, claim: str, sign: float) -> Row:
     if not np.isfinite(error):
         return Row(claim, rule, "-", NOT_RUN)
     text = f"{figure(*mean(slopes[:, 1]))} with, {figure(*mean(slopes[:, 0]))} without, difference"
-    return Row(claim, rule, f"{text} {figure(value, error)}", decide(sign * value > 2.0 * error))
+    return Row(claim, rule, f"{text} {figure(value, error)}", decide(sign * value > 2.0 * error), float(value))
 
 
 def middle_slope(member: Member, name: str) -> float:
@@ -152,15 +156,16 @@ def polygons(found: Study, kind: str) -> Row:
         f"at a nominal {study.STAGES[-1]:.2f} the mean of perimeter^2 / (4 pi area) exceeds that of ellipses "
         f"as long and wide by more than {POLYGON} (hexagon: 0.10), over 2 errors, for both frictions"
     )
-    texts, met = [], []
+    texts, met, excess = [], [], []
     for friction in (0.0, 0.5):
         last = [stages.measured(member).get(study.STAGES[-1]) for member in found.seeds(kind, friction)]
         samples = [values["polygons"] for values in last if values is not None]
         value, error = mean(np.array(samples))
         texts.append(f"friction {friction:g}: {figure(float(value), float(error))}")
+        excess.append(float(value))
         met.append(value - POLYGON > 2.0 * error if np.isfinite(error) else None)
     verdict = NOT_RUN if None in met else decide(all(met))
-    return Row(claim, rule, "; ".join(texts), verdict)
+    return Row(claim, rule, "; ".join(texts), verdict, min(excess))
 
 
 def apparent(cells: float, jammed: float = JAMMED) -> float:
@@ -212,30 +217,4 @@ def jamming(found: Study) -> list[Row]:
             values[0], decide(low <= slow[0] <= high) if first else NOT_RUN),
         Row("with friction it comes earlier", "quasi-static: smaller than without", values[1],
             decide(slow[1] < slow[0]) if second else NOT_RUN),
-        first_breaks(found),
-        gaps(found),
     ]  # fmt: skip
-
-
-def gaps(found: Study) -> Row:
-    """How far discs that push each other are apart, in the mode of Nezamabadi et al. (2017) and in ours."""
-    texts, stage = [], study.STAGES[0]
-    for what, name in {**SHARED, "gap corrected": "fast_mu0_seed0"}.items():
-        member = found.get(name)
-        values = stages.measured(member).get(stage) if member else None
-        if values is not None:
-            texts.append(f"{what}: {figure(values['apart'], digits=2)} h")
-    claim = f"distance of discs that push each other at a nominal {stage:.2f}, mean over pairs"
-    return Row(claim, "-", "; ".join(texts) or "-", "shown" if texts else NOT_RUN)
-
-
-def first_breaks(found: Study) -> Row:
-    """The first break of alpha, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
-    claim, texts = "the first break of alpha, box instead of interior", []
-    kinds = {**SHARED, "mode of Nezamabadi et al. (2017), R/h = 6, friction 0.5": "shared_grid_mu0.5_r6"}
-    kinds |= {f"quasi-static, friction {mu:g}, first packing": f"quasistatic_mu{mu:g}_seed0" for mu in (0.0, 0.5)}
-    for what, name in kinds.items():
-        member = found.get(name)
-        fits = bends([member], "aspect_ratio", EARLY) if member else []
-        texts += [f"{what}: {figure(fit.breaks[0])}" for fit in fits]
-    return Row(claim, "-", "; ".join(texts) or "-", "shown" if texts else NOT_RUN)

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from .. import pages, provenance
-from . import before, checks, claims, study, targets
+from . import before, checks, claims, study, summary, targets
 from .claims import NOT_RUN, Row
 from .curves import EARLY, Member, Study, read
 from .drawing import save
@@ -28,31 +29,10 @@ CURVES = (*checks.CURVES, "coordination_without_rattlers", "solid_fraction_nomin
 Line = tuple[str, ...]
 
 
-def table(header: Line, lines: list[Line]) -> str:
-    """A table in Markdown."""
-    return "\n".join(f"| {' | '.join(line)} |" for line in [header, ("---",) * len(header), *lines])
-
-
-def judged(rows: list[Row]) -> str:
-    """Claims or checks, those that do not hold in bold."""
-    return table(
-        ("claim", "rule", "measured", "verdict"),
-        [tuple(greek(cell) for cell in (r.claim, r.rule, r.measured, bold(r.verdict))) for r in rows],
-    )
-
-
-def beside(first: list[Row], second: list[Row], heads: tuple[str, str]) -> str:
-    """The same claims about two kinds of packings."""
-    lines = [
-        tuple(greek(c) for c in (a.claim, a.rule, a.measured, bold(a.verdict), b.measured, bold(b.verdict)))
-        for a, b in zip(first, second, strict=True)
-    ]
-    return table(("claim", "rule", heads[0], "verdict", heads[1], "verdict"), lines)
-
-
-def bold(verdict: str) -> str:
-    """What does not hold, so that it is seen."""
-    return f"**{verdict}**" if verdict == "does not hold" else verdict
+def table(lines: Sequence[Line]) -> str:
+    """A table in Markdown, its header first; symbols as mathematics."""
+    head, *rest = [tuple(map(greek, line)) for line in lines]
+    return pages.table(head, rest)
 
 
 def greek(text: str) -> str:
@@ -65,16 +45,14 @@ def mathematics(found: re.Match[str]) -> str:
     return f"$\\{found[1]}" + (f"_{{{found[2]}}}$" if found[2] else "$")
 
 
-def runs(found: Study) -> str:
-    """Every member of the study: how far it came and what it cost."""
+def runs(found: Study) -> list[Line]:
+    """Every member of the study: how far it came and what it cost; the header first."""
     names = [*(wanted := members(study.parser().parse_args([]))), *(n for n in found.members if n not in wanted)]
     times = {m.name: sum(s.get("processor_seconds", 0.0) for s in m.manifest.get("sessions", [])) for m in found.ran}
-    lines = [
-        ran(name, member, times.get(name, np.nan)) if (member := found.get(name)) else absent(name, found)
-        for name in names
-    ]
-    return table(("member", "discs", "R/h", "rows", "retries", "$\\Phi$ reached", "worst overlap", "processor time",
-                  "ended"), lines)  # fmt: skip
+    head = ("member", "discs", "R/h", "rows", "retries", "solid fraction reached", "worst overlap [%]",
+            "processor time [min]", "ended")  # fmt: skip
+    return [head, *(ran(name, member, times.get(name, np.nan)) if (member := found.get(name)) else absent(name, found)
+                    for name in names)]  # fmt: skip
 
 
 def absent(name: str, found: Study) -> Line:
@@ -92,8 +70,8 @@ def ran(name: str, member: Member, seconds: float) -> Line:
         f"{column['t'].size}",
         f"{column['retries'].sum():.0f}",
         f"{column['solid_fraction'].max():.3f}",
-        f"{100 * column['overlap'].max():.4f} %",
-        f"{seconds / 60:.0f} min",
+        f"{100 * column['overlap'].max():.4f}",
+        f"{seconds / 60:.0f}",
         "at its end" if member.status == "finished" else "at a step that failed",
     )
 
@@ -105,9 +83,10 @@ def missing(found: Study) -> str:
     for prefix, group in GROUPS.items():
         names = [name for name in wanted if group_of(name) == prefix]
         left = [name for name in names if found.get(name) is None]
-        which = "all" if left == names else ", ".join(left) or "-"
-        lines.append((group.title, f"{len(names) - len(left)} of {len(names)}", which))
-    return table(("group", "ended", "missing"), lines)
+        if left:
+            which = "all" if left == names else ", ".join(left)
+            lines.append((group.title, f"{len(names) - len(left)} of {len(names)}", which))
+    return table([("group", "ended", "missing"), *lines]) if lines else "No member is missing."
 
 
 def pictures(captions: dict[str, str]) -> str:
@@ -130,18 +109,17 @@ def curves(found: Study) -> str:
 
 
 def compared(found: Study, folder: Path) -> str:
-    """Before and after: the table, and the picture if there is something to compare."""
+    """Before and after: the picture if there is something to compare; writes all values as CSV."""
     earlier = before.read(folder / before.BEFORE)
     image, path = before.drawn(earlier, found), folder / "before.png"
-    text = table(
-        tuple(greek(cell) for cell in before.HEAD), [tuple(map(greek, line)) for line in before.lines(earlier, found)]
-    )
+    lines = before.split(before.lines(earlier, found))
+    (folder / "before.csv").write_text(summary.as_csv(lines), encoding="utf-8")
     if image is None:
         path.unlink(missing_ok=True)
-        return text
+        return "Nothing to compare."
     save(image, path)
     caption = "Packings now, at 2 m/s (lines with bands) and quasi-static (dotted), and before (dashed)."
-    return f"{text}\n\n![before](packing_ensemble/before.png)\n\n*{caption}*"
+    return f"![before](packing_ensemble/before.png)\n\n*{caption}*"
 
 
 def write(out: Path, docs: Path) -> list[Row]:
@@ -155,15 +133,24 @@ def write(out: Path, docs: Path) -> list[Row]:
         grid, checked = claims.jamming(found), checks.rows(found)
         parts = {
             "made": provenance.made(found.ran, MODULE) + "\n\n" + missing(found),
-            "targets": beside(first, second, ("uniaxial", "isotropic")),
-            "claims": beside(fast, slow, ("2 m/s", "quasi-static")),
-            "grid": judged(grid),
-            "checks": judged(checked),
+            "targets": table(summary.beside(summary.TARGETS, first, second, ("uniaxial", "isotropic"))),
+            "claims": table(summary.beside(summary.CLAIMS, fast, slow, ("2 m/s", "quasi-static"))),
+            "grid": table(summary.shared_grid(found)),
+            "states": table(summary.states(checked)),
+            "curves": table(summary.curves(checked)),
             "before": compared(found, folder),
-            "members": runs(found),
             "pictures": pictures(draw(found, folder)),
         }
-        (folder / "curves.csv").write_text(curves(found))
+        files = {
+            "curves": curves(found),
+            "targets": summary.judged_twice(first, second, ("uniaxial", "isotropic")),
+            "claims": summary.judged_twice(fast, slow, ("2 m/s", "quasi-static")),
+            "grid": summary.judged(grid),
+            "checks": summary.judged(checked),
+            "members": summary.as_csv(runs(found)),
+        }
+    for name, text in files.items():
+        (folder / f"{name}.csv").write_text(text, encoding="utf-8")
     pages.put(docs / PAGE, parts)
     return [*first, *second, *fast, *slow, *grid, *checked]
 

@@ -34,14 +34,13 @@ def draw(found: Study, folder: Path) -> dict[str, str]:
 PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
     "figure2.png": (
         ensembles.figure2,
-        "Contact surface, anisotropy and aspect ratio, above under the published lid at 2 m/s, below quasi-static: "
-        "means over the packings (their number in brackets), the bands are standard errors. Black: break-point fits. "
-        "Dashed: R/h = 8.",
+        "Contact surface, anisotropy and aspect ratio at 2 m/s (above) and quasi-static (below): means over the "
+        "packings with standard errors. Black: fits of breaks. Dashed: R/h = 8.",
     ),
     "figure4.png": (
         partial(snapshots.figure4, kind="fast"),
-        "Stages under the published lid at 2 m/s without (above) and with friction (below): discs by pressure over "
-        "E/(1 - nu^2), lines from centre to centre as wide as the force, relative to the mean of each picture.",
+        "Stages at 2 m/s without (above) and with friction (below): discs by pressure over E*, lines as wide as the "
+        "force over the mean of the picture.",
     ),
     "figure4_quasistatic.png": (
         partial(snapshots.figure4, kind="quasistatic"),
@@ -49,15 +48,13 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
     ),
     "pressure.png": (
         ensembles.pressure,
-        "Left: pressure of quasi-static packings, uniaxial (lines with bands) and isotropic (dashed), and at 2 m/s "
-        "(dotted, mean over one transit time); black: the law of compaction with Φ_0 = Φ_J and Φ_max = 1, uniaxial. "
-        "Right: the interior near jamming, each packing by itself, with the lines that give Φ_J (black).",
+        "Left: pressure, uniaxial (lines with bands), isotropic (dashed) and at 2 m/s (dotted); black: the law of "
+        "compaction. Right: the interior of each packing near jamming, with the lines that give Φ_J (black).",
     ),
     "coordination.png": (
         ensembles.coordination,
-        "Left: coordination without rattlers of quasi-static packings, uniaxial (lines with bands) and isotropic "
-        "(dashed), and with rattlers, uniaxial (dotted). Right: above jamming without friction, interior, each "
-        "packing by itself; black: 3.6 ± 0.5 times the root.",
+        "Left: coordination without rattlers, uniaxial (lines with bands) and isotropic (dashed), and with rattlers "
+        "(dotted). Right: the interior of each packing without friction; black: 3.6 ± 0.5 times the root.",
     ),
     "kinds.png": (
         ensembles.kinds,
@@ -76,9 +73,8 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
     ),
     "artefact.png": (
         artefact.artefact,
-        "Interior pressure where it first resists. Left, the mode of Nezamabadi et al. (2017): vertical lines at "
-        "0.842 / (1 + h/2R)^2, dashed, and with the mean first change of our packings at 2 m/s instead of 0.842, "
-        "dotted; dots where the first change is found. Right, with the gap corrected.",
+        "Interior pressure where it first resists: left with contact at shared nodes, right with the gap corrected. "
+        "Vertical lines: the formula at rest (dashed) and at 2 m/s (dotted); dots: first changes.",
     ),
     "distant.png": (
         snapshots.distant,

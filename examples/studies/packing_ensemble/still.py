@@ -40,7 +40,7 @@ def most(claim: str, members: list[Member], value: Callable[[Member], float], li
     if not values.size:
         return Row(claim, rule, "-", NOT_RUN)
     text = f"largest {values.max():.1e}, median {np.median(values):.1e}"
-    return Row(claim, rule, text, decide(values.max() <= limit))
+    return Row(claim, rule, text, decide(values.max() <= limit), float(values.max()))
 
 
 def inertial(member: Member) -> float:

@@ -52,7 +52,7 @@ def within(
     if not np.isfinite(value):
         return Row(claim, rule, "-", NOT_RUN)
     verdict = "shown" if limits is None else decide(limits[0] <= value <= limits[1])
-    return Row(claim, rule, figure(value, error, 4 if abs(value) < 1.0 else 2) + note, verdict)
+    return Row(claim, rule, figure(value, error, 4 if abs(value) < 1.0 else 2) + note, verdict, value)
 
 
 def phi_jammed(member: Member, *, box: bool = False) -> float:
@@ -101,7 +101,8 @@ def agreement(found: Study, kind: str) -> Row:
     apart = float(mean(np.abs(four - line))[0])
     if not np.isfinite(apart):
         return Row(claim, rule, "-", NOT_RUN)
-    return Row(claim, rule, f"{figure(*map(float, mean(four)))}, differs by {apart:.4f}", decide(apart <= AGREE))
+    text = f"{figure(*map(float, mean(four)))}, differs by {apart:.4f}"
+    return Row(claim, rule, text, decide(apart <= AGREE), apart)
 
 
 def coordination_at_onset(found: Study, kind: str, friction: float) -> Row:
@@ -223,4 +224,5 @@ def largest(found: Study, kind: str) -> Row:
     if not all(both):
         return Row(claim, rule, "-", NOT_RUN)
     without, with_friction = (float(np.mean(values)) for values in both)
-    return Row(claim, rule, f"{without:.3f} without, {with_friction:.3f} with", decide(with_friction < without))
+    text = f"{without:.3f} without, {with_friction:.3f} with"
+    return Row(claim, rule, text, decide(with_friction < without), with_friction - without)
