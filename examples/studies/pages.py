@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,6 +31,20 @@ def filled(text: str, parts: dict[str, str], page: str) -> str:
 def table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """A table of a page."""
     return "\n".join(f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *lines))
+
+
+def as_csv(lines: Sequence[Sequence[str]]) -> str:
+    """A table for a file, its header first."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(lines)
+    return text.getvalue()
+
+
+def keep(folder: Path, tables: dict[str, Sequence[Sequence[str]]]) -> None:
+    """Write tables as CSV files of a directory, by their names."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, lines in tables.items():
+        (folder / f"{name}.csv").write_text(as_csv(lines), encoding="utf-8")
 
 
 def parser_of_figures(description: str | None, study: Path) -> argparse.ArgumentParser:

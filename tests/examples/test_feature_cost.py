@@ -1,5 +1,6 @@
 """The table of feature costs at small size: every line counts what it names, and every test in it exists."""
 
+import csv
 from pathlib import Path
 
 import pytest
@@ -17,19 +18,22 @@ def page(tmp_path, monkeypatch):
     path = tmp_path / "work_precision.md"
     path.write_text("before\n\n<!-- features -->\nold\n<!-- /features -->\n\nafter\n")
     features.main(features.parser().parse_args([*SMALL, "--docs", str(tmp_path)]))
-    return path.read_text()
+    with (tmp_path / "work_precision" / "features.csv").open(encoding="utf-8") as file:
+        return path.read_text(), list(csv.reader(file))
 
 
 @pytest.mark.slow
 def test_every_line_is_measured_and_the_rest_of_the_page_stays(page):
     """What is off is counted as nothing, what is on as something; all tests that are named exist."""
+    page, (head, *lines) = page
     assert page.startswith("before\n\n<!-- features -->\n\n`python -m examples.studies.feature_cost`")
     assert page.endswith("<!-- /features -->\n\nafter\n")
     assert "old" not in page.splitlines()
     wanted = features.scenes.features(8, 3.0, 6.0)
-    lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")][2:]
     assert [line[0] for line in lines] == [feature.name for feature in wanted]
-    assert all(len(line) == 6 for line in lines)
+    assert all(len(line) == len(head) == 8 for line in lines)
+    shown = [tuple(line.strip("| ").split(" | ")) for line in page.splitlines() if line.startswith("| ")][2:]
+    assert shown == [(*line[:2], line[4]) for line in lines if not 1 / 1.2 < float(line[4]) < 1.2]
     found = {(line[0], line[1]): counts(line[3]) for line in lines}
     never = {
         "calls in `contact` and `coulomb`", "gravity evaluated", "loads evaluated", "eliminations", "line searches",

@@ -460,7 +460,7 @@ def test_both_commands(code, ran, made, tmp_path):
     written = {path.name for path in (tmp_path / "docs" / "packing_ensemble").iterdir()}
     tables = ("before", "checks", "claims", "curves", "curves_before", "grid", "members", "targets")
     assert written == {*pictures, *(f"{name}.csv" for name in tables)}
-    assert set(re.findall(r"\{download\}`.* <packing_ensemble/(.*)>`", page)) <= written
+    assert set(re.findall(r"\{download\}`[^<]* <packing_ensemble/([^>]*)>`", page)) <= written
     assert all(2_000 < size < 120_000 for size in pictures.values())
     assert set(re.findall(r"!\[.*\]\(packing_ensemble/(.*)\)", page)) == set(pictures)
     found = {row.claim: row for row in rows}

@@ -1,5 +1,6 @@
 """The work-precision study at small size: its commands, resumption, records, and rules of comparison."""
 
+import re
 import shutil
 from dataclasses import replace
 from functools import partial
@@ -66,11 +67,13 @@ def test_commands(study, no_pictures, ran, tmp_path):
     for _ in range(2):
         page.write(tmp_path / "out", tmp_path / "docs")
         text = (tmp_path / "docs" / "work_precision.md").read_text()
-        assert "| cantilever | 5 | 2 |" in text
+        assert "\ncantilever,5,2," in (tmp_path / "docs" / "work_precision" / "scenes.csv").read_text()
         assert "All with one version of the library, skmpm" in text
         assert text.count("## Presets") == 1
         assert text.endswith(rest)
     assert len((tmp_path / "docs" / "work_precision" / "results.csv").read_text().splitlines()) == 6
+    linked = re.findall(r"\{download\}`[^<]* <work_precision/([^>]*)>`", text.split("<!-- /study -->")[0])
+    assert len(linked) >= 7 and all((tmp_path / "docs" / "work_precision" / name).exists() for name in linked)
 
 
 def test_every_setting_is_a_scheme_and_larger_samples_begin_with_smaller(study):

@@ -30,18 +30,21 @@ from . import scenes
 from .scenes import DT, Variant
 
 WARM = 2  # steps before those that are counted and timed
-HEAD = """`python -m examples.studies.feature_cost` measures and writes this table (here in {seconds:.0f} s of one
-core). Both variants of a line start from the same state where they can; packings that differ in friction or material
-come from their own. After two steps, {repeats} steps are counted. In another run they are timed, on and off in turn.
-Counts are means over the steps, except unknowns and blocks of A, which are those of the last. Times are the median of
-the ratios of processor times, with the quartiles in brackets. The disc against itself, nothing switched, gives
-{still}.
+HEAD = """`python -m examples.studies.feature_cost` measures this (here in {seconds:.0f} s of one core). Both variants
+of a line start from the same state where they can. {repeats} steps are counted; in another run they are timed, on and
+off in turn. The packing is {discs} discs of R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5,
+between smooth planes, 8 us a step. The disc, of R/h = {large:g}, is alone and swings by 1 %, or is squeezed between
+two smooth planes. Material is NeoHookean where nothing else is said.
 
-The packing is {discs} discs of R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5, between smooth
-planes, 8 us a step. The disc, of R/h = {large:g}, is alone and swings by 1 %, or is squeezed between two smooth
-planes. Material is NeoHookean where nothing else is said. Every promise of the third column is a test, named in the
-last.
+The table has the features that change the time of a step by a factor of {large_change:g} or more: the median ratio of
+processor times with and without. The disc against itself gives {still}.
+{{download}}`features.csv <work_precision/features.csv>` has all features with quartiles and counts, and the tests
+that hold what is not done without them.
 """
+LARGE = 1.2  # ratio of times from which on a feature is on the page
+FILE = ("feature", "scene", "not done when off", "in a step, on / off", "time on / off", "lower quartile",
+        "upper quartile", "tests")  # fmt: skip
+Line = tuple[str, ...]
 
 
 @dataclass
@@ -164,49 +167,54 @@ def ratios(on: Variant, off: Variant, repeats: int) -> np.ndarray:
     return np.asarray(taken[:, 0] / taken[:, 1])
 
 
-def spread(ratio: np.ndarray) -> str:
+def spread(ratio: np.ndarray) -> Line:
     """Median and quartiles."""
     low, middle, high = np.quantile(ratio, (0.25, 0.5, 0.75))
-    return f"{middle:.2f} ({low:.2f}-{high:.2f})"
+    return f"{middle:.2f}", f"{low:.2f}", f"{high:.2f}"
 
 
-def short(count: float) -> str:
+def digits(count: float) -> str:
     """A count in as few digits as tell it."""
     return f"{count:.0f}" if count >= 10.0 or count == round(count) else f"{count:.1f}"
 
 
-def line(feature: scenes.Feature, repeats: int) -> tuple[str, str]:
-    """A feature's line of the table, and what should be said of it."""
+def line(feature: scenes.Feature, repeats: int) -> tuple[Line, str]:
+    """A feature's line of the file, and what should be said of it."""
     on, off = counted(feature.on, repeats), counted(feature.off, repeats)
-    each = (f"{name} {short(COUNTS[name](on))} / {short(COUNTS[name](off))}" for name in feature.counts)
+    each = (f"{name} {digits(COUNTS[name](on))} / {digits(COUNTS[name](off))}" for name in feature.counts)
     time = spread(ratios(feature.on, feature.off, repeats))
-    tests = ", ".join(f"`{test}`" for test in feature.tests)
     name, note = NOTES.get(feature.name, (feature.counts[0], ""))
     few, many = sorted((COUNTS[name](on), COUNTS[name](off)))
-    cells = ("", feature.name, feature.scene, feature.spared, "; ".join(each), time, tests, "")
-    return " | ".join(cells).strip(), note if many > 1.5 * few else ""
+    cells = (feature.name, feature.scene, feature.spared, "; ".join(each), *time, " ".join(feature.tests))
+    return cells, note if many > 1.5 * few else ""
 
 
-def table(options: argparse.Namespace) -> str:
-    """All that goes between the marks."""
+def short(lines: list[Line]) -> str:
+    """The features that change the time most."""
+    shown = [(name, scene, time) for name, scene, _, _, time, *_ in lines
+             if not 1.0 / LARGE < float(time) < LARGE]  # fmt: skip
+    return pages.table(("feature", "scene", "time on / off"), shown)
+
+
+def measured(options: argparse.Namespace) -> tuple[list[Line], str]:
+    """The lines of the file, its header first, and all that goes between the marks."""
     began = process_time()
     features = scenes.features(options.discs, options.cells, options.large)
-    chosen = [feature for feature in features if not options.only or feature.name in options.only]
-    head = ("feature", "scene", "not done when off", "in a step, on / off", "time on / off", "test")
-    lines, notes = [" | ".join(("", *head, "")).strip(), "| " + " | ".join(["---"] * len(head)) + " |"], []
-    for feature in chosen:
-        text, note = line(feature, options.repeats)
-        print(text, flush=True)
-        lines.append(text)
+    lines, notes = [], []
+    for feature in [each for each in features if not options.only or each.name in options.only]:
+        cells, note = line(feature, options.repeats)
+        print(*cells, flush=True)
+        lines.append(cells)
         notes.append(f"- {feature.name}: {note}" if note else "")
     still = scenes.alone(options.large)
     about = {
         **vars(options),
-        "still": spread(ratios(still, still, options.repeats)),
+        "large_change": LARGE,
+        "still": spread(ratios(still, still, options.repeats))[0],
         "seconds": process_time() - began,
     }
     below = "\n".join(filter(None, dict.fromkeys(notes)))
-    return f"{HEAD.format(**about)}\n" + "\n".join(lines) + f"\n\n{below}\n"
+    return [FILE, *lines], f"{HEAD.format(**about)}\n{short(lines)}\n\n{below}\n"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -217,14 +225,16 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--cells", type=float, default=5.0, help="per radius of these")
     options.add_argument("--large", type=float, default=20.0, help="cells per radius of the single disc")
     options.add_argument("--repeats", type=int, default=15, help="steps that are timed")
-    options.add_argument("--only", nargs="*", default=[], help="features by name")
+    options.add_argument("--only", nargs="*", default=[], help="features by name; nothing is written then")
     return options
 
 
-def main(options: argparse.Namespace) -> str:
-    """Measure, write, and return what was written."""
+def main(options: argparse.Namespace) -> list[Line]:
+    """Measure, write unless only some features are measured, and return the lines."""
     if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
         print("times are comparable with OPENBLAS_NUM_THREADS=1 only", file=sys.stderr)
-    text = table(options)
-    pages.put(options.docs / "work_precision.md", {"features": text})
-    return text
+    lines, text = measured(options)
+    if not options.only:
+        pages.keep(options.docs / "work_precision", {"features": lines})
+        pages.put(options.docs / "work_precision.md", {"features": text})
+    return lines

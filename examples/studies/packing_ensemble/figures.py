@@ -112,8 +112,7 @@ def compared(found: Study, folder: Path) -> str:
     """Before and after: the picture if there is something to compare; writes all values as CSV."""
     earlier = before.read(folder / before.BEFORE)
     image, path = before.drawn(earlier, found), folder / "before.png"
-    lines = before.split(before.lines(earlier, found))
-    (folder / "before.csv").write_text(summary.as_csv(lines), encoding="utf-8")
+    pages.keep(folder, {"before": before.split(before.lines(earlier, found))})
     if image is None:
         path.unlink(missing_ok=True)
         return "Nothing to compare."
@@ -141,16 +140,15 @@ def write(out: Path, docs: Path) -> list[Row]:
             "before": compared(found, folder),
             "pictures": pictures(draw(found, folder)),
         }
+        (folder / "curves.csv").write_text(curves(found))
         files = {
-            "curves": curves(found),
             "targets": summary.judged_twice(first, second, ("uniaxial", "isotropic")),
             "claims": summary.judged_twice(fast, slow, ("2 m/s", "quasi-static")),
             "grid": summary.judged(grid),
             "checks": summary.judged(checked),
-            "members": summary.as_csv(runs(found)),
+            "members": runs(found),
         }
-    for name, text in files.items():
-        (folder / f"{name}.csv").write_text(text, encoding="utf-8")
+    pages.keep(folder, files)
     pages.put(docs / PAGE, parts)
     return [*first, *second, *fast, *slow, *grid, *checked]
 

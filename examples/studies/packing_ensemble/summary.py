@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Sequence
-
 import numpy as np
 
 from . import checks, stages, study
@@ -145,22 +141,13 @@ def distance(found: Study, name: str) -> str:
     return figure(values["apart"], digits=2) if values is not None else "-"
 
 
-def judged(rows: list[Row]) -> str:
-    """All claims or checks as CSV."""
-    return as_csv(
-        [("claim", "rule", "measured", "verdict"), *((r.claim, r.rule, r.measured, r.verdict) for r in rows)]
-    )
+def judged(rows: list[Row]) -> list[Line]:
+    """All claims or checks, the header first."""
+    return [("claim", "rule", "measured", "verdict"), *((r.claim, r.rule, r.measured, r.verdict) for r in rows)]
 
 
-def judged_twice(first: list[Row], second: list[Row], heads: tuple[str, str]) -> str:
-    """The same claims about two kinds of packings as CSV."""
+def judged_twice(first: list[Row], second: list[Row], heads: tuple[str, str]) -> list[Line]:
+    """The same claims about two kinds of packings."""
     head = ("claim", "rule", *(f"{what} {kind}" for kind in heads for what in ("measured", "verdict")))
     both = zip(first, second, strict=True)
-    return as_csv([head, *((a.claim, a.rule, a.measured, a.verdict, b.measured, b.verdict) for a, b in both)])
-
-
-def as_csv(lines: Sequence[Line]) -> str:
-    """Lines of text as CSV."""
-    file = io.StringIO()
-    csv.writer(file, lineterminator="\n").writerows(lines)
-    return file.getvalue()
+    return [head, *((a.claim, a.rule, a.measured, a.verdict, b.measured, b.verdict) for a, b in both)]

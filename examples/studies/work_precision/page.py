@@ -56,53 +56,57 @@ def write(study: Path, docs: Path) -> None:
     keep(found, folder / "results.csv")
     for name in ("fronts", "parameters", "codes"):
         getattr(figures, name)(found, folder / f"{name}.png")
+    settings = beating(found)
+    files = {
+        "scenes": tables.ran(found),
+        "counts": tables.counts(found),
+        "prices": tables.prices(found),
+        "beating": tables.beating(settings),
+        "parameters": tables.parameters(found),
+        "codes": tables.codes(found),
+    }
+    pages.keep(folder, files)
     parts = [
-        ("", provenance.made(skmpm.Sweep.read(study), MODULE), TEXT["ran"], tables.ran(found)),
-        (
-            "## Presets",
-            tables.presets(found),
-            TEXT["counts"],
-            tables.counts(found),
-            "![Error against cost](work_precision/fronts.png)\n",
-        ),
-        ("## What an error costs", TEXT["prices"], tables.prices(found)),
-        ("## Who beats `balanced`", tables.beaters(found, beating(found))),
-        (
-            "## One parameter at a time",
-            TEXT["parameters"],
-            tables.parameters(found),
-            "![Resolution](work_precision/parameters.png)\n",
-        ),
+        ("", provenance.made(skmpm.Sweep.read(study), MODULE), TEXT["files"]),
+        ("## Presets", TEXT["presets"], tables.presets(found), "![Error against cost](work_precision/fronts.png)"),
+        ("## What an error costs", TEXT["prices"], tables.priced(found)),
+        ("## Who beats `balanced`", tables.beaters(found, settings)),
+        ("## One parameter at a time", TEXT["parameters"], "![Resolution](work_precision/parameters.png)"),
         ("## What limits accuracy", TEXT["limits"], tables.limits(found)),
         ("## Laws of the error", TEXT["laws"], tables.laws(found)),
         (
             "## Beside explicit finite elements",
             TEXT["codes"],
-            tables.codes(found),
-            "![Both codes](work_precision/codes.png)\n",
+            tables.code_ratios(found),
+            "![Both codes](work_precision/codes.png)",
         ),
     ]
     text = "\n".join("\n\n".join(p.strip("\n") for p in part if p) + "\n" for part in parts)
     pages.put(page, {"study": text})
 
 
+def download(name: str) -> str:
+    """A link to a table."""
+    return f"{{download}}`{name}.csv <work_precision/{name}.csv>`"
+
+
 TEXT = {
-    "codes": "The cheapest run of each code within an error, - where none of the runs reaches it.",
-    "ran": "What has been run:",
-    "counts": "Counts are means over the positions on the grid. `work` is unknowns times half bandwidth squared,"
-    " of all factorisations.",
-    "prices": "The cheapest of all runs within an error, lucky ones among them. Errors that no run reaches are"
-    " left out.",
-    "parameters": "Error, and cost over that of the default. Cells are empty where a parameter has no effect or was"
-    " not run.",
+    "files": f"All runs are in {download('results')}, what has been run and the floors in {download('scenes')}.",
+    "presets": "Errors and costs, mean over the positions on the grid. Counts of steps, iterations and unknowns are"
+    f" in {download('counts')}; there `work` is unknowns times half bandwidth squared, of all factorisations.",
+    "prices": f"The cost of the cheapest of all runs within an error, lucky ones among them ({download('prices')} has"
+    " their settings).",
+    "parameters": f"{download('parameters')} has the error of each level, and its cost over that of the default."
+    f" {download('beating')} has the settings that beat `balanced`.",
     "limits": r"The slopes $d \ln(\text{error}) / d \ln(\text{parameter})$ at the presets, for h, dt, spacing and"
     " `contact_tol`.",
     "laws": r"The law is $\text{error} = c\, n^{-p} + d\, s$ with n = R/h and R the radius of the smallest body."
-    " The step s is dt c / R or, where a lid drives, its displacement over R. The law is fitted to all"
-    " runs that differ from `balanced` in R/h, spacing and dt only; tighter tolerances make no"
-    " difference. The second d is fitted to the lids. Constants of `skmpm.suggest` are in brackets. Its"
-    " c of packings is that of a square array of equal discs, whose errors do not cancel"
-    " (`test_promises`).",
+    " The step s is dt c / R or, where a lid drives, its displacement over R. The law is fitted to all runs that"
+    " differ from `balanced` in R/h, spacing and dt only; the second d is fitted to the lids. `skmpm.suggest` uses"
+    " the constants on the right. Its c of packings is that of a square array of equal discs, whose errors do not"
+    " cancel (`test_promises`). The last columns are how well the law fits.",
+    "codes": "Cost of finite elements over that of this library, the cheapest run of each within an error; - where"
+    f" one of them does not reach it ({download('codes')} has both).",
 }
 
 

@@ -24,8 +24,8 @@ from .results import (
 )
 
 COUNTS = ("steps", "newton", "factorisations", "contact", "products", "unknowns", "points", "work")
+CHEAPEST = ("cost [s]", "error [%]", "setting")  # of a run
 PRICED = (0.2, 0.1, 0.05, 0.02, 0.01)  # errors that are looked up
-SHOWN = 15  # settings that beat `balanced`
 TIMED = 0.5  # processor time of `balanced` [s] from which on `fast` is judged
 Line = tuple[str, ...]
 
@@ -62,120 +62,119 @@ def verdict(good: list[bool | None]) -> str:
     return "not run" if any(g is None for g in good) else "met"
 
 
-def ran(found: Found) -> str:
-    """How much of the study is there."""
-    lines = []
+def ran(found: Found) -> list[Line]:
+    """How much of the study is there, the header first."""
+    lines = [("scene", "runs", "of the sample", "finished", "failed", "too long", "floor [%]")]
     for scene in scenes.CASES:
         runs = list(found.runs.get(scene, {}).values())
         ends = [sum(r.status.startswith(word) for r in runs) for word in ("finished", "failed", "too long")]
         sample = len(found.why(scene, "sample"))
         lines.append((scene, str(len(runs)), str(sample), *map(str, ends), number(100.0 * found.floor(scene))))
-    return table(("scene", "runs", "of the sample", "finished", "failed", "too long", "floor %"), lines)
+    return lines
 
 
 def presets(found: Found) -> str:
     """Error and cost of the presets."""
     lines, good = [], {"fast": [], "accurate": []}  # type: tuple[list[Line], dict[str, list[bool | None]]]
     for scene in SCENES:
-        runs = {name: found.at(scene, setting) for name, setting in PRESETS.items()}
-        fast, balanced, accurate = runs.values()
-        cells = [f"{percent(r)} % / {number(r.seconds) if r else '-'} s" for r in runs.values()]
+        runs = [found.at(scene, setting) for setting in PRESETS.values()]
+        costs = (number(run.seconds) if run else "-" for run in runs)
+        lines.append((scene, *map(percent, runs), *costs))
+        fast, balanced, accurate = runs
         if balanced is None or fast is None or accurate is None:
-            lines.append((scene, *cells, "-", "-"))
             good["fast"].append(None)
             good["accurate"].append(None)
             continue
-        cheaper, better = balanced.seconds / fast.seconds, accurate.error / balanced.error
         if balanced.seconds > TIMED:
-            good["fast"].append(cheaper >= 3.0)
-        good["accurate"].append(better <= 1.0 / 3.0 or accurate.error <= found.floor(scene))
-        lines.append((scene, *cells, number(cheaper), number(better)))
-    head = (
-        "scene",
-        *(f"{name}: error / cost" for name in PRESETS),
-        "cost balanced / fast",
-        "error accurate / balanced",
+            good["fast"].append(balanced.seconds / fast.seconds >= 3.0)
+        good["accurate"].append(accurate.error / balanced.error <= 1.0 / 3.0 or accurate.error <= found.floor(scene))
+    head = ("scene", *(f"{name} [%]" for name in PRESETS), *(f"{name} [s]" for name in PRESETS))
+    goals = (
+        f"- `fast` costs a third of `balanced` or less where that takes over {TIMED:g} s: {verdict(good['fast'])}.\n"
+        "- `accurate` has a third of its error or less, or less than the floor, on every scene:"
+        f" {verdict(good['accurate'])}.\n"
     )
-    goals = [
-        (f"`fast` costs a third of `balanced` or less where that takes over {TIMED:g} s", verdict(good["fast"])),
-        (
-            "`accurate` has a third of its error or less, or less than the floor, on every scene",
-            verdict(good["accurate"]),
-        ),
-    ]
-    settings = [(name, about(setting)) for name, setting in PRESETS.items()]
-    return "\n".join([table(("preset", "setting"), settings), table(head, lines), table(("goal", ""), goals)])
+    return table(head, lines) + "\n" + goals
 
 
-def prices(found: Found) -> str:
-    """The cheapest run within each error, and what it costs beside `balanced`."""
-    lines = []
+def prices(found: Found) -> list[Line]:
+    """The cheapest run within each error, and what it costs beside `balanced`; the header first."""
+    lines: list[Line] = [("scene", "error at most [%]", "cost [s]", "over balanced", "its error [%]", "setting")]
     for scene in SCENES:
         balanced = found.at(scene, PRESETS["balanced"])
         for error in PRICED if balanced else ():
-            runs = [r for r in found.runs[scene].values() if r.error <= error and "reference" not in r.whys]
-            best = min(runs, key=lambda r: r.seconds, default=None)
+            best = affordable(found, scene, error)
             if best is not None and balanced is not None:
-                cost = f"{number(best.seconds)} s", number(best.seconds / balanced.seconds)
+                cost = number(best.seconds), number(best.seconds / balanced.seconds)
                 lines.append((scene, f"{100.0 * error:g}", *cost, percent(best), about(best.setting)))
-    return table(("scene", "error at most %", "cost", "over `balanced`", "its error %", "setting"), lines)
+    return lines
 
 
-def counts(found: Found) -> str:
-    """What the presets cost on every machine."""
+def affordable(found: Found, scene: str, error: float) -> Run | None:
+    """The cheapest run within an error, references left out."""
+    return cheapest([r for r in found.runs.get(scene, {}).values() if "reference" not in r.whys], error)
+
+
+def priced(found: Found) -> str:
+    """Cost of the cheapest run within each error."""
     lines = []
+    for scene in SCENES:
+        best = [affordable(found, scene, error) for error in PRICED]
+        lines.append((scene, *(number(run.seconds) if run else "-" for run in best)))
+    return table(("scene", *(f"{100.0 * error:g} % [s]" for error in PRICED)), lines)
+
+
+def counts(found: Found) -> list[Line]:
+    """What the presets cost on every machine, the header first."""
+    lines: list[Line] = [("scene", "preset", *COUNTS)]
     for scene in SCENES:
         for name, setting in PRESETS.items():
             run = found.at(scene, setting)
             if run is not None:
                 lines.append((scene, name, *(number(run.cost[count], 3) for count in COUNTS)))
-    return table(("scene", "preset", *COUNTS), lines)
+    return lines
 
 
 def beaters(found: Found, settings: list[Beating]) -> str:
-    """Settings that beat `balanced`."""
+    """Whether settings beat `balanced`, and how many on each scene."""
     several = [b for b in settings if len(b.ratios) > 1]
     good: list[bool | None] = [None if not found.why(s, "sample") else True for s in SCENES] + [not several]
+    goal = f"No setting beats `balanced` by more than {MARGIN} on more than one scene: {verdict(good)}."
     by_scene = [(scene, str(sum(scene in b.ratios for b in settings))) for scene in SCENES]
-    goal = [(f"no setting beats `balanced` by more than {MARGIN} on more than one scene", verdict(good))]
-    lines = [(about(b.setting), *(ratio(b, scene) for scene in SCENES)) for b in settings[:SHOWN]]
-    return "\n".join(
-        [
-            table(("goal", ""), goal),
-            f"{len(several)} settings do on more than one scene; by scene:\n",
-            table(("scene", "settings that beat it"), by_scene),
-            "Those that do on most scenes, and by most; ratios of cost, in brackets of Newton iterations:\n",
-            table(("setting", *SCENES), lines),
-        ]
-    )
+    return f"{goal} {len(several)} do.\n\n" + table(("scene", "settings that beat it"), by_scene)
 
 
-def ratio(one: Beating, scene: str) -> str:
-    """By how much a setting is cheaper."""
-    return f"{number(one.ratios[scene])} ({number(one.iterations[scene])})" if scene in one.ratios else "-"
+def beating(settings: list[Beating]) -> list[Line]:
+    """The settings that beat `balanced`, the header first: ratios of cost, and of Newton iterations."""
+    head = ("setting", *SCENES, *(f"{scene}, Newton iterations" for scene in SCENES))
+    return [
+        head,
+        *(
+            (about(b.setting), *(number(ratio.get(s, np.nan)) for ratio in (b.ratios, b.iterations) for s in SCENES))
+            for b in settings
+        ),
+    ]
 
 
-def parameters(found: Found) -> str:
-    """Every level of every parameter around the default: error, and cost over that of the default."""
-    lines = []
+def parameters(found: Found) -> list[Line]:
+    """Every level of every parameter around the default: error, and cost over that of the default; a header first."""
+    lines: list[Line] = [("parameter", "level", *(f"{s}, {what}" for s in SCENES for what in ("error [%]", "cost")))]
     for parameter in DEFAULT:
         if parameter == "perturbed":
             continue
         runs = {scene: dict(dial_runs(found, scene, parameter)) for scene in SCENES}
         for level in dict.fromkeys(level for each in runs.values() for level in each):
-            cells = [relative(each.get(level), found.at(s, DEFAULT)) for s, each in runs.items()]
+            cells = [cell for s, each in runs.items() for cell in relative(each.get(level), found.at(s, DEFAULT))]
             name = f"{level:g}" if isinstance(level, float) else str(level)
             lines.append((parameter, name, *cells))
-    return table(("parameter", "level", *SCENES), lines)
+    return lines
 
 
-def relative(run: Run | None, balanced: Run | None) -> str:
+def relative(run: Run | None, balanced: Run | None) -> Line:
     """Error in per cent, and cost over that of `balanced`."""
     if run is None or balanced is None:
-        return ""
-    if not np.isfinite(run.error):
-        return run.status.split(":")[0]
-    return f"{percent(run)} % / {number(run.seconds / balanced.seconds)}"
+        return "", ""
+    return percent(run), number(run.seconds / balanced.seconds) if np.isfinite(run.error) else ""
 
 
 def limits(found: Found) -> str:
@@ -203,28 +202,45 @@ def laws(found: Found) -> str:
     for kind, each in fits.fits(found).items():
         for fit in each:
             used = next(law for law in LAWS[kind] if law.spacing == fit.law.spacing)
-            terms = [
-                f"{number(a)} ({number(b)})" for a, b in zip(astuple(fit.law)[1:], astuple(used)[1:], strict=True)
-            ]
-            counts = str(len(fit.runs)), number(fit.scatter), number(fit.worst)
-            lines.append((kind, fits.SCENES[kind], f"{used.spacing:g}", *terms, *counts))
-    head = ("law", "scene", "spacing [cells]", "c", "p", "d", "runs", "holds within a factor (rms)", "worst")
+            constants = (number(value) for law in (fit.law, used) for value in astuple(law)[1:])
+            lines.append((kind, f"{used.spacing:g}", *constants, number(fit.scatter), number(fit.worst)))
+    names = ("c", "p", "d")
+    head = ("law", "spacing [h]", *names, *(f"{name} used" for name in names), "rms factor", "worst factor")
     return table(head, lines)
 
 
-def codes(found: Found) -> str:
+def codes(found: Found) -> list[Line]:
     """The cheapest runs of this library and of explicit finite elements, and what they cost over the first."""
-    lines = []
+    which = ("skmpm", "elements", "elements with more mass")
+    head = ("scene", "error at most [%]", *(f"{code}, {what}" for code in which for what in CHEAPEST))
+    lines: list[Line] = [(*head, "elements over skmpm", "with more mass over skmpm")]
     for scene in BOTH:
         for error in PRICED:
-            mine, *others = (cheapest(runs, error) for runs in results.codes(found, scene).values())
-            cells = [priced(mine, BALANCED), *(priced(run, competitor.DEFAULT) for run in others)]
-            ratios = [number(run.seconds / mine.seconds) if run and mine else "-" for run in others]
-            lines.append((scene, f"{100.0 * error:g}", *cells, *ratios))
-    head = ("scene", "error at most %", "skmpm", "finite elements", "with more mass", "over skmpm", "with more mass")
-    return table(head, lines)
+            runs = [cheapest(each, error) for each in results.codes(found, scene).values()]
+            than = (BALANCED, competitor.DEFAULT, competitor.DEFAULT)
+            cells = (cell for run, default in zip(runs, than, strict=True) for cell in price(run, default))
+            lines.append((scene, f"{100.0 * error:g}", *cells, *over(runs)))
+    return lines
 
 
-def priced(run: Run | None, than: Setting) -> str:
+def code_ratios(found: Found) -> str:
+    """Cost of finite elements over that of this library, by error."""
+    lines = []
+    for scene in BOTH:
+        ratios = [over([cheapest(runs, e) for runs in results.codes(found, scene).values()]) for e in PRICED]
+        names = (scene, f"{scene}, more mass")
+        for name, each in zip(names, zip(*ratios, strict=True), strict=True):
+            if name == scene or set(each) != {"-"}:
+                lines.append((name, *each))
+    return table(("scene", *(f"{100.0 * error:g} %" for error in PRICED)), lines)
+
+
+def over(runs: list[Run | None]) -> Line:
+    """Cost of the others over that of the first."""
+    mine, *others = runs
+    return tuple(number(run.seconds / mine.seconds) if run and mine else "-" for run in others)
+
+
+def price(run: Run | None, than: Setting) -> Line:
     """Cost, error and setting."""
-    return f"{number(run.seconds)} s, {percent(run)} %, {about(run.setting, than)}" if run else "-"
+    return (number(run.seconds), percent(run), about(run.setting, than)) if run else ("-", "-", "-")
