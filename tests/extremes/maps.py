@@ -1,7 +1,8 @@
-"""The maps of docs/studies/stability.md, one per parameter, and the page's table and list of failures."""
+"""The maps of docs/studies/stability.md, one per parameter, the page's table, and a file of failures."""
 
 from __future__ import annotations
 
+import csv
 from collections import Counter
 from pathlib import Path
 
@@ -15,9 +16,9 @@ COLOURS = {
     "wrong": "#e0605e",
     "too long": "#bbbbbb",
 }
+LINK = "{{download}}`{0}.csv <stability/{0}.csv>`"
 LINES = {"fall": "o-", "collision": "s-", "squeeze": "^-"}
 BEGIN, END = "<!-- drawn by tests/extremes/sweeps.py: begin -->", "<!-- end -->"
-LONGEST = 260  # characters of a message on the page
 
 
 def draw(parameter: str, rows: list[dict[str, str]], folder: Path) -> Path:
@@ -84,19 +85,30 @@ def _field(i: int, j: int, colour: str):
     return Rectangle((i - 0.5, j - 0.5), 1.0, 1.0, facecolor=colour, edgecolor="white")
 
 
-def table(found: dict[str, list[dict[str, str]]]) -> list[str]:
-    """One line of the page for every parameter: how runs ended, and the worst of what was checked in right ones."""
-    head = ("parameter", "settings", *COLOURS, "most retries", "momentum", "residual", "energy gained", "overlap")
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+def summary(found: dict[str, list[dict[str, str]]]) -> list[tuple[str, ...]]:
+    """A line for every parameter, a header first: how runs ended, and the worst of what was checked in right ones."""
+    worst = ("momentum", "residual", "energy gained", "overlap")
+    lines = [("parameter", "from", "to", *COLOURS, "most retries", *worst)]
     for parameter, rows in found.items():
         labels = list(dict.fromkeys(row["setting"] for row in rows))
         counts = [str(sum(row["kind"] == kind for row in rows)) for kind in COLOURS]
         right = [row for row in rows if row["kind"] == "right"]
-        worst = [_largest(right, key) for key in ("momentum", "residual", "energy gained", "overlap")]
         retries = str(max((int(row["retries"]) for row in rows), default=0))
-        span = f"{labels[0]} ... {labels[-1]}" if len(labels) > 1 else labels[0]
-        lines.append("| " + " | ".join([TITLES[parameter], span, *counts, retries, *worst]) + " |")
+        largest = (_largest(right, key) for key in worst)
+        lines.append((TITLES[parameter], labels[0], labels[-1], *counts, retries, *largest))
     return lines
+
+
+def table(lines: list[tuple[str, ...]]) -> list[str]:
+    """The lines on the page, without what was checked."""
+    short = [line[:-4] for line in lines]
+    return ["| " + " | ".join(line) + " |" for line in (short[0], ("---",) * len(short[0]), *short[1:])]
+
+
+def keep(name: str, lines: list[tuple[str, ...]]) -> None:
+    """A file beside the maps."""
+    with (KEPT / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file, lineterminator="\n").writerows(lines)
 
 
 def _largest(rows: list[dict[str, str]], key: str) -> str:
@@ -107,20 +119,16 @@ def _largest(rows: list[dict[str, str]], key: str) -> str:
     return f"{max(values):.1g}" if max(values) > 0.0 else "none"
 
 
-def failures(found: dict[str, list[dict[str, str]]]) -> list[str]:
-    """One line for every run that did not end right: where, how far it came, and what it said."""
-    lines = []
+def failures(found: dict[str, list[dict[str, str]]]) -> list[tuple[str, ...]]:
+    """A line for every run that did not end right, a header first: where, how far it came, and what it said."""
+    lines = [("parameter", "setting", "scene", "outcome", "steps", "part of the time", "message")]
     for parameter, rows in found.items():
-        for row in rows:
-            if row["kind"] == "right":
-                continue
-            said = row["violations"] or row["message"]
-            said = said if len(said) <= LONGEST else said[:LONGEST].rsplit(" ", 1)[0] + " ..."
-            came = f"after {row['steps']} steps, {100 * float(row['reached']):.0f} % of the time"
-            lines.append(
-                f"- {TITLES[parameter]} = {row['setting']}, {row['scene']}: **{row['kind']}** {came}: {said}"
-            )
-    return lines or ["- none"]
+        lines += [
+            (TITLES[parameter], *(row[name] for name in ("setting", "scene", "kind", "steps", "reached")),
+             row["violations"] or row["message"])
+            for row in rows if row["kind"] != "right"
+        ]  # fmt: skip
+    return lines
 
 
 def made(found: dict[str, list[dict[str, str]]]) -> str:
@@ -145,18 +153,23 @@ def page() -> None:
     pictures = []
     for parameter, rows in found.items():
         draw(parameter, rows, KEPT)
-        pictures += ["", f"![{TITLES[parameter]}](stability/{parameter}.png)"]
+        pictures += [f"![{TITLES[parameter]}](stability/{parameter}.png)", ""]
+    lines, failed = summary(found), failures(found)
+    keep("summary", lines)
+    keep("failures", failed)
     written = [
         BEGIN,
         "",
         made(found),
         "",
-        *table(found),
+        *table(lines),
+        "",
+        f"{LINK.format('failures')} names the {len(failed) - 1} runs that did not end right, with their messages."
+        f" {LINK.format('summary')} has the worst values of what was checked.",
+        "",
+        ":::{dropdown} Maps of all settings, with errors",
         *pictures,
-        "",
-        "### Everything that did not end right",
-        "",
-        *failures(found),
+        ":::",
     ]
     written += ["", f"Not run: {', '.join(missing)}."] if missing else []
     before, rest = PAGE.read_text().split(BEGIN)

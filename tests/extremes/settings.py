@@ -42,8 +42,8 @@ def few(name, value, steps, scenes=ALL, limit=LIMIT):
 
 
 def locked(nu):
-    """Poisson's ratio with the cure against locking."""
-    return Setting(f"{nu:g} cured", {"nu": nu, "mean_dilatation": True})
+    """Poisson's ratio with mean dilatation, against locking."""
+    return Setting(f"{nu:g} mean dilatation", {"nu": nu, "mean_dilatation": True})
 
 
 def of_bodies(n, **options):
@@ -95,7 +95,7 @@ SWEEPS = {
     "fraction": [
         *along("solid_fraction", (0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1), scenes=("squeeze",)),
         *(
-            Setting(f"{f:g} smooth", {"solid_fraction": f, "friction": 0.0}, ("squeeze",), compared=False)
+            Setting(f"{f:g} frictionless", {"solid_fraction": f, "friction": 0.0}, ("squeeze",), compared=False)
             for f in (0.9, 1.0, 1.1)
         ),
     ],
@@ -107,7 +107,7 @@ SWEEPS = {
         ),
         Setting("points by outlines", {**POINTS, "outlined": True, "bodies": 2}, compared=False),
         Setting("crushed", {}, ("crush",), compared=False),
-        Setting("crushed, smooth", {"friction": 0.0}, ("crush",), compared=False),
+        Setting("crushed, frictionless", {"friction": 0.0}, ("crush",), compared=False),
         Setting("crushed at c", {"closing": 1.0}, ("crush",), compared=False),
     ],
 }  # fmt: skip

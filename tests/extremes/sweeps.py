@@ -2,7 +2,7 @@
 
 Each setting is run on the scenes and kept in docs/studies/stability/<parameter>.csv; what is there is not run again,
 unless `--fresh` deletes it first.
-Then docs/studies/stability.md gets its table, its list of failures and one map per parameter: `sweeps.py draw` does
+Then docs/studies/stability.md gets its table, a file of failures and one map per parameter: `sweeps.py draw` does
 only that.
 """
 
