@@ -53,7 +53,7 @@ def rows_of_beams():
     thin = elastica(AMPLE_K)
     listed.append(
         Row(
-            problem="AMPLE beam, the same",
+            problem="AMPLE beam, k = 9.6, l/d = 10, against the thin beam",
             reference="elastica (thin beam)",
             h="d/8",
             error="deflection, shortening, angle " + percent(found[8] / thin - 1.0),

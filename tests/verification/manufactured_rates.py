@@ -133,7 +133,7 @@ def rows_in_space():
     found = in_space("vortex", RING, 3, 32)
     listed.append(_row("generalised vortex, cut cells, t = 0.02 s", RING, found, "rate >= 1.5", BY_CUT))
     found = in_space("vortex", RING, 2, 32, fitted=False)
-    what = "the same, volumes as weights, 2 x 2 points per cell"
+    what = "generalised vortex, volumes as weights, 2 x 2 points per cell"
     listed.append(_row(what, RING, found, "- (what fitted weights are for)", BY_CUT))
     return listed
 

@@ -255,7 +255,8 @@ def rows():
                          f"5 % from R/h = 10 on: {met}",
                          "test_a_disc_with_a_range_comes_off_as_theory_says"))  # fmt: skip
     force = [disc_pull_off(cells, 0.01 * E, 0.0) / (0.01 * E) for cells in SIZES]
-    found.append(Row("the same, c/E = 0.01, without range", "none: no work of adhesion", f"R/h = {numbers(SIZES)}",
+    found.append(Row("disc on a wall, c/E = 0.01, without range: pull-off force", "none: no work of adhesion",
+                     f"R/h = {numbers(SIZES)}",
                      f"pull-off force {numbers(force)} c R", "-", "shown: the force of one boundary point",
                      "test_a_disc_without_range_comes_off_at_the_force_of_one_boundary_point"))  # fmt: skip
     return found

@@ -447,7 +447,7 @@ def spin_rows():
             "test_midpoint_keeps_the_angular_momentum_of_a_spinning_disc",
         ),
         Row(
-            "the same, soft: E = 100 rho omega^2 R^2, over one radian in 50 steps",
+            "free spin of a soft disc, E = 100 rho omega^2 R^2: angular momentum over one radian",
             "conserved",
             "R/h = 5, 10, 20",
             f"{numbers(lost_by_soft)}; with new body grids in every step {numbers(rebuilt)}",

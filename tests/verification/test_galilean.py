@@ -170,7 +170,7 @@ def rows():
             test,
         ),
         Row(
-            "the same: area inside the outline",
+            "squeezed disc moved rigidly, anchored once: area inside the outline",
             "sum V0 det F",
             grids,
             f"{numbers(apart)} at most",
@@ -185,7 +185,7 @@ def rows():
         area = [np.abs(run.area / run.J - 1.0).max() for run in moved]
         table.append(
             Row(
-                f"the same, anchored at every step (anchor = 0), {name}",
+                f"squeezed disc moved rigidly, anchored at every step: stress lost, {name}",
                 "that at rest",
                 grids,
                 f"lost in the first cell {numbers([first for first, _ in lost])}, per cell over six"

@@ -345,7 +345,7 @@ def rows():
                 lines["0.49999 over 0.3"] = texts(ratio.T.ravel(), 3)
                 goal = f"{GOAL}: met"
                 if ratio.max() > 2:
-                    lines["the same of fitted Q1"] = [*texts(fitted_ratios()), *("-",) * len(cells)]
+                    lines["0.49999 over 0.3, fitted Q1"] = [*texts(fitted_ratios()), *("-",) * len(cells)]
                     goal = f"{GOAL}: missed: in u on the finest grid, by the singularity of the corner"
             out.append(
                 Row(

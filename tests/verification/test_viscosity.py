@@ -240,7 +240,7 @@ def rows():
     ]
     out.append(
         Row(
-            problem="the same, two boxes pressed by 1 %",
+            problem="first mode along two boxes pressed by 1 %",
             reference="closed form",
             h="1/24",
             error=tabulated(heads, {law.__name__: texts(of_stack(law, 8.0)[:2]) for law in LAWS}),
