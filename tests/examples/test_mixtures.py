@@ -36,6 +36,9 @@ def test_a_small_study_and_its_page(tmp_path):
     page = (tmp_path / "mixtures.md").read_text()
     assert "| 0 | 0.5 | 0.02 | " in page and "| 0.5 | 0.5 | 0.02 | " in page
     assert "Made by `python -m examples.studies.mixtures" in page and "2 members took" in page
+    checks = (tmp_path / "mixtures" / "checks.csv").read_text().splitlines()
+    assert len(checks) == 3 and checks[0] == ",".join(f'"{name}"' if "," in name else name for name in figures.CHECKS)
+    assert len((tmp_path / "mixtures" / "members.csv").read_text().splitlines()) == 3
     figures.main(figures.parser().parse_args(["--study", str(tmp_path / "out"), "--docs", str(tmp_path)]))
     assert (tmp_path / "mixtures.md").read_text() == page
     assert (tmp_path / "mixtures" / "mixtures.png").stat().st_size > 10_000

@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 import skmpm
-from examples.studies import sweeps
+from examples.studies import pages, sweeps
 from examples.studies.mixtures import study
 from examples.studies.packing_ensemble.fits import compaction_law, last_passage
 from examples.studies.pages import DOCS, parser_of_figures, table
@@ -35,6 +35,8 @@ HEAD = ("rigid", "friction", "ramp [s]", "rigid by area", "Φ at 0.01", "Φ at 0
 CHECKS = ("rigid", "friction", "ramp [s]", "P off, median [%]", "P off, end [%]", "P inside, off [%]",
           "Φ of points, off [%]", "overlap [%]", "circles overlap [D]", "unbalanced", "steps", "retries",
           "contact iterations", "time [min]")  # fmt: skip
+SHOWN = (0, 1, 2, 4, 5, 6, 7, 8, 10, 11)  # of the first on the page
+WORST = range(3, 10)  # of the second
 ARGUMENTS = ("discs", "share", "friction", "until", "ramp", "seed")  # of `stages`
 BESIDE = ("friction", "Φ at 0.01", "ensemble", "Φ at 0.03", "ensemble", "Φ at 0.1", "ensemble")
 ENSEMBLE_YOUNG = 10e6  # Young's modulus of `packing_ensemble` [Pa]
@@ -130,7 +132,7 @@ def check(point: Point, members: list[Member]) -> tuple[str, ...]:
     """A row of the table of checks: the worst of the packings, and means of what they cost."""
     columns = [pressed(member) for member in members]
 
-    def worst(of: Callable[[Columns], float]) -> str:
+    def most(of: Callable[[Columns], float]) -> str:
         return f"{max(of(c) for c in columns):.1g}"
 
     def off(c: Columns, name: str = "pressure", other: str = "given") -> np.ndarray:
@@ -142,13 +144,13 @@ def check(point: Point, members: list[Member]) -> tuple[str, ...]:
 
     return (
         *(f"{value:g}" for value in point),
-        worst(median),
-        worst(lambda c: float(off(c)[-1])),
-        worst(lambda c: float(off(c, "pressure_inside", "pressure")[-1])),
-        worst(lambda c: float(off(c, "solid_fraction_points", "solid_fraction").max())),
-        worst(lambda c: float(100 * c["overlap"].max())),
-        worst(lambda c: float(c["overlap_rigid"].max())),
-        worst(lambda c: float(c["unbalanced"][-1])),
+        most(median),
+        most(lambda c: float(off(c)[-1])),
+        most(lambda c: float(off(c, "pressure_inside", "pressure")[-1])),
+        most(lambda c: float(off(c, "solid_fraction_points", "solid_fraction").max())),
+        most(lambda c: float(100 * c["overlap"].max())),
+        most(lambda c: float(c["overlap_rigid"].max())),
+        most(lambda c: float(c["unbalanced"][-1])),
         f"{np.mean([member.rows for member in members]):.0f}",
         f"{np.mean([member.columns['retries'].sum() for member in members]):.0f}",
         f"{np.mean([c['contact'].mean() for c in columns]):.0f}",
@@ -232,19 +234,33 @@ def beside(point: Point, members: list[Member]) -> tuple[str, ...]:
     return (f"{point[1]:g}", *("-" if np.isnan(value) else f"{value:.3f}" for pair in pairs for value in pair))
 
 
+def short(lines: Sequence[tuple[str, ...]]) -> str:
+    """The table of packings on the page."""
+    return table([HEAD[k] for k in SHOWN], [[each[k] for k in SHOWN] for each in lines])
+
+
+def worst(lines: Sequence[tuple[str, ...]]) -> str:
+    """The table of checks on the page: the worst of all packings."""
+    return table(("check", "worst"), [(CHECKS[k], f"{max(float(each[k]) for each in lines):g}") for k in WORST])
+
+
 def tables(found: skmpm.Sweep) -> dict[str, str]:
     """The parts of the page that are made of the members."""
     by_point = groups(found).items()
     return {
-        "members": table(HEAD, [line(*group) for group in by_point]),
-        "checks": table(CHECKS, [check(*group) for group in by_point]),
+        "members": short([line(*group) for group in by_point]),
+        "checks": worst([check(*group) for group in by_point]),
         "ensemble": table(BESIDE, [beside(*group) for group in by_point if group[0][0] == 0.0]),
     }
 
 
 def write(out: Path, docs: Path) -> None:
-    """Draw the figure and fill the page; SystemExit if no member has finished."""
+    """Draw the figure, fill the page, and keep its tables as files; SystemExit if no member has finished."""
     sweeps.write(out, docs, "mixtures", draw, tables)
+    by_point = groups(skmpm.Sweep.read(out).finished).items()
+    files = {"members": [HEAD, *(line(*group) for group in by_point)],
+             "checks": [CHECKS, *(check(*group) for group in by_point)]}  # fmt: skip
+    pages.keep(docs / "mixtures", files)
 
 
 def main(options: argparse.Namespace) -> None:
