@@ -91,6 +91,8 @@ def test_benchmark(monkeypatch, tmp_path):
     assert re.search(r"\| 20 \| \d+ \| \d+ \|", large) and "| 1 | 2 |" in large
     with (tmp_path / "docs" / "performance" / "results.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(results)
+    phases = (tmp_path / "docs" / "performance" / "phases.csv").read_text().splitlines()
+    assert "detection %" in phases[0] and len(phases) > 5
     times = [path.stat().st_mtime_ns for path in results]
     study.main(study.parser().parse_args(options))
     assert [path.stat().st_mtime_ns for path in results] == times

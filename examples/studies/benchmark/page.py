@@ -14,22 +14,23 @@ from .scenes import RATE, SPACING
 
 HEAD = """# Performance
 
-The cost of a step and how it grows with the number of points. All of this page is measured and written by
-`python -m examples.studies.benchmark` (here{kept} in {minutes:.0f} minutes). One process, one thread; medians of
-{steps} steps after two, of processor time (wall time was {busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1
-indicates a busy machine). Milliseconds are those of one machine. The portable measure is the ratio to one sparse LU
-of the same matrix in the same run: `scipy.sparse.linalg.splu`, `SymmetricMode`, pivots on the diagonal, which is
-sufficient for a positive definite matrix, the faster of `MMD_AT_PLUS_A` and `NATURAL`, the bodies' own order.
-`linear.direct` lets SuperLU search for pivots, which takes longer; ratios to that are in brackets.
+The time of a step grows with the number of points, and its memory with that of discs and points; the goals say how
+well. The portable measure is the ratio to one sparse LU of the same matrix in the same run. Milliseconds are those of
+one machine.
+"""
+MEASURED = """All of this page is measured and written by `python -m examples.studies.benchmark` (here{kept} in
+{minutes:.0f} minutes). One process, one thread; medians of {steps} steps after two, of processor time (wall time was
+{busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1 indicates a busy machine).
 
-Discs are those of the main example: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
-*Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s
-over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} and its mirror images
-(`examples/studies/benchmark/scenes.py` says why that is a motion): every size does the same work per disc, so
-growth is that of the implementation alone. *Free* discs touch nothing and oscillate by 1 %.
-
-The contact phases are detection, Delassus operator, contact solve and linear solves; the last are
-counted in full, although a step without contact has some, too.
+- *LU* is `scipy.sparse.linalg.splu`, `SymmetricMode`, pivots on the diagonal, the faster of `MMD_AT_PLUS_A` and
+  `NATURAL`, the bodies' own order. `linear.direct` lets SuperLU search for pivots, which takes longer.
+- Discs are those of the main example: radii 0.7-1.2 mm, NeoHookean, 8 us a step, {spacing:.2f} cells between points.
+- *Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s
+  over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} and its mirror images
+  (`examples/studies/benchmark/scenes.py` says why that is a motion): every size does the same work per disc.
+- *Free* discs touch nothing and oscillate by 1 %.
+- The contact phases are detection, Delassus operator, contact solve and linear solves; the last are counted in full,
+  although a step without contact has some, too.
 """
 GROWTH = """The matrix is block diagonal with one block per disc, so one LU does the same work per point for any
 size; its time per point grows because of memory access. The same holds for the system time: fresh pages are
@@ -46,16 +47,23 @@ def table(head: Line, lines: list[Line]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
 
 
-def phase_table(found: Results) -> str:
-    """Times of all steps of discs, and the shares of their phases."""
-    lines = []
+PHASE_HEAD = ("discs", "R/h", "points", "unknowns", "contacts", "Newton", "step / LU", "step / direct", "ms here")
+
+
+def phase_lines(found: Results) -> list[Line]:
+    """Times of all steps of discs, and the shares of their phases, a header first."""
+    lines: list[Line] = []
     for r in (r for r in found.all.values() if r["kind"] in ("free", "dense")):
         kind = f"free, {r['law']}" if r["kind"] == "free" else f"dense, friction {r['friction']:g}"
         what = (f"{r['discs']} {kind}", f"{r['cells']:g}", str(r["points"]), str(r["unknowns"]))
-        cost = (str(r.get("contacts", "-")), f"{r['newton']:.1f}", per_lu(r["step"], r), ms(r["step"]))
+        cost = (str(r.get("contacts", "-")), f"{r['newton']:.1f}", *per_lu(r["step"], r), ms(r["step"]))
         lines.append((*what, *cost, *(f"{100.0 * seconds / r['step']:.0f}" for seconds in phases(r).values())))
-    what = ("discs", "R/h", "points", "unknowns", "contacts", "Newton", "step / LU", "ms here")
-    return table((*what, *(f"{name} %" for name in (*PHASES, "rest"))), lines)
+    return [(*PHASE_HEAD, *(f"{name} %" for name in (*PHASES, "rest"))), *lines]
+
+
+def short(lines: list[Line]) -> str:
+    """The same on the page, without shares."""
+    return table(PHASE_HEAD, [each[: len(PHASE_HEAD)] for each in lines[1:]])
 
 
 def growth_table(found: Results) -> str:
@@ -70,7 +78,7 @@ def growth_table(found: Results) -> str:
         lines.append((str(r["discs"]), str(r["points"]), *contacts, f"{slower:.2f}", factor, system, *memory))
     of = "" if few is None else f", over that of {few['discs']} discs"
     contacts = ("contacts a disc", "with force")
-    head = ("discs", "points", *contacts, f"time per point{of}", "the same of one LU", "in the system %")
+    head = ("discs", "points", *contacts, f"time per point{of}", f"LU per point{of}", "in the system %")
     head = (*head, "memory [MB]", "allowed")
     return table(head, lines)
 
@@ -87,10 +95,10 @@ def single_table(found: Results) -> str:
         s = r[name]
         what = (f"{r['points']:.2g}", f"{r['unknowns']:.2g}", name, str(s["newton"]), str(s["iterations"]))
         setup = s["phases"].get("factorisation", 0.0) / s["step"]
-        cost = (per_lu(s["step"] / s["newton"], s, 1), ms(s["step"]), f"{100.0 * setup:.0f}", f"{r['memory']:.0f}")
+        cost = (*per_lu(s["step"] / s["newton"], s, 1), ms(s["step"]), f"{100.0 * setup:.0f}", f"{r['memory']:.0f}")
         lines.append((*what, *cost))
     what = ("points", "unknowns", "step", "Newton", "iterations of a solve, most")
-    return table((*what, "Newton iteration / LU", "ms here", "set-up %", "memory [MB]"), lines)
+    return table((*what, "iteration / LU", "iteration / direct", "ms here", "set-up %", "memory [MB]"), lines)
 
 
 def draw(found: Results, path: Path) -> None:
@@ -163,20 +171,24 @@ def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -
     minutes = sum(r["total"] for r in results.values()) / 60.0
     kept = " with `--keep-pages`" if options.keep_pages else ""
     busy = [r["wall"] / r["step"] for r in results.values() if "wall" in r] or [1.0]
+    measured = MEASURED.format(
+        minutes=minutes,
+        kept=kept,
+        busy=(min(busy), max(busy)),
+        steps=options.steps,
+        spacing=SPACING,
+        rate=RATE,
+        tile=options.tile,
+    )
+    lines = phase_lines(found)
+    pages.keep(folder, {"phases": lines})
     parts = [
-        HEAD.format(
-            minutes=minutes,
-            kept=kept,
-            busy=(min(busy), max(busy)),
-            steps=options.steps,
-            spacing=SPACING,
-            rate=RATE,
-            tile=options.tile,
-        ),
+        HEAD,
         "## Goals\n",
         table(("what", "at most", "measured", ""), list(goals(found))),
         "## Where the time goes\n",
-        phase_table(found),
+        short(lines),
+        "{download}`phases.csv <performance/phases.csv>` has the shares of the phases.\n",
         "![Time of a step against points, by phase](performance/phases.png)\n",
         "## Growth\n",
         GROWTH,
@@ -184,7 +196,9 @@ def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -
         "## One large body\n",
         LARGE,
         single_table(found),
-        "All figures are in `docs/studies/performance/results.csv`.",
+        "## How it is measured\n",
+        measured,
+        "All figures are in {download}`results.csv <performance/results.csv>`.",
     ]
     (docs / "performance.md").write_text("\n".join(parts) + "\n")
     large = {part.__name__: table(*part(found)) for part in (how_large.machine, how_large.ensemble, how_large.shares)}

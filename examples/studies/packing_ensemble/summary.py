@@ -42,8 +42,8 @@ STATES = {
     "P from contacts and points agree": ("P, contacts and points [%]", "3"),
     "P from contacts and walls agree": ("P, contacts and walls [%]", "3"),
     "P from points and walls agree": ("P, points and walls [%]", "3"),
-    "P from contacts and walls, the": ("the same, contacts, without swing [%]", "3"),
-    "P from points and walls, the": ("the same, points, without swing [%]", "3"),
+    "P from contacts and walls, the": ("P, contacts and walls, no swing [%]", "3"),
+    "P from points and walls, the": ("P, points and walls, no swing [%]", "3"),
     "P = (Phi Z/4) sigma_l": ("P by mean forces and branches [%]", "1"),
 }
 FRICTIONS = ("friction 0", "friction 0.1", "friction 0.5")
@@ -113,12 +113,11 @@ def shared_grid(found: Study) -> list[Line]:
     )
     lines: list[Line] = [head]
     own = resisting(found, "fast", 0.0)[0]
-    names = {f"shared grid, R/h = {c}": (c, "0", name) for c, name in zip(CELLS, SHARED.values(), strict=True)}
-    names["the same, R/h = 6"] = (6, "0.5", "shared_grid_mu0.5_r6")
-    for what, (cells, friction, name) in names.items():
+    names = [(cells, "0", name) for cells, name in zip(CELLS, SHARED.values(), strict=True)]
+    for cells, friction, name in [*names, (6, "0.5", "shared_grid_mu0.5_r6")]:
         predicted = [apparent(cells), apparent(cells, own)] if friction == "0" else [np.nan, np.nan]
         values = [change(found.get(name)), *predicted, break_of(found, name)]
-        lines.append((what, friction, *map(figure, values), distance(found, name)))
+        lines.append((f"shared grid, R/h = {cells}", friction, *map(figure, values), distance(found, name)))
     for kind, what in (("quasistatic", "gap corrected, quasi-static"), ("fast", "gap corrected, 2 m/s")):
         for mu in (0.0, 0.5):
             name = f"{kind}_mu{mu:g}_seed0"
