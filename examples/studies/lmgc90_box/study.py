@@ -9,6 +9,7 @@ box is larger, so that all discs fit in it. Every member is one run by `skmpm.sw
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -31,9 +32,10 @@ DT, EXAMPLE = 1e-5, 1e-3  # [s], and the end of LMGC90's run
 FELT = 0.01  # share of the lid's force on the floor at which it has arrived there
 FLOOR, TOP = 0, 1  # among the walls
 TIMED = 10  # steps whose time is taken, after two
-HEAD = ("R/h", "theta", "points", "lid in the first step [GN/m]", "mean to 1 ms", "lid at 1 ms", "over a solid block",
-        "lid at the end", "floor at the end", "floor bears 1 % at [ms]", "solid fraction at first", "at the end",
-        "overlap, largest", "momentum off", "retries", "a step at 1 ms [ms]", "at the end")  # fmt: skip
+HEAD = ("R/h", "theta", "points", "lid in the first step [GN/m]", "lid, mean to 1 ms [GN/m]", "lid at 1 ms [GN/m]",
+        "lid at 1 ms over a solid block", "lid at the end [GN/m]", "floor at the end [GN/m]",
+        "floor bears 1 % at [ms]", "solid fraction at first", "solid fraction at the end", "overlap, largest",
+        "momentum off", "retries", "a step at 1 ms [ms]", "a step at the end [ms]")  # fmt: skip
 Row = dict[str, float]
 
 
@@ -179,8 +181,14 @@ def main(options: argparse.Namespace) -> None:
     lines = [line(box, member) for box, member in zip(boxes, found, strict=True)]
     put(
         options.docs / "lmgc90_box.md",
-        {"made": made(found, "examples.studies.lmgc90_box"), "members": table(HEAD, lines)},
+        {"made": made(found, "examples.studies.lmgc90_box"), "members": by_quantity(lines)},
     )
+
+
+def by_quantity(lines: Sequence[Sequence[str]]) -> str:
+    """A table with a line for each quantity and a column for each member."""
+    head, *rest = zip(HEAD, *lines, strict=True)
+    return table(head, rest)
 
 
 def parser() -> argparse.ArgumentParser:
